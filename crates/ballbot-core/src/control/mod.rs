@@ -1,0 +1,49 @@
+//! Controllers: from a [`State`] and a [`Setpoint`] to wheel torques. They never see an engine.
+
+mod lqr;
+mod pid;
+pub mod riccati;
+
+pub use lqr::{Lqr, LqrWeights};
+pub use pid::{Pid, PidGains};
+
+use crate::params::Params;
+use crate::state::State;
+use nalgebra::{Vector2, Vector3};
+
+/// What a controller is asked to bring about.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Setpoint {
+    /// Where the ball should be on the floor, inertial frame, m.
+    pub position: Vector2<f64>,
+    /// How fast the ball should move, inertial frame, m/s.
+    pub velocity: Vector2<f64>,
+    /// Heading, rad.
+    pub yaw: f64,
+    /// Tilt components about the heading frame's x and y axes, rad; for controllers of tilt alone.
+    pub tilt: Vector2<f64>,
+}
+
+/// A feedback law sampled every `control_dt`.
+pub trait Controller: Send {
+    /// Time between two calls of [`Controller::wheel_torques`], s.
+    fn control_dt(&self) -> f64;
+
+    /// Forgets the past.
+    fn reset(&mut self);
+
+    /// Motor torques for the next `control_dt`, N·m.
+    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> [f64; 3];
+}
+
+/// Scales torques down together to within ±`limit`, which keeps their direction; NaN passes through.
+fn saturate(torques: Vector3<f64>, limit: f64) -> Vector3<f64> {
+    let largest = torques.amax();
+    if largest > limit { torques * (limit / largest) } else { torques }
+}
+
+/// The torque above which a wheel of the upright robot at rest slips, μ N r_w, or the motor's limit if that is lower.
+pub fn traction_torque(params: &Params) -> f64 {
+    let slip = params.wheel_dynamic_friction * params.static_wheel_load() * params.wheel_radius;
+    slip.min(params.max_wheel_torque)
+}

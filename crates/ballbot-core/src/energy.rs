@@ -1,0 +1,24 @@
+//! Mechanical energy of a state, whatever model it comes from.
+
+use crate::kinematics::Omniwheels;
+use crate::params::Params;
+use crate::state::State;
+use nalgebra::Vector3;
+
+/// Kinetic energy of ball, body and wheels (absolute wheel spin) plus potential energy, J. The potential energy is zero
+/// with the ball resting on the floor and the body's CoM at the height of the ball centre.
+pub fn mechanical_energy(params: &Params, wheels: &Omniwheels, state: &State) -> f64 {
+    let arm = Vector3::z() * params.body_com_height;
+    let rate = state.body_angular_velocity;
+    let com_velocity = state.body_velocity + state.body_quaternion * rate.cross(&arm);
+    let com_height = (state.body_position + state.body_quaternion * arm).z - params.ball_radius;
+    // The axle of wheel i is −u_i, so its absolute spin is ψ̇_i − u_i·Ω.
+    let spin = Vector3::from(state.wheel_speeds) - wheels.u * rate;
+    let twice_kinetic = params.ball_mass * state.ball_velocity.norm_squared()
+        + params.ball_inertia * state.ball_angular_velocity.norm_squared()
+        + params.body_mass * com_velocity.norm_squared()
+        + rate.dot(&Vector3::from(params.body_inertia).component_mul(&rate))
+        + params.wheel_inertia * spin.norm_squared();
+    let ball_height = state.ball_position.z - params.ball_radius;
+    0.5 * twice_kinetic + params.gravity * (params.body_mass * com_height + params.ball_mass * ball_height)
+}

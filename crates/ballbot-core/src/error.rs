@@ -1,0 +1,122 @@
+//! The one error type of the crate: every message names the offending value and the limit it broke.
+
+use std::path::PathBuf;
+
+/// What can go wrong, from a parameter out of range to a simulation that diverged.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A number is outside the range in which it has a meaning.
+    #[error("{name} = {value} is out of range: it must be {limit}")]
+    OutOfRange {
+        /// What the number is, with its index where it is an element of an array.
+        name: String,
+        /// The number as it was given.
+        value: f64,
+        /// The range, in words.
+        limit: String,
+    },
+    /// An array has the wrong number of elements.
+    #[error("{name} has {found} values, expected {expected}")]
+    Length {
+        /// What the array is.
+        name: String,
+        /// How many values were given.
+        found: usize,
+        /// How many are needed.
+        expected: usize,
+    },
+    /// A name that must be one of a known set is not.
+    #[error("unknown {kind} '{name}': expected one of {known}")]
+    UnknownName {
+        /// What the name stands for, as in "model".
+        kind: &'static str,
+        /// The name as it was given.
+        name: String,
+        /// The accepted names.
+        known: String,
+    },
+    /// A physical parameter without a default was not given.
+    #[error("parameter {name} is missing")]
+    MissingParameter {
+        /// The parameter.
+        name: &'static str,
+    },
+    /// Values that are fine one by one contradict each other.
+    #[error("{0}")]
+    Inconsistent(String),
+    /// A URDF is malformed, or describes something that is not a ballbot.
+    #[error("{file}: {reason}")]
+    Urdf {
+        /// The file, or a label such as "bot URDF" for text.
+        file: String,
+        /// Why it was refused.
+        reason: String,
+    },
+    /// A file cannot be read.
+    #[error("cannot read {path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// Text in a structured format (a preset, a saved simulation) cannot be decoded.
+    #[error("cannot decode {what}: {reason}")]
+    Decode {
+        /// What was being decoded.
+        what: String,
+        /// Why it failed.
+        reason: String,
+    },
+    /// The simulation left the range in which its numbers mean anything.
+    #[error("the simulation diverged at t = {time} s: {reason}")]
+    Diverged {
+        /// Simulated time, s.
+        time: f64,
+        /// Which quantity broke which bound.
+        reason: String,
+    },
+    /// The algebraic Riccati equation has no stabilising solution for the given weights.
+    #[error("the Riccati equation was not solved: {0}")]
+    Riccati(String),
+}
+
+impl Error {
+    /// An [`Error::UnknownName`] that lists the `known` names.
+    pub fn unknown(kind: &'static str, name: &str, known: &[&str]) -> Self {
+        Self::UnknownName { kind, name: name.into(), known: known.join(", ") }
+    }
+}
+
+/// The result of every fallible function of the crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Passes `value` on if it is finite and `accept` holds, else names the `limit` it broke.
+pub fn check(
+    name: impl Into<String>,
+    value: f64,
+    limit: impl Into<String>,
+    accept: impl Fn(f64) -> bool,
+) -> Result<f64> {
+    if value.is_finite() && accept(value) {
+        return Ok(value);
+    }
+    Err(Error::OutOfRange { name: name.into(), value, limit: limit.into() })
+}
+
+/// Passes `value` on if it is a finite number above zero.
+pub fn positive(name: &str, value: f64) -> Result<f64> {
+    check(name, value, "a finite number > 0", |v| v > 0.0)
+}
+
+/// Passes `values` on if all of them are finite.
+pub fn finite(name: &str, values: &[f64]) -> Result<()> {
+    for (i, &v) in values.iter().enumerate() {
+        if !v.is_finite() {
+            let name = if values.len() == 1 { name.into() } else { format!("{name}[{i}]") };
+            return Err(Error::OutOfRange { name, value: v, limit: "finite".into() });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,102 @@
+//! Geometry of three omniwheels on a ball: wheel speeds and the maps between wheel torques and virtual torques.
+
+use crate::error::{Error, Result};
+use crate::params::Params;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+/// How three virtual torques become three wheel torques.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TorqueMap {
+    /// Keeps the power: Σ τ_i ψ̇_i equals the virtual torques' power at the virtual wheels' rates.
+    #[default]
+    Consistent,
+    /// Eq. (8) of the paper as printed. It inverts the map of wheel *speeds*, so that tilt torques come out
+    /// (3/2) (r_k/r_w) cos²α times and the yaw torque 3 (r_k/r_w) sin²α times too large (Table II: 1.68, 3.36).
+    AsPrinted,
+}
+
+impl std::str::FromStr for TorqueMap {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        match name {
+            "consistent" => Ok(Self::Consistent),
+            "as_printed" => Ok(Self::AsPrinted),
+            _ => Err(Error::unknown("torque mapping", name, &["consistent", "as_printed"])),
+        }
+    }
+}
+
+/// Unit vectors of the three wheels in the body frame, and what follows from them.
+#[derive(Clone, Debug)]
+pub struct Omniwheels {
+    /// p_i, from the ball centre to each contact.
+    pub contact_directions: [Vector3<f64>; 3],
+    /// d_i, the direction in which each wheel drives the ball's surface.
+    pub drive_directions: [Vector3<f64>; 3],
+    /// Rows u_i = p_i × d_i; the axle of wheel i is −u_i.
+    pub u: Matrix3<f64>,
+    u_inverse_transposed: Matrix3<f64>,
+    gear_ratio: f64,
+}
+
+impl Omniwheels {
+    /// The wheels of `params`.
+    pub fn new(params: &Params) -> Self {
+        let (sin_zenith, cos_zenith) = params.wheel_zenith.sin_cos();
+        let contact_directions = params.wheel_azimuths.map(|azimuth| {
+            Vector3::new(sin_zenith * azimuth.cos(), sin_zenith * azimuth.sin(), cos_zenith)
+        });
+        let drive_directions =
+            params.wheel_azimuths.map(|azimuth| Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0));
+        let row = |i: usize| contact_directions[i].cross(&drive_directions[i]).transpose();
+        let u = Matrix3::from_rows(&[row(0), row(1), row(2)]);
+        let u_inverse_transposed =
+            u.try_inverse().expect("validated azimuths are apart, so the drive map has an inverse").transpose();
+        Self { contact_directions, drive_directions, u, u_inverse_transposed, gear_ratio: params.gear_ratio() }
+    }
+
+    /// Encoder rates without slip: ψ̇_i = (r_k/r_w) u_i · (Rᵀ ω_k − Ω), rad/s. `ball` is the ball's angular velocity in
+    /// the inertial frame, `body` the body's in the body frame.
+    pub fn wheel_speeds(
+        &self,
+        body_quaternion: &UnitQuaternion<f64>,
+        ball: &Vector3<f64>,
+        body: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        self.u * (body_quaternion.inverse_transform_vector(ball) - body) * self.gear_ratio
+    }
+
+    /// Rates of the three virtual wheels, power conjugate to the virtual torques, from the wheel speeds, rad/s.
+    pub fn virtual_rates(&self, wheel_speeds: &Vector3<f64>) -> Vector3<f64> {
+        on_body(&self.u_inverse_transposed.tr_mul(wheel_speeds))
+    }
+
+    /// Wheel speeds of given virtual rates, the inverse of [`Omniwheels::virtual_rates`], rad/s.
+    pub fn wheel_speeds_of_virtual(&self, virtual_rates: &Vector3<f64>) -> Vector3<f64> {
+        self.u * on_body(virtual_rates)
+    }
+
+    /// Virtual torques of given wheel torques (the inverse of the consistent map), N·m.
+    pub fn virtual_torques(&self, wheel_torques: &Vector3<f64>) -> Vector3<f64> {
+        on_body(&(self.u.transpose() * wheel_torques))
+    }
+
+    /// Wheel torques of given virtual torques, N·m.
+    ///
+    /// Virtual torques are in the body frame, in the sign of eq. (8): positive τ_x and τ_y turn the *body* about +x and
+    /// +y, a positive τ_z turns the *ball* about +z (all wheels forward). With wheels 120° apart the consistent map is
+    /// τ_i = ⅓ (τ_z / sin α + (2 / cos α)(τ_x cos β_i + τ_y sin β_i)).
+    pub fn wheel_torques(&self, virtual_torques: &Vector3<f64>, map: TorqueMap) -> Vector3<f64> {
+        match map {
+            TorqueMap::Consistent => self.u_inverse_transposed * on_body(virtual_torques),
+            // The printed matrix is the inverse of this one: rows (2/3 cos β_i, 2/3 sin β_i)/(k cos α), 1/(3 k sin α).
+            TorqueMap::AsPrinted => self.u * on_body(virtual_torques) * self.gear_ratio,
+        }
+    }
+}
+
+/// Wheel rates act on the ball; eq. (8) counts tilt torques on the body, so x and y change sign.
+fn on_body(v: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(-v.x, -v.y, v.z)
+}

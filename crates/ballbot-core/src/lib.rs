@@ -1,0 +1,39 @@
+//! Physics, controllers and batched environments of a ballbot: a robot that balances on a ball driven by three omniwheels.
+//!
+//! Four layers, each seeing only those before it: parameters, state and kinematics; the models, from closed form
+//! ([`models`]) to rigid bodies with contacts ([`sim`]); the controllers ([`control`]); the environments ([`env`]).
+//!
+//! ```
+//! use ballbot_core::{Ballbot, ModelKind, Params, State, control::{Controller, Lqr, Setpoint}};
+//!
+//! let params = Params::paper();
+//! let mut robot = Ballbot::new(&params, ModelKind::Rigid, 0.001)?;
+//! robot.reset(&State::tilted(&params, [0.0, 0.05].into(), 0.0))?;
+//! let mut lqr = Lqr::new(&params, 0.005)?;
+//! for _ in 0..600 {
+//!     let torques = lqr.wheel_torques(&robot.state(), &Setpoint::default());
+//!     robot.step(&torques, 5)?;
+//! }
+//! assert!(robot.state().tilt() < 0.01);
+//! # Ok::<(), ballbot_core::Error>(())
+//! ```
+
+pub mod control;
+pub mod env;
+mod energy;
+mod error;
+pub mod kinematics;
+mod model;
+pub mod models;
+mod params;
+mod robot;
+pub mod sim;
+mod state;
+
+
+pub use energy::mechanical_energy;
+pub use error::{Error, Result};
+pub use model::{JointDynamics, Model};
+pub use params::{PAPER_BALL_VISCOUS_FRICTION, Params};
+pub use robot::{Ballbot, ModelKind};
+pub use state::{Contacts, State, attitude, rolling_rate, unit_quaternion, wxyz};

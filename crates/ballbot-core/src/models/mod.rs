@@ -1,0 +1,117 @@
+//! Closed-form models: no engine, no contact solver; the wheels and the ball never slip.
+
+pub mod linear;
+pub mod planar;
+mod planar_motion;
+mod rk4;
+pub mod spatial;
+mod spatial_motion;
+
+pub use linear::LinearModel;
+pub use planar::{PlanarModel, WheelInertia};
+pub use planar_motion::PlanarMotion;
+pub use spatial::SpatialModel;
+pub use spatial_motion::SpatialMotion;
+
+use crate::error::{Error, Result};
+use crate::kinematics::Omniwheels;
+use crate::model::JointDynamics;
+use crate::params::Params;
+use crate::state::{Contacts, State, rolling_rate};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+/// Wheel speed over which dry friction builds up in the closed-form models, which cannot stick, rad/s.
+const DRY_FRICTION_WIDTH: f64 = 0.05;
+
+/// How far a state may be from rolling without slip to be accepted, m, m/s and rad/s.
+const NO_SLIP_TOLERANCE: f64 = 1e-6;
+
+/// Motor torques less the friction of the wheel joints, N·m.
+fn shaft_torques(dynamics: JointDynamics, torques: &Vector3<f64>, wheel_speeds: &Vector3<f64>) -> Vector3<f64> {
+    torques.zip_map(wheel_speeds, |torque, speed| {
+        torque
+            - dynamics.viscous_friction * speed
+            - dynamics.coulomb_friction * (speed / DRY_FRICTION_WIDTH).tanh()
+    })
+}
+
+/// What the contact forces of a robot without slip follow from.
+struct Motion {
+    body_quaternion: UnitQuaternion<f64>,
+    ball_velocity: Vector3<f64>,
+    ball_acceleration: Vector3<f64>,
+    com_acceleration: Vector3<f64>,
+    /// f_i along d_i on the ball, N.
+    tractions: Vector3<f64>,
+}
+
+/// Wheel loads from Rᵀ M_b (a_b + g e3) = Σ N_i p_i − Σ f_i d_i, floor force from the momentum of ball and body.
+fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Contacts {
+    let weight = Vector3::z() * params.gravity;
+    let mut balance = motion
+        .body_quaternion
+        .inverse_transform_vector(&((motion.com_acceleration + weight) * params.body_mass));
+    for (direction, traction) in wheels.drive_directions.iter().zip(motion.tractions.iter()) {
+        balance += direction * *traction;
+    }
+    let loads = Matrix3::from_columns(&wheels.contact_directions)
+        .lu()
+        .solve(&balance)
+        .expect("contact directions of a validated robot span space");
+    let floor_force = (motion.ball_acceleration + weight) * params.ball_mass
+        + (motion.com_acceleration + weight) * params.body_mass
+        + motion.ball_velocity * params.ball_viscous_friction;
+    Contacts {
+        wheel_normal_forces: loads.into(),
+        wheel_tractions: motion.tractions.into(),
+        floor_force,
+        ..Contacts::default()
+    }
+}
+
+/// Refuses a state that slips or has left the floor, naming the first quantity that is off.
+fn require_rolling(params: &Params, wheels: &Omniwheels, state: &State) -> Result<()> {
+    state.validate()?;
+    let rolling = rolling_rate(params, &state.ball_velocity);
+    let wheel_speeds =
+        wheels.wheel_speeds(&state.body_quaternion, &state.ball_angular_velocity, &state.body_angular_velocity);
+    let mut expected = vec![
+        ("ball_position[2]".to_owned(), state.ball_position.z, params.ball_radius),
+        ("ball_velocity[2]".to_owned(), state.ball_velocity.z, 0.0),
+        ("ball_angular_velocity[0]".to_owned(), state.ball_angular_velocity.x, rolling.x),
+        ("ball_angular_velocity[1]".to_owned(), state.ball_angular_velocity.y, rolling.y),
+    ];
+    for i in 0..3 {
+        expected.push((format!("body_position[{i}]"), state.body_position[i], state.ball_position[i]));
+        expected.push((format!("body_velocity[{i}]"), state.body_velocity[i], state.ball_velocity[i]));
+        expected.push((format!("wheel_speeds[{i}]"), state.wheel_speeds[i], wheel_speeds[i]));
+    }
+    for (name, value, required) in expected {
+        if (value - required).abs() > NO_SLIP_TOLERANCE {
+            return Err(Error::Inconsistent(format!(
+                "{name} = {value}, but a model without slip needs {required} within {NO_SLIP_TOLERANCE}"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Numbers as bytes for `Model::save`.
+fn encode(numbers: &[f64]) -> Vec<u8> {
+    numbers.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// The inverse of [`encode`] for exactly `N` numbers.
+fn decode<const N: usize>(bytes: &[u8]) -> Result<[f64; N]> {
+    if bytes.len() != 8 * N {
+        return Err(Error::Decode {
+            what: "saved simulation".into(),
+            reason: format!("{} bytes, expected {}", bytes.len(), 8 * N),
+        });
+    }
+    let mut numbers = [0.0; N];
+    for (number, chunk) in numbers.iter_mut().zip(bytes.chunks_exact(8)) {
+        *number = f64::from_le_bytes(chunk.try_into().expect("chunks of eight"));
+    }
+    Ok(numbers)
+}

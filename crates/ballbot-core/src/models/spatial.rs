@@ -1,0 +1,232 @@
+//! The coupled 3D model without slip, by Kane's method.
+//!
+//! Generalised velocity ν = (v_x, v_y, Ω_x, Ω_y, Ω_z, s): the ball's velocity on the floor (inertial frame), the body's
+//! angular velocity (body frame), the ball's spin about the vertical. The constraints of the wheels are nonholonomic, so
+//! putting the wheel speeds into a Lagrangian and using Euler-Lagrange would be wrong off the plane; projecting the
+//! Newton-Euler equations on the partial velocities (Kane & Levinson, Dynamics: Theory and Applications, 1985, ch. 6) is not.
+
+use super::{Motion, contact_loads, shaft_torques};
+use crate::error::{Error, Result};
+use crate::kinematics::Omniwheels;
+use crate::model::JointDynamics;
+use crate::params::Params;
+use crate::state::{Contacts, rotation};
+use nalgebra::{Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector3, Vector6};
+
+/// The equations of motion of one robot.
+#[derive(Clone, Debug)]
+pub struct SpatialModel {
+    params: Params,
+    wheels: Omniwheels,
+    /// 1 where a wheel's kinetic energy counts its absolute spin (exact mechanics), 0 where it counts only its spin
+    /// relative to the body, as the paper does.
+    kappa: f64,
+    ball_spins_about_vertical: bool,
+    /// Friction of the wheel joints.
+    pub joint_dynamics: JointDynamics,
+}
+
+/// Matrices of one configuration.
+struct Terms {
+    rotation: Matrix3<f64>,
+    /// ψ̇ = B ν.
+    b: Matrix3x6<f64>,
+    /// σ = B_s ν, the spins that carry the wheels' kinetic energy.
+    b_s: Matrix3x6<f64>,
+    /// v_CoM = J_c ν.
+    j_c: Matrix3x6<f64>,
+    mass: Matrix6<f64>,
+}
+
+impl SpatialModel {
+    /// `absolute_wheel_spin` false gives the paper's wheel energy ½ J_w ψ̇²; `ball_spins_about_vertical` false pins the
+    /// ball's spin about the vertical to zero.
+    pub fn new(params: &Params, absolute_wheel_spin: bool, ball_spins_about_vertical: bool) -> Self {
+        Self {
+            wheels: Omniwheels::new(params),
+            kappa: if absolute_wheel_spin { 1.0 } else { 0.0 },
+            ball_spins_about_vertical,
+            joint_dynamics: JointDynamics::of(params),
+            params: params.clone(),
+        }
+    }
+
+    /// The robot's parameters.
+    pub fn params(&self) -> &Params {
+        &self.params
+    }
+
+    /// The robot's wheels.
+    pub fn wheels(&self) -> &Omniwheels {
+        &self.wheels
+    }
+
+    /// How many generalised velocities there are: 5, or 6 where the ball may spin about the vertical.
+    pub fn degrees_of_freedom(&self) -> usize {
+        if self.ball_spins_about_vertical { 6 } else { 5 }
+    }
+
+    /// The generalised velocity from 5 or 6 numbers.
+    ///
+    /// # Errors
+    /// [`Error::Length`] unless there are [`SpatialModel::degrees_of_freedom`] of them.
+    pub fn generalized_velocity(&self, values: &[f64]) -> Result<Vector6<f64>> {
+        if values.len() != self.degrees_of_freedom() {
+            return Err(Error::Length {
+                name: "generalized_velocity".into(),
+                found: values.len(),
+                expected: self.degrees_of_freedom(),
+            });
+        }
+        Ok(Vector6::from_fn(|i, _| values.get(i).copied().unwrap_or(0.0)))
+    }
+
+    /// ω_k = S ν, in the inertial frame.
+    fn ball_rate_map(&self) -> Matrix3x6<f64> {
+        let mut s = Matrix3x6::zeros();
+        s[(0, 1)] = -1.0 / self.params.ball_radius;
+        s[(1, 0)] = 1.0 / self.params.ball_radius;
+        if self.ball_spins_about_vertical {
+            s[(2, 5)] = 1.0;
+        }
+        s
+    }
+
+    fn terms(&self, body_quaternion: &UnitQuaternion<f64>) -> Terms {
+        let p = &self.params;
+        let rotation = *rotation(body_quaternion).matrix();
+        let s = self.ball_rate_map();
+        let mut relative_rate = rotation.transpose() * s;
+        let mut j_c = Matrix3x6::zeros();
+        j_c[(0, 0)] = 1.0;
+        j_c[(1, 1)] = 1.0;
+        for i in 0..3 {
+            relative_rate[(i, 2 + i)] -= 1.0;
+            // −l R [e3]x
+            j_c[(i, 2)] = -p.body_com_height * rotation[(i, 1)];
+            j_c[(i, 3)] = p.body_com_height * rotation[(i, 0)];
+        }
+        let b = self.wheels.u * relative_rate * p.gear_ratio();
+        let mut b_s = b;
+        let mut own = b_s.fixed_view_mut::<3, 3>(0, 2);
+        own -= self.wheels.u * self.kappa;
+
+        let mut mass = s.transpose() * s * p.ball_inertia
+            + j_c.transpose() * j_c * p.body_mass
+            + b_s.transpose() * b_s * p.wheel_inertia;
+        mass[(0, 0)] += p.ball_mass;
+        mass[(1, 1)] += p.ball_mass;
+        for i in 0..3 {
+            mass[(2 + i, 2 + i)] += p.body_inertia[i];
+        }
+        if !self.ball_spins_about_vertical {
+            mass[(5, 5)] = 1.0;
+        }
+        Terms { rotation, b, b_s, j_c, mass }
+    }
+
+    /// ν' under motor torques (N·m). The sixth element is zero where the ball may not spin about the vertical.
+    pub fn accelerations(
+        &self,
+        body_quaternion: &UnitQuaternion<f64>,
+        velocity: &Vector6<f64>,
+        wheel_torques: &Vector3<f64>,
+    ) -> Vector6<f64> {
+        self.solve(&self.terms(body_quaternion), velocity, wheel_torques)
+    }
+
+    fn solve(&self, terms: &Terms, velocity: &Vector6<f64>, wheel_torques: &Vector3<f64>) -> Vector6<f64> {
+        let p = &self.params;
+        let rate = velocity.fixed_rows::<3>(2).into_owned();
+        let shaft = shaft_torques(self.joint_dynamics, wheel_torques, &(terms.b * velocity));
+        let spin = terms.b_s * velocity;
+
+        let inertia_rate = Vector3::from(p.body_inertia).component_mul(&rate);
+        let gyroscopic = rate.cross(&inertia_rate)
+            - rate.cross(&(self.wheels.u.transpose() * spin)) * (self.kappa * p.wheel_inertia);
+        let weight = Vector3::z() * p.gravity;
+
+        let mut force = terms.b.transpose() * shaft
+            - terms.j_c.transpose() * (self.centripetal(terms, &rate) + weight) * p.body_mass
+            - terms.b_s.transpose() * self.spin_drift(terms, velocity, &rate) * p.wheel_inertia;
+        force[0] -= p.ball_viscous_friction * velocity[0];
+        force[1] -= p.ball_viscous_friction * velocity[1];
+        for i in 0..3 {
+            force[2 + i] -= gyroscopic[i];
+        }
+        if !self.ball_spins_about_vertical {
+            force[5] = 0.0;
+        }
+        solve_mass(terms, &force)
+    }
+
+    /// R (Ω × (Ω × l e3)): the CoM's acceleration at ν' = 0.
+    fn centripetal(&self, terms: &Terms, rate: &Vector3<f64>) -> Vector3<f64> {
+        terms.rotation * rate.cross(&rate.cross(&(Vector3::z() * self.params.body_com_height)))
+    }
+
+    /// σ̇ at ν' = 0: −k U (Ω × Rᵀ S ν).
+    fn spin_drift(&self, terms: &Terms, velocity: &Vector6<f64>, rate: &Vector3<f64>) -> Vector3<f64> {
+        let ball_rate = terms.rotation.transpose() * (self.ball_rate_map() * velocity);
+        self.wheels.u * rate.cross(&ball_rate) * -self.params.gear_ratio()
+    }
+
+    /// Encoder rates ψ̇, rad/s.
+    pub fn wheel_speeds(&self, body_quaternion: &UnitQuaternion<f64>, velocity: &Vector6<f64>) -> Vector3<f64> {
+        let ball_rate = self.ball_rate_map() * velocity;
+        self.wheels.wheel_speeds(body_quaternion, &ball_rate, &velocity.fixed_rows::<3>(2).into_owned())
+    }
+
+    /// Kinetic energy plus M_b g l R33, J.
+    pub fn energy(&self, body_quaternion: &UnitQuaternion<f64>, velocity: &Vector6<f64>) -> f64 {
+        let terms = self.terms(body_quaternion);
+        let p = &self.params;
+        0.5 * velocity.dot(&(terms.mass * velocity))
+            + p.body_mass * p.gravity * p.body_com_height * terms.rotation[(2, 2)]
+    }
+
+    /// Forces that the floor and the wheels must carry for the motion to be free of slip. The model is valid only while
+    /// [`Contacts::friction_utilization`] stays within 0 and 1.
+    pub fn contacts(
+        &self,
+        body_quaternion: &UnitQuaternion<f64>,
+        velocity: &Vector6<f64>,
+        wheel_torques: &Vector3<f64>,
+    ) -> Contacts {
+        let terms = self.terms(body_quaternion);
+        let rate = velocity.fixed_rows::<3>(2).into_owned();
+        let acceleration = self.solve(&terms, velocity, wheel_torques);
+        let spin_acceleration = terms.b_s * acceleration + self.spin_drift(&terms, velocity, &rate);
+        let shaft = shaft_torques(self.joint_dynamics, wheel_torques, &(terms.b * velocity));
+        let motion = Motion {
+            body_quaternion: *body_quaternion,
+            ball_velocity: Vector3::new(velocity[0], velocity[1], 0.0),
+            ball_acceleration: Vector3::new(acceleration[0], acceleration[1], 0.0),
+            com_acceleration: terms.j_c * acceleration + self.centripetal(&terms, &rate),
+            tractions: (shaft - spin_acceleration * self.params.wheel_inertia) / self.params.wheel_radius,
+        };
+        contact_loads(&self.params, &self.wheels, &motion)
+    }
+
+    /// M⁻¹ times a generalised force: ν' per force, or the jump of ν per impulse.
+    pub fn response(&self, body_quaternion: &UnitQuaternion<f64>, force: &Vector6<f64>) -> Vector6<f64> {
+        solve_mass(&self.terms(body_quaternion), force)
+    }
+
+    /// Change of ν by an impulse (inertial frame, N·s) on the body at `point` (body frame, m).
+    pub fn velocity_jump(
+        &self,
+        body_quaternion: &UnitQuaternion<f64>,
+        impulse: &Vector3<f64>,
+        point: &Vector3<f64>,
+    ) -> Vector6<f64> {
+        let turning = point.cross(&body_quaternion.inverse_transform_vector(impulse));
+        let force = Vector6::new(impulse.x, impulse.y, turning.x, turning.y, turning.z, 0.0);
+        self.response(body_quaternion, &force)
+    }
+}
+
+/// A state that has diverged gives NaN, which its owner reports.
+fn solve_mass(terms: &Terms, force: &Vector6<f64>) -> Vector6<f64> {
+    terms.mass.cholesky().map_or_else(|| Vector6::repeat(f64::NAN), |mass| mass.solve(force))
+}

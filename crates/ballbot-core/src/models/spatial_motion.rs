@@ -1,0 +1,171 @@
+//! The spatial model in motion: RK4 over position, attitude and generalised velocity.
+
+use super::rk4::rk4;
+use super::{SpatialModel, decode, encode, require_rolling};
+use crate::error::Result;
+use crate::model::{JointDynamics, Model};
+use crate::params::Params;
+use crate::state::{Contacts, State, rolling_rate};
+use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
+
+/// Ball position (2), body quaternion (4), ν (6), ball quaternion (4), wheel angles (3).
+type Coordinates = SVector<f64, 19>;
+
+/// A robot that follows [`SpatialModel`] with absolute wheel spin and a ball free to spin about the vertical.
+#[derive(Clone, Debug)]
+pub struct SpatialMotion {
+    model: SpatialModel,
+    sim_dt: f64,
+    time: f64,
+    coordinates: Coordinates,
+    wheel_torques: Vector3<f64>,
+}
+
+impl SpatialMotion {
+    /// At rest upright.
+    pub fn new(params: &Params, sim_dt: f64) -> Self {
+        let model = SpatialModel::new(params, true, true);
+        let coordinates = coordinates_of(&State::upright(params));
+        Self { model, sim_dt, time: 0.0, coordinates, wheel_torques: Vector3::zeros() }
+    }
+
+    fn velocity(&self) -> Vector6<f64> {
+        self.coordinates.fixed_rows::<6>(6).into_owned()
+    }
+
+    fn derivative(&self, y: &Coordinates) -> Coordinates {
+        let body_quaternion = quaternion_at(y, 2);
+        let velocity = y.fixed_rows::<6>(6).into_owned();
+        let rate = velocity.fixed_rows::<3>(2).into_owned();
+        let ball_velocity = Vector3::new(velocity[0], velocity[1], 0.0);
+        let ball_rate = rolling_rate(self.model.params(), &ball_velocity) + Vector3::z() * velocity[5];
+
+        let mut out = Coordinates::zeros();
+        out.fixed_rows_mut::<2>(0).copy_from(&velocity.fixed_rows::<2>(0));
+        let body_rate = Quaternion::new(y[2], y[3], y[4], y[5]) * Quaternion::from_imag(rate) * 0.5;
+        write_quaternion(&mut out, 2, &body_rate);
+        out.fixed_rows_mut::<6>(6).copy_from(&self.model.accelerations(
+            &body_quaternion,
+            &velocity,
+            &self.wheel_torques,
+        ));
+        let turning = Quaternion::from_imag(ball_rate) * Quaternion::new(y[12], y[13], y[14], y[15]) * 0.5;
+        write_quaternion(&mut out, 12, &turning);
+        let wheel_speeds = self.model.wheels().wheel_speeds(&body_quaternion, &ball_rate, &rate);
+        out.fixed_rows_mut::<3>(16).copy_from(&wheel_speeds);
+        out
+    }
+}
+
+impl Model for SpatialMotion {
+    fn params(&self) -> &Params {
+        self.model.params()
+    }
+
+    fn sim_dt(&self) -> f64 {
+        self.sim_dt
+    }
+
+    fn reset(&mut self, state: &State) -> Result<()> {
+        require_rolling(self.model.params(), self.model.wheels(), state)?;
+        self.coordinates = coordinates_of(state);
+        self.time = 0.0;
+        self.wheel_torques = Vector3::zeros();
+        Ok(())
+    }
+
+    fn step(&mut self, wheel_torques: &[f64; 3]) {
+        self.wheel_torques = (*wheel_torques).into();
+        let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
+        for at in [2, 12] {
+            let length = next.fixed_rows::<4>(at).norm();
+            next.fixed_rows_mut::<4>(at).unscale_mut(length);
+        }
+        self.coordinates = next;
+        self.time += self.sim_dt;
+    }
+
+    fn time(&self) -> f64 {
+        self.time
+    }
+
+    fn state(&self) -> State {
+        let y = &self.coordinates;
+        let velocity = self.velocity();
+        let rolling = State::rolling(
+            self.params(),
+            Vector2::new(velocity[0], velocity[1]),
+            velocity[5],
+            quaternion_at(y, 2),
+            velocity.fixed_rows::<3>(2).into_owned(),
+        );
+        let position = Vector3::new(y[0], y[1], self.params().ball_radius);
+        State {
+            ball_position: position,
+            body_position: position,
+            ball_quaternion: quaternion_at(y, 12),
+            wheel_angles: [y[16], y[17], y[18]],
+            ..rolling
+        }
+    }
+
+    fn contacts(&self) -> Contacts {
+        self.model.contacts(&quaternion_at(&self.coordinates, 2), &self.velocity(), &self.wheel_torques)
+    }
+
+    fn energy(&self) -> f64 {
+        self.model.energy(&quaternion_at(&self.coordinates, 2), &self.velocity())
+    }
+
+    fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
+        let jump = self.model.velocity_jump(&quaternion_at(&self.coordinates, 2), impulse, point);
+        let mut velocity = self.coordinates.fixed_rows_mut::<6>(6);
+        velocity += jump;
+    }
+
+    fn joint_dynamics(&self) -> JointDynamics {
+        self.model.joint_dynamics
+    }
+
+    fn set_joint_dynamics(&mut self, dynamics: JointDynamics) {
+        self.model.joint_dynamics = dynamics;
+    }
+
+    fn save(&self) -> Vec<u8> {
+        let dynamics = self.model.joint_dynamics;
+        let mut numbers = vec![self.time, dynamics.viscous_friction, dynamics.coulomb_friction];
+        numbers.extend(self.coordinates.iter());
+        numbers.extend(self.wheel_torques.iter());
+        encode(&numbers)
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<()> {
+        let numbers: [f64; 25] = decode(bytes)?;
+        self.time = numbers[0];
+        self.model.joint_dynamics =
+            JointDynamics { viscous_friction: numbers[1], coulomb_friction: numbers[2] };
+        self.coordinates.copy_from_slice(&numbers[3..22]);
+        self.wheel_torques.copy_from_slice(&numbers[22..]);
+        Ok(())
+    }
+}
+
+fn coordinates_of(state: &State) -> Coordinates {
+    let mut y = Coordinates::zeros();
+    y.fixed_rows_mut::<2>(0).copy_from(&state.ball_position.xy());
+    write_quaternion(&mut y, 2, &state.body_quaternion);
+    y.fixed_rows_mut::<2>(6).copy_from(&state.ball_velocity.xy());
+    y.fixed_rows_mut::<3>(8).copy_from(&state.body_angular_velocity);
+    y[11] = state.ball_angular_velocity.z;
+    write_quaternion(&mut y, 12, &state.ball_quaternion);
+    y.fixed_rows_mut::<3>(16).copy_from_slice(&state.wheel_angles);
+    y
+}
+
+fn quaternion_at(y: &Coordinates, at: usize) -> UnitQuaternion<f64> {
+    UnitQuaternion::new_normalize(Quaternion::new(y[at], y[at + 1], y[at + 2], y[at + 3]))
+}
+
+fn write_quaternion(y: &mut Coordinates, at: usize, q: &Quaternion<f64>) {
+    y.fixed_rows_mut::<4>(at).copy_from_slice(&[q.w, q.i, q.j, q.k]);
+}

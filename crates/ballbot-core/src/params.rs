@@ -1,0 +1,329 @@
+//! Physical parameters of a ballbot, their validation and the published presets.
+
+use crate::error::{Error, Result, check, finite, positive};
+use nalgebra::Matrix3;
+use std::f64::consts::{FRAC_PI_2, TAU};
+use std::slice;
+
+/// A parameter seen as a slice: scalars and vectors are named, read and written alike.
+trait Value: Copy {
+    const UNSET: Self;
+    fn as_slice(&self) -> &[f64];
+    fn as_mut_slice(&mut self) -> &mut [f64];
+}
+
+impl Value for f64 {
+    const UNSET: Self = f64::NAN;
+    fn as_slice(&self) -> &[f64] {
+        slice::from_ref(self)
+    }
+    fn as_mut_slice(&mut self) -> &mut [f64] {
+        slice::from_mut(self)
+    }
+}
+
+impl Value for [f64; 3] {
+    const UNSET: Self = [f64::NAN; 3];
+    fn as_slice(&self) -> &[f64] {
+        self
+    }
+    fn as_mut_slice(&mut self) -> &mut [f64] {
+        self
+    }
+}
+
+/// Defines [`Params`] once: the struct, and access to its fields by name.
+macro_rules! parameters {
+    (
+        required { $($(#[$required_doc:meta])* $required:ident: $required_type:ty,)* }
+        optional { $($(#[$optional_doc:meta])* $optional:ident: $optional_type:ty = $default:expr,)* }
+    ) => {
+        /// Everything that describes one robot on one floor. SI units and radians.
+        ///
+        /// `body_*` describe everything above the ball as one rigid body: the wheels' **mass** counts, the wheels'
+        /// inertia about their own axles does not (eq. (2) of the paper adds it by itself). The body frame has its
+        /// origin at the ball centre and z along the mast; the body's centre of mass (CoM) is on that axis.
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct Params {
+            $($(#[$required_doc])* pub $required: $required_type,)*
+            $($(#[$optional_doc])* pub $optional: $optional_type,)*
+        }
+
+        impl Params {
+            /// Names of all parameters, in the order of the struct's fields.
+            pub const NAMES: &'static [&'static str] = &[$(stringify!($required),)* $(stringify!($optional),)*];
+
+            /// Every required value unset, every other at its default.
+            fn unset() -> Self {
+                Self { $($required: Value::UNSET,)* $($optional: $default,)* }
+            }
+
+            /// Names and values of all parameters; a scalar is a slice of one.
+            pub fn fields(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
+                [$((stringify!($required), self.$required.as_slice()),)*
+                 $((stringify!($optional), self.$optional.as_slice()),)*].into_iter()
+            }
+
+            fn field_mut(&mut self, name: &str) -> Option<&mut [f64]> {
+                match name {
+                    $(stringify!($required) => Some(self.$required.as_mut_slice()),)*
+                    $(stringify!($optional) => Some(self.$optional.as_mut_slice()),)*
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+parameters! {
+    required {
+        /// M_k, kg.
+        ball_mass: f64,
+        /// J_k about any diameter, kg·m².
+        ball_inertia: f64,
+        /// r_k, m.
+        ball_radius: f64,
+        /// M_b, body and wheels, kg.
+        body_mass: f64,
+        /// (J_b, J_b, J_z): principal moments about the body's CoM along the body axes, kg·m².
+        body_inertia: [f64; 3],
+        /// l, from the ball centre up to the body's CoM, m.
+        body_com_height: f64,
+        /// Mass of one omniwheel (part of `body_mass`), kg.
+        wheel_mass: f64,
+        /// J_w of one omniwheel about its axle, kg·m².
+        wheel_inertia: f64,
+        /// r_w, m.
+        wheel_radius: f64,
+        /// α, the angle at the ball centre between the mast and a wheel contact, rad.
+        wheel_zenith: f64,
+    }
+    optional {
+        /// β_i, azimuth of each wheel contact about the mast, rad. Default 0, 120, 240 deg.
+        wheel_azimuths: [f64; 3] = [0.0, TAU / 3.0, 2.0 * TAU / 3.0],
+        /// Largest torque of one motor, N·m. Default 5, where the torques of the paper's Fig. 6c settle.
+        max_wheel_torque: f64 = 5.0,
+        /// g, m/s². Default 9.81.
+        gravity: f64 = 9.81,
+        /// B_vk, viscous friction of the ball on the floor, N/(m/s). Default 0.
+        ball_viscous_friction: f64 = 0.0,
+        /// B_vm, viscous friction of a wheel joint, N·m/(rad/s). Default 0.
+        wheel_viscous_friction: f64 = 0.0,
+        /// Dry friction of a wheel joint, N·m. Default 0.
+        wheel_coulomb_friction: f64 = 0.0,
+        /// Static friction coefficient of wheel on ball, along the drive direction. Default 1.1 (Table III).
+        wheel_static_friction: f64 = 1.1,
+        /// Dynamic friction coefficient of wheel on ball, along the drive direction. Default 1.0 (Table III).
+        wheel_dynamic_friction: f64 = 1.0,
+        /// Static friction coefficient of the floor. Default 1.1 (Table III, other pairs).
+        floor_static_friction: f64 = 1.1,
+        /// Dynamic friction coefficient of the floor. Default 1.05 (Table III, other pairs).
+        floor_dynamic_friction: f64 = 1.05,
+        /// Slip speed over which static friction gives way to dynamic, m/s. Default 0.1 (Table III).
+        friction_critical_velocity: f64 = 0.1,
+    }
+}
+
+/// B_vk of the paper's simulations, N/(m/s) (section III-A, "arbitrary"): not in its Table II, so not in the preset.
+pub const PAPER_BALL_VISCOUS_FRICTION: f64 = 49.849;
+
+/// Each published robot with the text of its preset.
+const PRESETS: [(&str, &str); 4] = [
+    ("paper", include_str!("../../../assets/robots/paper.toml")),
+    ("kugle", include_str!("../../../assets/robots/kugle.toml")),
+    ("rezero", include_str!("../../../assets/robots/rezero.toml")),
+    ("asroballet", include_str!("../../../assets/robots/asroballet.toml")),
+];
+
+impl Params {
+    /// The robot of the paper, Table II.
+    pub fn paper() -> Self {
+        Self::preset("paper").expect("the paper's preset is part of the crate and tested")
+    }
+
+    /// A published robot by name.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] for a name that is not in [`Params::preset_names`].
+    pub fn preset(name: &str) -> Result<Self> {
+        let Some((_, text)) = PRESETS.iter().find(|(known, _)| *known == name) else {
+            return Err(Error::unknown("robot preset", name, &Self::preset_names()));
+        };
+        Self::from_toml(text)
+    }
+
+    /// Names that [`Params::preset`] accepts.
+    pub fn preset_names() -> [&'static str; PRESETS.len()] {
+        PRESETS.map(|(name, _)| name)
+    }
+
+    /// Reads parameters from TOML, one key a field.
+    ///
+    /// # Errors
+    /// [`Error::Decode`] for malformed text or values that are not numbers; those of [`Params::from_fields`].
+    pub fn from_toml(text: &str) -> Result<Self> {
+        let decode = |reason: String| Error::Decode { what: "robot parameters".into(), reason };
+        let table: toml::Table = text.parse().map_err(|e: toml::de::Error| decode(e.to_string()))?;
+        let mut fields = Vec::with_capacity(table.len());
+        for (name, value) in &table {
+            let number = |v: &toml::Value| v.as_float().or(v.as_integer().map(|i| i as f64));
+            let values = match value.as_array() {
+                Some(array) => array.iter().map(number).collect(),
+                None => number(value).map(|v| vec![v]),
+            };
+            let values = values.ok_or_else(|| decode(format!("{name} = {value} is not a number")))?;
+            fields.push((name.as_str(), values));
+        }
+        Self::from_fields(fields.iter().map(|(name, values)| (*name, values.as_slice())))
+    }
+
+    /// Builds parameters from named values, a scalar as a slice of one.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`], [`Error::Length`] or [`Error::MissingParameter`]; those of [`Params::validate`].
+    pub fn from_fields<'a>(fields: impl IntoIterator<Item = (&'a str, &'a [f64])>) -> Result<Self> {
+        let mut given = Vec::new();
+        let fields = fields.into_iter().inspect(|(name, _)| given.push(*name));
+        let params = Self::unset().assign(fields)?;
+        for (name, values) in Self::unset().fields() {
+            if values[0].is_nan() && !given.contains(&name) {
+                return Err(Error::MissingParameter { name });
+            }
+        }
+        params.validate()?;
+        Ok(params)
+    }
+
+    /// A copy with some values changed.
+    ///
+    /// # Errors
+    /// As [`Params::from_fields`], but nothing can be missing.
+    pub fn replace<'a>(&self, changes: impl IntoIterator<Item = (&'a str, &'a [f64])>) -> Result<Self> {
+        let params = self.clone().assign(changes)?;
+        params.validate()?;
+        Ok(params)
+    }
+
+    fn assign<'a>(mut self, values: impl IntoIterator<Item = (&'a str, &'a [f64])>) -> Result<Self> {
+        for (name, values) in values {
+            let Some(field) = self.field_mut(name) else {
+                return Err(Error::unknown("parameter", name, Self::NAMES));
+            };
+            if values.len() != field.len() {
+                return Err(Error::Length {
+                    name: name.into(),
+                    found: values.len(),
+                    expected: field.len(),
+                });
+            }
+            field.copy_from_slice(values);
+        }
+        Ok(self)
+    }
+
+    /// Checks that the values describe a robot that can exist.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] or [`Error::Inconsistent`], naming the value and the limit.
+    pub fn validate(&self) -> Result<()> {
+        for (name, values) in self.fields() {
+            finite(name, values)?;
+        }
+        self.validate_masses()?;
+        self.validate_geometry()?;
+        self.validate_limits_and_friction()
+    }
+
+    fn validate_masses(&self) -> Result<()> {
+        positive("ball_mass", self.ball_mass)?;
+        positive("ball_inertia", self.ball_inertia)?;
+        positive("body_mass", self.body_mass)?;
+        positive("wheel_mass", self.wheel_mass)?;
+        positive("wheel_inertia", self.wheel_inertia)?;
+        for (i, &moment) in self.body_inertia.iter().enumerate() {
+            positive(&format!("body_inertia[{i}]"), moment)?;
+            let others = self.body_inertia.iter().sum::<f64>() - moment;
+            // Moments of a flat body meet the bound exactly; let rounding pass.
+            check(
+                format!("body_inertia[{i}]"),
+                moment,
+                format!("at most {others}, the sum of the other two (triangle inequality)"),
+                |m| m <= others * (1.0 + 1e-9),
+            )?;
+        }
+        check(
+            "wheel_mass",
+            self.wheel_mass,
+            format!("below a third of body_mass = {}, which contains the wheels", self.body_mass),
+            |m| 3.0 * m < self.body_mass,
+        )?;
+        Ok(())
+    }
+
+    fn validate_geometry(&self) -> Result<()> {
+        positive("ball_radius", self.ball_radius)?;
+        positive("wheel_radius", self.wheel_radius)?;
+        positive("body_com_height", self.body_com_height)?;
+        check("wheel_zenith", self.wheel_zenith, "between 0 and pi/2 rad, exclusive", |a| {
+            a > 0.0 && a < FRAC_PI_2
+        })?;
+        // A shell has all its mass at the surface; published values are rounded, so leave 1 %.
+        let shell = 2.0 / 3.0 * self.ball_mass * self.ball_radius.powi(2);
+        check(
+            "ball_inertia",
+            self.ball_inertia,
+            format!("at most 2/3 ball_mass ball_radius^2 = {shell}, that of a thin shell"),
+            |j| j <= 1.01 * shell,
+        )?;
+        for (i, a) in self.wheel_azimuths.iter().enumerate() {
+            for (j, b) in self.wheel_azimuths.iter().enumerate().skip(i + 1) {
+                let apart = (a - b).rem_euclid(TAU);
+                let apart = apart.min(TAU - apart);
+                check(
+                    format!("the angle between wheel_azimuths[{i}] and wheel_azimuths[{j}]"),
+                    apart,
+                    "at least 0.2 rad, or the wheels cannot drive in every direction",
+                    |gap| gap >= 0.2,
+                )?;
+            }
+        }
+        Ok(())
+    }
+
+    fn validate_limits_and_friction(&self) -> Result<()> {
+        positive("max_wheel_torque", self.max_wheel_torque)?;
+        positive("gravity", self.gravity)?;
+        positive("friction_critical_velocity", self.friction_critical_velocity)?;
+        for (name, value) in [
+            ("ball_viscous_friction", self.ball_viscous_friction),
+            ("wheel_viscous_friction", self.wheel_viscous_friction),
+            ("wheel_coulomb_friction", self.wheel_coulomb_friction),
+            ("wheel_dynamic_friction", self.wheel_dynamic_friction),
+            ("floor_dynamic_friction", self.floor_dynamic_friction),
+        ] {
+            check(name, value, ">= 0", |v| v >= 0.0)?;
+        }
+        for (name, fixed, moving) in [
+            ("wheel_static_friction", self.wheel_static_friction, self.wheel_dynamic_friction),
+            ("floor_static_friction", self.floor_static_friction, self.floor_dynamic_friction),
+        ] {
+            check(name, fixed, format!("at least the dynamic coefficient, {moving}"), |v| v >= moving)?;
+        }
+        Ok(())
+    }
+
+    /// Body inertia about its CoM as a matrix in the body frame, kg·m².
+    pub fn body_inertia_matrix(&self) -> Matrix3<f64> {
+        Matrix3::from_diagonal(&self.body_inertia.into())
+    }
+
+    /// k = r_k / r_w, wheel turns a ball turn.
+    pub fn gear_ratio(&self) -> f64 {
+        self.ball_radius / self.wheel_radius
+    }
+
+    /// Load of one wheel on the ball at rest upright, M_b g / (3 cos α), N.
+    pub fn static_wheel_load(&self) -> f64 {
+        self.body_mass * self.gravity / (3.0 * self.wheel_zenith.cos())
+    }
+}

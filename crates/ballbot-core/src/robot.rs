@@ -1,0 +1,232 @@
+//! A simulated robot on any rung of the ladder of models, with its input checked and divergence reported.
+
+use crate::error::{Error, Result, check, finite};
+use crate::model::{JointDynamics, Model};
+use crate::models::{PlanarMotion, SpatialMotion};
+use crate::params::Params;
+use crate::sim::RigidMotion;
+use crate::state::{Contacts, State};
+use nalgebra::Vector3;
+use std::fmt;
+use std::str::FromStr;
+
+/// Rungs of the ladder of models, from the simplest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ModelKind {
+    /// Three decoupled planes, eqs. (1)-(7) of the paper.
+    Planar,
+    /// Coupled 3D motion without slip.
+    Spatial,
+    /// Rigid bodies with contacts and Coulomb friction, by rapier3d.
+    #[default]
+    Rigid,
+}
+
+impl ModelKind {
+    /// All kinds.
+    pub const ALL: [Self; 3] = [Self::Planar, Self::Spatial, Self::Rigid];
+
+    /// The name by which it is chosen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Planar => "planar",
+            Self::Spatial => "spatial",
+            Self::Rigid => "rigid",
+        }
+    }
+
+    /// A robot of this kind, at rest upright.
+    fn build(self, params: &Params, sim_dt: f64) -> Result<Box<dyn Model>> {
+        Ok(match self {
+            Self::Planar => Box::new(PlanarMotion::new(params, sim_dt)),
+            Self::Spatial => Box::new(SpatialMotion::new(params, sim_dt)),
+            Self::Rigid => Box::new(RigidMotion::new(params, sim_dt)?),
+        })
+    }
+}
+
+impl fmt::Display for ModelKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for ModelKind {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        Self::ALL
+            .into_iter()
+            .find(|kind| kind.name() == name)
+            .ok_or_else(|| Error::unknown("model", name, &Self::ALL.map(Self::name)))
+    }
+}
+
+/// Time steps that the models are made for, s.
+const SIM_DT: std::ops::RangeInclusive<f64> = 1e-6..=0.02;
+
+/// Speeds and rates above which numbers mean nothing any more, m/s and rad/s.
+const MAX_SPEED: f64 = 100.0;
+const MAX_RATE: f64 = 1e4;
+/// Distance from the origin likewise, m.
+const MAX_POSITION: f64 = 1e4;
+
+/// A robot that can be reset, driven by wheel torques, pushed and looked at.
+pub struct Ballbot {
+    kind: ModelKind,
+    model: Box<dyn Model>,
+}
+
+impl Ballbot {
+    /// A robot at rest upright, its model advanced in steps of `sim_dt` seconds.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for parameters or a time step that cannot be; [`Error::Inconsistent`] likewise.
+    pub fn new(params: &Params, kind: ModelKind, sim_dt: f64) -> Result<Self> {
+        params.validate()?;
+        check("sim_dt", sim_dt, format!("within {} to {} s", SIM_DT.start(), SIM_DT.end()), |dt| SIM_DT.contains(&dt))?;
+        Ok(Self { kind, model: kind.build(params, sim_dt)? })
+    }
+
+    /// Which model this is.
+    pub fn kind(&self) -> ModelKind {
+        self.kind
+    }
+
+    /// The robot's parameters.
+    pub fn params(&self) -> &Params {
+        self.model.params()
+    }
+
+    /// Time step, s.
+    pub fn sim_dt(&self) -> f64 {
+        self.model.sim_dt()
+    }
+
+    /// Starts anew from `state` at time zero. A reset robot equals a new one to the last bit, but keeps its joint dynamics.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a state beyond the simulation's bounds, [`Error::Inconsistent`] for one that the model
+    /// cannot represent (slip in a model without slip, a ball below the floor). The robot is then left as it was.
+    pub fn reset(&mut self, state: &State) -> Result<()> {
+        state.validate()?;
+        if let Some(reason) = out_of_bounds(state) {
+            return Err(Error::Inconsistent(reason));
+        }
+        let radius = self.params().ball_radius;
+        let lowest = radius * (1.0 - 1e-3);
+        check("ball_position[2]", state.ball_position.z, format!("at least ball_radius = {radius} (the floor)"), |z| {
+            z >= lowest
+        })?;
+        self.model.reset(state)
+    }
+
+    /// Advances by `steps` time steps under constant motor torques, N·m.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a torque that is not finite or beyond the motors' limit, before anything moves;
+    /// [`Error::Diverged`] if the state has left its bounds afterwards.
+    pub fn step(&mut self, wheel_torques: &[f64; 3], steps: usize) -> Result<()> {
+        let limit = self.params().max_wheel_torque;
+        for (i, &torque) in wheel_torques.iter().enumerate() {
+            check(format!("wheel_torques[{i}]"), torque, format!("within ±max_wheel_torque = {limit} N·m"), |t| {
+                t.abs() <= limit
+            })?;
+        }
+        self.advance(wheel_torques, steps);
+        self.diverged().map_or(Ok(()), |reason| Err(Error::Diverged { time: self.time(), reason }))
+    }
+
+    /// [`Ballbot::step`] for callers that have checked the torques and look at divergence themselves.
+    pub(crate) fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
+        for _ in 0..steps {
+            self.model.step(wheel_torques);
+        }
+    }
+
+    /// Which bound the present state breaks, if any.
+    pub fn diverged(&self) -> Option<String> {
+        out_of_bounds(&self.state())
+    }
+
+    /// Simulated time since the reset, s.
+    pub fn time(&self) -> f64 {
+        self.model.time()
+    }
+
+    /// The present state.
+    pub fn state(&self) -> State {
+        self.model.state()
+    }
+
+    /// Contact forces of the last step; the rigid model knows none before its first.
+    pub fn contacts(&self) -> Contacts {
+        self.model.contacts()
+    }
+
+    /// Kinetic plus potential energy, J; see [`crate::mechanical_energy`] for its zero.
+    pub fn energy(&self) -> f64 {
+        self.model.energy()
+    }
+
+    /// Gives the body an impulse (inertial frame, N·s) at `point` (body frame, m; its CoM if `None`). The rigid model
+    /// spreads it over its next time step.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for numbers that are not finite.
+    pub fn push(&mut self, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
+        finite("impulse", impulse.as_slice())?;
+        let com = Vector3::z() * self.params().body_com_height;
+        let point = point.unwrap_or(&com);
+        finite("point", point.as_slice())?;
+        self.model.push(impulse, point);
+        Ok(())
+    }
+
+    /// Friction of the wheel joints.
+    pub fn joint_dynamics(&self) -> JointDynamics {
+        self.model.joint_dynamics()
+    }
+
+    /// Changes the friction of the wheel joints from the next step on; it outlives a reset.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for friction that is negative or not finite.
+    pub fn set_joint_dynamics(&mut self, dynamics: JointDynamics) -> Result<()> {
+        check("viscous_friction", dynamics.viscous_friction, ">= 0", |v| v >= 0.0)?;
+        check("coulomb_friction", dynamics.coulomb_friction, ">= 0", |v| v >= 0.0)?;
+        self.model.set_joint_dynamics(dynamics);
+        Ok(())
+    }
+
+    /// Everything that the future depends on, as bytes for [`Ballbot::load`].
+    pub fn save(&self) -> Vec<u8> {
+        self.model.save()
+    }
+
+    /// Continues from bytes of [`Ballbot::save`] of a robot with the same model, parameters and time step.
+    ///
+    /// # Errors
+    /// [`Error::Decode`] if the bytes are not that.
+    pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
+        self.model.load(bytes)
+    }
+}
+
+/// The first bound that a state breaks, NaN included.
+fn out_of_bounds(state: &State) -> Option<String> {
+    let bounds = [
+        ("distance of the ball from the origin", state.ball_position.norm(), MAX_POSITION, "m"),
+        ("ball speed", state.ball_velocity.norm(), MAX_SPEED, "m/s"),
+        ("ball rate", state.ball_angular_velocity.norm(), MAX_RATE, "rad/s"),
+        ("distance of the body from the origin", state.body_position.norm(), MAX_POSITION, "m"),
+        ("body speed", state.body_velocity.norm(), MAX_SPEED, "m/s"),
+        ("body rate", state.body_angular_velocity.norm(), MAX_RATE, "rad/s"),
+        ("wheel speed", Vector3::from(state.wheel_speeds).amax(), MAX_RATE, "rad/s"),
+        ("length of the body quaternion", state.body_quaternion.norm(), 2.0, ""),
+    ];
+    bounds
+        .into_iter()
+        .find(|(_, value, limit, _)| !(value <= limit))
+        .map(|(name, value, limit, unit)| format!("{name} = {value} {unit}, limit {limit} {unit}"))
+}

@@ -1,0 +1,322 @@
+//! The rigid-body robot in motion.
+
+use super::bodies::BodyLink;
+use super::convert::{from_rapier, rotation_from_rapier, rotation_to_rapier, to_rapier};
+use super::drive::{self, Contact, stribeck};
+use super::world::{Handles, World, integration_parameters};
+use crate::energy::mechanical_energy;
+use crate::error::{Error, Result};
+use crate::kinematics::Omniwheels;
+use crate::model::{JointDynamics, Model};
+use crate::params::Params;
+use crate::state::{Contacts, State};
+use nalgebra::Vector3;
+use rapier3d_f64::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// How far the wheel may hover over the ball for its first friction limit to count on the robot's weight, m.
+const TOUCHING: f64 = 1e-4;
+
+/// A ballbot of rigid bodies on a flat floor.
+pub struct RigidMotion {
+    params: Params,
+    wheels: Omniwheels,
+    /// CoM of the body without its wheels, in the body frame: the multibody's root.
+    root: Vector3<f64>,
+    template: World,
+    handles: Handles,
+    settings: IntegrationParameters,
+    pipeline: PhysicsPipeline,
+    world: World,
+    memory: Memory,
+}
+
+/// What the next step needs besides the world.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct Memory {
+    time: f64,
+    joint_dynamics: JointDynamics,
+    /// Loads that bound the drive friction of the next step, N.
+    wheel_loads: [f64; 3],
+    floor_force: [f64; 3],
+    tractions: [f64; 3],
+    /// Impulse on the body at its root and angular impulse about it, still to act, N·s and N·m·s.
+    push: [f64; 6],
+    /// False once rapier has frozen a state that was not finite.
+    healthy: bool,
+}
+
+impl RigidMotion {
+    /// At rest upright.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] if the wheels have more inertia than the whole bot.
+    pub fn new(params: &Params, sim_dt: f64) -> Result<Self> {
+        let wheels = Omniwheels::new(params);
+        let (template, handles) = World::new(params, &wheels)?;
+        let memory = Memory {
+            time: 0.0,
+            joint_dynamics: JointDynamics::of(params),
+            wheel_loads: [0.0; 3],
+            floor_force: [0.0; 3],
+            tractions: [0.0; 3],
+            push: [0.0; 6],
+            healthy: true,
+        };
+        let mut motion = Self {
+            root: BodyLink::new(params, &wheels)?.com,
+            wheels,
+            world: template.clone(),
+            template,
+            handles,
+            settings: integration_parameters(sim_dt),
+            pipeline: PhysicsPipeline::new(),
+            memory,
+            params: params.clone(),
+        };
+        motion.reset(&State::upright(params))?;
+        Ok(motion)
+    }
+
+    fn axle(&self, i: usize) -> Vector3<f64> {
+        let body = rotation_from_rapier(*self.world.bodies[self.handles.body].rotation());
+        -(body * self.wheels.u.row(i).transpose())
+    }
+
+    fn contact(&self, i: usize) -> Contact {
+        let ball = from_rapier(self.world.bodies[self.handles.ball].translation());
+        let wheel = from_rapier(self.world.bodies[self.handles.wheels[i]].translation());
+        Contact::new(ball, self.params.ball_radius, wheel, &self.axle(i))
+    }
+
+    /// Wheel surface less ball surface along the drive direction, m/s.
+    fn slip_speed(&self, i: usize, contact: &Contact) -> f64 {
+        let wheel = drive::point_velocity(&self.world.bodies[self.handles.wheels[i]], &contact.point);
+        let ball = drive::point_velocity(&self.world.bodies[self.handles.ball], &contact.point);
+        (wheel - ball).dot(&contact.drive)
+    }
+
+    fn floor_slip(&self) -> Vector3<f64> {
+        let ball = &self.world.bodies[self.handles.ball];
+        let lowest = from_rapier(ball.translation()) - Vector3::z() * self.params.ball_radius;
+        let velocity = drive::point_velocity(ball, &lowest);
+        Vector3::new(velocity.x, velocity.y, 0.0)
+    }
+
+    fn anchor_drives(&mut self) {
+        let p = &self.params;
+        for i in 0..3 {
+            let contact = self.contact(i);
+            let slip = self.slip_speed(i, &contact);
+            let friction =
+                stribeck(p.wheel_static_friction, p.wheel_dynamic_friction, p.friction_critical_velocity, slip);
+            let max_force = friction * self.memory.wheel_loads[i];
+            contact.anchor(&mut self.world, &self.handles, i, max_force);
+        }
+    }
+
+    fn set_floor_friction(&mut self) {
+        let p = &self.params;
+        if p.floor_static_friction > p.floor_dynamic_friction {
+            let slip = self.floor_slip().norm();
+            let friction =
+                stribeck(p.floor_static_friction, p.floor_dynamic_friction, p.friction_critical_velocity, slip);
+            self.world.colliders[self.handles.floor_collider].set_friction(friction);
+        }
+    }
+
+    fn apply_forces(&mut self, wheel_torques: &[f64; 3]) {
+        let axles = [0, 1, 2].map(|i| self.axle(i));
+        let bodies = &mut self.world.bodies;
+        let mut reaction = Vector3::zeros();
+        for ((torque, axle), wheel) in wheel_torques.iter().zip(axles).zip(self.handles.wheels) {
+            let wheel = &mut bodies[wheel];
+            wheel.reset_torques(false);
+            wheel.add_torque(to_rapier(&(axle * *torque)), false);
+            reaction -= axle * *torque;
+        }
+        let [fx, fy, fz, tx, ty, tz] = std::mem::take(&mut self.memory.push).map(|v| v / self.settings.dt);
+        let body = &mut bodies[self.handles.body];
+        body.reset_forces(false);
+        body.reset_torques(false);
+        body.add_force(Vector::new(fx, fy, fz), false);
+        body.add_torque(to_rapier(&reaction) + Vector::new(tx, ty, tz), false);
+        if self.params.ball_viscous_friction > 0.0 {
+            let ball = &mut bodies[self.handles.ball];
+            let velocity = ball.linvel();
+            ball.reset_forces(false);
+            let drag = Vector::new(velocity.x, velocity.y, 0.0) * -self.params.ball_viscous_friction;
+            ball.add_force(drag, false);
+        }
+    }
+
+    fn apply_joint_dynamics(&mut self) {
+        let dynamics = self.memory.joint_dynamics;
+        let bot = self.world.multibody_joints.get_multibody_mut(self.handles.bot).expect("the bot is never removed");
+        for (i, _) in self.handles.wheels.iter().enumerate() {
+            bot.damping_mut()[6 + i] = dynamics.viscous_friction;
+            bot.frictions_mut()[6 + i] = dynamics.coulomb_friction;
+        }
+    }
+
+    fn place(&mut self, state: &State) {
+        let world = &mut self.world;
+        let ball = &mut world.bodies[self.handles.ball];
+        ball.set_position(
+            Pose::from_parts(to_rapier(&state.ball_position), rotation_to_rapier(&state.ball_quaternion)),
+            true,
+        );
+        ball.set_linvel(to_rapier(&state.ball_velocity), true);
+        ball.set_angvel(to_rapier(&state.ball_angular_velocity), true);
+
+        let root = state.body_position + state.body_quaternion * self.root;
+        let pose = Pose::from_parts(to_rapier(&root), rotation_to_rapier(&state.body_quaternion));
+        world.bodies[self.handles.body].set_position(pose, true);
+        let rate = state.body_quaternion * state.body_angular_velocity;
+        let velocity =
+            state.body_velocity + state.body_quaternion * state.body_angular_velocity.cross(&self.root);
+
+        let bot = world.multibody_joints.get_multibody_mut(self.handles.bot).expect("the bot is never removed");
+        let mut displacements = [0.0; 9];
+        displacements[6..].copy_from_slice(&state.wheel_angles);
+        bot.apply_displacements(&displacements);
+        let mut velocities = bot.generalized_velocity_mut();
+        velocities.fixed_rows_mut::<3>(0).copy_from_slice(velocity.as_slice());
+        velocities.fixed_rows_mut::<3>(3).copy_from_slice(rate.as_slice());
+        velocities.fixed_rows_mut::<3>(6).copy_from_slice(&state.wheel_speeds);
+        bot.forward_kinematics(&world.bodies, true);
+        bot.update_rigid_bodies(&mut world.bodies, true);
+    }
+
+    /// Before the first step no contact has carried a load yet: count on the weight where a wheel touches.
+    fn first_loads(&self) -> [f64; 3] {
+        let load = self.params.static_wheel_load();
+        [0, 1, 2].map(|i| {
+            let ball = from_rapier(self.world.bodies[self.handles.ball].translation());
+            let wheel = from_rapier(self.world.bodies[self.handles.wheels[i]].translation());
+            let gap = (wheel - ball).norm() - self.params.ball_radius - self.params.wheel_radius;
+            if gap <= TOUCHING { load } else { 0.0 }
+        })
+    }
+}
+
+impl Model for RigidMotion {
+    fn params(&self) -> &Params {
+        &self.params
+    }
+
+    fn sim_dt(&self) -> f64 {
+        self.settings.dt
+    }
+
+    fn reset(&mut self, state: &State) -> Result<()> {
+        state.validate()?;
+        self.world = self.template.clone();
+        self.pipeline = PhysicsPipeline::new();
+        self.place(state);
+        self.memory = Memory {
+            time: 0.0,
+            joint_dynamics: self.memory.joint_dynamics,
+            wheel_loads: self.first_loads(),
+            floor_force: [0.0; 3],
+            tractions: [0.0; 3],
+            push: [0.0; 6],
+            healthy: true,
+        };
+        self.apply_joint_dynamics();
+        Ok(())
+    }
+
+    fn step(&mut self, wheel_torques: &[f64; 3]) {
+        self.anchor_drives();
+        self.set_floor_friction();
+        self.apply_forces(wheel_torques);
+        self.memory.healthy &= self.world.step(&mut self.pipeline, self.params.gravity, &self.settings);
+        let dt = self.settings.dt;
+        for i in 0..3 {
+            self.memory.wheel_loads[i] =
+                self.world.normal_force(self.handles.ball_collider, self.handles.wheel_colliders[i], dt);
+            self.memory.tractions[i] = drive::traction(&self.world, &self.handles, i, dt);
+        }
+        self.memory.floor_force = self.world.floor_force(&self.handles, dt).into();
+        self.memory.time += dt;
+    }
+
+    fn time(&self) -> f64 {
+        self.memory.time
+    }
+
+    fn state(&self) -> State {
+        if !self.memory.healthy {
+            return State::from_array(&[f64::NAN; State::LEN]);
+        }
+        let ball = &self.world.bodies[self.handles.ball];
+        let body = &self.world.bodies[self.handles.body];
+        let bot = self.world.multibody_joints.get_multibody(self.handles.bot).expect("the bot is never removed");
+        let velocities = bot.generalized_velocity();
+        let body_quaternion = rotation_from_rapier(*body.rotation());
+        let rate = body_quaternion.inverse_transform_vector(&from_rapier(body.angvel()));
+        let angle = |i: usize| bot.link(1 + i).map_or(0.0, |link| link.joint().coords()[3]);
+        State {
+            ball_position: from_rapier(ball.translation()),
+            ball_quaternion: rotation_from_rapier(*ball.rotation()),
+            ball_velocity: from_rapier(ball.linvel()),
+            ball_angular_velocity: from_rapier(ball.angvel()),
+            body_position: from_rapier(body.translation()) - body_quaternion * self.root,
+            body_quaternion,
+            body_velocity: from_rapier(body.linvel()) - body_quaternion * rate.cross(&self.root),
+            body_angular_velocity: rate,
+            wheel_angles: [angle(0), angle(1), angle(2)],
+            wheel_speeds: [velocities[6], velocities[7], velocities[8]],
+        }
+    }
+
+    fn contacts(&self) -> Contacts {
+        let h = &self.handles;
+        let on_floor = |collider| self.world.touch(h.floor_collider, collider);
+        Contacts {
+            wheel_normal_forces: self.memory.wheel_loads,
+            wheel_tractions: self.memory.tractions,
+            wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(i, &self.contact(i))),
+            floor_force: self.memory.floor_force.into(),
+            floor_slip_velocity: self.floor_slip().xy(),
+            bot_on_floor: on_floor(h.body_collider) || h.wheel_colliders.iter().any(|&wheel| on_floor(wheel)),
+        }
+    }
+
+    fn energy(&self) -> f64 {
+        mechanical_energy(&self.params, &self.wheels, &self.state())
+    }
+
+    /// Acts as a force over the next time step, so that the contacts answer within that step.
+    fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
+        let body = rotation_from_rapier(*self.world.bodies[self.handles.body].rotation());
+        let turning = (body * (point - self.root)).cross(impulse);
+        for i in 0..3 {
+            self.memory.push[i] += impulse[i];
+            self.memory.push[3 + i] += turning[i];
+        }
+    }
+
+    fn joint_dynamics(&self) -> JointDynamics {
+        self.memory.joint_dynamics
+    }
+
+    fn set_joint_dynamics(&mut self, dynamics: JointDynamics) {
+        self.memory.joint_dynamics = dynamics;
+        self.apply_joint_dynamics();
+    }
+
+    fn save(&self) -> Vec<u8> {
+        postcard::to_stdvec(&(&self.memory, &self.world)).expect("a world in memory can be encoded")
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<()> {
+        let (memory, world) = postcard::from_bytes(bytes)
+            .map_err(|e| Error::Decode { what: "saved simulation".into(), reason: e.to_string() })?;
+        self.memory = memory;
+        self.world = world;
+        self.pipeline = PhysicsPipeline::new();
+        Ok(())
+    }
+}

@@ -1,0 +1,229 @@
+//! The rapier world of one robot: what is in it, and how a fresh copy of it is made.
+
+use super::bodies::{BodyLink, BodyShape, wheel_centers, wheel_transverse_inertia};
+use super::convert::to_rapier;
+use super::drive;
+use crate::error::Result;
+use crate::kinematics::Omniwheels;
+use crate::params::Params;
+use nalgebra::Vector3;
+use rapier3d_f64::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Everything that changes as the world steps. Stepping needs a [`PhysicsPipeline`] besides, which holds no state but
+/// must not be shared between worlds.
+#[derive(Clone, Serialize, Deserialize)]
+pub struct World {
+    pub bodies: RigidBodySet,
+    pub colliders: ColliderSet,
+    pub impulse_joints: ImpulseJointSet,
+    pub multibody_joints: MultibodyJointSet,
+    islands: IslandManager,
+    broad_phase: DefaultBroadPhase,
+    pub narrow_phase: NarrowPhase,
+    soft_bodies: SoftBodySet,
+}
+
+/// Where the robot's parts are found in its world.
+#[derive(Clone, Copy)]
+pub struct Handles {
+    pub ball: RigidBodyHandle,
+    pub body: RigidBodyHandle,
+    pub wheels: [RigidBodyHandle; 3],
+    pub bot: MultibodyIndex,
+    pub drives: [ImpulseJointHandle; 3],
+    pub floor_collider: ColliderHandle,
+    pub ball_collider: ColliderHandle,
+    pub body_collider: ColliderHandle,
+    pub wheel_colliders: [ColliderHandle; 3],
+}
+
+/// Solver settings under which the robot's growth rate, traction and loads come out right.
+pub fn integration_parameters(sim_dt: f64) -> IntegrationParameters {
+    let softness = SpringCoefficients::new(200.0, 5.0);
+    IntegrationParameters {
+        dt: sim_dt,
+        contact_softness: softness,
+        static_contact_softness: softness,
+        num_solver_iterations: 1,
+        num_internal_pgs_iterations: 4,
+        num_internal_stabilization_iterations: 1,
+        // Contacts kept while bodies move would put the lever arms of a balancing robot in the wrong place.
+        contact_recycling: false,
+        contact_clustering: false,
+        friction_in_bias_pass: true,
+        max_ccd_substeps: 0,
+        friction_model: FrictionModel::Coulomb,
+        normalized_prediction_distance: 0.002,
+        normalized_max_linear_velocity: Real::MAX,
+        ..IntegrationParameters::default()
+    }
+}
+
+impl World {
+    /// A robot at rest, its body frame at the inertial frame's axes; never stepped.
+    pub fn new(params: &Params, wheels: &Omniwheels) -> Result<(Self, Handles)> {
+        let mut world = Self {
+            bodies: RigidBodySet::new(),
+            colliders: ColliderSet::new(),
+            impulse_joints: ImpulseJointSet::new(),
+            multibody_joints: MultibodyJointSet::new(),
+            islands: IslandManager::new(),
+            broad_phase: DefaultBroadPhase::default(),
+            narrow_phase: NarrowPhase::new(),
+            soft_bodies: SoftBodySet::new(),
+        };
+        let floor_collider = world.colliders.insert(
+            ColliderBuilder::new(SharedShape::halfspace(Vector::Z))
+                .friction(params.floor_dynamic_friction)
+                // The floor alone decides the friction of what touches it.
+                .friction_combine_rule(CoefficientCombineRule::Max),
+        );
+        let (ball, ball_collider) = world.insert_ball(params);
+        let link = BodyLink::new(params, wheels)?;
+        let (body, body_collider) = world.insert_body(params, &link);
+        let links = [0, 1, 2].map(|i| world.insert_wheel(params, wheels, &link, body, i));
+        let wheel_handles = links.map(|(handle, _)| handle);
+        let bot = world.bot_index(body);
+        let multibody = world.multibody_joints.get_multibody_mut(bot).expect("just built");
+        multibody.set_self_contacts_enabled(false);
+        // Rapier damps every angular freedom by default, the free root's included.
+        multibody.damping_mut().fill(0.0);
+        let drives = wheel_handles.map(|wheel| world.impulse_joints.insert(wheel, ball, drive::row(), true));
+        let handles = Handles {
+            ball,
+            body,
+            wheels: wheel_handles,
+            bot,
+            drives,
+            floor_collider,
+            ball_collider,
+            body_collider,
+            wheel_colliders: links.map(|(_, collider)| collider),
+        };
+        Ok((world, handles))
+    }
+
+    fn insert_ball(&mut self, params: &Params) -> (RigidBodyHandle, ColliderHandle) {
+        let inertia = Vector::splat(params.ball_inertia);
+        self.insert(
+            RigidBodyBuilder::dynamic()
+                .translation(Vector::Z * params.ball_radius)
+                .additional_mass_properties(MassProperties::new(Vector::ZERO, params.ball_mass, inertia)),
+            ColliderBuilder::ball(params.ball_radius),
+        )
+    }
+
+    /// The multibody's root: its frame is at its own CoM, since rapier moves a root with an offset CoM wrongly.
+    fn insert_body(&mut self, params: &Params, link: &BodyLink) -> (RigidBodyHandle, ColliderHandle) {
+        let i = &link.inertia;
+        let inertia = Matrix::from_cols_array(&[
+            i[(0, 0)], i[(1, 0)], i[(2, 0)], i[(0, 1)], i[(1, 1)], i[(2, 1)], i[(0, 2)], i[(1, 2)], i[(2, 2)],
+        ]);
+        let shape = BodyShape::new(params);
+        let middle = Vector3::z() * (0.5 * (shape.bottom + shape.top)) - link.com;
+        // Rapier's cylinders stand along y.
+        let upright = Rotation::from_rotation_x(std::f64::consts::FRAC_PI_2);
+        self.insert(
+            RigidBodyBuilder::dynamic()
+                .translation(to_rapier(&(Vector3::z() * params.ball_radius + link.com)))
+                .additional_mass_properties(MassProperties::with_inertia_matrix(Vector::ZERO, link.mass, inertia)),
+            ColliderBuilder::cylinder(0.5 * (shape.top - shape.bottom), shape.radius)
+                .position(Pose::from_parts(to_rapier(&middle), upright)),
+        )
+    }
+
+    fn insert_wheel(
+        &mut self,
+        params: &Params,
+        wheels: &Omniwheels,
+        link: &BodyLink,
+        body: RigidBodyHandle,
+        i: usize,
+    ) -> (RigidBodyHandle, ColliderHandle) {
+        let center = to_rapier(&(wheel_centers(params, wheels)[i] - link.com));
+        let axle = Rotation::from_rotation_arc(Vector::X, to_rapier(&-wheels.u.row(i).transpose()));
+        let transverse = wheel_transverse_inertia(params);
+        let mass = MassProperties::with_principal_inertia_frame(
+            Vector::ZERO,
+            params.wheel_mass,
+            Vector::new(params.wheel_inertia, transverse, transverse),
+            axle,
+        );
+        let start = self.bodies[body].translation() + center;
+        let inserted = self.insert(
+            RigidBodyBuilder::dynamic().translation(start).additional_mass_properties(mass),
+            // A sphere touches the ball where the rim of an ideal omniwheel does.
+            ColliderBuilder::ball(params.wheel_radius)
+                .friction_combine_rule(CoefficientCombineRule::Min),
+        );
+        let mut joint = GenericJoint::new(JointAxesMask::LOCKED_REVOLUTE_AXES);
+        joint.set_local_frame1(Pose::from_parts(center, axle));
+        joint.set_local_frame2(Pose::from_parts(Vector::ZERO, axle));
+        self.multibody_joints.insert(body, inserted.0, joint, true).expect("a wheel has no other joint");
+        inserted
+    }
+
+    fn insert(&mut self, body: RigidBodyBuilder, collider: ColliderBuilder) -> (RigidBodyHandle, ColliderHandle) {
+        // A balancing robot moves slowly enough for rapier to put it to sleep.
+        let handle = self.bodies.insert(body.can_sleep(false));
+        let collider = collider.density(0.0).friction(0.0);
+        (handle, self.colliders.insert_with_parent(collider, handle, &mut self.bodies))
+    }
+
+    fn bot_index(&self, body: RigidBodyHandle) -> MultibodyIndex {
+        self.multibody_joints.rigid_body_link(body).expect("the wheels' joints made the body a link").multibody
+    }
+
+    /// Advances by one step of `settings`. False if rapier found a state that is not finite and froze it.
+    pub fn step(&mut self, pipeline: &mut PhysicsPipeline, gravity: f64, settings: &IntegrationParameters) -> bool {
+        pipeline.step(
+            Vector::new(0.0, 0.0, -gravity),
+            settings,
+            &mut self.islands,
+            &mut self.broad_phase,
+            &mut self.narrow_phase,
+            &mut self.bodies,
+            &mut self.colliders,
+            &mut self.impulse_joints,
+            &mut self.multibody_joints,
+            &mut self.soft_bodies,
+            &mut CCDSolver::new(),
+            &(),
+            &(),
+        );
+        pipeline.quarantine().is_empty()
+    }
+
+    /// Normal force of a pair of colliders over the last step, N.
+    pub fn normal_force(&self, a: ColliderHandle, b: ColliderHandle, sim_dt: f64) -> f64 {
+        self.points(a, b).map(|point| point.data.impulse).sum::<f64>() / sim_dt
+    }
+
+    fn points(&self, a: ColliderHandle, b: ColliderHandle) -> impl Iterator<Item = &TrackedContact<ContactData>> {
+        self.narrow_phase
+            .contact_pair(a, b)
+            .map_or(&[] as &[ContactManifold], |pair| pair.solver_manifolds())
+            .iter()
+            .flat_map(|manifold| &manifold.points)
+    }
+
+    /// Force of the floor on the ball over the last step, inertial frame, N.
+    pub fn floor_force(&self, handles: &Handles, sim_dt: f64) -> Vector3<f64> {
+        let mut impulse = Vector3::zeros();
+        let Some(pair) = self.narrow_phase.contact_pair(handles.floor_collider, handles.ball_collider) else {
+            return impulse;
+        };
+        let on_ball = if pair.collider1 == handles.floor_collider { -1.0 } else { 1.0 };
+        for point in self.points(handles.floor_collider, handles.ball_collider) {
+            impulse += super::convert::from_rapier(point.data.warmstart_tangent_world) * on_ball;
+            impulse.z += point.data.impulse;
+        }
+        impulse / sim_dt
+    }
+
+    /// Whether two colliders touch.
+    pub fn touch(&self, a: ColliderHandle, b: ColliderHandle) -> bool {
+        self.points(a, b).any(|point| point.dist <= 0.0)
+    }
+}

@@ -1,0 +1,133 @@
+//! The bot: a body symmetric about its mast, on three equal wheels.
+
+use super::mass::RigidMass;
+use super::placement::Placement;
+use super::tree::Tree;
+use super::wheel::Wheel;
+use super::{Checked, TOLERANCE};
+use nalgebra::{Matrix3, Point3};
+use std::slice;
+
+/// What the bot's URDF says, in the terms of [`crate::Params`].
+pub(super) struct Bot {
+    mass: f64,
+    inertia: [f64; 3],
+    com_height: f64,
+    zenith: f64,
+    azimuths: [f64; 3],
+    wheel: Wheel,
+}
+
+impl Bot {
+    /// Reads the URDF `text` of a bot that stands on a ball of radius `ball_radius`.
+    pub fn read(text: &str, ball_radius: f64) -> Checked<Self> {
+        let tree = Tree::read(text)?;
+        let wheels = wheels(&tree)?;
+        let placement = Placement::solve(&wheels, ball_radius)?;
+        let body = tree.mass(None, "the body")?;
+        let parts = [&body, &wheels[0].body, &wheels[1].body, &wheels[2].body].map(Clone::clone);
+        let total = RigidMass::combined(&parts).ok_or("the bot has no mass")?;
+        let com_height = com_height(&total.centre, placement.ball_height)?;
+        // The models add the wheels' spin by themselves.
+        let spin: Matrix3<f64> = wheels.iter().map(|w| w.axle * w.axle.transpose() * w.axial_inertia).sum();
+        let inertia = principal_moments(&(total.inertia - spin))?;
+        let Placement { zenith, azimuths, .. } = placement;
+        let [wheel, ..] = wheels;
+        Ok(Self { mass: total.mass, inertia, com_height, zenith, azimuths, wheel })
+    }
+
+    /// Names and values of the parameters that the bot determines.
+    pub fn fields(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
+        let scalars = [
+            ("body_mass", &self.mass),
+            ("body_com_height", &self.com_height),
+            ("wheel_mass", &self.wheel.body.mass),
+            ("wheel_inertia", &self.wheel.axial_inertia),
+            ("wheel_radius", &self.wheel.radius),
+            ("wheel_zenith", &self.zenith),
+            ("wheel_viscous_friction", &self.wheel.damping),
+            ("wheel_coulomb_friction", &self.wheel.friction),
+        ];
+        // No limit in the file leaves the default.
+        let effort = (self.wheel.effort > 0.0).then_some(("max_wheel_torque", &self.wheel.effort));
+        scalars
+            .into_iter()
+            .chain(effort)
+            .map(|(name, value)| (name, slice::from_ref(value)))
+            .chain([("body_inertia", &self.inertia[..]), ("wheel_azimuths", &self.azimuths[..])])
+    }
+}
+
+/// The three wheels, equal in all that a model shares between them.
+fn wheels(tree: &Tree) -> Checked<[Wheel; 3]> {
+    let joints = tree.turning_joints();
+    let Ok(joints) = <[usize; 3]>::try_from(joints.as_slice()) else {
+        let names: Vec<String> = tree
+            .joints
+            .iter()
+            .map(|j| format!("'{}' {}", j.name, format!("{:?}", j.joint_type).to_lowercase()))
+            .collect();
+        return Err(format!(
+            "{} joints are continuous or revolute, expected exactly 3, one a wheel (joints: {})",
+            joints.len(),
+            if names.is_empty() { "none".into() } else { names.join(", ") }
+        ));
+    };
+    let [a, b, c] = joints;
+    let wheels = [Wheel::read(tree, 0, a)?, Wheel::read(tree, 1, b)?, Wheel::read(tree, 2, c)?];
+    check_equal(&wheels)?;
+    Ok(wheels)
+}
+
+fn check_equal(wheels: &[Wheel; 3]) -> Checked<()> {
+    let quantities: [(&str, fn(&Wheel) -> f64); 6] = [
+        ("radius", |w| w.radius),
+        ("mass", |w| w.body.mass),
+        ("inertia about the axle", |w| w.axial_inertia),
+        ("joint damping", |w| w.damping),
+        ("joint friction", |w| w.friction),
+        ("joint effort limit", |w| w.effort),
+    ];
+    for (name, value) in quantities {
+        let first = value(&wheels[0]);
+        for wheel in &wheels[1..] {
+            let other = value(wheel);
+            if !(..=TOLERANCE * first).contains(&(other - first).abs()) {
+                return Err(format!(
+                    "the wheels differ: {name} = {other} of {}, {first} of {}: at most {TOLERANCE} of it apart",
+                    wheel.what, wheels[0].what
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Height of the CoM over the ball centre, refused if it is not on the mast.
+fn com_height(centre: &Point3<f64>, ball_height: f64) -> Checked<f64> {
+    let height = centre.z - ball_height;
+    let off_mast = centre.x.hypot(centre.y);
+    if (..=TOLERANCE * height.abs()).contains(&off_mast) {
+        return Ok(height);
+    }
+    Err(format!(
+        "the bot's centre of mass is {off_mast} m off the mast (x = {}, y = {}): at most {TOLERANCE} of its height over \
+         the ball centre, {height} m",
+        centre.x, centre.y
+    ))
+}
+
+/// The diagonal of `inertia`, refused if its products are not negligible.
+fn principal_moments(inertia: &Matrix3<f64>) -> Checked<[f64; 3]> {
+    let moments = inertia.diagonal();
+    for (name, product) in [("xy", inertia[(0, 1)]), ("xz", inertia[(0, 2)]), ("yz", inertia[(1, 2)])] {
+        if !(..=TOLERANCE * moments.amax()).contains(&product.abs()) {
+            return Err(format!(
+                "the bot's principal axes of inertia are not the axes of its root frame: its product of inertia {name} \
+                 about the centre of mass is {product} kg m^2, at most {TOLERANCE} of the largest moment, {} kg m^2",
+                moments.amax()
+            ));
+        }
+    }
+    Ok(moments.into())
+}

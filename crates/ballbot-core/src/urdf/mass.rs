@@ -1,0 +1,70 @@
+//! Mass, centre of mass and inertia of rigid parts.
+
+use super::Checked;
+use nalgebra::{Isometry3, Matrix3, Point3};
+use urdf_rs::Link;
+
+/// A rigid part in the root frame.
+#[derive(Clone, Debug)]
+pub(super) struct RigidMass {
+    /// kg, > 0.
+    pub mass: f64,
+    /// Centre of mass, m.
+    pub centre: Point3<f64>,
+    /// Inertia about the centre of mass, along the root axes, kg·m².
+    pub inertia: Matrix3<f64>,
+}
+
+impl RigidMass {
+    /// The inertial element of a link whose frame is at `pose`; none for a link without mass.
+    pub fn of_link(link: &Link, pose: &Isometry3<f64>) -> Checked<Option<Self>> {
+        let name = &link.name;
+        let mass = link.inertial.mass.value;
+        let i = &link.inertial.inertia;
+        let tensor = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
+        let what = format!("the inertial of link '{name}'");
+        let origin = super::tree::pose(&what, &link.inertial.origin)?;
+        super::tree::finite(&what, tensor.as_slice())?;
+        if !mass.is_finite() || mass < 0.0 {
+            return Err(format!("link '{name}': mass = {mass} kg is out of range: it must be a finite number >= 0"));
+        }
+        if mass == 0.0 {
+            let massless = tensor == Matrix3::zeros();
+            return if massless { Ok(None) } else { Err(format!("link '{name}' has an inertia but mass = 0 kg")) };
+        }
+        let at = pose * origin;
+        let axes = at.rotation.to_rotation_matrix().into_inner();
+        let inertia = axes * tensor * axes.transpose();
+        Ok(Some(Self { mass, centre: at.translation.vector.into(), inertia }))
+    }
+
+    /// Several parts as one; none for no parts.
+    pub fn combined(parts: &[Self]) -> Option<Self> {
+        let mass: f64 = parts.iter().map(|p| p.mass).sum();
+        let first = parts.first()?;
+        // Relative to the first part, so that a far-away root frame costs no precision.
+        let offset =
+            parts.iter().map(|p| (p.centre - first.centre) * p.mass).sum::<nalgebra::Vector3<f64>>() / mass;
+        let centre = first.centre + offset;
+        let inertia = parts
+            .iter()
+            .map(|p| {
+                let d = p.centre - centre;
+                p.inertia + (Matrix3::from_diagonal_element(d.norm_squared()) - d * d.transpose()) * p.mass
+            })
+            .sum();
+        Some(Self { mass, centre, inertia })
+    }
+
+    /// Refuses an inertia that no body has; `what` names the part.
+    pub fn check_inertia(&self, what: &str) -> Checked<()> {
+        let j = &self.inertia;
+        // Sylvester's criterion: unlike an eigenvalue iteration it ends for any numbers.
+        let minors = [j[(0, 0)], j.fixed_view::<2, 2>(0, 0).determinant(), j.determinant()];
+        if minors.iter().all(|&m| m > 0.0) {
+            return Ok(());
+        }
+        let [x, y, z] = [j[(0, 0)], j[(1, 1)], j[(2, 2)]];
+        Err(format!("{what} has moments of inertia ({x}, {y}, {z}) kg m^2: the inertia must be positive definite"))
+    }
+}
