@@ -44,11 +44,10 @@ impl Omniwheels {
     /// The wheels of `params`.
     pub fn new(params: &Params) -> Self {
         let (sin_zenith, cos_zenith) = params.wheel_zenith.sin_cos();
-        let contact_directions = params.wheel_azimuths.map(|azimuth| {
-            Vector3::new(sin_zenith * azimuth.cos(), sin_zenith * azimuth.sin(), cos_zenith)
-        });
-        let drive_directions =
-            params.wheel_azimuths.map(|azimuth| Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0));
+        let contact_directions = params
+            .wheel_azimuths
+            .map(|azimuth| Vector3::new(sin_zenith * azimuth.cos(), sin_zenith * azimuth.sin(), cos_zenith));
+        let drive_directions = params.wheel_azimuths.map(|azimuth| Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0));
         let row = |i: usize| contact_directions[i].cross(&drive_directions[i]).transpose();
         let u = Matrix3::from_rows(&[row(0), row(1), row(2)]);
         let u_inverse_transposed =

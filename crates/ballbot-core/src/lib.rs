@@ -19,8 +19,8 @@
 //! ```
 
 pub mod control;
-pub mod env;
 mod energy;
+pub mod env;
 mod error;
 pub mod kinematics;
 mod model;
@@ -29,7 +29,7 @@ mod params;
 mod robot;
 pub mod sim;
 mod state;
-
+pub mod urdf;
 
 pub use energy::mechanical_energy;
 pub use error::{Error, Result};

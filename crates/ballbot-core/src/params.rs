@@ -210,11 +210,7 @@ impl Params {
                 return Err(Error::unknown("parameter", name, Self::NAMES));
             };
             if values.len() != field.len() {
-                return Err(Error::Length {
-                    name: name.into(),
-                    found: values.len(),
-                    expected: field.len(),
-                });
+                return Err(Error::Length { name: name.into(), found: values.len(), expected: field.len() });
             }
             field.copy_from_slice(values);
         }
@@ -264,9 +260,7 @@ impl Params {
         positive("ball_radius", self.ball_radius)?;
         positive("wheel_radius", self.wheel_radius)?;
         positive("body_com_height", self.body_com_height)?;
-        check("wheel_zenith", self.wheel_zenith, "between 0 and pi/2 rad, exclusive", |a| {
-            a > 0.0 && a < FRAC_PI_2
-        })?;
+        check("wheel_zenith", self.wheel_zenith, "between 0 and pi/2 rad, exclusive", |a| a > 0.0 && a < FRAC_PI_2)?;
         // A shell has all its mass at the surface; published values are rounded, so leave 1 %.
         let shell = 2.0 / 3.0 * self.ball_mass * self.ball_radius.powi(2);
         check(

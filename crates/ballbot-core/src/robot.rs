@@ -115,9 +115,12 @@ impl Ballbot {
         }
         let radius = self.params().ball_radius;
         let lowest = radius * (1.0 - 1e-3);
-        check("ball_position[2]", state.ball_position.z, format!("at least ball_radius = {radius} (the floor)"), |z| {
-            z >= lowest
-        })?;
+        check(
+            "ball_position[2]",
+            state.ball_position.z,
+            format!("at least ball_radius = {radius} (the floor)"),
+            |z| z >= lowest,
+        )?;
         self.model.reset(state)
     }
 

@@ -146,8 +146,7 @@ impl State {
     /// The inverse of [`State::to_array`]; the quaternions must have unit length.
     pub fn from_array(a: &[f64; Self::LEN]) -> Self {
         let vector = |i: usize| Vector3::new(a[i], a[i + 1], a[i + 2]);
-        let quaternion =
-            |i: usize| UnitQuaternion::new_unchecked(Quaternion::new(a[i], a[i + 1], a[i + 2], a[i + 3]));
+        let quaternion = |i: usize| UnitQuaternion::new_unchecked(Quaternion::new(a[i], a[i + 1], a[i + 2], a[i + 3]));
         Self {
             ball_position: vector(0),
             ball_quaternion: quaternion(3),

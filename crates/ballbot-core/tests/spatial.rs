@@ -229,8 +229,7 @@ fn motion_in_a_plane_is_the_planar_model_with_three_wheels() {
     let planar = PlanarModel::new(&params, WheelInertia::ThreeWheels);
     let spatial = SpatialModel::new(&params, false, false);
     for (tilt, tilt_rate, speed, torque) in [(0.3, 0.0, 0.0, 0.0), (-0.5, 1.2, 0.4, 0.3), (1.0, -2.0, -1.0, -0.7)] {
-        let expected =
-            planar.accelerations(&Vector2::new(0.0, tilt), &Vector2::new(speed, tilt_rate), torque);
+        let expected = planar.accelerations(&Vector2::new(0.0, tilt), &Vector2::new(speed, tilt_rate), torque);
         // Towards +y is a left-handed tilt about x; the virtual torque about x of eq. (8) is the planar one.
         let q = attitude(Vector2::new(-tilt, 0.0), 0.0);
         let velocity = Vector6::new(0.0, speed, -tilt_rate, 0.0, 0.0, 0.0);

@@ -31,7 +31,7 @@ pub struct LqrWeights {
 
 impl Default for LqrWeights {
     fn default() -> Self {
-        Self { position: 0.1, velocity: 0.3, tilt: 0.1, tilt_rate: 1.0, yaw: 0.5, yaw_rate: 2.0, torque: 0.2 }
+        Self { position: 0.15, velocity: 0.4, tilt: 0.1, tilt_rate: 1.0, yaw: 0.5, yaw_rate: 2.0, torque: 0.2 }
     }
 }
 
@@ -69,7 +69,15 @@ impl Lqr {
             positive(name, value)?;
         }
         let deviations = [
-            w.position, w.position, w.tilt, w.tilt, w.yaw, w.velocity, w.velocity, w.tilt_rate, w.tilt_rate,
+            w.position,
+            w.position,
+            w.tilt,
+            w.tilt,
+            w.yaw,
+            w.velocity,
+            w.velocity,
+            w.tilt_rate,
+            w.tilt_rate,
             w.yaw_rate,
         ];
         let q = DMatrix::from_fn(STATES, STATES, |i, j| if i == j { deviations[i].powi(-2) } else { 0.0 });
@@ -94,9 +102,7 @@ impl Lqr {
         let tilt = state.to_heading(state.tilt_components());
         let yaw = (state.yaw() - setpoint.yaw + PI).rem_euclid(TAU) - PI;
         let rate = state.body_angular_velocity;
-        SVector::from([
-            position.x, position.y, tilt.x, tilt.y, yaw, velocity.x, velocity.y, rate.x, rate.y, rate.z,
-        ])
+        SVector::from([position.x, position.y, tilt.x, tilt.y, yaw, velocity.x, velocity.y, rate.x, rate.y, rate.z])
     }
 }
 

@@ -47,11 +47,9 @@ impl Pid {
     pub fn new(params: &Params, control_dt: f64, gains: PidGains, map: TorqueMap) -> Result<Self> {
         params.validate()?;
         positive("control_dt", control_dt)?;
-        for (name, gain) in [
-            ("proportional", gains.proportional),
-            ("integral", gains.integral),
-            ("derivative", gains.derivative),
-        ] {
+        for (name, gain) in
+            [("proportional", gains.proportional), ("integral", gains.integral), ("derivative", gains.derivative)]
+        {
             check(name, gain, ">= 0", |g| g >= 0.0)?;
         }
         positive("filter", gains.filter)?;

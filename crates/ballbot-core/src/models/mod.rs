@@ -29,9 +29,7 @@ const NO_SLIP_TOLERANCE: f64 = 1e-6;
 /// Motor torques less the friction of the wheel joints, N·m.
 fn shaft_torques(dynamics: JointDynamics, torques: &Vector3<f64>, wheel_speeds: &Vector3<f64>) -> Vector3<f64> {
     torques.zip_map(wheel_speeds, |torque, speed| {
-        torque
-            - dynamics.viscous_friction * speed
-            - dynamics.coulomb_friction * (speed / DRY_FRICTION_WIDTH).tanh()
+        torque - dynamics.viscous_friction * speed - dynamics.coulomb_friction * (speed / DRY_FRICTION_WIDTH).tanh()
     })
 }
 
@@ -48,9 +46,8 @@ struct Motion {
 /// Wheel loads from Rᵀ M_b (a_b + g e3) = Σ N_i p_i − Σ f_i d_i, floor force from the momentum of ball and body.
 fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Contacts {
     let weight = Vector3::z() * params.gravity;
-    let mut balance = motion
-        .body_quaternion
-        .inverse_transform_vector(&((motion.com_acceleration + weight) * params.body_mass));
+    let mut balance =
+        motion.body_quaternion.inverse_transform_vector(&((motion.com_acceleration + weight) * params.body_mass));
     for (direction, traction) in wheels.drive_directions.iter().zip(motion.tractions.iter()) {
         balance += direction * *traction;
     }

@@ -82,10 +82,9 @@ impl PlanarModel {
         let p = &self.params;
         let arm = p.body_mass * p.body_com_height;
         let sin = q[1].sin();
-        let force = Vector2::new(
-            arm * sin * q_dot[1].powi(2) - p.ball_viscous_friction * q_dot[0],
-            arm * p.gravity * sin,
-        ) + self.input_map() * virtual_torque;
+        let force =
+            Vector2::new(arm * sin * q_dot[1].powi(2) - p.ball_viscous_friction * q_dot[0], arm * p.gravity * sin)
+                + self.input_map() * virtual_torque;
         let mass = self.mass_matrix(q[1]);
         Vector2::new(
             mass[(1, 1)] * force[0] - mass[(0, 1)] * force[1],
@@ -96,8 +95,7 @@ impl PlanarModel {
     /// Kinetic energy plus M_b g l cos θ, J.
     pub fn energy(&self, q: &Vector2<f64>, q_dot: &Vector2<f64>) -> f64 {
         let p = &self.params;
-        0.5 * q_dot.dot(&(self.mass_matrix(q[1]) * q_dot))
-            + p.body_mass * p.gravity * p.body_com_height * q[1].cos()
+        0.5 * q_dot.dot(&(self.mass_matrix(q[1]) * q_dot)) + p.body_mass * p.gravity * p.body_com_height * q[1].cos()
     }
 
     /// θ̈_z per virtual torque, eq. (7), rad/s² per N·m; the ball is free to spin about the vertical.
@@ -106,12 +104,7 @@ impl PlanarModel {
         let sin = p.wheel_zenith.sin();
         p.ball_inertia * p.ball_radius * p.wheel_radius
             / (p.ball_inertia * p.body_inertia[2] * p.wheel_radius.powi(2)
-                + 3.0
-                    * (p.ball_inertia + p.body_inertia[2])
-                    * p.wheel_inertia
-                    * p.ball_radius.powi(2)
-                    * sin
-                    * sin)
+                + 3.0 * (p.ball_inertia + p.body_inertia[2]) * p.wheel_inertia * p.ball_radius.powi(2) * sin * sin)
     }
 
     /// θ̈_z under a virtual torque (N·m), eq. (7).

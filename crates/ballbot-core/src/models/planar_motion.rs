@@ -260,9 +260,24 @@ fn coordinates_of(state: &State) -> Coordinates {
     let q = state.ball_quaternion;
     let w = state.wheel_angles;
     Coordinates::from_column_slice(&[
-        position.x, tilt.y, position.y, -tilt.x, yaw, 0.0,
-        velocity.x, tilt_rate.y, velocity.y, -tilt_rate.x, rate.z, state.ball_angular_velocity.z,
-        w[0], w[1], w[2],
-        q.w, q.i, q.j, q.k,
+        position.x,
+        tilt.y,
+        position.y,
+        -tilt.x,
+        yaw,
+        0.0,
+        velocity.x,
+        tilt_rate.y,
+        velocity.y,
+        -tilt_rate.x,
+        rate.z,
+        state.ball_angular_velocity.z,
+        w[0],
+        w[1],
+        w[2],
+        q.w,
+        q.i,
+        q.j,
+        q.k,
     ])
 }

@@ -142,8 +142,7 @@ impl Model for SpatialMotion {
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
         let numbers: [f64; 25] = decode(bytes)?;
         self.time = numbers[0];
-        self.model.joint_dynamics =
-            JointDynamics { viscous_friction: numbers[1], coulomb_friction: numbers[2] };
+        self.model.joint_dynamics = JointDynamics { viscous_friction: numbers[1], coulomb_friction: numbers[2] };
         self.coordinates.copy_from_slice(&numbers[3..22]);
         self.wheel_torques.copy_from_slice(&numbers[22..]);
         Ok(())

@@ -19,25 +19,25 @@ impl Ball {
     /// Reads the URDF `text`.
     pub fn read(text: &str) -> Checked<Self> {
         let tree = Tree::read(text)?;
-        let masses = tree.masses()?;
-        let massive: Vec<usize> = (0..masses.len()).filter(|&i| masses[i].is_some()).collect();
-        let [link] = massive[..] else {
+        let massive: Vec<_> = tree.links.iter().zip(tree.masses()?).filter_map(|(l, m)| Some((l, m?))).collect();
+        let [(link, body)] = &massive[..] else {
             return Err(format!(
                 "{} links have a mass, expected exactly one: the ball (is an <inertial> missing?)",
                 massive.len()
             ));
         };
-        let body = masses[link].clone().ok_or("the ball has no mass")?;
-        let name = &tree.links[link].name;
-        let shape = spheres_and_cylinders(&tree, &[link], |s| s.cylinder_axis.is_none())?
+        let name = &link.name;
+        let links: Vec<usize> = (0..tree.links.len()).collect();
+        let shape = spheres_and_cylinders(&tree, &links, |s| s.cylinder_axis.is_none())?
             .into_iter()
             .next()
-            .ok_or_else(|| format!("link '{name}' has no collision or visual sphere: what is the ball's radius?"))?;
+            .ok_or_else(|| format!("'{name}' has no collision or visual sphere to tell the ball's radius"))?;
         let Shape { radius, centre, .. } = shape;
         let off_centre = (body.centre - centre).norm();
         if !(..=TOLERANCE).contains(&off_centre) {
             return Err(format!(
-                "the centre of mass of '{name}' is {off_centre} m off the centre of its sphere: at most {TOLERANCE} m"
+                "the centre of mass of '{name}' is {off_centre:.3e} m off the centre of its sphere: \
+                 at most {TOLERANCE:e} m"
             ));
         }
         let inertia = body.inertia.trace() / 3.0;
@@ -45,7 +45,7 @@ impl Ball {
         if !(..=TOLERANCE).contains(&uneven) {
             return Err(format!(
                 "the inertia of '{name}' is not that of a ball: it differs from its mean moment {inertia} kg m^2 by \
-                 {uneven} of it, at most {TOLERANCE}"
+                 {uneven:.3e} of it, at most {TOLERANCE:e}"
             ));
         }
         Ok(Self { mass: body.mass, inertia, radius })

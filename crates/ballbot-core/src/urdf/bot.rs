@@ -23,7 +23,11 @@ impl Bot {
     pub fn read(text: &str, ball_radius: f64) -> Checked<Self> {
         let tree = Tree::read(text)?;
         let wheels = wheels(&tree)?;
+        check_equal(&wheels, &GEOMETRY)?;
         let placement = Placement::solve(&wheels, ball_radius)?;
+        // Only about the right axles do the wheels' inertias mean what they should.
+        check_equal(&wheels, &DYNAMICS)?;
+        wheels.iter().try_for_each(Wheel::check_balance)?;
         let body = tree.mass(None, "the body")?;
         let parts = [&body, &wheels[0].body, &wheels[1].body, &wheels[2].body].map(Clone::clone);
         let total = RigidMass::combined(&parts).ok_or("the bot has no mass")?;
@@ -58,7 +62,7 @@ impl Bot {
     }
 }
 
-/// The three wheels, equal in all that a model shares between them.
+/// The three wheels, in document order of their joints.
 fn wheels(tree: &Tree) -> Checked<[Wheel; 3]> {
     let joints = tree.turning_joints();
     let Ok(joints) = <[usize; 3]>::try_from(joints.as_slice()) else {
@@ -74,27 +78,31 @@ fn wheels(tree: &Tree) -> Checked<[Wheel; 3]> {
         ));
     };
     let [a, b, c] = joints;
-    let wheels = [Wheel::read(tree, 0, a)?, Wheel::read(tree, 1, b)?, Wheel::read(tree, 2, c)?];
-    check_equal(&wheels)?;
-    Ok(wheels)
+    Ok([Wheel::read(tree, 0, a)?, Wheel::read(tree, 1, b)?, Wheel::read(tree, 2, c)?])
 }
 
-fn check_equal(wheels: &[Wheel; 3]) -> Checked<()> {
-    let quantities: [(&str, fn(&Wheel) -> f64); 6] = [
-        ("radius", |w| w.radius),
-        ("mass", |w| w.body.mass),
-        ("inertia about the axle", |w| w.axial_inertia),
-        ("joint damping", |w| w.damping),
-        ("joint friction", |w| w.friction),
-        ("joint effort limit", |w| w.effort),
-    ];
+/// A quantity that all wheels share: its name and its value.
+type Quantity = (&'static str, fn(&Wheel) -> f64);
+
+const GEOMETRY: [Quantity; 1] = [("radius", |w| w.radius)];
+
+const DYNAMICS: [Quantity; 5] = [
+    ("mass", |w| w.body.mass),
+    ("inertia about the axle", |w| w.axial_inertia),
+    ("joint damping", |w| w.damping),
+    ("joint friction", |w| w.friction),
+    ("joint effort limit", |w| w.effort),
+];
+
+/// Refuses wheels that differ in one of the `quantities`.
+fn check_equal(wheels: &[Wheel; 3], quantities: &[Quantity]) -> Checked<()> {
     for (name, value) in quantities {
         let first = value(&wheels[0]);
         for wheel in &wheels[1..] {
             let other = value(wheel);
             if !(..=TOLERANCE * first).contains(&(other - first).abs()) {
                 return Err(format!(
-                    "the wheels differ: {name} = {other} of {}, {first} of {}: at most {TOLERANCE} of it apart",
+                    "the wheels differ: {name} = {other} of {}, {first} of {}: at most {TOLERANCE:e} of it apart",
                     wheel.what, wheels[0].what
                 ));
             }
@@ -103,7 +111,7 @@ fn check_equal(wheels: &[Wheel; 3]) -> Checked<()> {
     Ok(())
 }
 
-/// Height of the CoM over the ball centre, refused if it is not on the mast.
+/// Height of the centre of mass over the ball centre, refused if it is not on the mast.
 fn com_height(centre: &Point3<f64>, ball_height: f64) -> Checked<f64> {
     let height = centre.z - ball_height;
     let off_mast = centre.x.hypot(centre.y);
@@ -111,8 +119,8 @@ fn com_height(centre: &Point3<f64>, ball_height: f64) -> Checked<f64> {
         return Ok(height);
     }
     Err(format!(
-        "the bot's centre of mass is {off_mast} m off the mast (x = {}, y = {}): at most {TOLERANCE} of its height over \
-         the ball centre, {height} m",
+        "the bot's centre of mass is {off_mast:.3e} m off the mast (x = {:.3e}, y = {:.3e}): \
+         at most {TOLERANCE:e} of its height over the ball centre, {height} m",
         centre.x, centre.y
     ))
 }
@@ -124,7 +132,8 @@ fn principal_moments(inertia: &Matrix3<f64>) -> Checked<[f64; 3]> {
         if !(..=TOLERANCE * moments.amax()).contains(&product.abs()) {
             return Err(format!(
                 "the bot's principal axes of inertia are not the axes of its root frame: its product of inertia {name} \
-                 about the centre of mass is {product} kg m^2, at most {TOLERANCE} of the largest moment, {} kg m^2",
+                 about the centre of mass is {product:.3e} kg m^2, at most {TOLERANCE:e} of the largest \
+                 moment, {} kg m^2",
                 moments.amax()
             ));
         }

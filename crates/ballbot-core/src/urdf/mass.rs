@@ -43,8 +43,7 @@ impl RigidMass {
         let mass: f64 = parts.iter().map(|p| p.mass).sum();
         let first = parts.first()?;
         // Relative to the first part, so that a far-away root frame costs no precision.
-        let offset =
-            parts.iter().map(|p| (p.centre - first.centre) * p.mass).sum::<nalgebra::Vector3<f64>>() / mass;
+        let offset = parts.iter().map(|p| (p.centre - first.centre) * p.mass).sum::<nalgebra::Vector3<f64>>() / mass;
         let centre = first.centre + offset;
         let inertia = parts
             .iter()

@@ -11,7 +11,7 @@ pub(super) struct Placement {
     pub ball_height: f64,
     /// α, rad.
     pub zenith: f64,
-    /// β_i in [0, 2π), rad.
+    /// β of each wheel, in [0, 2π), rad.
     pub azimuths: [f64; 3],
 }
 
@@ -36,7 +36,8 @@ impl Placement {
             if !(-TOLERANCE..=TOLERANCE).contains(&gap) || !(-TOLERANCE..=TOLERANCE).contains(&uneven) {
                 return Err(format!(
                     "the wheels do not all touch one ball centred on the mast: {} is {off_mast} m off the mast, the \
-                     mean is {mean_off_mast} m, and {gap} m off the ball that fits best: at most {TOLERANCE} m each",
+                     mean is {mean_off_mast} m, and {gap:.3e} m off the ball that fits best: \
+                     at most {TOLERANCE:e} m each",
                     wheel.what
                 ));
             }
@@ -73,12 +74,12 @@ fn check_axle(wheel: &Wheel, zenith: f64, azimuth: f64) -> Checked<()> {
     } else if along_contact.abs() > TOLERANCE {
         format!(
             "{what}: its axle is not perpendicular to the line from the ball centre to the contact: their cosine is \
-             {along_contact}, at most {TOLERANCE}; {expected}"
+             {along_contact:.3e}, at most {TOLERANCE:e}; {expected}"
         )
     } else {
         format!(
-            "{what}: its axle is not in the meridian plane of mast and contact: its component across is {along_drive}, \
-             at most {TOLERANCE}; {expected}"
+            "{what}: its axle is not in the meridian plane of mast and contact: its component \
+             across is {along_drive:.3e}, at most {TOLERANCE:e}; {expected}"
         )
     })
 }

@@ -17,6 +17,8 @@ pub(super) struct Tree {
     pub joints: Vec<Joint>,
     /// Frame of each link in the root frame.
     pub poses: Vec<Isometry3<f64>>,
+    /// The child link of each joint.
+    pub children: Vec<usize>,
     /// The joint that turns each link, none for links fixed to the root.
     turned_by: Vec<Option<usize>>,
 }
@@ -25,8 +27,8 @@ impl Tree {
     /// Parses `text` and lays out its links.
     pub fn read(text: &str) -> Checked<Self> {
         check_depth(text)?;
-        let robot = urdf_rs::read_from_string(text).map_err(|e| format!("not a readable URDF: {e}"))?;
-        let (links, joints) = (robot.links, robot.joints);
+        let urdf = urdf_rs::read_from_string(text).map_err(|e| format!("not a readable URDF: {e}"))?;
+        let (links, joints) = (urdf.links, urdf.joints);
         let edges = edges(&links, &joints)?;
         let root = root(&links, &edges)?;
         let mut hanging = vec![Vec::new(); links.len()];
@@ -36,20 +38,21 @@ impl Tree {
         let mut poses = vec![Isometry3::identity(); links.len()];
         let mut turned_by = vec![None; links.len()];
         let mut pending = vec![root];
-        let mut reached = 1;
+        let mut reached = vec![false; links.len()];
         while let Some(parent) = pending.pop() {
+            reached[parent] = true;
             for &(joint, child) in &hanging[parent] {
                 let what = format!("joint '{}'", joints[joint].name);
                 poses[child] = poses[parent] * pose(&what, &joints[joint].origin)?;
                 turned_by[child] = turning_joint(&joints, joint, turned_by[parent])?;
                 pending.push(child);
-                reached += 1;
             }
         }
-        if reached < links.len() {
-            return Err(format!("only {reached} of {} links hang on the root: some form a loop", links.len()));
+        if let Some(link) = reached.iter().position(|r| !r) {
+            return Err(format!("link '{}' does not hang on the root: its joints form a loop", links[link].name));
         }
-        Ok(Self { links, joints, poses, turned_by })
+        let children = edges.into_iter().map(|(_, child)| child).collect();
+        Ok(Self { links, joints, poses, children, turned_by })
     }
 
     /// Joints that turn, in document order.

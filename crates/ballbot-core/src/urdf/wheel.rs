@@ -43,17 +43,39 @@ impl Wheel {
         let shape = spheres_and_cylinders(tree, &links, is_coaxial)?
             .into_iter()
             .reduce(|largest, shape| if shape.radius > largest.radius { shape } else { largest })
-            .ok_or_else(|| format!("{what} has no collision or visual sphere or cylinder around its axle"))?;
+            .ok_or_else(|| {
+                let [x, y, z]: [f64; 3] = axle.into();
+                format!(
+                    "{what} has no collision or visual sphere or cylinder around its axle, ({x:.6}, {y:.6}, {z:.6})"
+                )
+            })?;
         let body = tree.mass(Some(joint), &what)?;
-        let off = off_axle(&body.centre);
-        if !(..=TOLERANCE).contains(&off) {
-            return Err(format!("{what}: its centre of mass is {off} m off its axle, at most {TOLERANCE} m"));
-        }
         let axial_inertia = axle.dot(&(body.inertia * axle));
-        check_symmetry(&body.inertia, &axle, axial_inertia, &what)?;
         let (damping, friction, effort) = dynamics(&tree.joints[joint], &what)?;
         let Shape { radius, centre, .. } = shape;
         Ok(Self { what, centre, axle, radius, body, axial_inertia, damping, friction, effort })
+    }
+
+    /// Refuses a wheel that moves the bot's centre of mass or changes its inertia as it turns.
+    pub fn check_balance(&self) -> Checked<()> {
+        let Self { what, axle, body, .. } = self;
+        let off_axle = (body.centre - self.centre).cross(axle).norm();
+        if !(..=TOLERANCE).contains(&off_axle) {
+            return Err(format!(
+                "{what}: its centre of mass is {off_axle:.3e} m off its axle, at most {TOLERANCE:e} m"
+            ));
+        }
+        let along = axle * axle.transpose();
+        let transverse = (body.inertia.trace() - self.axial_inertia) / 2.0;
+        let symmetric = along * self.axial_inertia + (Matrix3::identity() - along) * transverse;
+        let uneven = (body.inertia - symmetric).amax() / body.inertia.amax();
+        if (..=TOLERANCE).contains(&uneven) {
+            return Ok(());
+        }
+        Err(format!(
+            "{what}: its inertia is not symmetric about its axle: off by {uneven:.3e} of its largest moment, \
+             at most {TOLERANCE:e}"
+        ))
     }
 }
 
@@ -62,25 +84,9 @@ fn axle(tree: &Tree, joint: usize, what: &str) -> Checked<(Point3<f64>, Vector3<
     let axis = Vector3::from(*tree.joints[joint].axis.xyz);
     finite(&format!("the axis of {what}"), axis.as_slice())?;
     let axis = axis.try_normalize(f64::MIN_POSITIVE).ok_or_else(|| format!("{what}: its axis has length 0"))?;
-    // A joint's frame is its child link's; the child is the first link the joint turns.
-    let child = &tree.joints[joint].child.link;
-    let child = tree.links.iter().position(|link| link.name == *child);
-    let pose = child.map(|link| tree.poses[link]).unwrap_or_default();
+    // At zero a joint's frame is that of its child link.
+    let pose = tree.poses[tree.children[joint]];
     Ok((pose.translation.vector.into(), pose.rotation * axis))
-}
-
-/// Refuses an inertia that changes as the wheel turns.
-fn check_symmetry(inertia: &Matrix3<f64>, axle: &Vector3<f64>, axial: f64, what: &str) -> Checked<()> {
-    let along = axle * axle.transpose();
-    let transverse = (inertia.trace() - axial) / 2.0;
-    let symmetric = along * axial + (Matrix3::identity() - along) * transverse;
-    let uneven = (inertia - symmetric).amax() / inertia.amax();
-    if (..=TOLERANCE).contains(&uneven) {
-        return Ok(());
-    }
-    Err(format!(
-        "{what}: its inertia is not symmetric about its axle: off by {uneven} of its largest moment, at most {TOLERANCE}"
-    ))
 }
 
 /// Damping, friction and effort limit of a joint; zero where the file is silent.

@@ -64,7 +64,8 @@ impl Contact {
 /// Force of wheel `i` on the ball along its drive direction over the last step, N.
 pub fn traction(world: &World, handles: &Handles, i: usize, sim_dt: f64) -> f64 {
     let joint = world.impulse_joints.get(handles.drives[i]);
-    joint.and_then(|joint| joint.data.motor(JointAxis::LinX)).map_or(0.0, |motor| motor.impulse) / sim_dt
+    // The row acts on the wheel, its first body; the ball feels the opposite.
+    joint.and_then(|joint| joint.data.motor(JointAxis::LinX)).map_or(0.0, |motor| -motor.impulse) / sim_dt
 }
 
 /// Velocity of a body's material point, inertial frame, m/s.

@@ -3,7 +3,7 @@
 use super::bodies::BodyLink;
 use super::convert::{from_rapier, rotation_from_rapier, rotation_to_rapier, to_rapier};
 use super::drive::{self, Contact, stribeck};
-use super::world::{Handles, World, integration_parameters};
+use super::world::{Handles, World, integration_parameters, new_pipeline};
 use crate::energy::mechanical_energy;
 use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
@@ -70,7 +70,7 @@ impl RigidMotion {
             template,
             handles,
             settings: integration_parameters(sim_dt),
-            pipeline: PhysicsPipeline::new(),
+            pipeline: new_pipeline(),
             memory,
             params: params.clone(),
         };
@@ -89,11 +89,26 @@ impl RigidMotion {
         Contact::new(ball, self.params.ball_radius, wheel, &self.axle(i))
     }
 
+    fn bot(&self) -> &Multibody {
+        self.world.multibody_joints.get_multibody(self.handles.bot).expect("the bot is never removed")
+    }
+
+    /// Linear velocity of the root and angular velocity of the body, inertial frame. The multibody knows them at the
+    /// end of a step, its rigid bodies only at the start of the next.
+    fn root_velocity(&self) -> (Vector3<f64>, Vector3<f64>) {
+        let velocities = self.bot().generalized_velocity();
+        (velocities.fixed_rows::<3>(0).into_owned(), velocities.fixed_rows::<3>(3).into_owned())
+    }
+
     /// Wheel surface less ball surface along the drive direction, m/s.
     fn slip_speed(&self, i: usize, contact: &Contact) -> f64 {
-        let wheel = drive::point_velocity(&self.world.bodies[self.handles.wheels[i]], &contact.point);
+        let (velocity, rate) = self.root_velocity();
+        let root = from_rapier(self.world.bodies[self.handles.body].translation());
+        let of_body = velocity + rate.cross(&(contact.point - root));
+        // Relative to the body, the rim moves along the drive direction.
+        let rim = self.params.wheel_radius * self.bot().generalized_velocity()[6 + i];
         let ball = drive::point_velocity(&self.world.bodies[self.handles.ball], &contact.point);
-        (wheel - ball).dot(&contact.drive)
+        (of_body - ball).dot(&contact.drive) + rim
     }
 
     fn floor_slip(&self) -> Vector3<f64> {
@@ -173,8 +188,7 @@ impl RigidMotion {
         let pose = Pose::from_parts(to_rapier(&root), rotation_to_rapier(&state.body_quaternion));
         world.bodies[self.handles.body].set_position(pose, true);
         let rate = state.body_quaternion * state.body_angular_velocity;
-        let velocity =
-            state.body_velocity + state.body_quaternion * state.body_angular_velocity.cross(&self.root);
+        let velocity = state.body_velocity + state.body_quaternion * state.body_angular_velocity.cross(&self.root);
 
         let bot = world.multibody_joints.get_multibody_mut(self.handles.bot).expect("the bot is never removed");
         let mut displacements = [0.0; 9];
@@ -212,7 +226,7 @@ impl Model for RigidMotion {
     fn reset(&mut self, state: &State) -> Result<()> {
         state.validate()?;
         self.world = self.template.clone();
-        self.pipeline = PhysicsPipeline::new();
+        self.pipeline = new_pipeline();
         self.place(state);
         self.memory = Memory {
             time: 0.0,
@@ -252,10 +266,11 @@ impl Model for RigidMotion {
         }
         let ball = &self.world.bodies[self.handles.ball];
         let body = &self.world.bodies[self.handles.body];
-        let bot = self.world.multibody_joints.get_multibody(self.handles.bot).expect("the bot is never removed");
+        let bot = self.bot();
         let velocities = bot.generalized_velocity();
         let body_quaternion = rotation_from_rapier(*body.rotation());
-        let rate = body_quaternion.inverse_transform_vector(&from_rapier(body.angvel()));
+        let (velocity, rate) = self.root_velocity();
+        let rate = body_quaternion.inverse_transform_vector(&rate);
         let angle = |i: usize| bot.link(1 + i).map_or(0.0, |link| link.joint().coords()[3]);
         State {
             ball_position: from_rapier(ball.translation()),
@@ -264,7 +279,7 @@ impl Model for RigidMotion {
             ball_angular_velocity: from_rapier(ball.angvel()),
             body_position: from_rapier(body.translation()) - body_quaternion * self.root,
             body_quaternion,
-            body_velocity: from_rapier(body.linvel()) - body_quaternion * rate.cross(&self.root),
+            body_velocity: velocity - body_quaternion * rate.cross(&self.root),
             body_angular_velocity: rate,
             wheel_angles: [angle(0), angle(1), angle(2)],
             wheel_speeds: [velocities[6], velocities[7], velocities[8]],
@@ -316,7 +331,7 @@ impl Model for RigidMotion {
             .map_err(|e| Error::Decode { what: "saved simulation".into(), reason: e.to_string() })?;
         self.memory = memory;
         self.world = world;
-        self.pipeline = PhysicsPipeline::new();
+        self.pipeline = new_pipeline();
         Ok(())
     }
 }

@@ -60,6 +60,13 @@ pub fn integration_parameters(sim_dt: f64) -> IntegrationParameters {
     }
 }
 
+/// Workspace for one world, without rapier's stopwatches, which would read the clock several times a step.
+pub fn new_pipeline() -> PhysicsPipeline {
+    let mut pipeline = PhysicsPipeline::new();
+    pipeline.counters.disable();
+    pipeline
+}
+
 impl World {
     /// A robot at rest, its body frame at the inertial frame's axes; never stepped.
     pub fn new(params: &Params, wheels: &Omniwheels) -> Result<(Self, Handles)> {
@@ -118,7 +125,15 @@ impl World {
     fn insert_body(&mut self, params: &Params, link: &BodyLink) -> (RigidBodyHandle, ColliderHandle) {
         let i = &link.inertia;
         let inertia = Matrix::from_cols_array(&[
-            i[(0, 0)], i[(1, 0)], i[(2, 0)], i[(0, 1)], i[(1, 1)], i[(2, 1)], i[(0, 2)], i[(1, 2)], i[(2, 2)],
+            i[(0, 0)],
+            i[(1, 0)],
+            i[(2, 0)],
+            i[(0, 1)],
+            i[(1, 1)],
+            i[(2, 1)],
+            i[(0, 2)],
+            i[(1, 2)],
+            i[(2, 2)],
         ]);
         let shape = BodyShape::new(params);
         let middle = Vector3::z() * (0.5 * (shape.bottom + shape.top)) - link.com;
@@ -154,8 +169,7 @@ impl World {
         let inserted = self.insert(
             RigidBodyBuilder::dynamic().translation(start).additional_mass_properties(mass),
             // A sphere touches the ball where the rim of an ideal omniwheel does.
-            ColliderBuilder::ball(params.wheel_radius)
-                .friction_combine_rule(CoefficientCombineRule::Min),
+            ColliderBuilder::ball(params.wheel_radius).friction_combine_rule(CoefficientCombineRule::Min),
         );
         let mut joint = GenericJoint::new(JointAxesMask::LOCKED_REVOLUTE_AXES);
         joint.set_local_frame1(Pose::from_parts(center, axle));
