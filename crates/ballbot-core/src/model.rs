@@ -48,6 +48,11 @@ pub trait Model: Send {
     /// Contact forces of the last step (of the present state, at rest torques, right after a reset).
     fn contacts(&self) -> Contacts;
 
+    /// Whether the body or a wheel touches the floor; the closed-form models have no floor for them.
+    fn bot_on_floor(&self) -> bool {
+        false
+    }
+
     /// Kinetic energy plus the body's potential energy above the ball centre's resting height plus the ball's, J.
     fn energy(&self) -> f64;
 

@@ -172,6 +172,11 @@ impl Ballbot {
         self.model.energy()
     }
 
+    /// Whether the body or a wheel touches the floor; models without a floor under the body never say so.
+    pub fn bot_on_floor(&self) -> bool {
+        self.model.bot_on_floor()
+    }
+
     /// Gives the body an impulse (inertial frame, N·s) at `point` (body frame, m; its CoM if `None`). The rigid model
     /// spreads it over its next time step.
     ///
@@ -230,6 +235,6 @@ fn out_of_bounds(state: &State) -> Option<String> {
     ];
     bounds
         .into_iter()
-        .find(|(_, value, limit, _)| !(value <= limit))
+        .find(|(_, value, limit, _)| value.is_nan() || value > limit)
         .map(|(name, value, limit, unit)| format!("{name} = {value} {unit}, limit {limit} {unit}"))
 }

@@ -60,8 +60,7 @@ fn regulator(
         .solve(&(&bp * a));
     let closed_loop = a - b * &gain;
     let residual = (q + a.transpose() * &cost * &closed_loop - &cost).norm() / cost.norm();
-    // A NaN must fail here as well.
-    if !(residual <= MAX_RESIDUAL) {
+    if residual.is_nan() || residual > MAX_RESIDUAL {
         return Err(Error::Riccati(format!("relative residual {residual:e}, limit {MAX_RESIDUAL:e}")));
     }
     let radius = closed_loop.complex_eigenvalues().iter().map(|pole| pole.norm()).fold(0.0, f64::max);

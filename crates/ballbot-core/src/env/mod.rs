@@ -1,1 +1,16 @@
+//! Environments: the balance task as a Markov decision process, and many of them in step.
 
+mod balance;
+mod batch;
+mod environment;
+mod observation;
+mod reward;
+
+pub use balance::{BalanceConfig, Termination};
+pub use batch::{Autoreset, Batch, StepBuffers};
+pub use environment::{Environment, Outcome};
+pub use observation::{OBSERVATION, OBSERVATION_LEN, ObservationRow};
+pub use reward::{RewardScales, RewardTerms};
+
+/// Number of actions: one for each wheel.
+pub const ACTION_LEN: usize = 3;

@@ -287,16 +287,20 @@ impl Model for RigidMotion {
     }
 
     fn contacts(&self) -> Contacts {
-        let h = &self.handles;
-        let on_floor = |collider| self.world.touch(h.floor_collider, collider);
         Contacts {
             wheel_normal_forces: self.memory.wheel_loads,
             wheel_tractions: self.memory.tractions,
             wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(i, &self.contact(i))),
             floor_force: self.memory.floor_force.into(),
             floor_slip_velocity: self.floor_slip().xy(),
-            bot_on_floor: on_floor(h.body_collider) || h.wheel_colliders.iter().any(|&wheel| on_floor(wheel)),
+            bot_on_floor: self.bot_on_floor(),
         }
+    }
+
+    fn bot_on_floor(&self) -> bool {
+        let h = &self.handles;
+        let on_floor = |collider| self.world.touch(h.floor_collider, collider);
+        on_floor(h.body_collider) || h.wheel_colliders.iter().any(|&wheel| on_floor(wheel))
     }
 
     fn energy(&self) -> f64 {
