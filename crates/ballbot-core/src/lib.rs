@@ -32,7 +32,7 @@ mod state;
 pub mod urdf;
 
 pub use energy::mechanical_energy;
-pub use error::{Error, Result};
+pub use error::{Error, Result, finite as check_finite};
 pub use model::{JointDynamics, Model};
 pub use params::{PAPER_BALL_VISCOUS_FRICTION, Params};
 pub use robot::{Ballbot, ModelKind};

@@ -23,7 +23,7 @@ impl JointDynamics {
 }
 
 /// A simulated robot. Implementations trust their input; [`crate::Ballbot`] checks it.
-pub trait Model: Send {
+pub trait Model: Send + Sync {
     /// The robot's parameters.
     fn params(&self) -> &Params;
 

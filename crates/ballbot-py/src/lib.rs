@@ -1,1 +1,36 @@
+//! Python bindings of `ballbot-core`: conversions and names, no physics and no rewards.
 
+mod batch;
+mod control;
+mod convert;
+mod errors;
+mod models;
+mod params;
+mod robot;
+mod state;
+
+use pyo3::prelude::*;
+
+/// The extension module `ballbot_rs._core`.
+#[pymodule]
+fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let py = module.py();
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("PAPER_BALL_VISCOUS_FRICTION", ballbot_core::PAPER_BALL_VISCOUS_FRICTION)?;
+    module.add("MODELS", ballbot_core::ModelKind::ALL.map(ballbot_core::ModelKind::name))?;
+    module.add("OBSERVATION", batch::observation_rows())?;
+    module.add("DivergedError", py.get_type::<errors::DivergedError>())?;
+    module.add("UrdfError", py.get_type::<errors::UrdfError>())?;
+    module.add_class::<params::PyParams>()?;
+    module.add_class::<state::PyState>()?;
+    module.add_class::<state::PyContacts>()?;
+    module.add_class::<robot::PyBallbot>()?;
+    module.add_class::<models::PySpatialModel>()?;
+    module.add_class::<models::PyPlanarModel>()?;
+    module.add_class::<control::PyPid>()?;
+    module.add_class::<control::PyLqr>()?;
+    module.add_class::<batch::PyBatch>()?;
+    module.add_function(wrap_pyfunction!(models::virtual_to_wheel_torques, module)?)?;
+    module.add_function(wrap_pyfunction!(models::wheel_to_virtual_torques, module)?)?;
+    Ok(())
+}

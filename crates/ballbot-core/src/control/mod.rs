@@ -25,7 +25,7 @@ pub struct Setpoint {
 }
 
 /// A feedback law sampled every `control_dt`.
-pub trait Controller: Send {
+pub trait Controller: Send + Sync {
     /// Time between two calls of [`Controller::wheel_torques`], s.
     fn control_dt(&self) -> f64;
 

@@ -230,7 +230,7 @@ impl Environment {
     pub fn save(&self) -> Vec<u8> {
         let snapshot = Snapshot {
             robot: self.robot.save(),
-            seed: self.rng.get_seed().into(),
+            seed: self.rng.get_seed(),
             word: self.rng.get_word_pos(),
             episode: self.episode,
         };
@@ -245,7 +245,7 @@ impl Environment {
         let snapshot: Snapshot = postcard::from_bytes(bytes)
             .map_err(|e| Error::Decode { what: "saved environment".into(), reason: e.to_string() })?;
         self.robot.load(&snapshot.robot)?;
-        self.rng = ChaCha8Rng::from_seed(snapshot.seed.into());
+        self.rng = ChaCha8Rng::from_seed(snapshot.seed);
         self.rng.set_word_pos(snapshot.word);
         self.episode = snapshot.episode;
         Ok(())

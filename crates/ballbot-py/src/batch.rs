@@ -1,0 +1,307 @@
+//! `Batch`: the environments behind every Python front end.
+
+use crate::convert::{elements, read_elements, vector};
+use crate::errors::{call, to_python};
+use crate::params::PyParams;
+use crate::robot::changed;
+use crate::state::PyState;
+use ballbot_core::State;
+use ballbot_core::env::{
+    ACTION_LEN, BalanceConfig, Batch, OBSERVATION, OBSERVATION_LEN, Outcome, RewardScales, RewardTerms, StepBuffers,
+};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+/// Name, unit and bound of every row of an observation.
+pub(crate) fn observation_rows() -> Vec<(&'static str, &'static str, f32)> {
+    OBSERVATION.iter().map(|row| (row.name, row.unit, row.bound)).collect()
+}
+
+/// Many environments of the balance task, stepped together.
+#[pyclass(name = "Batch", module = "ballbot_rs._core")]
+pub(crate) struct PyBatch {
+    batch: Batch,
+    actions: Vec<f32>,
+    outcomes: Vec<Outcome>,
+    final_observations: Vec<f32>,
+}
+
+type Observations<'py> = Bound<'py, PyArray2<f32>>;
+
+/// What a step gives: observations, rewards, terminated, truncated, last observations of ended episodes.
+type Step<'py> = (
+    Observations<'py>,
+    Bound<'py, PyArray1<f32>>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<bool>>,
+    Option<Observations<'py>>,
+);
+
+/// Sets the field of `config` that a keyword argument names.
+fn configure(config: &mut BalanceConfig, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+    let number: &mut f64 = match name {
+        "params" => {
+            config.params = value.extract::<PyRef<'_, PyParams>>()?.0.clone();
+            return Ok(());
+        }
+        "model" => {
+            config.model = value.extract::<String>()?.parse().map_err(to_python)?;
+            return Ok(());
+        }
+        "reward" => return configure_reward(&mut config.reward, &value.extract::<Bound<'_, PyDict>>()?),
+        "max_episode_steps" => {
+            config.max_episode_steps = value.extract()?;
+            return Ok(());
+        }
+        "setpoint" => {
+            config.setpoint = crate::convert::numbers::<2>("setpoint", value)?;
+            return Ok(());
+        }
+        "sim_dt" => &mut config.sim_dt,
+        "control_dt" => &mut config.control_dt,
+        "max_wheel_torque" => &mut config.max_wheel_torque,
+        "reset_tilt" => &mut config.reset_tilt,
+        "reset_yaw" => &mut config.reset_yaw,
+        "reset_ball_speed" => &mut config.reset_ball_speed,
+        "reset_tilt_rate" => &mut config.reset_tilt_rate,
+        "fall_tilt" => &mut config.fall_tilt,
+        "success_window" => &mut config.success_window,
+        "success_tilt" => &mut config.success_tilt,
+        "success_radius" => &mut config.success_radius,
+        _ => return Err(PyTypeError::new_err(format!("the balance task has no option '{name}'"))),
+    };
+    *number = value.extract()?;
+    Ok(())
+}
+
+fn configure_reward(scales: &mut RewardScales, values: &Bound<'_, PyDict>) -> PyResult<()> {
+    for (name, value) in values {
+        let name: String = name.extract()?;
+        let scale = match name.as_str() {
+            "alive" => &mut scales.alive,
+            "tilt" => &mut scales.tilt,
+            "position" => &mut scales.position,
+            "velocity" => &mut scales.velocity,
+            "rate" => &mut scales.rate,
+            "action" => &mut scales.action,
+            "action_change" => &mut scales.action_change,
+            _ => {
+                return Err(PyTypeError::new_err(format!(
+                    "unknown reward term '{name}': expected one of {}",
+                    RewardTerms::NAMES.join(", ")
+                )));
+            }
+        };
+        *scale = value.extract()?;
+    }
+    Ok(())
+}
+
+#[pymethods]
+impl PyBatch {
+    #[new]
+    #[pyo3(signature = (num_envs, autoreset, num_threads=None, seed=0, **options))]
+    fn new(
+        num_envs: usize,
+        autoreset: &str,
+        num_threads: Option<usize>,
+        seed: u64,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let mut config = BalanceConfig::default();
+        for (name, value) in options.into_iter().flatten() {
+            configure(&mut config, &name.extract::<String>()?, &value)?;
+        }
+        let autoreset = autoreset.parse().map_err(to_python)?;
+        let batch = call(|| Batch::new(&config, num_envs, autoreset, num_threads, seed))?;
+        Ok(Self {
+            actions: Vec::with_capacity(num_envs * ACTION_LEN),
+            outcomes: vec![Outcome::default(); num_envs],
+            final_observations: vec![0.0; num_envs * OBSERVATION_LEN],
+            batch,
+        })
+    }
+
+    #[getter]
+    fn num_envs(&self) -> usize {
+        self.batch.len()
+    }
+
+    #[getter]
+    fn num_threads(&self) -> usize {
+        self.batch.num_threads()
+    }
+
+    #[getter]
+    fn params(&self) -> PyParams {
+        PyParams(self.batch.environments()[0].config().params.clone())
+    }
+
+    #[getter]
+    fn model(&self) -> &'static str {
+        self.batch.environments()[0].config().model.name()
+    }
+
+    #[getter]
+    fn sim_dt(&self) -> f64 {
+        self.batch.environments()[0].config().sim_dt
+    }
+
+    #[getter]
+    fn control_dt(&self) -> f64 {
+        self.batch.environments()[0].config().control_dt
+    }
+
+    #[getter]
+    fn max_wheel_torque(&self) -> f64 {
+        self.batch.environments()[0].config().max_wheel_torque
+    }
+
+    #[getter]
+    fn setpoint(&self) -> [f64; 2] {
+        self.batch.environments()[0].config().setpoint
+    }
+
+    #[getter]
+    fn max_episode_steps(&self) -> usize {
+        self.batch.environments()[0].config().max_episode_steps
+    }
+
+    #[setter]
+    fn set_max_episode_steps(&mut self, steps: usize) -> PyResult<()> {
+        call(|| self.batch.set_max_episode_steps(steps))
+    }
+
+    #[expect(clippy::needless_pass_by_value, reason = "extracted from a Python list")]
+    fn seed(&mut self, seeds: Vec<Option<u64>>) -> PyResult<()> {
+        call(|| self.batch.seed(&seeds))
+    }
+
+    #[pyo3(signature = (mask=None))]
+    fn reset<'py>(&mut self, py: Python<'py>, mask: Option<&Bound<'py, PyAny>>) -> PyResult<Observations<'py>> {
+        let mask = mask.map(|m| elements::<bool>("reset_mask", m, &[Some(self.batch.len())])).transpose()?;
+        let observations = PyArray2::zeros(py, [self.batch.len(), OBSERVATION_LEN], false);
+        let mut writable = observations.readwrite();
+        let rows = writable.as_slice_mut()?;
+        let batch = &mut self.batch;
+        py.detach(|| call(|| batch.reset(mask.as_deref(), rows)))?;
+        drop(writable);
+        Ok(observations)
+    }
+
+    fn reset_to<'py>(
+        &mut self,
+        py: Python<'py>,
+        index: usize,
+        state: &PyState,
+    ) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        let mut observation = [0.0; OBSERVATION_LEN];
+        call(|| self.batch.environment_mut(index)?.reset_to(&state.0, &mut observation))?;
+        Ok(PyArray1::from_slice(py, &observation))
+    }
+
+    fn stagger(&mut self) {
+        self.batch.stagger();
+    }
+
+    fn step<'py>(&mut self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
+        let n = self.batch.len();
+        read_elements("actions", actions, &[Some(n), Some(ACTION_LEN)], &mut self.actions)?;
+        let observations = PyArray2::zeros(py, [n, OBSERVATION_LEN], false);
+        let rewards = PyArray1::zeros(py, n, false);
+        let terminated = PyArray1::from_vec(py, vec![false; n]);
+        let truncated = PyArray1::from_vec(py, vec![false; n]);
+        {
+            let (mut o, mut r) = (observations.readwrite(), rewards.readwrite());
+            let (mut te, mut tr) = (terminated.readwrite(), truncated.readwrite());
+            let mut buffers = StepBuffers {
+                observations: o.as_slice_mut()?,
+                rewards: r.as_slice_mut()?,
+                terminated: te.as_slice_mut()?,
+                truncated: tr.as_slice_mut()?,
+                final_observations: &mut self.final_observations,
+                outcomes: &mut self.outcomes,
+            };
+            let (batch, actions) = (&mut self.batch, &self.actions);
+            py.detach(|| call(|| batch.step(actions, &mut buffers)))?;
+        }
+        let last = if self.outcomes.iter().any(Outcome::done) { Some(self.last_observations(py)?) } else { None };
+        Ok((observations, rewards, terminated, truncated, last))
+    }
+
+    /// Whether the last step of environment `index` ended an episode in success, and the reason of a termination.
+    fn ending(&self, index: usize) -> PyResult<(bool, Option<&'static str>)> {
+        let outcome = self.outcomes.get(index).ok_or_else(|| self.no_such(index))?;
+        Ok((outcome.success, outcome.terminated.map(ballbot_core::env::Termination::name)))
+    }
+
+    fn reward_terms<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyDict>> {
+        let environment = self.batch.environments().get(index).ok_or_else(|| self.no_such(index))?;
+        let dict = PyDict::new(py);
+        for (name, value) in RewardTerms::NAMES.iter().zip(environment.reward_terms().values()) {
+            dict.set_item(name, value)?;
+        }
+        Ok(dict)
+    }
+
+    fn state(&self, index: usize) -> PyResult<PyState> {
+        let environment = self.batch.environments().get(index).ok_or_else(|| self.no_such(index))?;
+        Ok(PyState(environment.robot().state()))
+    }
+
+    fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let states = PyArray2::zeros(py, [self.batch.len(), State::LEN], false);
+        let mut writable = states.readwrite();
+        let rows = writable.as_slice_mut()?.chunks_exact_mut(State::LEN);
+        for (environment, row) in self.batch.environments().iter().zip(rows) {
+            row.copy_from_slice(&environment.robot().state().to_array());
+        }
+        drop(writable);
+        Ok(states)
+    }
+
+    #[pyo3(signature = (index, impulse, point=None))]
+    fn push(&mut self, index: usize, impulse: &Bound<'_, PyAny>, point: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        let impulse = vector("impulse", impulse)?;
+        let point = point.map(|p| vector("point", p)).transpose()?;
+        call(|| self.batch.environment_mut(index)?.robot_mut().push(&impulse, point.as_ref()))
+    }
+
+    #[pyo3(signature = (index, viscous_friction=None, coulomb_friction=None))]
+    fn set_joint_dynamics(
+        &mut self,
+        index: usize,
+        viscous_friction: Option<f64>,
+        coulomb_friction: Option<f64>,
+    ) -> PyResult<()> {
+        call(|| {
+            let robot = self.batch.environment_mut(index)?.robot_mut();
+            robot.set_joint_dynamics(changed(robot.joint_dynamics(), viscous_friction, coulomb_friction))
+        })
+    }
+
+    fn snapshot<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyBytes>> {
+        let environment = self.batch.environments().get(index).ok_or_else(|| self.no_such(index))?;
+        Ok(PyBytes::new(py, &environment.save()))
+    }
+
+    fn restore(&mut self, index: usize, snapshot: &[u8]) -> PyResult<()> {
+        call(|| self.batch.environment_mut(index)?.load(snapshot))
+    }
+}
+
+impl PyBatch {
+    fn last_observations<'py>(&self, py: Python<'py>) -> PyResult<Observations<'py>> {
+        PyArray1::from_slice(py, &self.final_observations).reshape([self.batch.len(), OBSERVATION_LEN])
+    }
+
+    fn no_such(&self, index: usize) -> PyErr {
+        to_python(ballbot_core::Error::OutOfRange {
+            name: "environment index".into(),
+            value: index as f64,
+            limit: format!("below num_envs = {}", self.batch.len()),
+        })
+    }
+}

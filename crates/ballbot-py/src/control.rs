@@ -1,0 +1,150 @@
+//! `Pid` and `Lqr`.
+
+use crate::convert::{array, numbers};
+use crate::errors::{call, to_python};
+use crate::params::{PyParams, or_paper};
+use crate::state::PyState;
+use ballbot_core::control::{Controller, Lqr, LqrWeights, Pid, PidGains, Setpoint, traction_torque};
+use numpy::PyArray1;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
+
+/// A setpoint from keyword arguments.
+fn setpoint(
+    position: Argument<'_, '_>,
+    velocity: Argument<'_, '_>,
+    yaw: f64,
+    tilt: Argument<'_, '_>,
+) -> PyResult<Setpoint> {
+    let pair = |name: &str, value: Argument<'_, '_>| value.map_or(Ok([0.0; 2]), |v| numbers::<2>(name, v));
+    let setpoint = Setpoint {
+        position: pair("position", position)?.into(),
+        velocity: pair("velocity", velocity)?.into(),
+        yaw,
+        tilt: pair("tilt", tilt)?.into(),
+    };
+    let p = &setpoint;
+    let numbers = [p.position.x, p.position.y, p.velocity.x, p.velocity.y, p.yaw, p.tilt.x, p.tilt.y];
+    ballbot_core::check_finite("setpoint", &numbers).map_err(to_python)?;
+    Ok(setpoint)
+}
+
+/// The paper's PID on both tilt components.
+#[pyclass(name = "Pid", module = "ballbot_rs")]
+pub(crate) struct PyPid(Pid);
+
+#[pymethods]
+impl PyPid {
+    #[new]
+    #[pyo3(signature = (
+        params=None, control_dt=0.01, *, proportional=20.39, integral=56.57, derivative=1.34, filter=327.0,
+        mapping="consistent"
+    ))]
+    fn new(
+        params: Option<&PyParams>,
+        control_dt: f64,
+        proportional: f64,
+        integral: f64,
+        derivative: f64,
+        filter: f64,
+        mapping: &str,
+    ) -> PyResult<Self> {
+        let map = mapping.parse().map_err(to_python)?;
+        let gains = PidGains { proportional, integral, derivative, filter };
+        call(|| Pid::new(&or_paper(params), control_dt, gains, map)).map(Self)
+    }
+
+    #[pyo3(signature = (state, *, position=None, velocity=None, yaw=0.0, tilt=None))]
+    fn __call__<'py>(
+        &mut self,
+        py: Python<'py>,
+        state: &PyState,
+        position: Argument<'_, 'py>,
+        velocity: Argument<'_, 'py>,
+        yaw: f64,
+        tilt: Argument<'_, 'py>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let setpoint = setpoint(position, velocity, yaw, tilt)?;
+        Ok(array(py, &self.0.wheel_torques(&state.0, &setpoint)))
+    }
+
+    fn reset(&mut self) {
+        self.0.reset();
+    }
+
+    #[getter]
+    fn control_dt(&self) -> f64 {
+        self.0.control_dt()
+    }
+}
+
+/// A discrete linear-quadratic regulator of position, tilt and heading.
+#[pyclass(name = "Lqr", module = "ballbot_rs")]
+pub(crate) struct PyLqr(Lqr);
+
+#[pymethods]
+impl PyLqr {
+    #[new]
+    #[pyo3(signature = (params=None, control_dt=0.01, *, max_torque=None, **weights))]
+    fn new(
+        params: Option<&PyParams>,
+        control_dt: f64,
+        max_torque: Option<f64>,
+        weights: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let mut w = LqrWeights::default();
+        for (name, value) in weights.into_iter().flatten() {
+            let name: String = name.extract()?;
+            let target = match name.as_str() {
+                "position" => &mut w.position,
+                "velocity" => &mut w.velocity,
+                "tilt" => &mut w.tilt,
+                "tilt_rate" => &mut w.tilt_rate,
+                "yaw" => &mut w.yaw,
+                "yaw_rate" => &mut w.yaw_rate,
+                "torque" => &mut w.torque,
+                _ => {
+                    return Err(PyTypeError::new_err(format!(
+                        "unknown weight '{name}': expected one of position, velocity, tilt, tilt_rate, yaw, \
+                         yaw_rate, torque"
+                    )));
+                }
+            };
+            *target = value.extract()?;
+        }
+        let params = or_paper(params);
+        let max_torque = max_torque.unwrap_or_else(|| traction_torque(&params));
+        call(|| Lqr::with_weights(&params, control_dt, &w, max_torque)).map(Self)
+    }
+
+    #[pyo3(signature = (state, *, position=None, velocity=None, yaw=0.0, tilt=None))]
+    fn __call__<'py>(
+        &mut self,
+        py: Python<'py>,
+        state: &PyState,
+        position: Argument<'_, 'py>,
+        velocity: Argument<'_, 'py>,
+        yaw: f64,
+        tilt: Argument<'_, 'py>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let setpoint = setpoint(position, velocity, yaw, tilt)?;
+        Ok(array(py, &self.0.wheel_torques(&state.0, &setpoint)))
+    }
+
+    fn reset(&mut self) {
+        self.0.reset();
+    }
+
+    #[getter]
+    fn control_dt(&self) -> f64 {
+        self.0.control_dt()
+    }
+
+    #[getter]
+    fn residual(&self) -> f64 {
+        self.0.regulator().residual
+    }
+}

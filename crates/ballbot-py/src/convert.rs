@@ -1,0 +1,77 @@
+//! Array-likes in, NumPy arrays out.
+
+use nalgebra::Vector3;
+use numpy::{AllowTypeChange, Element, PyArray1, PyArrayLikeDyn, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+
+/// What array-likes may hold.
+pub(crate) trait Number: Element + Copy + for<'a, 'py> FromPyObject<'a, 'py> {}
+impl<T: Element + Copy + for<'a, 'py> FromPyObject<'a, 'py>> Number for T {}
+
+/// Reads the elements of an array-like in C order into `out`. `name` is what messages call it; `shape` is the shape it
+/// must have, with `None` for any length along an axis. Any numeric type and memory order will do.
+pub(crate) fn read_elements<T: Number>(
+    name: &str,
+    value: &Bound<'_, PyAny>,
+    shape: &[Option<usize>],
+    out: &mut Vec<T>,
+) -> PyResult<()> {
+    let array: PyArrayLikeDyn<'_, T, AllowTypeChange> = value.extract().map_err(|_| {
+        let kind = value.get_type().name().map_or_else(|_| "this".to_owned(), |n| n.to_string());
+        PyTypeError::new_err(format!("{name} must be an array of numbers, not {kind}"))
+    })?;
+    let fits = array.shape().len() == shape.len()
+        && array.shape().iter().zip(shape).all(|(found, wanted)| wanted.is_none_or(|w| w == *found));
+    if !fits {
+        let tuple = |sizes: Vec<String>| match sizes.as_slice() {
+            [one] => format!("({one},)"),
+            _ => format!("({})", sizes.join(", ")),
+        };
+        let found = tuple(array.shape().iter().map(ToString::to_string).collect());
+        let wanted = tuple(shape.iter().map(|d| d.map_or_else(|| "n".to_owned(), |d| d.to_string())).collect());
+        return Err(PyValueError::new_err(format!("{name} has shape {found}, expected {wanted}")));
+    }
+    out.clear();
+    match array.as_slice() {
+        Ok(contiguous) => out.extend_from_slice(contiguous),
+        Err(_) => out.extend(array.as_array().iter().copied()),
+    }
+    Ok(())
+}
+
+/// The elements that [`read_elements`] reads.
+pub(crate) fn elements<T: Number>(
+    name: &str,
+    value: &Bound<'_, PyAny>,
+    shape: &[Option<usize>],
+) -> PyResult<Vec<T>> {
+    let mut out = Vec::new();
+    read_elements(name, value, shape, &mut out)?;
+    Ok(out)
+}
+
+/// `N` numbers.
+pub(crate) fn numbers<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
+    let values = elements(name, value, &[Some(N)])?;
+    Ok(values.try_into().expect("the shape was checked"))
+}
+
+/// A vector of three.
+pub(crate) fn vector(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>> {
+    Ok(numbers::<3>(name, value)?.into())
+}
+
+/// A vector of three, or a default.
+pub(crate) fn vector_or(
+    name: &str,
+    value: Option<&Bound<'_, PyAny>>,
+    default: Vector3<f64>,
+) -> PyResult<Vector3<f64>> {
+    value.map_or(Ok(default), |v| vector(name, v))
+}
+
+/// A fresh one-dimensional array.
+pub(crate) fn array<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, PyArray1<f64>> {
+    PyArray1::from_slice(py, values)
+}

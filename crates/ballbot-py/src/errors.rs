@@ -1,0 +1,45 @@
+//! Core errors and panics as Python exceptions.
+
+use ballbot_core::Error;
+use pyo3::exceptions::{PyArithmeticError, PyOSError, PyRuntimeError, PyValueError};
+use pyo3::{PyErr, PyResult, create_exception};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+create_exception!(
+    ballbot_rs,
+    DivergedError,
+    PyArithmeticError,
+    "The simulation left the range in which its numbers mean anything."
+);
+create_exception!(ballbot_rs, UrdfError, PyValueError, "A URDF is malformed, or describes something that is no ballbot.");
+
+/// A core error as the exception that Python users expect of it.
+pub(crate) fn to_python(error: Error) -> PyErr {
+    let message = error.to_string();
+    match error {
+        Error::Urdf { .. } => UrdfError::new_err(message),
+        Error::Diverged { .. } => DivergedError::new_err(message),
+        Error::Io { path, source } => match source.raw_os_error() {
+            // With an errno, OSError becomes FileNotFoundError, PermissionError, ... by itself.
+            Some(code) => PyOSError::new_err((code, source.to_string(), path.display().to_string())),
+            None => PyOSError::new_err(message),
+        },
+        _ => PyValueError::new_err(message),
+    }
+}
+
+/// Runs a call into the core; its error becomes an exception, and so does a panic, which would otherwise pass every
+/// `except Exception`.
+pub(crate) fn call<T>(f: impl FnOnce() -> ballbot_core::Result<T>) -> PyResult<T> {
+    match catch_unwind(AssertUnwindSafe(f)) {
+        Ok(result) => result.map_err(to_python),
+        Err(panic) => {
+            let reason = panic
+                .downcast_ref::<&str>()
+                .map(|s| (*s).to_owned())
+                .or_else(|| panic.downcast_ref::<String>().cloned())
+                .unwrap_or_else(|| "unknown reason".to_owned());
+            Err(PyRuntimeError::new_err(format!("internal error of ballbot_rs, please report it: {reason}")))
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! The closed-form models and the torque maps.
+
+use crate::convert::{array, elements, numbers, vector};
+use crate::errors::to_python;
+use crate::params::PyParams;
+use crate::state::PyContacts;
+use ballbot_core::kinematics::Omniwheels;
+use ballbot_core::models::{PlanarModel, SpatialModel};
+use ballbot_core::unit_quaternion;
+use nalgebra::{UnitQuaternion, Vector3, Vector6};
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+
+type Array<'py> = Bound<'py, PyArray1<f64>>;
+
+/// Equations of motion of the coupled 3D robot without slip.
+#[pyclass(name = "SpatialModel", module = "ballbot_rs", frozen)]
+pub(crate) struct PySpatialModel(SpatialModel);
+
+impl PySpatialModel {
+    fn motion(
+        &self,
+        body_quaternion: &Bound<'_, PyAny>,
+        generalized_velocity: &Bound<'_, PyAny>,
+    ) -> PyResult<(UnitQuaternion<f64>, Vector6<f64>)> {
+        let quaternion = numbers::<4>("body_quaternion", body_quaternion)?;
+        let quaternion = unit_quaternion("body_quaternion", quaternion).map_err(to_python)?;
+        let dof = self.0.degrees_of_freedom();
+        let velocity: Vec<f64> = elements("generalized_velocity", generalized_velocity, &[Some(dof)])?;
+        let velocity = self.0.generalized_velocity(&velocity).map_err(to_python)?;
+        Ok((quaternion, velocity))
+    }
+}
+
+#[pymethods]
+impl PySpatialModel {
+    #[new]
+    #[pyo3(signature = (params, absolute_wheel_spin=true, ball_spins_about_vertical=false))]
+    fn new(params: &PyParams, absolute_wheel_spin: bool, ball_spins_about_vertical: bool) -> Self {
+        Self(SpatialModel::new(&params.0, absolute_wheel_spin, ball_spins_about_vertical))
+    }
+
+    fn accelerations<'py>(
+        &self,
+        py: Python<'py>,
+        body_quaternion: &Bound<'py, PyAny>,
+        generalized_velocity: &Bound<'py, PyAny>,
+        wheel_torques: &Bound<'py, PyAny>,
+    ) -> PyResult<Array<'py>> {
+        let (quaternion, velocity) = self.motion(body_quaternion, generalized_velocity)?;
+        let torques = finite_vector("wheel_torques", wheel_torques)?;
+        let accelerations = self.0.accelerations(&quaternion, &velocity, &torques);
+        Ok(array(py, &accelerations.as_slice()[..self.0.degrees_of_freedom()]))
+    }
+
+    fn wheel_speeds<'py>(
+        &self,
+        py: Python<'py>,
+        body_quaternion: &Bound<'py, PyAny>,
+        generalized_velocity: &Bound<'py, PyAny>,
+    ) -> PyResult<Array<'py>> {
+        let (quaternion, velocity) = self.motion(body_quaternion, generalized_velocity)?;
+        Ok(array(py, self.0.wheel_speeds(&quaternion, &velocity).as_slice()))
+    }
+
+    fn energy(&self, body_quaternion: &Bound<'_, PyAny>, generalized_velocity: &Bound<'_, PyAny>) -> PyResult<f64> {
+        let (quaternion, velocity) = self.motion(body_quaternion, generalized_velocity)?;
+        Ok(self.0.energy(&quaternion, &velocity))
+    }
+
+    fn contacts(
+        &self,
+        body_quaternion: &Bound<'_, PyAny>,
+        generalized_velocity: &Bound<'_, PyAny>,
+        wheel_torques: &Bound<'_, PyAny>,
+    ) -> PyResult<PyContacts> {
+        let (quaternion, velocity) = self.motion(body_quaternion, generalized_velocity)?;
+        let torques = finite_vector("wheel_torques", wheel_torques)?;
+        let contacts = self.0.contacts(&quaternion, &velocity, &torques);
+        Ok(PyContacts { contacts, params: self.0.params().clone() })
+    }
+}
+
+/// The paper's planar model, eqs. (1)-(7).
+#[pyclass(name = "PlanarModel", module = "ballbot_rs", frozen)]
+pub(crate) struct PyPlanarModel(PlanarModel);
+
+#[pymethods]
+impl PyPlanarModel {
+    #[new]
+    #[pyo3(signature = (params, wheel_inertia="as_printed", plane="yz"))]
+    fn new(params: &PyParams, wheel_inertia: &str, plane: &str) -> PyResult<Self> {
+        let wheel_inertia = wheel_inertia.parse().map_err(to_python)?;
+        let plane = plane.parse().map_err(to_python)?;
+        Ok(Self(PlanarModel::in_plane(&params.0, wheel_inertia, plane)))
+    }
+
+    fn accelerations<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        q_dot: &Bound<'py, PyAny>,
+        virtual_torque: f64,
+    ) -> PyResult<Array<'py>> {
+        let q = numbers::<2>("q", q)?.into();
+        let q_dot = numbers::<2>("q_dot", q_dot)?.into();
+        Ok(array(py, self.0.accelerations(&q, &q_dot, virtual_torque).as_slice()))
+    }
+
+    fn energy(&self, q: &Bound<'_, PyAny>, q_dot: &Bound<'_, PyAny>) -> PyResult<f64> {
+        Ok(self.0.energy(&numbers::<2>("q", q)?.into(), &numbers::<2>("q_dot", q_dot)?.into()))
+    }
+
+    fn yaw_acceleration(&self, virtual_torque: f64) -> f64 {
+        self.0.yaw_acceleration(virtual_torque)
+    }
+
+    fn linearize<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray2<f64>>, Array<'py>)> {
+        let (a, b) = self.0.linearize();
+        let rows: Vec<Vec<f64>> = a.row_iter().map(|row| row.iter().copied().collect()).collect();
+        Ok((PyArray2::from_vec2(py, &rows)?, array(py, b.as_slice())))
+    }
+}
+
+fn finite_vector(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>> {
+    let v = vector(name, value)?;
+    ballbot_core::check_finite(name, v.as_slice()).map_err(to_python)?;
+    Ok(v)
+}
+
+/// Wheel torques of given virtual torques.
+#[pyfunction]
+#[pyo3(signature = (params, virtual_torques, mapping="consistent"))]
+pub(crate) fn virtual_to_wheel_torques<'py>(
+    py: Python<'py>,
+    params: &PyParams,
+    virtual_torques: &Bound<'py, PyAny>,
+    mapping: &str,
+) -> PyResult<Array<'py>> {
+    let map = mapping.parse().map_err(to_python)?;
+    let torques = finite_vector("virtual_torques", virtual_torques)?;
+    Ok(array(py, Omniwheels::new(&params.0).wheel_torques(&torques, map).as_slice()))
+}
+
+/// Virtual torques of given wheel torques.
+#[pyfunction]
+pub(crate) fn wheel_to_virtual_torques<'py>(
+    py: Python<'py>,
+    params: &PyParams,
+    wheel_torques: &Bound<'py, PyAny>,
+) -> PyResult<Array<'py>> {
+    let torques = finite_vector("wheel_torques", wheel_torques)?;
+    Ok(array(py, Omniwheels::new(&params.0).virtual_torques(&torques).as_slice()))
+}

@@ -1,0 +1,267 @@
+//! `State` and `Contacts`.
+
+use crate::convert::{array, numbers, vector, vector_or};
+use crate::errors::{call, to_python};
+use crate::params::PyParams;
+use ballbot_core::{Contacts, Params, State, unit_quaternion, wxyz};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use numpy::PyArray1;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+type Array<'py> = Bound<'py, PyArray1<f64>>;
+type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
+
+/// Position, attitude and velocities of ball, body and wheels.
+#[pyclass(name = "State", module = "ballbot_rs", frozen, eq)]
+#[derive(Clone, PartialEq)]
+pub(crate) struct PyState(pub State);
+
+fn quaternion(name: &str, value: Argument<'_, '_>) -> PyResult<UnitQuaternion<f64>> {
+    match value {
+        Some(v) => unit_quaternion(name, numbers::<4>(name, v)?).map_err(to_python),
+        None => Ok(UnitQuaternion::identity()),
+    }
+}
+
+const NAMES: [&str; 10] = [
+    "ball_position",
+    "ball_velocity",
+    "ball_angular_velocity",
+    "body_quaternion",
+    "body_angular_velocity",
+    "wheel_speeds",
+    "ball_quaternion",
+    "wheel_angles",
+    "body_position",
+    "body_velocity",
+];
+
+#[pymethods]
+impl PyState {
+    #[new]
+    #[pyo3(signature = (
+        ball_position, ball_velocity=None, ball_angular_velocity=None, body_quaternion=None,
+        body_angular_velocity=None, wheel_speeds=None, *, ball_quaternion=None, wheel_angles=None,
+        body_position=None, body_velocity=None
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "the state has ten parts")]
+    fn new(
+        ball_position: &Bound<'_, PyAny>,
+        ball_velocity: Argument<'_, '_>,
+        ball_angular_velocity: Argument<'_, '_>,
+        body_quaternion: Argument<'_, '_>,
+        body_angular_velocity: Argument<'_, '_>,
+        wheel_speeds: Argument<'_, '_>,
+        ball_quaternion: Argument<'_, '_>,
+        wheel_angles: Argument<'_, '_>,
+        body_position: Argument<'_, '_>,
+        body_velocity: Argument<'_, '_>,
+    ) -> PyResult<Self> {
+        let zero = Vector3::zeros();
+        let ball_position = vector("ball_position", ball_position)?;
+        let ball_velocity = vector_or("ball_velocity", ball_velocity, zero)?;
+        let state = State {
+            ball_position,
+            ball_quaternion: quaternion("ball_quaternion", ball_quaternion)?,
+            ball_velocity,
+            ball_angular_velocity: vector_or("ball_angular_velocity", ball_angular_velocity, zero)?,
+            body_position: vector_or("body_position", body_position, ball_position)?,
+            body_quaternion: quaternion("body_quaternion", body_quaternion)?,
+            body_velocity: vector_or("body_velocity", body_velocity, ball_velocity)?,
+            body_angular_velocity: vector_or("body_angular_velocity", body_angular_velocity, zero)?,
+            wheel_angles: vector_or("wheel_angles", wheel_angles, zero)?.into(),
+            wheel_speeds: vector_or("wheel_speeds", wheel_speeds, zero)?.into(),
+        };
+        state.validate().map_err(to_python)?;
+        Ok(Self(state))
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (params, tilt=None, yaw=0.0))]
+    fn upright(params: &PyParams, tilt: Argument<'_, '_>, yaw: f64) -> PyResult<Self> {
+        tilted(&params.0, tilt, yaw).map(Self)
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (params, ball_velocity, body_quaternion=None, body_angular_velocity=None, ball_spin=0.0))]
+    fn rolling(
+        params: &PyParams,
+        ball_velocity: &Bound<'_, PyAny>,
+        body_quaternion: Argument<'_, '_>,
+        body_angular_velocity: Argument<'_, '_>,
+        ball_spin: f64,
+    ) -> PyResult<Self> {
+        let velocity: Vector2<f64> = numbers::<2>("ball_velocity", ball_velocity)?.into();
+        let attitude = quaternion("body_quaternion", body_quaternion)?;
+        let rate = vector_or("body_angular_velocity", body_angular_velocity, Vector3::zeros())?;
+        let state = State::rolling(&params.0, velocity, ball_spin, attitude, rate);
+        state.validate().map_err(to_python)?;
+        Ok(Self(state))
+    }
+
+    #[staticmethod]
+    fn from_array(values: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let values = numbers::<{ State::LEN }>("values", values)?;
+        let state = State::from_array(&values);
+        state.validate().map_err(to_python)?;
+        Ok(Self(state))
+    }
+
+    fn to_array<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, &self.0.to_array())
+    }
+
+    #[pyo3(signature = (**changes))]
+    fn replace<'py>(slf: &Bound<'py, Self>, changes: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
+        let arguments = PyDict::new(slf.py());
+        for name in NAMES {
+            arguments.set_item(name, slf.getattr(name)?)?;
+        }
+        for (name, value) in changes.into_iter().flatten() {
+            if !arguments.contains(&name)? {
+                return Err(PyTypeError::new_err(format!("State has no field {name}; it has {}", NAMES.join(", "))));
+            }
+            arguments.set_item(name, value)?;
+        }
+        slf.get_type().call((), Some(&arguments))
+    }
+
+    #[getter]
+    fn ball_position<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, self.0.ball_position.as_slice())
+    }
+
+    #[getter]
+    fn ball_quaternion<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, &wxyz(&self.0.ball_quaternion))
+    }
+
+    #[getter]
+    fn ball_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, self.0.ball_velocity.as_slice())
+    }
+
+    #[getter]
+    fn ball_angular_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, self.0.ball_angular_velocity.as_slice())
+    }
+
+    #[getter]
+    fn body_position<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, self.0.body_position.as_slice())
+    }
+
+    #[getter]
+    fn body_quaternion<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, &wxyz(&self.0.body_quaternion))
+    }
+
+    #[getter]
+    fn body_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, self.0.body_velocity.as_slice())
+    }
+
+    #[getter]
+    fn body_angular_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, self.0.body_angular_velocity.as_slice())
+    }
+
+    #[getter]
+    fn wheel_angles<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, &self.0.wheel_angles)
+    }
+
+    #[getter]
+    fn wheel_speeds<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, &self.0.wheel_speeds)
+    }
+
+    #[getter]
+    fn tilt(&self) -> f64 {
+        self.0.tilt()
+    }
+
+    #[getter]
+    fn tilt_components<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, self.0.tilt_components().as_slice())
+    }
+
+    #[getter]
+    fn yaw(&self) -> f64 {
+        self.0.yaw()
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+        let mut parts = Vec::new();
+        for name in NAMES {
+            let values: Vec<f64> = slf.getattr(name)?.extract()?;
+            parts.push(format!("{name}={values:?}"));
+        }
+        Ok(format!("State({})", parts.join(", ")))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Array<'py>,))> {
+        Ok((slf.get_type().getattr("from_array")?, (slf.get().to_array(slf.py()),)))
+    }
+}
+
+/// A state at rest with a tilt (two components) and a yaw.
+pub(crate) fn tilted(params: &Params, tilt: Argument<'_, '_>, yaw: f64) -> PyResult<State> {
+    let tilt = tilt.map_or(Ok([0.0; 2]), |t| numbers::<2>("tilt", t))?;
+    call(|| {
+        let state = State::tilted(params, tilt.into(), yaw);
+        state.validate()?;
+        Ok(state)
+    })
+}
+
+/// Forces at the contacts during the last step.
+#[pyclass(name = "Contacts", module = "ballbot_rs", frozen)]
+pub(crate) struct PyContacts {
+    pub(crate) contacts: Contacts,
+    pub(crate) params: Params,
+}
+
+#[pymethods]
+impl PyContacts {
+    #[getter]
+    fn wheel_normal_forces<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, &self.contacts.wheel_normal_forces)
+    }
+
+    #[getter]
+    fn wheel_tractions<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, &self.contacts.wheel_tractions)
+    }
+
+    #[getter]
+    fn wheel_slip_speeds<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, &self.contacts.wheel_slip_speeds)
+    }
+
+    #[getter]
+    fn floor_force<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, self.contacts.floor_force.as_slice())
+    }
+
+    #[getter]
+    fn floor_slip_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, self.contacts.floor_slip_velocity.as_slice())
+    }
+
+    #[getter]
+    fn bot_on_floor(&self) -> bool {
+        self.contacts.bot_on_floor
+    }
+
+    #[getter]
+    fn friction_utilization<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, &self.contacts.friction_utilization(&self.params))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("{:?}", self.contacts)
+    }
+}

@@ -1,0 +1,82 @@
+"""What every front end shares: a batch of environments, its spaces, and how it is copied and pickled."""
+
+import secrets
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from ballbot_rs._core import OBSERVATION, Batch
+
+
+def observation_space() -> spaces.Box:
+    """Space of one observation: 16 float32, finite bounds, rows as documented by `BalanceEnv`."""
+    high = np.array([bound for _, _, bound in OBSERVATION], dtype=np.float32)
+    return spaces.Box(-high, high, dtype=np.float32)
+
+
+def action_space() -> spaces.Box:
+    """Space of one action: three float32 in [-1, 1]."""
+    return spaces.Box(-1.0, 1.0, (3,), dtype=np.float32)
+
+
+def refuse_renderer(render_mode: str | None) -> None:
+    """Raises TypeError for any render mode: the environments have no renderer.
+
+    A TypeError is what Stable-Baselines3's `make_vec_env` takes as "make it without one".
+    """
+    if render_mode is not None:
+        raise TypeError(f"render_mode = '{render_mode}': this environment has no renderer, it must be None")
+
+
+class BatchOwner:
+    """Owns a `Batch` and carries it through `copy.deepcopy` and `pickle` with everything the future depends on."""
+
+    _batch: Batch
+
+    def _make_batch(
+        self,
+        num_envs: int,
+        autoreset: str,
+        num_threads: int | None,
+        seed: int | None,
+        options: Mapping[str, Any],
+    ) -> None:
+        self._batch_arguments = (num_envs, autoreset, num_threads, dict(options))
+        seed = secrets.randbits(63) if seed is None else check_seed(seed)
+        self._batch = Batch(num_envs, autoreset, num_threads, seed, **options)
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = self.__dict__.copy()
+        batch = state.pop("_batch")
+        state["_snapshots"] = [batch.snapshot(i) for i in range(batch.num_envs)]
+        state["_max_episode_steps"] = batch.max_episode_steps
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        snapshots = state.pop("_snapshots")
+        max_episode_steps = state.pop("_max_episode_steps")
+        self.__dict__.update(state)
+        num_envs, autoreset, num_threads, options = self._batch_arguments
+        self._batch = Batch(num_envs, autoreset, num_threads, 0, **options)
+        self._batch.max_episode_steps = max_episode_steps
+        for i, snapshot in enumerate(snapshots):
+            self._batch.restore(i, snapshot)
+
+
+def check_seed(seed: int) -> int:
+    """The seed as an int in [0, 2**64), or a ValueError that names it."""
+    seed = int(seed)
+    if not 0 <= seed < 2**64:
+        raise ValueError(f"seed = {seed} is out of range: it must be from 0 to 2**64 - 1")
+    return seed
+
+
+def check_options(options: Mapping[str, Any] | None, known: tuple[str, ...]) -> dict[str, Any]:
+    """Reset options as a dict; a ValueError names one that is not known."""
+    options = dict(options or {})
+    for name in options:
+        if name not in known:
+            raise ValueError(f"unknown reset option '{name}': expected one of {', '.join(known)}")
+    return options

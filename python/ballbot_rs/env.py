@@ -1,0 +1,140 @@
+"""The balance task as a single Gymnasium environment."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._core import Params, State
+from ballbot_rs.batch_owner import (
+    BatchOwner,
+    action_space,
+    check_options,
+    check_seed,
+    observation_space,
+    refuse_renderer,
+)
+from ballbot_rs.registration import MAX_EPISODE_STEPS
+
+FloatArray = npt.NDArray[np.float32]
+
+
+class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
+    """Keep a ballbot upright with its ball at the setpoint.
+
+    ## Action space
+    `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a share of `max_wheel_torque` (1 N·m); clipped.
+
+    ## Observation space
+    `Box(16, float32)`, what the robot can sense. The heading frame has the robot's yaw and a vertical z axis.
+
+    | rows  | what                                              | unit  | bound |
+    |-------|---------------------------------------------------|-------|-------|
+    | 0-2   | direction of gravity in the body frame            |       | 1     |
+    | 3-5   | angular velocity of the body, body frame          | rad/s | 20    |
+    | 6-8   | wheel speeds, relative to the body (encoders)     | rad/s | 200   |
+    | 9-10  | ball position from the setpoint, heading frame    | m     | 10    |
+    | 11-12 | ball velocity, heading frame                      | m/s   | 10    |
+    | 13-15 | last action                                       |       | 1     |
+
+    Values saturate at the bounds.
+
+    ## Rewards
+    The sum of named terms times their scales (`reward={"tilt": 2.0, ...}` changes a scale; `reward_terms()` gives the
+    last step's): `alive` 1 for a step that does not end in a fall, less costs of `tilt`, `position`, `velocity`,
+    `rate` (of the body), `action` and `action_change`. The best possible return is 1000.
+
+    ## Starting state
+    The ball at the origin; tilt drawn evenly from a cone of 5 deg, any yaw, ball speed up to 0.1 m/s, tilt rate up to
+    0.2 rad/s, rolling without slip. `reset(options={"state": State(...)})` starts from a given state instead.
+
+    ## Episode end
+    Terminated when the tilt exceeds 20 deg, the body or a wheel touches the floor, or the simulation diverges; the
+    info then has `termination`: "tilt", "bot_on_floor" or "diverged". Truncated after `max_episode_steps` (10 s at the
+    default control rate; `gymnasium.make(..., max_episode_steps=n)` changes it). On the last step the info has
+    `is_success`: truncated, and over the last 2 s tilt ≤ 1 deg and ball within 0.10 m of the setpoint.
+
+    ## Arguments
+    All keyword, SI units and radians: `params` (`Params.paper()`), `model` ("rigid", "spatial" or "planar"), `sim_dt`
+    (0.002), `control_dt` (0.01, a whole multiple of `sim_dt`), `max_wheel_torque`, `setpoint`, `reset_tilt`,
+    `reset_yaw`, `reset_ball_speed`, `reset_tilt_rate`, `fall_tilt`, `success_window`, `success_tilt`,
+    `success_radius`, `reward`.
+
+    Raises:
+        ValueError: a number is out of range, or a name is not known; the message has the value and the limit.
+        TypeError: an argument is not known.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
+
+    def __init__(
+        self, *, render_mode: str | None = None, max_episode_steps: int = MAX_EPISODE_STEPS, **options: Any
+    ) -> None:
+        refuse_renderer(render_mode)
+        self.observation_space = observation_space()
+        self.action_space = action_space()
+        options["max_episode_steps"] = max_episode_steps
+        self._make_batch(1, "disabled", 1, None, options)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[FloatArray, dict[str, Any]]:
+        """Begins an episode.
+
+        Args:
+            seed: seeds the start states to come; None goes on with the present random numbers.
+            options: `{"state": State}` starts from that state.
+
+        Raises:
+            ValueError: an unknown option, a seed out of range, or a state that the model cannot represent.
+        """
+        start = check_options(options, ("state",)).get("state")
+        if seed is not None:
+            seed = check_seed(seed)
+            self._batch.seed([seed])
+        super().reset(seed=seed)
+        if self.spec is not None and self.spec.max_episode_steps is not None:
+            # `gymnasium.make` may have changed the length that its TimeLimit keeps.
+            self._batch.max_episode_steps = self.spec.max_episode_steps
+        if start is not None:
+            return self._batch.reset_to(0, start), {}
+        return self._batch.reset()[0], {}
+
+    def step(self, action: npt.ArrayLike) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
+        """Applies an action for one control step.
+
+        Raises:
+            ValueError: the action has the wrong shape or is not finite, or the episode is over.
+        """
+        observations, rewards, terminated, truncated, last = self._batch.step(np.asarray(action)[np.newaxis])
+        info: dict[str, Any] = {}
+        if last is not None:
+            info["is_success"], termination = self._batch.ending(0)
+            if termination is not None:
+                info["termination"] = termination
+        return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
+
+    @property
+    def state(self) -> State:
+        """The robot's full state, of which the observation is a part."""
+        return self._batch.state(0)
+
+    @property
+    def params(self) -> Params:
+        """The robot's parameters."""
+        return self._batch.params
+
+    def reward_terms(self) -> dict[str, float]:
+        """The terms whose sum was the last reward."""
+        return self._batch.reward_terms(0)
+
+    def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
+        """Gives the body an impulse; see `Ballbot.push`."""
+        self._batch.push(0, impulse, point)
+
+    def set_joint_dynamics(
+        self, viscous_friction: float | None = None, coulomb_friction: float | None = None
+    ) -> None:
+        """Changes the friction of the wheel joints; see `Ballbot.set_joint_dynamics`."""
+        self._batch.set_joint_dynamics(0, viscous_friction, coulomb_friction)

@@ -1,0 +1,170 @@
+"""The balance task as a Gymnasium vector environment, all robots stepped at once in Rust."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from ballbot_rs._core import State
+from ballbot_rs.batch_owner import (
+    BatchOwner,
+    action_space,
+    check_options,
+    check_seed,
+    observation_space,
+    refuse_renderer,
+)
+from ballbot_rs.registration import MAX_EPISODE_STEPS
+
+FloatArray = npt.NDArray[np.float32]
+BoolArray = npt.NDArray[np.bool_]
+
+
+def _autoreset_name(mode: str | AutoresetMode) -> str:
+    if isinstance(mode, AutoresetMode):
+        return mode.name.lower()
+    return mode.lower().replace("-", "_").removesuffix("_mode")
+
+
+class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray[Any]]):
+    """`num_envs` balance environments; task, spaces and arguments as in `BalanceEnv`.
+
+    Environment i, reset with seed s, is bit-identical to a `BalanceEnv` reset with seed s + i, for any `num_threads`.
+
+    Args:
+        num_envs: number of robots.
+        max_episode_steps: steps after which an episode is truncated.
+        render_mode: must be None.
+        autoreset_mode: "next_step" (Gymnasium's default), "same_step" or "disabled", or the enum.
+        num_threads: threads that step the robots; None takes all cores.
+        seed: seeds the first reset if that gets no seed.
+        options: as in `BalanceEnv`.
+
+    Infos are empty but for steps on which episodes end: these have `is_success` and `termination` (with their masks
+    `_is_success`, `_termination`); with "same_step" they are in `final_info`, beside `final_obs`.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        max_episode_steps: int = MAX_EPISODE_STEPS,
+        render_mode: str | None = None,
+        autoreset_mode: str | AutoresetMode = "next_step",
+        num_threads: int | None = None,
+        seed: int | None = None,
+        **options: Any,
+    ) -> None:
+        refuse_renderer(render_mode)
+        autoreset = _autoreset_name(autoreset_mode)
+        options["max_episode_steps"] = max_episode_steps
+        self._make_batch(num_envs, autoreset, num_threads, seed, options)
+        self.num_envs = num_envs
+        self.autoreset_mode = AutoresetMode[autoreset.upper()]
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space = observation_space()
+        self.single_action_space = action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[FloatArray, dict[str, Any]]:
+        """Begins episodes.
+
+        Args:
+            seed: an int s seeds environment i with s + i; a list seeds each with its own entry (None leaves it).
+            options: `{"reset_mask": bool[num_envs]}` resets only those; `{"states": [State | None, ...]}` starts
+                environments from given states.
+
+        Returns:
+            Observations of all environments (rows of environments that were not reset are zero) and an empty info.
+
+        Raises:
+            ValueError: an unknown option, a mask, a list or a seed of the wrong kind.
+        """
+        chosen = check_options(options, ("reset_mask", "states"))
+        if seed is not None:
+            self._batch.seed(self._seeds(seed))
+            super().reset(seed=seed if isinstance(seed, int) else None)
+        mask = chosen.get("reset_mask")
+        if mask is not None:
+            mask = np.asarray(mask)
+            if mask.dtype != np.bool_:
+                raise ValueError(f"reset_mask has dtype {mask.dtype}, expected bool")
+        observations = self._batch.reset(mask)
+        states: Sequence[State | None] = chosen.get("states", ())
+        if states and len(states) != self.num_envs:
+            raise ValueError(f"states has {len(states)} entries, expected num_envs = {self.num_envs}")
+        for i, state in enumerate(states):
+            if state is not None:
+                observations[i] = self._batch.reset_to(i, state)
+        return observations, {}
+
+    def _seeds(self, seed: int | Sequence[int | None]) -> list[int | None]:
+        if isinstance(seed, (int, np.integer)):
+            return [check_seed(seed + i) for i in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"seed has {len(seed)} entries, expected num_envs = {self.num_envs}")
+        return [None if s is None else check_seed(s) for s in seed]
+
+    def step(
+        self, actions: npt.ArrayLike
+    ) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+        """Applies actions, shape (num_envs, 3), for one control step.
+
+        Raises:
+            ValueError: actions of the wrong shape or not finite; with "disabled", an episode that is over.
+        """
+        observations, rewards, terminated, truncated, last = self._batch.step(actions)
+        if last is None:
+            return observations, rewards, terminated, truncated, {}
+        ended = terminated | truncated
+        info = self._endings(ended)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            last[~ended] = 0.0
+            info = {"final_obs": last, "_final_obs": ended, "final_info": info, "_final_info": ended.copy()}
+        return observations, rewards, terminated, truncated, info
+
+    def _endings(self, ended: BoolArray) -> dict[str, Any]:
+        is_success = np.zeros(self.num_envs, dtype=np.bool_)
+        termination = np.full(self.num_envs, None, dtype=object)
+        for i in np.flatnonzero(ended):
+            is_success[i], termination[i] = self._batch.ending(int(i))
+        failed = np.array([reason is not None for reason in termination])
+        info: dict[str, Any] = {"is_success": is_success, "_is_success": ended.copy()}
+        if failed.any():
+            info |= {"termination": termination, "_termination": failed}
+        return info
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Calls a method of every environment (`push`, `set_joint_dynamics`, `reward_terms`), or reads `state`."""
+        if name == "state":
+            return self.get_attr(name)
+        if name not in ("push", "set_joint_dynamics", "reward_terms"):
+            return self.get_attr(name)
+        method = getattr(self._batch, name)
+        return tuple(method(i, *args, **kwargs) for i in range(self.num_envs))
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of every environment: `state`, or one that they all share."""
+        if name == "state":
+            return tuple(self._batch.state(i) for i in range(self.num_envs))
+        return (getattr(self, name),) * self.num_envs
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Sets an attribute that the environments share; a list must have the same value for all of them."""
+        values = values if isinstance(values, (list, tuple)) else [values]
+        if any(value != values[0] for value in values):
+            raise ValueError(f"{name} is shared by all environments, but the values given differ")
+        setattr(self, name, values[0])
+
+    @property
+    def states(self) -> npt.NDArray[np.float64]:
+        """Full states, one row an environment, as `State.to_array` lays them out."""
+        return self._batch.states()
