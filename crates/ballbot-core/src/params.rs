@@ -181,7 +181,7 @@ impl Params {
     ///
     /// # Errors
     /// [`Error::UnknownName`], [`Error::Length`] or [`Error::MissingParameter`]; those of [`Params::validate`].
-    pub fn from_fields<'a>(fields: impl IntoIterator<Item = (&'a str, &'a [f64])>) -> Result<Self> {
+    pub fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         let mut given = Vec::new();
         let fields = fields.into_iter().inspect(|(name, _)| given.push(*name));
         let params = Self::unset().assign(fields)?;
@@ -198,13 +198,13 @@ impl Params {
     ///
     /// # Errors
     /// As [`Params::from_fields`], but nothing can be missing.
-    pub fn replace<'a>(&self, changes: impl IntoIterator<Item = (&'a str, &'a [f64])>) -> Result<Self> {
+    pub fn replace<'n, 'v>(&self, changes: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         let params = self.clone().assign(changes)?;
         params.validate()?;
         Ok(params)
     }
 
-    fn assign<'a>(mut self, values: impl IntoIterator<Item = (&'a str, &'a [f64])>) -> Result<Self> {
+    fn assign<'n, 'v>(mut self, values: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         for (name, values) in values {
             let Some(field) = self.field_mut(name) else {
                 return Err(Error::unknown("parameter", name, Self::NAMES));

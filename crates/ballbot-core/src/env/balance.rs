@@ -114,9 +114,9 @@ impl BalanceConfig {
         Ok(ratio.round() as usize)
     }
 
-    /// Steps of the success window.
+    /// Steps of the success window; the last step is always among them.
     pub(super) fn success_steps(&self) -> usize {
-        (self.success_window / self.control_dt).round() as usize
+        ((self.success_window / self.control_dt).round() as usize).max(1)
     }
 
     /// Checks that the task can be run.

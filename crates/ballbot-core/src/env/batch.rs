@@ -265,9 +265,7 @@ impl Batch {
                 limit: "finite".into(),
             });
         }
-        if self.autoreset == Autoreset::NextStep
-            && self.environments.iter().all(|e| e.over() && e.robot().time() == 0.0)
-        {
+        if self.autoreset == Autoreset::NextStep && !self.environments.iter().any(Environment::begun) {
             return Err(Error::Inconsistent("step before the first reset".into()));
         }
         if self.autoreset != Autoreset::NextStep

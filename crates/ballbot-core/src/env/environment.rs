@@ -137,6 +137,11 @@ impl Environment {
         self.episode.over
     }
 
+    /// Whether there has been a reset at all.
+    pub(super) fn begun(&self) -> bool {
+        !self.episode.over || self.episode.steps > 0
+    }
+
     /// Applies an action for one control step and writes the observation that follows. Actions beyond ±1 are clipped;
     /// the caller has checked that they are finite and that the episode is not over.
     pub fn step(&mut self, action: &[f32], observation: &mut [f32]) -> Outcome {

@@ -1,0 +1,93 @@
+//! Stepping a batch of closed-form models takes no memory once it runs: an allocator counts what this thread asks for.
+
+use ballbot_core::ModelKind;
+use ballbot_core::env::{ACTION_LEN, Autoreset, BalanceConfig, Batch, OBSERVATION_LEN, Outcome, StepBuffers};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::f64::consts::PI;
+use std::hint::black_box;
+
+thread_local! {
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+struct Counting;
+
+// SAFETY: every call is passed on to the system's allocator as it is.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        unsafe { System.realloc(pointer, layout, new_size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+const ENVS: usize = 8;
+const STEPS: usize = 100;
+
+/// Allocations in [`STEPS`] steps of [`ENVS`] environments on this thread, after as many steps to warm up.
+fn allocations(config: &BalanceConfig) -> usize {
+    let mut batch = Batch::new(config, ENVS, Autoreset::SameStep, Some(1), 1).unwrap();
+    let mut observations = vec![0.0; ENVS * OBSERVATION_LEN];
+    batch.reset(None, &mut observations).unwrap();
+    let (mut rewards, mut final_observations) = (vec![0.0; ENVS], observations.clone());
+    let (mut terminated, mut truncated) = (vec![false; ENVS], vec![false; ENVS]);
+    let mut outcomes = vec![Outcome::default(); ENVS];
+    let actions: Vec<f32> = (0..ENVS * ACTION_LEN).map(|i| 0.02 * (i as f32).sin()).collect();
+    let mut run = || {
+        let before = ALLOCATIONS.get();
+        for _ in 0..STEPS {
+            let mut buffers = StepBuffers {
+                observations: &mut observations,
+                rewards: &mut rewards,
+                terminated: &mut terminated,
+                truncated: &mut truncated,
+                final_observations: &mut final_observations,
+                outcomes: &mut outcomes,
+            };
+            batch.step(&actions, &mut buffers).unwrap();
+        }
+        ALLOCATIONS.get() - before
+    };
+    run();
+    run()
+}
+
+/// Episodes without an end: the closed-form models have no floor to fall on.
+fn endless(model: ModelKind) -> BalanceConfig {
+    BalanceConfig { model, fall_tilt: PI, max_episode_steps: usize::MAX, ..BalanceConfig::default() }
+}
+
+#[test]
+fn steps_of_the_closed_form_models_allocate_nothing() {
+    for model in [ModelKind::Planar, ModelKind::Spatial] {
+        assert_eq!(allocations(&endless(model)), 0, "{model}");
+    }
+    // For the record: a reset may allocate, and so does rapier.
+    let brief = BalanceConfig { max_episode_steps: 2, ..endless(ModelKind::Spatial) };
+    println!("spatial, a reset: {}", allocations(&brief) as f64 / (ENVS * STEPS / 2) as f64);
+    let rigid = BalanceConfig { reset_tilt: 0.0, ..endless(ModelKind::Rigid) };
+    println!(
+        "rigid, a step of {} substeps: {}",
+        rigid.substeps().unwrap(),
+        allocations(&rigid) as f64 / (ENVS * STEPS) as f64
+    );
+}
+
+#[test]
+fn the_count_counts() {
+    let before = ALLOCATIONS.get();
+    drop(black_box(vec![0_u8; 64]));
+    assert_eq!(ALLOCATIONS.get() - before, 1);
+}

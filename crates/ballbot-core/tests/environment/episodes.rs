@@ -1,0 +1,150 @@
+//! When an episode ends, whether in success, and that one saved half way goes on as if nothing had happened.
+
+use super::{Episode, config};
+use ballbot_core::env::{BalanceConfig, OBSERVATION, Outcome, RewardTerms, Termination};
+use ballbot_core::{Error, ModelKind, State};
+use nalgebra::{Vector2, Vector3};
+use std::f64::consts::PI;
+
+#[test]
+fn an_episode_ends_when_the_robot_has_fallen() {
+    for model in ModelKind::ALL {
+        let config = config(model);
+        let mut episode = Episode::from(&config, &State::tilted(&config.params, Vector2::new(0.05, 0.0), 0.0));
+        let mut last = 0.0;
+        let (steps, outcome) = episode.finish(|episode| {
+            last = episode.env.robot().state().tilt();
+            episode.step([0.0; 3])
+        });
+        let tilt = episode.env.robot().state().tilt();
+        assert_eq!(outcome.terminated, Some(Termination::Tilt), "{model}");
+        assert!(!outcome.truncated && !outcome.success);
+        assert!(last <= config.fall_tilt && tilt > config.fall_tilt, "{model}: from {last} to {tilt} rad");
+        assert_eq!(episode.env.reward_terms().alive, 0.0);
+        // A fall on the last step of all is a fall.
+        let brief = BalanceConfig { max_episode_steps: steps, ..config };
+        let mut episode = Episode::from(&brief, &State::tilted(&brief.params, Vector2::new(0.05, 0.0), 0.0));
+        assert_eq!(episode.finish(|episode| episode.step([0.0; 3])), (steps, outcome));
+    }
+}
+
+#[test]
+fn an_episode_ends_when_the_bot_touches_the_floor() {
+    let config = BalanceConfig { fall_tilt: PI, ..config(ModelKind::Rigid) };
+    let mut episode = Episode::from(&config, &State::tilted(&config.params, Vector2::new(0.05, 0.0), 0.0));
+    let (_, outcome) = episode.finish(|episode| episode.step([0.0; 3]));
+    assert_eq!(outcome.terminated, Some(Termination::BotOnFloor));
+    assert!(episode.env.robot().bot_on_floor() && !outcome.truncated && !outcome.success);
+    assert!(episode.env.robot().state().tilt() > 0.7, "{:?}", episode.env.robot().state());
+}
+
+#[test]
+fn an_episode_that_diverges_ends_and_leaves_no_trace() {
+    for model in ModelKind::ALL {
+        for impulse in [1e6, 1e300] {
+            let mut episode = Episode::new(&config(model), 7);
+            episode.env.robot_mut().push(&Vector3::new(0.0, impulse, 0.0), None).unwrap();
+            let outcome = episode.step([0.1; 3]);
+            let expected = Outcome { terminated: Some(Termination::Diverged), ..Outcome::default() };
+            assert_eq!(outcome, expected, "{model}, {impulse} N·s");
+            assert!(episode.env.over() && episode.env.reward_terms() == RewardTerms::default());
+            let bounded = episode.seen.iter().zip(&OBSERVATION).all(|(value, row)| value.abs() <= row.bound);
+            assert!(bounded, "{model}: {:?}", episode.seen);
+            let run = |episode: &mut Episode| {
+                episode.env.seed(8);
+                episode.reset();
+                (episode.finish(|episode| episode.step([0.1, -0.2, 0.05])), episode.seen)
+            };
+            assert_eq!(run(&mut episode), run(&mut Episode::new(&config(model), 1)), "{model}, {impulse} N·s");
+        }
+    }
+}
+
+/// Default task, driven by the regulator; `act` may interfere before each step.
+fn outcome_of(config: &BalanceConfig, seed: u64, mut act: impl FnMut(&mut Episode, usize)) -> (usize, Outcome) {
+    let mut episode = Episode::new(config, seed);
+    let mut k = 0;
+    episode.finish(|episode| {
+        act(episode, k);
+        k += 1;
+        episode.regulated(episode.env.config().setpoint.into())
+    })
+}
+
+#[test]
+fn a_balancing_robot_is_truncated_in_success() {
+    for model in ModelKind::ALL {
+        for (seed, steps) in [(1, 1000), (2, 400)] {
+            let config = BalanceConfig { max_episode_steps: steps, setpoint: [0.05, -0.1], ..config(model) };
+            let expected = Outcome { truncated: true, success: true, ..Outcome::default() };
+            let (found, outcome) = outcome_of(&config, seed, |_, _| ());
+            assert_eq!((found, Outcome { reward: 0.0, ..outcome }), (steps, expected), "{model}, seed {seed}");
+        }
+    }
+}
+
+#[test]
+fn success_is_judged_over_the_end_of_the_episode() {
+    let config = BalanceConfig { max_episode_steps: 600, ..config(ModelKind::Spatial) };
+    let success = |config: &BalanceConfig, act: &dyn Fn(&mut Episode, usize)| {
+        let (steps, outcome) = outcome_of(config, 4, act);
+        assert!(steps == config.max_episode_steps && outcome.truncated, "{outcome:?}");
+        outcome.success
+    };
+    let push_at = |step: usize| {
+        move |episode: &mut Episode, k: usize| {
+            if k == step {
+                episode.env.robot_mut().push(&Vector3::new(0.2, 0.0, 0.0), None).unwrap();
+            }
+        }
+    };
+    // Tilted by the push for most of a second: before the last two seconds, then within them.
+    assert!(success(&config, &push_at(250)));
+    assert!(!success(&config, &push_at(450)));
+    assert!(!success(&config, &push_at(570)));
+    // Upright, but elsewhere.
+    let far = BalanceConfig { success_radius: 1e-6, ..config.clone() };
+    assert!(!success(&far, &push_at(250)));
+    // An episode shorter than the window is judged as a whole; the start is tilted.
+    assert!(!success(&BalanceConfig { max_episode_steps: 100, ..config.clone() }, &|_, _| ()));
+    let calm = BalanceConfig { reset_tilt: 0.0, reset_ball_speed: 0.0, reset_tilt_rate: 0.0, ..config.clone() };
+    assert!(success(&BalanceConfig { max_episode_steps: 100, ..calm }, &|_, _| ()));
+    // A window of no length is the last step.
+    let instant = BalanceConfig { success_window: 0.0, ..config };
+    assert!(success(&instant, &push_at(300)));
+    assert!(!success(&instant, &push_at(570)));
+}
+
+#[test]
+fn saved_environments_continue_to_the_last_bit() {
+    for model in ModelKind::ALL {
+        let config = BalanceConfig { max_episode_steps: 40, ..config(model) };
+        let run = |episode: &mut Episode| {
+            let mut seen = Vec::new();
+            for k in 0..120_i8 {
+                if episode.env.over() {
+                    episode.reset();
+                }
+                let action = [0.3, -0.2, 0.1].map(|a| a * f32::from(k % 5 - 2));
+                let outcome = episode.step(action);
+                seen.push((episode.seen, outcome, episode.env.reward_terms()));
+            }
+            seen
+        };
+        let mut episode = Episode::new(&config, 11);
+        episode.env.robot_mut().push(&Vector3::new(0.0, 0.02, 0.0), None).unwrap();
+        for _ in 0..17 {
+            episode.regulated(Vector2::zeros());
+        }
+        let saved = episode.env.save();
+        let expected = run(&mut episode);
+        assert!(expected.iter().any(|(_, outcome, _)| outcome.done()), "no episode ended");
+        let mut other = Episode::new(&config, 12);
+        other.env.load(&saved).unwrap();
+        assert!(run(&mut other) == expected, "{model}: the loaded environment went another way");
+        let before = other.env.save();
+        let error = other.env.load(&saved[..saved.len() / 2]).unwrap_err();
+        assert!(matches!(&error, Error::Decode { .. }), "{error:?}");
+        assert!(other.env.save() == before, "{model}: refused, but something changed");
+    }
+}

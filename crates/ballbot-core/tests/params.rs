@@ -1,0 +1,249 @@
+//! Parameters: what is refused and in which words, and that no way in or out of them loses a value.
+
+use ballbot_core::{Error, Params};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::fmt::Write;
+
+/// A change that must be refused, and what the message must say: the name, the value, the limit.
+type Refusal<'a> = (&'a str, &'a [f64], [&'a str; 2]);
+
+#[track_caller]
+fn assert_refused(refusals: &[Refusal<'_>]) {
+    for (name, values, words) in refusals {
+        let result = Params::paper().replace([(*name, *values)]);
+        let error = result.expect_err(&format!("{name} = {values:?} is accepted"));
+        assert!(matches!(error, Error::OutOfRange { .. }), "{name} = {values:?}: {error:?}");
+        for word in words {
+            assert!(error.to_string().contains(word), "{name} = {values:?}: '{error}' does not say '{word}'");
+        }
+    }
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_refused_wherever_they_are() {
+    for (name, values) in Params::paper().fields() {
+        for index in 0..values.len() {
+            for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                let mut values = values.to_vec();
+                values[index] = bad;
+                let error = Params::paper().replace([(name, values.as_slice())]).unwrap_err().to_string();
+                let place = if values.len() == 1 { name.to_owned() } else { format!("{name}[{index}]") };
+                assert_eq!(error, format!("{place} = {bad} is out of range: it must be finite"));
+            }
+        }
+    }
+}
+
+#[test]
+fn what_must_be_positive_is_refused_at_zero_and_below() {
+    for name in [
+        "ball_mass",
+        "ball_inertia",
+        "ball_radius",
+        "body_mass",
+        "body_com_height",
+        "wheel_mass",
+        "wheel_inertia",
+        "wheel_radius",
+        "max_wheel_torque",
+        "gravity",
+        "friction_critical_velocity",
+    ] {
+        for value in [0.0, -1.5] {
+            assert_refused(&[(name, &[value], [&format!("{name} = {value} "), "> 0"])]);
+        }
+    }
+    assert_refused(&[("body_inertia", &[0.01, 0.0, 0.01], ["body_inertia[1] = 0 ", "> 0"])]);
+}
+
+#[test]
+fn negative_friction_is_refused() {
+    for name in [
+        "ball_viscous_friction",
+        "wheel_viscous_friction",
+        "wheel_coulomb_friction",
+        "wheel_dynamic_friction",
+        "floor_dynamic_friction",
+    ] {
+        assert_refused(&[(name, &[-0.1], [&format!("{name} = -0.1 "), ">= 0"])]);
+        let changed = Params::paper().replace([(name, &[0.0][..])]).unwrap();
+        assert_eq!(changed.fields().find(|(n, _)| *n == name).unwrap().1, [0.0]);
+    }
+}
+
+#[test]
+fn static_friction_is_at_least_dynamic_friction() {
+    assert_refused(&[
+        ("wheel_static_friction", &[0.9], ["wheel_static_friction = 0.9 ", "at least the dynamic coefficient, 1"]),
+        ("floor_dynamic_friction", &[1.2], ["floor_static_friction = 1.1 ", "at least the dynamic coefficient, 1.2"]),
+    ]);
+    assert!(Params::paper().replace([("wheel_static_friction", &[1.0][..])]).is_ok());
+}
+
+#[test]
+fn inertia_that_no_mass_can_have_is_refused() {
+    // No moment exceeds the sum of the other two; a ball's is at most that of a thin shell.
+    assert_refused(&[
+        ("body_inertia", &[0.05, 0.02, 0.02], ["body_inertia[0] = 0.05 ", "at most 0.04"]),
+        ("body_inertia", &[0.02, 0.02, 0.05], ["body_inertia[2] = 0.05 ", "triangle inequality"]),
+        ("ball_inertia", &[0.0122], ["ball_inertia = 0.0122 ", "thin shell"]),
+    ]);
+    // The limits themselves: a flat body, a thin shell.
+    assert!(Params::paper().replace([("body_inertia", &[0.05, 0.03, 0.02][..])]).is_ok());
+    let shell = 2.0 / 3.0 * 1.437 * 0.112 * 0.112;
+    assert!(Params::paper().replace([("ball_inertia", &[shell][..])]).is_ok());
+}
+
+#[test]
+fn wheels_are_part_of_the_body() {
+    assert_refused(&[("wheel_mass", &[0.75], ["wheel_mass = 0.75 ", "below a third of body_mass = 2.228"])]);
+    assert!(Params::paper().replace([("wheel_mass", &[0.742][..])]).is_ok());
+}
+
+#[test]
+fn wheels_must_be_on_the_upper_half_of_the_ball_and_apart() {
+    for zenith in [0.0, FRAC_PI_2, -0.3, 2.0] {
+        assert_refused(&[("wheel_zenith", &[zenith], ["wheel_zenith = ", "between 0 and pi/2"])]);
+    }
+    assert_refused(&[
+        ("wheel_azimuths", &[0.125, 0.0, PI], ["wheel_azimuths[0] and wheel_azimuths[1] = 0.125 ", "at least 0.2 rad"]),
+        ("wheel_azimuths", &[TAU, PI, 0.0], ["wheel_azimuths[0] and wheel_azimuths[2] = 0 ", "at least 0.2 rad"]),
+        // Close across the turn.
+        ("wheel_azimuths", &[3.1, 1.0, -3.1], ["wheel_azimuths[0] and wheel_azimuths[2] = 0.08", "at least 0.2 rad"]),
+    ]);
+    assert!(Params::paper().replace([("wheel_azimuths", &[0.0, 2.0, 4.0][..])]).is_ok());
+}
+
+#[test]
+fn unknown_names_and_wrong_lengths_are_refused() {
+    let error = Params::paper().replace([("ball_weight", &[1.0][..])]).unwrap_err();
+    assert!(matches!(&error, Error::UnknownName { name, .. } if name == "ball_weight"), "{error:?}");
+    for known in Params::NAMES {
+        assert!(error.to_string().contains(known), "{error} does not list {known}");
+    }
+    for (name, values, expected) in
+        [("body_inertia", &[0.05, 0.05][..], 3), ("ball_mass", &[1.0, 2.0][..], 1), ("ball_mass", &[][..], 1)]
+    {
+        let error = Params::paper().replace([(name, values)]).unwrap_err();
+        assert_eq!(error.to_string(), format!("{name} has {} values, expected {expected}", values.len()));
+    }
+}
+
+/// All fields of the paper's robot but one.
+fn fields_without(params: &Params, left_out: &str) -> Vec<(&'static str, Vec<f64>)> {
+    params.fields().filter(|(name, _)| *name != left_out).map(|(name, values)| (name, values.to_vec())).collect()
+}
+
+fn from_fields(fields: &[(&'static str, Vec<f64>)]) -> Result<Params, Error> {
+    Params::from_fields(fields.iter().map(|(name, values)| (*name, values.as_slice())))
+}
+
+#[test]
+fn a_missing_parameter_is_named_and_an_optional_one_has_its_default() {
+    let required = [
+        "ball_mass",
+        "ball_inertia",
+        "ball_radius",
+        "body_mass",
+        "body_inertia",
+        "body_com_height",
+        "wheel_mass",
+        "wheel_inertia",
+        "wheel_radius",
+        "wheel_zenith",
+    ];
+    let paper = Params::paper();
+    for name in Params::NAMES {
+        match from_fields(&fields_without(&paper, name)) {
+            Err(error) => {
+                assert!(required.contains(name), "{name} has no default: {error}");
+                assert_eq!(error.to_string(), format!("parameter {name} is missing"));
+            }
+            // The paper's robot has every optional value at its default.
+            Ok(params) => {
+                assert!(!required.contains(name), "{name} is not required");
+                assert_eq!(params, paper, "default of {name}");
+            }
+        }
+    }
+    // A value that is given as NaN is not missing.
+    let mut fields = fields_without(&paper, "ball_mass");
+    fields.push(("ball_mass", vec![f64::NAN]));
+    assert!(from_fields(&fields).unwrap_err().to_string().starts_with("ball_mass = NaN "));
+}
+
+/// A robot with no two values alike and none at its default.
+fn unlike_any_other() -> Params {
+    let mut fields: Vec<_> = fields_without(&Params::paper(), "");
+    for (i, (_, values)) in fields.iter_mut().enumerate() {
+        for (j, value) in values.iter_mut().enumerate() {
+            *value = *value * (1.0 - 0.003 * (i as f64 + 1.0)) + 1e-5 * (j as f64 + 1.0);
+        }
+    }
+    from_fields(&fields).unwrap()
+}
+
+#[test]
+fn fields_name_every_value_once_and_bring_all_back() {
+    let params = unlike_any_other();
+    let names: Vec<_> = params.fields().map(|(name, _)| name).collect();
+    assert_eq!(names, Params::NAMES);
+    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::NAMES.len() + 2 + 2);
+    for ((name, changed), (_, default)) in params.fields().zip(Params::paper().fields()) {
+        assert!(changed.iter().zip(default).all(|(a, b)| a != b), "{name} is as before");
+    }
+    assert_eq!(params.fields().find(|(name, _)| *name == "wheel_radius").unwrap().1, [params.wheel_radius]);
+    assert_eq!(params.fields().find(|(name, _)| *name == "body_inertia").unwrap().1, params.body_inertia);
+    assert_eq!(Params::from_fields(params.fields()).unwrap(), params);
+    assert_eq!(Params::paper().replace(params.fields()).unwrap(), params);
+}
+
+#[test]
+fn replace_changes_what_it_is_told_and_nothing_else() {
+    let paper = Params::paper();
+    let changed = paper.replace([("ball_mass", &[2.0][..]), ("body_inertia", &[0.06, 0.05, 0.02])]).unwrap();
+    assert_eq!(changed, Params { ball_mass: 2.0, body_inertia: [0.06, 0.05, 0.02], ..Params::paper() });
+    assert_eq!(paper, Params::paper());
+}
+
+#[test]
+fn toml_brings_every_value_back_to_the_last_bit() {
+    let params = unlike_any_other();
+    let mut text = String::from("# a robot\n");
+    for (name, values) in params.fields() {
+        match values {
+            [value] => writeln!(text, "{name} = {value:?}").unwrap(),
+            values => writeln!(text, "{name} = {values:?}").unwrap(),
+        }
+    }
+    assert_eq!(Params::from_toml(&text).unwrap(), params);
+    // Whole numbers need no point.
+    let whole = format!("{}\nmax_wheel_torque = 3", text.replace("max_wheel_torque", "# max_wheel_torque"));
+    assert_eq!(Params::from_toml(&whole).unwrap().max_wheel_torque, 3.0);
+}
+
+#[test]
+fn malformed_toml_is_refused_with_the_reason() {
+    for (text, word) in [
+        ("ball_mass = ", "robot parameters"),
+        ("ball_mass = \"heavy\"", "ball_mass = \"heavy\" is not a number"),
+        ("body_inertia = [0.1, true, 0.1]", "is not a number"),
+        ("[ball]\nmass = 1.0", "ball = "),
+    ] {
+        let error = Params::from_toml(text).unwrap_err();
+        assert!(matches!(error, Error::Decode { .. }), "{text}: {error:?}");
+        assert!(error.to_string().contains(word), "{text}: '{error}' does not say '{word}'");
+    }
+    assert!(matches!(Params::from_toml("ball_wait = 1.0"), Err(Error::UnknownName { .. })));
+    assert!(matches!(Params::from_toml("ball_mass = [1.0, 2.0]"), Err(Error::Length { .. })));
+    assert!(matches!(Params::from_toml("ball_mass = 1.0"), Err(Error::MissingParameter { .. })));
+    assert!(matches!(Params::from_toml("body_inertia = []"), Err(Error::Length { .. })));
+}
+
+#[test]
+fn derived_numbers_follow_from_table_ii() {
+    let params = Params::paper();
+    assert!((params.gear_ratio() - 2.24).abs() < 1e-15);
+    assert!((params.static_wheel_load() - 10.303_337_76).abs() < 1e-7);
+    assert_eq!(params.body_inertia_matrix().diagonal().as_slice(), params.body_inertia);
+}

@@ -1,0 +1,285 @@
+//! The checked robot: bad input is refused before anything moves, divergence is reported, and a reset leaves no trace.
+
+use ballbot_core::control::{Controller, Lqr, Setpoint};
+use ballbot_core::models::SpatialModel;
+use ballbot_core::{Ballbot, Contacts, Error, JointDynamics, ModelKind, Params, State, attitude};
+use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3, Vector6};
+
+fn robot(kind: ModelKind) -> Ballbot {
+    Ballbot::new(&Params::paper(), kind, 0.002).unwrap()
+}
+
+/// Leaning, turning and rolling: nothing in it is zero.
+fn lively() -> State {
+    let body = attitude(Vector2::new(0.05, -0.03), 0.6);
+    State::rolling(&Params::paper(), Vector2::new(0.1, -0.05), 0.2, body, Vector3::new(0.2, -0.1, 0.3))
+}
+
+/// States of half a second under feedback and a push, to the last bit.
+fn trace(robot: &mut Ballbot) -> Vec<[f64; State::LEN]> {
+    let mut lqr = Lqr::new(&Params::paper(), 0.01).unwrap();
+    let step = |k| {
+        if k == 10 {
+            robot.push(&Vector3::new(0.05, 0.1, 0.0), Some(&Vector3::new(0.02, 0.0, 0.3))).unwrap();
+        }
+        let torques = lqr.wheel_torques(&robot.state(), &Setpoint::default());
+        robot.step(&torques, 5).unwrap();
+        robot.state().to_array()
+    };
+    (0..50).map(step).collect()
+}
+
+/// The trace that a new robot leaves from [`lively`].
+fn fresh_trace(kind: ModelKind) -> Vec<[f64; State::LEN]> {
+    let mut robot = robot(kind);
+    robot.reset(&lively()).unwrap();
+    trace(&mut robot)
+}
+
+/// Asserts that `act` fails and leaves the robot as it is; returns the message.
+#[track_caller]
+fn refused(robot: &mut Ballbot, act: impl FnOnce(&mut Ballbot) -> Result<(), Error>) -> String {
+    let before = robot.save();
+    let error = act(robot).expect_err("accepted");
+    assert!(!matches!(error, Error::Diverged { .. }), "{error:?}");
+    assert_eq!(robot.save(), before, "{}: refused, but something moved", robot.kind());
+    error.to_string()
+}
+
+#[test]
+fn models_are_chosen_by_name() {
+    for (name, kind) in [("planar", ModelKind::Planar), ("spatial", ModelKind::Spatial), ("rigid", ModelKind::Rigid)] {
+        assert_eq!(name.parse::<ModelKind>().unwrap(), kind);
+        assert_eq!(kind.to_string(), name);
+        assert_eq!(robot(kind).kind(), kind);
+    }
+    let error = "mujoco".parse::<ModelKind>().unwrap_err();
+    assert_eq!(error.to_string(), "unknown model 'mujoco': expected one of planar, spatial, rigid");
+}
+
+#[test]
+fn time_steps_out_of_range_are_refused() {
+    for kind in ModelKind::ALL {
+        for sim_dt in [0.0, -0.001, 9e-7, 0.0201, f64::NAN, f64::INFINITY] {
+            let error = Ballbot::new(&Params::paper(), kind, sim_dt).err().expect("accepted").to_string();
+            assert!(error.starts_with(&format!("sim_dt = {sim_dt} ")) && error.contains("0.000001 to 0.02"), "{error}");
+        }
+        for sim_dt in [1e-6, 0.02] {
+            assert_eq!(Ballbot::new(&Params::paper(), kind, sim_dt).unwrap().sim_dt(), sim_dt);
+        }
+    }
+}
+
+#[test]
+fn parameters_that_cannot_be_are_refused() {
+    for kind in ModelKind::ALL {
+        let error = Ballbot::new(&Params { gravity: -9.81, ..Params::paper() }, kind, 0.001).err().expect("accepted");
+        assert!(error.to_string().starts_with("gravity = -9.81 "), "{error}");
+    }
+    // Wheels that leave the body no inertia: only bodies of their own show it.
+    let heavy = Params { wheel_mass: 0.7, ..Params::paper() };
+    assert!(Ballbot::new(&heavy, ModelKind::Spatial, 0.001).is_ok());
+    let error = Ballbot::new(&heavy, ModelKind::Rigid, 0.001).err().expect("accepted");
+    assert!(matches!(error, Error::Inconsistent(_)) && error.to_string().contains("wheel_mass = 0.7 kg"), "{error}");
+}
+
+#[test]
+fn torques_beyond_the_motors_are_refused_and_nothing_moves() {
+    for kind in ModelKind::ALL {
+        let mut robot = robot(kind);
+        robot.reset(&lively()).unwrap();
+        robot.step(&[5.0, -5.0, 0.0], 1).expect("the limit itself is allowed");
+        for (i, bad) in [(0, f64::NAN), (1, 5.01), (2, -5.01), (2, f64::INFINITY)] {
+            let mut torques = [0.1; 3];
+            torques[i] = bad;
+            let message = refused(&mut robot, |robot| robot.step(&torques, 3));
+            assert!(message.starts_with(&format!("wheel_torques[{i}] = {bad} ")), "{message}");
+            assert!(message.contains("±max_wheel_torque = 5 N·m"), "{message}");
+        }
+    }
+}
+
+#[test]
+fn states_out_of_bounds_are_refused_and_nothing_moves() {
+    let with = |change: &dyn Fn(&mut State)| {
+        let mut state = lively();
+        change(&mut state);
+        state
+    };
+    let cases = [
+        (with(&|s| s.ball_position.z = 0.1), "ball_position[2] = 0.1 "),
+        (with(&|s| s.body_velocity.y = f64::NAN), "body_velocity[1] = NaN "),
+        (with(&|s| s.wheel_speeds[2] = f64::INFINITY), "wheel_speeds[2] = inf "),
+        (with(&|s| s.ball_position.x = 2e4), "distance of the ball from the origin = 20000"),
+        (with(&|s| s.ball_velocity.x = 101.0), "ball speed = 101"),
+        (with(&|s| s.body_angular_velocity.z = -2e4), "body rate = 20000"),
+        (with(&|s| s.wheel_speeds[0] = -2e4), "wheel speed = 20000"),
+        (
+            with(&|s| s.body_quaternion = UnitQuaternion::new_unchecked(Quaternion::new(1.01, 0.0, 0.0, 0.0))),
+            "the length of body_quaternion = 1.01 ",
+        ),
+    ];
+    for kind in ModelKind::ALL {
+        let mut robot = robot(kind);
+        robot.reset(&lively()).unwrap();
+        robot.step(&[0.1, -0.2, 0.05], 7).unwrap();
+        for (state, words) in &cases {
+            let message = refused(&mut robot, |robot| robot.reset(state));
+            assert!(message.contains(words), "{kind}: '{message}' does not say '{words}'");
+        }
+    }
+}
+
+#[test]
+fn a_slipping_start_is_for_the_rigid_model_alone() {
+    let mut slipping = lively();
+    slipping.wheel_speeds[1] += 1.0;
+    for kind in [ModelKind::Planar, ModelKind::Spatial] {
+        let message = refused(&mut robot(kind), |robot| robot.reset(&slipping));
+        assert!(message.starts_with("wheel_speeds[1] = "), "{kind}: {message}");
+    }
+    let mut rigid = robot(ModelKind::Rigid);
+    rigid.reset(&slipping).unwrap();
+    assert!((rigid.state().wheel_speeds[1] - slipping.wheel_speeds[1]).abs() < 1e-12);
+}
+
+#[test]
+fn pushes_and_friction_that_are_not_numbers_are_refused() {
+    for kind in ModelKind::ALL {
+        let mut robot = robot(kind);
+        let nan = Vector3::new(0.0, f64::NAN, 0.0);
+        assert!(refused(&mut robot, |r| r.push(&nan, None)).starts_with("impulse[1] = NaN "));
+        assert!(refused(&mut robot, |r| r.push(&Vector3::x(), Some(&nan))).starts_with("point[1] = NaN "));
+        for (viscous_friction, coulomb_friction, words) in
+            [(-0.1, 0.0, "viscous_friction = -0.1 "), (0.0, f64::NAN, "coulomb_friction = NaN ")]
+        {
+            let dynamics = JointDynamics { viscous_friction, coulomb_friction };
+            let message = refused(&mut robot, |robot| robot.set_joint_dynamics(dynamics));
+            assert!(message.starts_with(words), "{message}");
+        }
+    }
+}
+
+#[test]
+fn divergence_is_reported_and_a_reset_recovers_from_it() {
+    for kind in ModelKind::ALL {
+        let expected = fresh_trace(kind);
+        for impulse in [1e3, 1e6, 1e300] {
+            let mut robot = robot(kind);
+            robot.reset(&lively()).unwrap();
+            robot.push(&Vector3::new(impulse, 0.0, 0.0), None).unwrap();
+            let error = robot.step(&[0.0; 3], 5).expect_err("a robot at this speed has diverged");
+            let Error::Diverged { time, reason } = &error else { panic!("{kind}, {impulse} N·s: {error:?}") };
+            assert!((time - 0.01).abs() < 1e-12 && reason.contains("limit"), "{kind}, {impulse} N·s: {error}");
+            assert_eq!(robot.diverged().as_ref(), Some(reason));
+            assert!(robot.step(&[0.0; 3], 1).is_err(), "{kind}, {impulse} N·s: comes back by itself");
+            robot.reset(&lively()).unwrap();
+            assert_eq!(robot.diverged(), None);
+            assert!(trace(&mut robot) == expected, "{kind}: {impulse} N·s left a trace through the reset");
+        }
+    }
+}
+
+#[test]
+fn a_reset_robot_is_a_new_one_to_the_last_bit() {
+    for kind in ModelKind::ALL {
+        let expected = fresh_trace(kind);
+        let mut robot = robot(kind);
+        robot.reset(&State::tilted(&Params::paper(), Vector2::new(0.3, 0.2), -1.0)).unwrap();
+        robot.step(&[0.4, 0.1, -0.2], 300).unwrap();
+        robot.push(&Vector3::new(0.0, 3.0, 0.0), None).unwrap();
+        robot.reset(&lively()).unwrap();
+        assert_eq!(robot.time(), 0.0);
+        assert!(trace(&mut robot) == expected, "{kind}: the reset left something");
+    }
+}
+
+#[test]
+fn a_reset_gives_the_state_it_was_given() {
+    let mut state = lively();
+    state.ball_position += Vector3::new(1.0, -2.0, 0.0);
+    state.body_position = state.ball_position;
+    state.ball_quaternion = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, 0.2, -0.9));
+    state.wheel_angles = [0.5, -1.0, 2.0];
+    for kind in [ModelKind::Spatial, ModelKind::Rigid] {
+        let mut robot = robot(kind);
+        robot.reset(&state).unwrap();
+        let (found, expected) = (robot.state().to_array(), state.to_array());
+        let off = found.iter().zip(expected).map(|(f, e)| (f - e).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-12, "{kind}: off by {off:e}: {found:?}, expected {expected:?}");
+    }
+}
+
+#[test]
+fn saved_robots_continue_to_the_last_bit() {
+    for kind in ModelKind::ALL {
+        let mut robot = robot(kind);
+        robot.reset(&lively()).unwrap();
+        robot.set_joint_dynamics(JointDynamics { viscous_friction: 1e-4, coulomb_friction: 1e-3 }).unwrap();
+        robot.step(&[0.1, -0.05, 0.02], 11).unwrap();
+        let saved = robot.save();
+        let expected = trace(&mut robot);
+        let mut other = Ballbot::new(&Params::paper(), kind, 0.002).unwrap();
+        other.load(&saved).unwrap();
+        assert_eq!(other.joint_dynamics(), robot.joint_dynamics());
+        assert!(trace(&mut other) == expected, "{kind}: the saved robot went another way");
+        let message = refused(&mut other, |other| other.load(&saved[..20]));
+        assert!(message.starts_with("cannot decode saved simulation: "), "{kind}: {message}");
+    }
+}
+
+#[test]
+fn joint_dynamics_outlive_a_reset() {
+    let dynamics = JointDynamics { viscous_friction: 2e-3, coulomb_friction: 0.01 };
+    for kind in ModelKind::ALL {
+        let expected = fresh_trace(kind);
+        let mut robot = robot(kind);
+        assert_eq!(robot.joint_dynamics(), JointDynamics::of(&Params::paper()));
+        robot.set_joint_dynamics(dynamics).unwrap();
+        robot.reset(&lively()).unwrap();
+        assert_eq!(robot.joint_dynamics(), dynamics);
+        let slowed = trace(&mut robot);
+        assert!(slowed != expected, "{kind}: friction without effect");
+        // The same friction from the start, as a parameter.
+        let params = Params { wheel_viscous_friction: 2e-3, wheel_coulomb_friction: 0.01, ..Params::paper() };
+        let mut built = Ballbot::new(&params, kind, 0.002).unwrap();
+        built.reset(&lively()).unwrap();
+        assert!(trace(&mut built) == slowed, "{kind}: differs from friction given as a parameter");
+    }
+}
+
+#[test]
+fn friction_utilization_is_the_share_of_the_dynamic_limit() {
+    let params = Params { wheel_dynamic_friction: 0.5, floor_dynamic_friction: 0.8, ..Params::paper() };
+    let contacts = Contacts {
+        wheel_normal_forces: [10.0, 0.0, -1.0],
+        wheel_tractions: [-2.0, 0.0, 0.1],
+        floor_force: Vector3::new(3.0, -4.0, 25.0),
+        ..Contacts::default()
+    };
+    assert_eq!(contacts.friction_utilization(&params), [0.4, 0.0, f64::INFINITY, 0.25]);
+    // A lifted wheel that would have to drive.
+    let lifted = Contacts { wheel_tractions: [0.0, 0.5, 0.0], ..contacts };
+    assert_eq!(lifted.friction_utilization(&params)[1], f64::INFINITY);
+}
+
+#[test]
+fn turning_the_ball_uses_the_friction_that_it_should() {
+    // Equal torques turn the ball under the upright body and load all wheels alike. The planar model counts the wheels'
+    // energy as the paper does, the others their absolute spin.
+    let params = Params::paper();
+    for (kind, absolute_spin, tolerance) in
+        [(ModelKind::Planar, false, 1e-9), (ModelKind::Spatial, true, 1e-9), (ModelKind::Rigid, true, 5e-3)]
+    {
+        let model = SpatialModel::new(&params, absolute_spin, true);
+        let contacts = model.contacts(&UnitQuaternion::identity(), &Vector6::zeros(), &Vector3::repeat(0.2));
+        let expected = contacts.wheel_tractions[0] / (params.wheel_dynamic_friction * params.static_wheel_load());
+        let mut robot = robot(kind);
+        robot.step(&[0.2; 3], 20).unwrap();
+        let share = robot.contacts().friction_utilization(&params);
+        for wheel in &share[..3] {
+            assert!((wheel / expected - 1.0).abs() < tolerance, "{kind}: {share:?}, expected {expected}");
+        }
+        assert!(share[3] < 1e-3, "{kind}: the floor is loaded by {}", share[3]);
+    }
+}

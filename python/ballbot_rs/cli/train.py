@@ -1,0 +1,67 @@
+"""`ballbot train`: train a policy, then compare it with the classical controllers."""
+
+import argparse
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+from ballbot_rs.cli.table import print_table
+from ballbot_rs.evaluation import evaluate
+
+
+def add_to(commands: Any) -> None:
+    """Adds the command to the parser."""
+    command = commands.add_parser("train", help="train a policy with Stable-Baselines3")
+    command.add_argument("task", help="the task: balance")
+    command.add_argument("--config", type=Path, help="TOML file to use instead of the task's own")
+    command.add_argument("--seed", type=int, default=0, help="seed of the run (default 0)")
+    command.add_argument("--run", type=Path, help="folder of the run (default runs/TASK-seed-SEED-TIME)")
+    command.add_argument("--resume", type=Path, metavar="RUN", help="continue an interrupted run")
+    command.add_argument("--overwrite", action="store_true", help="delete an earlier run in that folder")
+    command.add_argument("--timesteps", type=int, help="train for this many steps instead of the configured")
+    command.add_argument("--episodes", type=int, default=100, help="episodes of the comparison (default 100, 0: none)")
+    command.add_argument("--quiet", action="store_true", help="no progress bar")
+    command.add_argument("--json", action="store_true", help="print the result as JSON")
+    command.set_defaults(carry_out=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Carries the command out."""
+    try:
+        from ballbot_rs.training import config as config_module
+        from ballbot_rs.training import train
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"training needs {error.name}: install it with `pip install 'ballbot-rs[train]'`", name=error.name
+        ) from error
+    started = time.perf_counter()
+    progress_bar = not (arguments.quiet or arguments.json)
+    if arguments.resume is not None:
+        policy = train.resume(arguments.resume, progress_bar=progress_bar)
+    else:
+        config, text = config_module.load(arguments.task, arguments.config)
+        if arguments.timesteps is not None:
+            text = config_module.with_timesteps(text, arguments.timesteps)
+            config = config_module.parse(text, "--timesteps")
+        stamp = time.strftime("%Y%m%d-%H%M%S")
+        folder = arguments.run or Path("runs") / f"{arguments.task}-seed-{arguments.seed}-{stamp}"
+        policy = train.train(
+            config,
+            text,
+            folder,
+            seed=arguments.seed,
+            overwrite=arguments.overwrite,
+            progress_bar=progress_bar,
+        )
+    seconds = time.perf_counter() - started
+    results = []
+    if arguments.episodes > 0:
+        results = [evaluate(name, episodes=arguments.episodes) for name in (str(policy), "lqr", "pid")]
+    if arguments.json:
+        report = {"policy": str(policy), "seconds": seconds, "results": [vars(result) for result in results]}
+        print(json.dumps(report, indent=2))
+        return
+    print(f"trained in {seconds:.0f} s, best policy: {policy}")
+    if results:
+        print_table(results)

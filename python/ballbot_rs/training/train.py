@@ -1,0 +1,170 @@
+"""A training run, from a configuration to a folder with the best policy in it."""
+
+import json
+import platform
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import stable_baselines3
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import CheckpointCallback, EvalCallback
+from stable_baselines3.common.vec_env import VecMonitor
+
+import ballbot_rs
+from ballbot_rs.sb3 import BallbotVecEnv
+from ballbot_rs.training import config as config_module
+from ballbot_rs.training.config import TrainConfig
+from ballbot_rs.training.policy import CLASSES, METADATA, ScaledObservation, metadata
+
+#: Added to a run's seed for its evaluations, so that no start is trained on.
+EVALUATION_SEED = 1_000_000
+
+
+def train(
+    config: TrainConfig,
+    text: str,
+    folder: Path,
+    *,
+    seed: int = 0,
+    overwrite: bool = False,
+    progress_bar: bool = True,
+) -> Path:
+    """Trains a policy and returns its file.
+
+    Args:
+        config: the configuration.
+        text: its TOML text, kept in the folder.
+        folder: where the run is kept; must not exist yet or be empty.
+        seed: seeds the environments and the learner.
+        overwrite: whether to delete what an earlier run left in `folder`.
+        progress_bar: whether to show one.
+
+    Raises:
+        FileExistsError: the folder holds an earlier run.
+        ValueError: the configuration does not fit the environment or the algorithm.
+    """
+    if folder.exists() and any(folder.iterdir()):
+        if not overwrite:
+            raise FileExistsError(f"{folder} holds an earlier run: resume it, overwrite it, or name another")
+        if not (folder / "run.json").is_file():
+            raise FileExistsError(f"{folder} is not a training run, so it is not overwritten")
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "config.toml").write_text(text, encoding="utf-8")
+    _write_record(folder, seed)
+    torch.set_num_threads(config.torch_threads)
+    model = _new_model(config, folder, seed)
+    return _learn(model, config, folder, seed, config.total_timesteps, progress_bar)
+
+
+def resume(folder: Path, *, progress_bar: bool = True) -> Path:
+    """Continues an interrupted run from its latest checkpoint to the number of steps that it was to have.
+
+    Raises:
+        FileNotFoundError: the folder holds no run, or one without a checkpoint.
+    """
+    record = folder / "run.json"
+    if not record.is_file():
+        raise FileNotFoundError(f"{folder} holds no training run")
+    seed = int(json.loads(record.read_text(encoding="utf-8"))["seed"])
+    config = config_module.parse((folder / "config.toml").read_text(encoding="utf-8"), str(folder / "config.toml"))
+    checkpoints = sorted((folder / "checkpoints").glob("*.zip"), key=_steps_of)
+    if not checkpoints:
+        raise FileNotFoundError(f"{folder} has no checkpoint to resume from")
+    torch.set_num_threads(config.torch_threads)
+    model = CLASSES[config.algorithm].load(checkpoints[-1], env=_environment(config, seed), device="cpu")
+    remaining = config.total_timesteps - model.num_timesteps
+    if remaining <= 0:
+        return _finish(model, folder)
+    return _learn(model, config, folder, seed, remaining, progress_bar)
+
+
+def _environment(config: TrainConfig, seed: int) -> VecMonitor:
+    return VecMonitor(
+        BallbotVecEnv(
+            config.env_id,
+            config.num_envs,
+            num_threads=config.num_threads,
+            seed=seed,
+            stagger=True,
+            **config.env,
+        )
+    )
+
+
+def _linear(initial: float) -> Callable[[float], float]:
+    return lambda remaining: initial * remaining
+
+
+def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
+    arguments: dict[str, Any] = dict(config.algorithm_arguments)
+    for name in config.schedule:
+        arguments[name] = _linear(float(arguments[name]))
+    try:
+        model: BaseAlgorithm = CLASSES[config.algorithm](
+            "MlpPolicy",
+            _environment(config, seed),
+            policy_kwargs={"features_extractor_class": ScaledObservation, **config.policy},
+            tensorboard_log=str(folder / "tensorboard"),
+            seed=seed,
+            device="cpu",
+            **arguments,
+        )
+    except TypeError as error:
+        raise ValueError(f"the configuration does not fit {config.algorithm}: {error}") from error
+    setattr(model, METADATA, metadata(config.env_id, config.algorithm, dict(config.env)))
+    return model
+
+
+def _learn(
+    model: BaseAlgorithm, config: TrainConfig, folder: Path, seed: int, timesteps: int, progress_bar: bool
+) -> Path:
+    every = max(config.evaluation.every_timesteps // config.num_envs, 1)
+    evaluation = BallbotVecEnv(
+        config.env_id,
+        min(config.evaluation.episodes, 100),
+        num_threads=config.num_threads,
+        seed=EVALUATION_SEED + seed,
+        **config.env,
+    )
+    callbacks = [
+        CheckpointCallback(every, str(folder / "checkpoints")),
+        EvalCallback(
+            VecMonitor(evaluation),
+            n_eval_episodes=config.evaluation.episodes,
+            eval_freq=every,
+            log_path=str(folder),
+            best_model_save_path=str(folder),
+            verbose=0,
+        ),
+    ]
+    model.learn(timesteps, callback=callbacks, reset_num_timesteps=False, progress_bar=progress_bar)
+    return _finish(model, folder)
+
+
+def _finish(model: BaseAlgorithm, folder: Path) -> Path:
+    model.save(folder / "final_model.zip")
+    best = folder / "best_model.zip"
+    return best if best.is_file() else folder / "final_model.zip"
+
+
+def _steps_of(checkpoint: Path) -> int:
+    return int(checkpoint.stem.split("_")[-2])
+
+
+def _write_record(folder: Path, seed: int) -> None:
+    record = {
+        "seed": seed,
+        "versions": {
+            "ballbot_rs": ballbot_rs.__version__,
+            "gymnasium": gymnasium.__version__,
+            "stable_baselines3": stable_baselines3.__version__,
+            "torch": str(torch.__version__),
+            "python": platform.python_version(),
+        },
+    }
+    (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
