@@ -2,23 +2,26 @@
 
 import secrets
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+import numpy.typing as npt
 from gymnasium import spaces
 
 from ballbot_rs._core import OBSERVATION, Batch
 
+FloatArray = npt.NDArray[np.float32]
 
-def observation_space() -> spaces.Box:
+
+def observation_space() -> spaces.Space[FloatArray]:
     """Space of one observation: 16 float32, finite bounds, rows as documented by `BalanceEnv`."""
     high = np.array([bound for _, _, bound in OBSERVATION], dtype=np.float32)
-    return spaces.Box(-high, high, dtype=np.float32)
+    return cast("spaces.Space[FloatArray]", spaces.Box(-high, high, dtype=np.float32))
 
 
-def action_space() -> spaces.Box:
+def action_space() -> spaces.Space[FloatArray]:
     """Space of one action: three float32 in [-1, 1]."""
-    return spaces.Box(-1.0, 1.0, (3,), dtype=np.float32)
+    return cast("spaces.Space[FloatArray]", spaces.Box(-1.0, 1.0, (3,), dtype=np.float32))
 
 
 def refuse_renderer(render_mode: str | None) -> None:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from ballbot_rs._core import Params, State
 from ballbot_rs.batch_owner import (
     BatchOwner,
+    FloatArray,
     action_space,
     check_options,
     check_seed,
@@ -16,8 +17,6 @@ from ballbot_rs.batch_owner import (
     refuse_renderer,
 )
 from ballbot_rs.registration import MAX_EPISODE_STEPS
-
-FloatArray = npt.NDArray[np.float32]
 
 
 class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
@@ -133,8 +132,6 @@ class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
         """Gives the body an impulse; see `Ballbot.push`."""
         self._batch.push(0, impulse, point)
 
-    def set_joint_dynamics(
-        self, viscous_friction: float | None = None, coulomb_friction: float | None = None
-    ) -> None:
+    def set_joint_dynamics(self, viscous_friction: float | None = None, coulomb_friction: float | None = None) -> None:
         """Changes the friction of the wheel joints; see `Ballbot.set_joint_dynamics`."""
         self._batch.set_joint_dynamics(0, viscous_friction, coulomb_friction)

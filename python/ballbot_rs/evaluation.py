@@ -8,13 +8,16 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Batch, Lqr, Pid, State
+from ballbot_rs._core import Batch, Lqr, Pid
 from ballbot_rs.registration import BALANCE, check_id
 
 Observations = npt.NDArray[np.float32]
 Actions = npt.NDArray[np.float32]
 
-#: Where the distance of the ball from the origin and its speed stand in a row of `Batch.states`.
+#: The paper's PID has a derivative filter of 327 rad/s, which 100 Hz cannot sample: it runs at its own rate.
+PID_CONTROL_DT = 0.002
+
+#: Where things stand in a row of `Batch.states`.
 _BALL_POSITION = slice(0, 2)
 _BODY_QUATERNION = slice(16, 20)
 
@@ -31,6 +34,8 @@ class Result:
     """How a controller did over a number of episodes. Angles in degrees, as people read them."""
 
     controller: str
+    #: Time between two actions, s.
+    control_dt: float
     episodes: int
     #: Share of episodes that ended in success.
     success_rate: float
@@ -44,8 +49,8 @@ class Result:
     ball_excursion: float
     #: Root mean square of the wheel torques over all steps, N·m.
     torque_rms: float
-    #: Mean return.
-    mean_return: float
+    #: Mean reward of a step, a fallen robot's missing steps counted as zero.
+    mean_reward: float
 
 
 class _Feedback:
@@ -58,18 +63,14 @@ class _Feedback:
     def __call__(self, observations: Observations) -> npt.ArrayLike:  # noqa: ARG002
         position = self._batch.setpoint
         torques = [
-            controller(self._batch.state(i), position=position)
-            for i, controller in enumerate(self._controllers)
+            controller(self._batch.state(i), position=position) for i, controller in enumerate(self._controllers)
         ]
         return np.asarray(torques) / self._batch.max_wheel_torque
 
 
 def _feedback(name: str, batch: Batch) -> BatchController:
-    params = batch.params.replace(max_wheel_torque=batch.max_wheel_torque)
-    dt = batch.control_dt
-    if name == "pid":
-        return _Feedback(batch, lambda: Pid(params, dt))
-    return _Feedback(batch, lambda: Lqr(params, dt))
+    params, control_dt = batch.params, batch.control_dt
+    return _Feedback(batch, lambda: Pid(params, control_dt) if name == "pid" else Lqr(params, control_dt))
 
 
 def _policy(path: Path, env_id: str) -> tuple[BatchController, dict[str, Any]]:
@@ -77,7 +78,8 @@ def _policy(path: Path, env_id: str) -> tuple[BatchController, dict[str, Any]]:
         from ballbot_rs.training.policy import load_policy
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"a policy file needs {error.name}: install it with `pip install 'ballbot-rs[train]'`", name=error.name
+            f"a policy file needs {error.name}: install it with `pip install 'ballbot-rs[train]'`",
+            name=error.name,
         ) from error
     model, metadata = load_policy(path, env_id)
     return lambda observations: model.predict(observations, deterministic=True)[0], metadata["env_options"]
@@ -95,7 +97,8 @@ def evaluate(
     """Runs episodes from the starts that `seed` gives, the same for every controller.
 
     Args:
-        controller: "pid", "lqr", "zero", or the path of a policy file or of a training run.
+        controller: "pid" (at 500 Hz, unless `env_options` has a `control_dt`), "lqr", "zero", or the path of a
+            policy file or of a training run.
         env_id: the environment.
         episodes: how many; episode i is that of an environment seeded with seed + i.
         seed: of the first episode.
@@ -115,6 +118,10 @@ def evaluate(
         act, trained_with = _policy(Path(controller), env_id)
         options = {**trained_with, **options}
     batch = Batch(episodes, "same_step", num_threads, seed, **options)
+    if controller == "pid" and "control_dt" not in options:
+        seconds = batch.max_episode_steps * batch.control_dt
+        options |= {"control_dt": PID_CONTROL_DT, "max_episode_steps": round(seconds / PID_CONTROL_DT)}
+        batch = Batch(episodes, "same_step", num_threads, seed, **options)
     if controller == "zero":
         act = lambda observations: np.zeros((len(observations), 3), np.float32)  # noqa: E731
     return _run(controller, batch, act or _feedback(controller, batch))
@@ -150,6 +157,7 @@ def _run(name: str, batch: Batch, act: BatchController) -> Result:
     median = float(np.median(_settling_times(tilts, survived, np.deg2rad(1.0), batch.control_dt)))
     return Result(
         controller=name,
+        control_dt=batch.control_dt,
         episodes=n,
         success_rate=float(success.mean()),
         survival_rate=float(survived.mean()),
@@ -157,7 +165,7 @@ def _run(name: str, batch: Batch, act: BatchController) -> Result:
         tilt_rms=float(np.rad2deg(np.sqrt(np.nanmean(tilts**2)))),
         ball_excursion=float(np.nanmax(distances, axis=0).mean()),
         torque_rms=float(np.sqrt(np.nanmean(squared_torques))),
-        mean_return=float(returns.mean()),
+        mean_reward=float(returns.mean()) / steps,
     )
 
 
@@ -177,6 +185,3 @@ def _settling_times(
     last_outside = np.where(outside.any(axis=0), len(tilts) - 1 - np.argmax(outside[::-1], axis=0), -1)
     settled = survived & (last_outside < len(tilts) - 1)
     return np.where(settled, (last_outside + 1) * control_dt, np.inf)
-
-
-__all__ = ["Result", "State", "evaluate"]

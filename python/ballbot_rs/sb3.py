@@ -35,9 +35,7 @@ class EnvView:
         """Gives the body an impulse; see `Ballbot.push`."""
         self._owner._batch.push(self._index, impulse, point)
 
-    def set_joint_dynamics(
-        self, viscous_friction: float | None = None, coulomb_friction: float | None = None
-    ) -> None:
+    def set_joint_dynamics(self, viscous_friction: float | None = None, coulomb_friction: float | None = None) -> None:
         """Changes the friction of the wheel joints; see `Ballbot.set_joint_dynamics`."""
         self._owner._batch.set_joint_dynamics(self._index, viscous_friction, coulomb_friction)
 
@@ -86,7 +84,8 @@ class BallbotVecEnv(BatchOwner, VecEnv):
         self._actions: npt.NDArray[Any] | None = None
         self._views = [EnvView(self, i) for i in range(num_envs)]
         super().__init__(num_envs, observation_space(), action_space())
-        self.metadata["render_fps"] = round(1.0 / self._batch.control_dt)
+        metadata: dict[str, Any] = self.metadata
+        metadata["render_fps"] = round(1.0 / self._batch.control_dt)
 
     def reset(self) -> npt.NDArray[np.float32]:
         """Begins episodes in all environments, with the seeds and options set since the last reset.

@@ -11,6 +11,7 @@ from gymnasium.vector.utils import batch_space
 from ballbot_rs._core import State
 from ballbot_rs.batch_owner import (
     BatchOwner,
+    FloatArray,
     action_space,
     check_options,
     check_seed,
@@ -19,7 +20,6 @@ from ballbot_rs.batch_owner import (
 )
 from ballbot_rs.registration import MAX_EPISODE_STEPS
 
-FloatArray = npt.NDArray[np.float32]
 BoolArray = npt.NDArray[np.bool_]
 
 
@@ -113,9 +113,7 @@ class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray
             raise ValueError(f"seed has {len(seed)} entries, expected num_envs = {self.num_envs}")
         return [None if s is None else check_seed(s) for s in seed]
 
-    def step(
-        self, actions: npt.ArrayLike
-    ) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+    def step(self, actions: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Applies actions, shape (num_envs, 3), for one control step.
 
         Raises:

@@ -245,5 +245,7 @@ fn derived_numbers_follow_from_table_ii() {
     let params = Params::paper();
     assert!((params.gear_ratio() - 2.24).abs() < 1e-15);
     assert!((params.static_wheel_load() - 10.303_337_76).abs() < 1e-7);
+    let high = Params { wheel_zenith: 0.6, ..Params::paper() };
+    assert!((high.static_wheel_load() - 2.228 * 9.81 / (3.0 * 0.6_f64.cos())).abs() < 1e-12);
     assert_eq!(params.body_inertia_matrix().diagonal().as_slice(), params.body_inertia);
 }

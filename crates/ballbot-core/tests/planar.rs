@@ -13,6 +13,11 @@ fn damped(friction: f64) -> Params {
     Params { ball_viscous_friction: friction, ..Params::paper() }
 }
 
+/// Wheels away from 45 deg, where sine and cosine are told apart.
+fn high_wheels() -> Params {
+    Params { wheel_zenith: 0.6, ball_viscous_friction: 2.0, ..Params::paper() }
+}
+
 fn rk4<const N: usize>(
     y: SVector<f64, N>,
     dt: f64,
@@ -79,23 +84,26 @@ fn linearisation_is_the_slope_of_the_equations() {
 }
 
 /// Yaw acceleration of the spatial model per virtual torque about z, counted on the body.
-fn spatial_yaw_gain(ball_spins: bool) -> f64 {
-    let model = SpatialModel::new(&Params::paper(), false, ball_spins);
+fn spatial_yaw_gain(params: &Params, ball_spins: bool) -> f64 {
+    let model = SpatialModel::new(params, false, ball_spins);
     let torques = model.wheels().wheel_torques(&Vector3::new(0.0, 0.0, -1.0), TorqueMap::Consistent);
     model.accelerations(&UnitQuaternion::identity(), &Vector6::zeros(), &torques)[4]
 }
 
 #[test]
 fn yaw_gain_is_that_of_eq_7() {
-    let model = PlanarModel::new(&Params::paper(), WheelInertia::AsPrinted);
+    let gain = |params: &Params| PlanarModel::new(params, WheelInertia::AsPrinted).yaw_gain();
+    let paper = Params::paper();
     for (found, expected) in [
-        (model.yaw_gain(), 138.329_778_6),
-        (spatial_yaw_gain(true), 138.329_778_6),
+        (gain(&paper), 138.329_778_6),
+        (spatial_yaw_gain(&paper, true), 138.329_778_6),
         // The ball's spin about the vertical pinned: not eq. (7).
-        (spatial_yaw_gain(false), 151.132_478_8),
+        (spatial_yaw_gain(&paper, false), 151.132_478_8),
+        (gain(&high_wheels()), spatial_yaw_gain(&high_wheels(), true)),
     ] {
         assert!((found - expected).abs() < 1e-6, "{found}, expected {expected}");
     }
+    let model = PlanarModel::new(&paper, WheelInertia::AsPrinted);
     assert_eq!(model.yaw_acceleration(0.5), 0.5 * model.yaw_gain());
 }
 
@@ -107,7 +115,7 @@ fn lively(params: &Params) -> State {
 
 #[test]
 fn energy_is_conserved_without_friction() {
-    let params = Params::paper();
+    let params = Params { ball_viscous_friction: 0.0, ..high_wheels() };
     let mut motion = PlanarMotion::new(&params, 1e-3);
     motion.reset(&lively(&params)).unwrap();
     let before = motion.energy();
@@ -122,7 +130,7 @@ fn energy_is_conserved_without_friction() {
 
 #[test]
 fn work_of_motors_less_friction_is_the_change_of_energy() {
-    let params = Params { wheel_viscous_friction: 1e-3, ..damped(3.0) };
+    let params = Params { wheel_viscous_friction: 1e-3, ..high_wheels() };
     let torques = Vector3::new(0.15, -0.1, 0.05);
     let power = |state: &State| {
         let speeds = Vector3::from(state.wheel_speeds);
@@ -187,18 +195,23 @@ fn spatial_coordinates(state: &State) -> SVector<f64, 12> {
     SVector::from([p.x, p.y, q[0], q[1], q[2], q[3], v.x, v.y, rate.x, rate.y, rate.z, spin])
 }
 
+/// Lean, turn and roll along one axis at some yaw: the axis across it in the inertial and in the heading frame, and the
+/// start.
+fn in_plane(params: &Params, along: Vector2<f64>, yaw: f64) -> (Vector3<f64>, Vector3<f64>, State) {
+    let across = Vector3::new(-along.y, along.x, 0.0);
+    let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -yaw) * across;
+    let body = attitude(across.xy() * 0.2, yaw);
+    (across, heading, State::rolling(params, along * -0.3, 0.0, body, heading * 0.5))
+}
+
 #[test]
 fn motion_in_one_plane_is_that_of_the_spatial_model_at_any_yaw() {
-    let params = damped(2.0);
+    let params = high_wheels();
     let wheels = Omniwheels::new(&params);
     for yaw in [0.0, 0.4, 1.9, -2.6] {
-        for along in [Vector2::<f64>::x(), Vector2::y()] {
-            // Lean, turn and roll along one axis; torques about the other, in the heading frame.
-            let across: Vector3<f64> = Vector3::new(-along.y, along.x, 0.0);
-            let body = attitude(across.xy() * 0.2, yaw);
-            let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -yaw);
-            let start = State::rolling(&params, along * -0.3, 0.0, body, heading * across * 0.5);
-            let torques = wheels.wheel_torques(&(heading * across * 0.1), TorqueMap::Consistent);
+        for along in [Vector2::x(), Vector2::y()] {
+            let (_, heading, start) = in_plane(&params, along, yaw);
+            let torques = wheels.wheel_torques(&(heading * 0.1), TorqueMap::Consistent);
             let mut motion = PlanarMotion::new(&params, 1e-3);
             motion.reset(&start).unwrap();
             for _ in 0..300 {
@@ -207,10 +220,45 @@ fn motion_in_one_plane_is_that_of_the_spatial_model_at_any_yaw() {
             let found = spatial_coordinates(&motion.state());
             let expected = spatial_end(&params, &start, &torques, 0.3);
             let off = (found - expected).amax();
-            assert!((expected - spatial_coordinates(&start)).norm() > 0.5, "nothing happened: {expected}");
+            assert!((expected - spatial_coordinates(&start)).norm() > 0.3, "nothing happened: {expected}");
             assert!(off < 1e-9, "yaw {yaw}, plane {along}: off by {off:e}");
         }
     }
+}
+
+#[test]
+fn contact_forces_and_pushes_in_one_plane_are_those_of_the_spatial_model() {
+    let params = high_wheels();
+    let model = SpatialModel::new(&params, false, true);
+    for (along, yaw) in [(Vector2::x(), 0.4), (Vector2::y(), -2.6)] {
+        let (across, heading, start) = in_plane(&params, along, yaw);
+        let torques = model.wheels().wheel_torques(&(heading * 0.1), TorqueMap::Consistent);
+        let mut motion = PlanarMotion::new(&params, 1e-6);
+        motion.reset(&start).unwrap();
+        motion.step(&torques.into());
+        let state = motion.state();
+        let velocity = spatial_coordinates(&state).fixed_rows::<6>(6).into_owned();
+        let (found, expected) = (motion.contacts(), model.contacts(&state.body_quaternion, &velocity, &torques));
+        for i in 0..3 {
+            let load = found.wheel_normal_forces[i] - expected.wheel_normal_forces[i];
+            let traction = found.wheel_tractions[i] - expected.wheel_tractions[i];
+            assert!(load.abs() < 1e-6 && traction.abs() < 1e-6, "{found:?}, expected {expected:?}");
+        }
+        assert!((found.floor_force - expected.floor_force).norm() < 1e-6, "{found:?}, expected {expected:?}");
+        // On the mast, along the plane and down; the body turns about `across`.
+        let (impulse, point) = (along.push(-0.5) * 0.2, Vector3::new(0.0, 0.0, 0.3));
+        motion.push(&impulse, &point);
+        let jump = spatial_coordinates(&motion.state()).fixed_rows::<6>(6) - velocity;
+        let expected = model.velocity_jump(&state.body_quaternion, &impulse, &point);
+        assert!((jump - expected).norm() < 1e-10, "{jump}, expected {expected}, turning about {across}");
+    }
+    // Off the mast, about the vertical: the upright robot's yaw and the ball's spin.
+    let mut motion = PlanarMotion::new(&params, 1e-3);
+    let (impulse, point) = (Vector3::new(0.0, 0.1, 0.0), Vector3::new(0.1, 0.0, 0.2));
+    motion.push(&impulse, &point);
+    let expected = model.velocity_jump(&UnitQuaternion::identity(), &impulse, &point);
+    let found = spatial_coordinates(&motion.state()).fixed_rows::<6>(6).into_owned();
+    assert!(expected[4].abs() > 0.1 && (found - expected).norm() < 1e-10, "{found}, expected {expected}");
 }
 
 /// Overshoot, and the time after which the tilt stays within 2 % of a step of 1 rad.

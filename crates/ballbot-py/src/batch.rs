@@ -191,12 +191,7 @@ impl PyBatch {
         Ok(observations)
     }
 
-    fn reset_to<'py>(
-        &mut self,
-        py: Python<'py>,
-        index: usize,
-        state: &PyState,
-    ) -> PyResult<Bound<'py, PyArray1<f32>>> {
+    fn reset_to<'py>(&mut self, py: Python<'py>, index: usize, state: &PyState) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let mut observation = [0.0; OBSERVATION_LEN];
         call(|| self.batch.environment_mut(index)?.reset_to(&state.0, &mut observation))?;
         Ok(PyArray1::from_slice(py, &observation))

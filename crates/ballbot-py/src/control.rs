@@ -33,28 +33,37 @@ fn setpoint(
 }
 
 /// The paper's PID on both tilt components.
-#[pyclass(name = "Pid", module = "ballbot_rs")]
+#[pyclass(name = "Pid", module = "ballbot_rs", subclass)]
 pub(crate) struct PyPid(Pid);
 
 #[pymethods]
 impl PyPid {
     #[new]
     #[pyo3(signature = (
-        params=None, control_dt=0.01, *, proportional=20.39, integral=56.57, derivative=1.34, filter=327.0,
-        mapping="consistent"
+        params=None, control_dt=0.01, *, proportional=20.39, integral=56.57, derivative=1.34, filter_coefficient=327.0,
+        mapping="consistent", max_torque=None
     ))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of a constructor")]
     fn new(
         params: Option<&PyParams>,
         control_dt: f64,
         proportional: f64,
         integral: f64,
         derivative: f64,
-        filter: f64,
+        filter_coefficient: f64,
         mapping: &str,
+        max_torque: Option<f64>,
     ) -> PyResult<Self> {
         let map = mapping.parse().map_err(to_python)?;
-        let gains = PidGains { proportional, integral, derivative, filter };
-        call(|| Pid::new(&or_paper(params), control_dt, gains, map)).map(Self)
+        let gains = PidGains { proportional, integral, derivative, filter_coefficient };
+        call(|| {
+            let pid = Pid::new(&or_paper(params), control_dt, gains, map)?;
+            match max_torque {
+                Some(limit) => pid.with_max_torque(limit),
+                None => Ok(pid),
+            }
+        })
+        .map(Self)
     }
 
     #[pyo3(signature = (state, *, position=None, velocity=None, yaw=0.0, tilt=None))]
@@ -82,7 +91,7 @@ impl PyPid {
 }
 
 /// A discrete linear-quadratic regulator of position, tilt and heading.
-#[pyclass(name = "Lqr", module = "ballbot_rs")]
+#[pyclass(name = "Lqr", module = "ballbot_rs", subclass)]
 pub(crate) struct PyLqr(Lqr);
 
 #[pymethods]

@@ -41,11 +41,7 @@ pub(crate) fn read_elements<T: Number>(
 }
 
 /// The elements that [`read_elements`] reads.
-pub(crate) fn elements<T: Number>(
-    name: &str,
-    value: &Bound<'_, PyAny>,
-    shape: &[Option<usize>],
-) -> PyResult<Vec<T>> {
+pub(crate) fn elements<T: Number>(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Vec<T>> {
     let mut out = Vec::new();
     read_elements(name, value, shape, &mut out)?;
     Ok(out)
@@ -63,11 +59,7 @@ pub(crate) fn vector(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vector3<f
 }
 
 /// A vector of three, or a default.
-pub(crate) fn vector_or(
-    name: &str,
-    value: Option<&Bound<'_, PyAny>>,
-    default: Vector3<f64>,
-) -> PyResult<Vector3<f64>> {
+pub(crate) fn vector_or(name: &str, value: Option<&Bound<'_, PyAny>>, default: Vector3<f64>) -> PyResult<Vector3<f64>> {
     value.map_or(Ok(default), |v| vector(name, v))
 }
 

@@ -11,7 +11,12 @@ create_exception!(
     PyArithmeticError,
     "The simulation left the range in which its numbers mean anything."
 );
-create_exception!(ballbot_rs, UrdfError, PyValueError, "A URDF is malformed, or describes something that is no ballbot.");
+create_exception!(
+    ballbot_rs,
+    UrdfError,
+    PyValueError,
+    "A URDF is malformed, or describes something that is no ballbot."
+);
 
 /// A core error as the exception that Python users expect of it.
 pub(crate) fn to_python(error: Error) -> PyErr {

@@ -3,7 +3,6 @@
 use crate::convert::elements;
 use crate::errors::{call, to_python};
 use ballbot_core::{Params, urdf};
-use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::path::PathBuf;
@@ -82,17 +81,109 @@ impl PyParams {
         Ok(dict)
     }
 
-    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        match self.0.fields().find(|(known, _)| *known == name) {
-            Some((_, values)) => to_object(py, values),
-            None => Err(PyAttributeError::new_err(format!("'Params' object has no attribute '{name}'"))),
-        }
+    #[getter]
+    fn ball_mass(&self) -> f64 {
+        self.0.ball_mass
     }
 
-    fn __dir__(slf: &Bound<'_, Self>) -> PyResult<Vec<String>> {
-        let mut names: Vec<String> = slf.get_type().dir()?.extract()?;
-        names.extend(Params::NAMES.iter().map(|name| (*name).to_owned()));
-        Ok(names)
+    #[getter]
+    fn ball_inertia(&self) -> f64 {
+        self.0.ball_inertia
+    }
+
+    #[getter]
+    fn ball_radius(&self) -> f64 {
+        self.0.ball_radius
+    }
+
+    #[getter]
+    fn body_mass(&self) -> f64 {
+        self.0.body_mass
+    }
+
+    #[getter]
+    fn body_inertia(&self) -> (f64, f64, f64) {
+        self.0.body_inertia.into()
+    }
+
+    #[getter]
+    fn body_com_height(&self) -> f64 {
+        self.0.body_com_height
+    }
+
+    #[getter]
+    fn wheel_mass(&self) -> f64 {
+        self.0.wheel_mass
+    }
+
+    #[getter]
+    fn wheel_inertia(&self) -> f64 {
+        self.0.wheel_inertia
+    }
+
+    #[getter]
+    fn wheel_radius(&self) -> f64 {
+        self.0.wheel_radius
+    }
+
+    #[getter]
+    fn wheel_zenith(&self) -> f64 {
+        self.0.wheel_zenith
+    }
+
+    #[getter]
+    fn wheel_azimuths(&self) -> (f64, f64, f64) {
+        self.0.wheel_azimuths.into()
+    }
+
+    #[getter]
+    fn max_wheel_torque(&self) -> f64 {
+        self.0.max_wheel_torque
+    }
+
+    #[getter]
+    fn gravity(&self) -> f64 {
+        self.0.gravity
+    }
+
+    #[getter]
+    fn ball_viscous_friction(&self) -> f64 {
+        self.0.ball_viscous_friction
+    }
+
+    #[getter]
+    fn wheel_viscous_friction(&self) -> f64 {
+        self.0.wheel_viscous_friction
+    }
+
+    #[getter]
+    fn wheel_coulomb_friction(&self) -> f64 {
+        self.0.wheel_coulomb_friction
+    }
+
+    #[getter]
+    fn wheel_static_friction(&self) -> f64 {
+        self.0.wheel_static_friction
+    }
+
+    #[getter]
+    fn wheel_dynamic_friction(&self) -> f64 {
+        self.0.wheel_dynamic_friction
+    }
+
+    #[getter]
+    fn floor_static_friction(&self) -> f64 {
+        self.0.floor_static_friction
+    }
+
+    #[getter]
+    fn floor_dynamic_friction(&self) -> f64 {
+        self.0.floor_dynamic_friction
+    }
+
+    #[getter]
+    fn friction_critical_velocity(&self) -> f64 {
+        self.0.friction_critical_velocity
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 /// A simulated robot: sense, actuate, push, set joint dynamics.
-#[pyclass(name = "Ballbot", module = "ballbot_rs")]
+#[pyclass(name = "Ballbot", module = "ballbot_rs", subclass)]
 pub(crate) struct PyBallbot(Ballbot);
 
 /// Joint dynamics with the given values changed.
@@ -35,12 +35,7 @@ impl PyBallbot {
     }
 
     #[pyo3(signature = (state=None, tilt=None, yaw=None))]
-    fn reset(
-        &mut self,
-        state: Option<&PyState>,
-        tilt: Option<&Bound<'_, PyAny>>,
-        yaw: Option<f64>,
-    ) -> PyResult<()> {
+    fn reset(&mut self, state: Option<&PyState>, tilt: Option<&Bound<'_, PyAny>>, yaw: Option<f64>) -> PyResult<()> {
         if state.is_some() && (tilt.is_some() || yaw.is_some()) {
             return Err(PyTypeError::new_err("reset takes a state, or a tilt and a yaw, not both"));
         }

@@ -1,18 +1,19 @@
 """Results as a table of plain text."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from ballbot_rs.evaluation import Result
 
-_COLUMNS = {
+_COLUMNS: dict[str, Callable[[Result], str]] = {
     "controller": lambda r: r.controller,
+    "rate (Hz)": lambda r: f"{1 / r.control_dt:.0f}",
     "success": lambda r: f"{100 * r.success_rate:.0f} %",
     "upright to the end": lambda r: f"{100 * r.survival_rate:.0f} %",
     "settling (s)": lambda r: "never" if r.settling_time is None else f"{r.settling_time:.2f}",
     "tilt RMS (deg)": lambda r: f"{r.tilt_rms:.2f}",
     "ball excursion (m)": lambda r: f"{r.ball_excursion:.3f}",
     "torque RMS (N·m)": lambda r: f"{r.torque_rms:.3f}",
-    "return": lambda r: f"{r.mean_return:.1f}",
+    "reward a step": lambda r: f"{r.mean_reward:.3f}",
 }
 
 
@@ -21,7 +22,9 @@ def print_table(results: Sequence[Result]) -> None:
     rows = [list(_COLUMNS), *([cell(result) for cell in _COLUMNS.values()] for result in results)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(_COLUMNS))]
     for number, row in enumerate(rows):
-        first, *rest = (cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True)))
+        first, *rest = (
+            cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
         print("  ".join([first, *rest]))
         if number == 0:
             print("  ".join("-" * width for width in widths))

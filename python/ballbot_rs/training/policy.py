@@ -32,6 +32,9 @@ class ScaledObservation(BaseFeaturesExtractor):
     A policy then needs nothing but its own file, and sees the same at its first step as at its last.
     """
 
+    at_rest: torch.Tensor
+    gain: torch.Tensor
+
     def __init__(self, observation_space: gymnasium.Space[Any]) -> None:
         super().__init__(observation_space, features_dim=len(TYPICAL))
         self.register_buffer("at_rest", torch.as_tensor(AT_REST))
@@ -91,7 +94,5 @@ def load_policy(path: Path, env_id: str) -> tuple[BaseAlgorithm, dict[str, Any]]
                 f"{field} is {found.get(field)!r}, expected {expected[field]!r}"
             )
     if found["algorithm"] not in CLASSES:
-        raise ValueError(
-            f"{path}: unknown algorithm '{found['algorithm']}', expected one of {', '.join(CLASSES)}"
-        )
+        raise ValueError(f"{path}: unknown algorithm '{found['algorithm']}', expected one of {', '.join(CLASSES)}")
     return CLASSES[found["algorithm"]].load(path, device="cpu"), found

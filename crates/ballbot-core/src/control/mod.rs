@@ -39,11 +39,20 @@ pub trait Controller: Send + Sync {
 /// Scales torques down together to within ±`limit`, which keeps their direction; NaN passes through.
 fn saturate(torques: Vector3<f64>, limit: f64) -> Vector3<f64> {
     let largest = torques.amax();
-    if largest > limit { torques * (limit / largest) } else { torques }
+    if largest > limit {
+        // The scaled torque may round to just above the limit.
+        (torques * (limit / largest)).map(|torque| torque.clamp(-limit, limit))
+    } else {
+        torques
+    }
 }
 
-/// The torque above which a wheel of the upright robot at rest slips, μ N r_w, or the motor's limit if that is lower.
+/// Share of the load at rest that a controller counts on, since loads vary as the robot moves.
+const TRACTION_SHARE: f64 = 0.8;
+
+/// The torque that a wheel can be counted on to pass to the ball: 0.8 of μ N r_w with the load N at rest upright, or the
+/// motors' limit if that is lower, N·m. Beyond it a wheel slips, and a controller that expects grip falls.
 pub fn traction_torque(params: &Params) -> f64 {
     let slip = params.wheel_dynamic_friction * params.static_wheel_load() * params.wheel_radius;
-    slip.min(params.max_wheel_torque)
+    (TRACTION_SHARE * slip).min(params.max_wheel_torque)
 }

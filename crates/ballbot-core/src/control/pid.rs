@@ -1,6 +1,6 @@
 //! The paper's controller (section III-A): a PID with filtered derivative on each tilt component.
 
-use super::{Controller, Setpoint, saturate};
+use super::{Controller, Setpoint, saturate, traction_torque};
 use crate::error::{Result, check, positive};
 use crate::kinematics::{Omniwheels, TorqueMap};
 use crate::params::Params;
@@ -17,12 +17,12 @@ pub struct PidGains {
     /// k_d, N·m·s/rad.
     pub derivative: f64,
     /// N, rad/s.
-    pub filter: f64,
+    pub filter_coefficient: f64,
 }
 
 impl PidGains {
     /// The paper's gains (section III-A).
-    pub const PAPER: Self = Self { proportional: 20.39, integral: 56.57, derivative: 1.34, filter: 327.0 };
+    pub const PAPER: Self = Self { proportional: 20.39, integral: 56.57, derivative: 1.34, filter_coefficient: 327.0 };
 }
 
 /// Two PID controllers, about the x and y axes of the heading frame. It controls tilt alone: nothing holds the ball's
@@ -40,7 +40,7 @@ pub struct Pid {
 }
 
 impl Pid {
-    /// A PID for `params`, sampled every `control_dt` seconds, its wheel torques within the motors' limit.
+    /// A PID for `params`, sampled every `control_dt` seconds, its wheel torques within [`traction_torque`].
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for gains that are negative or not finite, or a `control_dt` that is not positive.
@@ -52,25 +52,34 @@ impl Pid {
         {
             check(name, gain, ">= 0", |g| g >= 0.0)?;
         }
-        positive("filter", gains.filter)?;
+        positive("filter_coefficient", gains.filter_coefficient)?;
         Ok(Self {
             wheels: Omniwheels::new(params),
             map,
             gains,
             control_dt,
-            max_torque: params.max_wheel_torque,
+            max_torque: traction_torque(params),
             integral: Vector2::zeros(),
             filtered: None,
         })
+    }
+
+    /// The same with another limit of the wheel torques, N·m.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] for a limit that is not positive.
+    pub fn with_max_torque(mut self, max_torque: f64) -> Result<Self> {
+        self.max_torque = positive("max_torque", max_torque)?;
+        Ok(self)
     }
 
     /// Virtual torques (τ_x, τ_y) for a tilt error in the heading frame, before any limit, N·m.
     pub fn virtual_torques(&mut self, error: Vector2<f64>) -> Vector2<f64> {
         let g = self.gains;
         let filtered = self.filtered.get_or_insert(error);
-        let derivative = (error - *filtered) * (g.derivative * g.filter);
+        let derivative = (error - *filtered) * (g.derivative * g.filter_coefficient);
         // Exact for an error held over the sample.
-        *filtered += (error - *filtered) * (1.0 - (-g.filter * self.control_dt).exp());
+        *filtered += (error - *filtered) * (1.0 - (-g.filter_coefficient * self.control_dt).exp());
         let torques = error * g.proportional + self.integral * g.integral + derivative;
         self.integral += error * self.control_dt;
         torques

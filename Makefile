@@ -1,0 +1,55 @@
+# Needs cargo, a C compiler and Python 3.10+ with venv; each target sets up the rest in .venv and target/.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+RUST_SOURCES := $(shell find crates assets/robots -name '*.rs' -o -name '*.toml')
+RUN ?= runs/balance
+SEED ?= 0
+
+.PHONY: help setup train test lint bench format clean
+
+help:
+	@echo "make train   train a policy with PPO and compare it with LQR and PID (RUN=$(RUN), SEED=$(SEED))"
+	@echo "make test    all tests, Rust and Python"
+	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
+	@echo "make bench   benchmarks of the Rust core"
+	@echo "make format  format Rust and Python"
+	@echo "make clean   delete everything that was built"
+
+setup: $(INSTALLED)
+
+train: $(INSTALLED)
+	$(BIN)/ballbot train balance --run $(RUN) --seed $(SEED) --overwrite
+
+test: $(INSTALLED)
+	cargo test --locked
+	$(BIN)/pytest
+
+lint: $(INSTALLED)
+	@cargo fmt --version >/dev/null 2>&1 || { echo "rustfmt is missing: rustup component add rustfmt" >&2; exit 1; }
+	@cargo clippy --version >/dev/null 2>&1 || { echo "clippy is missing: rustup component add clippy" >&2; exit 1; }
+	cargo fmt --all --check
+	cargo clippy --locked --workspace --all-targets -- -D warnings
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	cd python && ../$(BIN)/python -m mypy.stubtest ballbot_rs._core
+
+bench:
+	cargo bench --locked
+
+format: $(INSTALLED)
+	cargo fmt --all
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) target python/ballbot_rs/_core*.so
+
+$(INSTALLED): pyproject.toml constraints.txt Cargo.toml Cargo.lock $(RUST_SOURCES)
+	@PYTHON="$(PYTHON)" sh tools/check_machine.sh
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt maturin
+	PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		--constraint constraints.txt --no-build-isolation --editable '.[train,dev]'
+	@touch $@
