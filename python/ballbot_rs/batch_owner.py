@@ -1,5 +1,6 @@
 """What every front end shares: a batch of environments, its spaces, and how it is copied and pickled."""
 
+import operator
 import secrets
 from collections.abc import Mapping
 from typing import Any, cast
@@ -46,6 +47,10 @@ class BatchOwner:
         seed: int | None,
         options: Mapping[str, Any],
     ) -> None:
+        check_count("num_envs", num_envs)
+        check_count("max_episode_steps", options["max_episode_steps"])
+        if num_threads is not None:
+            check_count("num_threads", num_threads)
         self._batch_arguments = (num_envs, autoreset, num_threads, dict(options))
         seed = secrets.randbits(63) if seed is None else check_seed(seed)
         self._batch = Batch(num_envs, autoreset, num_threads, seed, **options)
@@ -68,9 +73,22 @@ class BatchOwner:
             self._batch.restore(i, snapshot)
 
 
+def check_count(name: str, value: int) -> None:
+    """Raises TypeError or ValueError, naming the value, unless it is a whole number of at least 1."""
+    if _whole(name, value) < 1:
+        raise ValueError(f"{name} = {value}, it must be at least 1")
+
+
+def _whole(name: str, value: int) -> int:
+    try:
+        return operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} = {value!r} is not a whole number") from None
+
+
 def check_seed(seed: int) -> int:
-    """The seed as an int in [0, 2**64), or a ValueError that names it."""
-    seed = int(seed)
+    """The seed as an int; TypeError or ValueError, naming it, unless it is a whole number in [0, 2**64)."""
+    seed = _whole("seed", seed)
     if not 0 <= seed < 2**64:
         raise ValueError(f"seed = {seed} is out of range: it must be from 0 to 2**64 - 1")
     return seed

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Batch, Lqr, Pid
+from ballbot_rs.batch_owner import check_count, check_seed
 from ballbot_rs.registration import BALANCE, check_id
 
 Observations = npt.NDArray[np.float32]
@@ -34,6 +35,8 @@ class Result:
     """How a controller did over a number of episodes. Angles in degrees, as people read them."""
 
     controller: str
+    #: Model of the robot.
+    model: str
     #: Time between two actions, s.
     control_dt: float
     episodes: int
@@ -110,8 +113,8 @@ def evaluate(
         FileNotFoundError: there is no policy at that path.
     """
     check_id(env_id)
-    if episodes < 1:
-        raise ValueError(f"episodes = {episodes} is out of range: it must be at least 1")
+    check_count("episodes", episodes)
+    seed = check_seed(seed)
     options = dict(env_options or {})
     act: BatchController | None = None
     if controller not in ("pid", "lqr", "zero"):
@@ -157,6 +160,7 @@ def _run(name: str, batch: Batch, act: BatchController) -> Result:
     median = float(np.median(_settling_times(tilts, survived, np.deg2rad(1.0), batch.control_dt)))
     return Result(
         controller=name,
+        model=batch.model,
         control_dt=batch.control_dt,
         episodes=n,
         success_rate=float(success.mean()),

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ballbot_rs._core import State
+from ballbot_rs._core import Params, State
 from ballbot_rs.batch_owner import (
     BatchOwner,
     FloatArray,
@@ -24,9 +24,11 @@ BoolArray = npt.NDArray[np.bool_]
 
 
 def _autoreset_name(mode: str | AutoresetMode) -> str:
-    if isinstance(mode, AutoresetMode):
-        return mode.name.lower()
-    return mode.lower().replace("-", "_").removesuffix("_mode")
+    for known in AutoresetMode:
+        # Gymnasium's own strings are the enum's values, as in "NextStep".
+        if mode in (known, known.value, known.name):
+            return known.name.lower()
+    return str(mode).lower().replace("-", "_")
 
 
 class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray[Any]]):
@@ -83,7 +85,7 @@ class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray
                 environments from given states.
 
         Returns:
-            Observations of all environments (rows of environments that were not reset are zero) and an empty info.
+            Observations of all environments, reset or not, and an empty info.
 
         Raises:
             ValueError: an unknown option, a mask, a list or a seed of the wrong kind.
@@ -157,10 +159,18 @@ class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray
 
     def set_attr(self, name: str, values: Any) -> None:
         """Sets an attribute that the environments share; a list must have the same value for all of them."""
-        values = values if isinstance(values, (list, tuple)) else [values]
-        if any(value != values[0] for value in values):
-            raise ValueError(f"{name} is shared by all environments, but the values given differ")
-        setattr(self, name, values[0])
+        if isinstance(values, (list, tuple)):
+            if len(values) != self.num_envs:
+                raise ValueError(f"{name} has {len(values)} values for num_envs = {self.num_envs}")
+            if any(value != values[0] for value in values):
+                raise ValueError(f"{name} is shared by all environments, but the values given differ")
+            values = values[0]
+        setattr(self, name, values)
+
+    @property
+    def params(self) -> Params:
+        """The robots' parameters."""
+        return self._batch.params
 
     @property
     def states(self) -> npt.NDArray[np.float64]:

@@ -245,6 +245,8 @@ fn contact_forces_and_pushes_in_one_plane_are_those_of_the_spatial_model() {
             assert!(load.abs() < 1e-6 && traction.abs() < 1e-6, "{found:?}, expected {expected:?}");
         }
         assert!((found.floor_force - expected.floor_force).norm() < 1e-6, "{found:?}, expected {expected:?}");
+        let energy = motion.energy() - model.energy(&state.body_quaternion, &velocity);
+        assert!(energy.abs() < 1e-12, "energies are {energy} J apart");
         // On the mast, along the plane and down; the body turns about `across`.
         let (impulse, point) = (along.push(-0.5) * 0.2, Vector3::new(0.0, 0.0, 0.3));
         motion.push(&impulse, &point);
@@ -308,11 +310,11 @@ fn continuous_step(friction: f64, linear: bool) -> Step {
     let g = PidGains::PAPER;
     let rate = |y: &Vector6<f64>| {
         let error = 1.0 - y[1];
-        let derivative = g.derivative * g.filter * (error - y[5]);
+        let derivative = g.derivative * g.filter_coefficient * (error - y[5]);
         // A positive virtual torque tilts the mast away.
         let torque = -(g.proportional * error + g.integral * y[4] + derivative);
         let x_dot = plant(&y.fixed_rows::<4>(0).into_owned(), torque);
-        Vector6::new(x_dot[0], x_dot[1], x_dot[2], x_dot[3], error, g.filter * (error - y[5]))
+        Vector6::new(x_dot[0], x_dot[1], x_dot[2], x_dot[3], error, g.filter_coefficient * (error - y[5]))
     };
     let dt = 1e-4;
     let tilts = std::iter::successors(Some(Vector6::zeros()), |y| Some(rk4(*y, dt, rate))).map(|y| y[1]);

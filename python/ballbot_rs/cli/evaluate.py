@@ -46,7 +46,6 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.json:
         report = {
             "env_id": TASKS[arguments.task],
-            "model": arguments.model or "rigid",
             "seed": arguments.seed,
             "ballbot_rs": __version__,
             "results": [vars(result) for result in results],

@@ -38,7 +38,11 @@ def run(arguments: argparse.Namespace) -> None:
     started = time.perf_counter()
     progress_bar = not (arguments.quiet or arguments.json)
     if arguments.resume is not None:
+        given = [name for name in ("config", "run", "timesteps") if getattr(arguments, name) is not None]
+        if given:
+            raise ValueError(f"--resume continues a run as it was configured: --{given[0]} has no place beside it")
         policy = train.resume(arguments.resume, progress_bar=progress_bar)
+        config, _ = config_module.load(arguments.task, arguments.resume / "config.toml")
     else:
         config, text = config_module.load(arguments.task, arguments.config)
         if arguments.timesteps is not None:
@@ -57,7 +61,10 @@ def run(arguments: argparse.Namespace) -> None:
     seconds = time.perf_counter() - started
     results = []
     if arguments.episodes > 0:
-        results = [evaluate(name, episodes=arguments.episodes) for name in (str(policy), "lqr", "pid")]
+        results = [
+            evaluate(name, env_id=config.env_id, episodes=arguments.episodes, env_options=config.env)
+            for name in (str(policy), "lqr", "pid")
+        ]
     if arguments.json:
         report = {"policy": str(policy), "seconds": seconds, "results": [vars(result) for result in results]}
         print(json.dumps(report, indent=2))

@@ -45,12 +45,16 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         check_id(self.env_id)
+        for name in ("env", "algorithm_arguments", "schedule", "policy"):
+            if not isinstance(getattr(self, name), dict):
+                raise ValueError(f"{name} = {getattr(self, name)!r} must be a table")
         if self.algorithm not in ALGORITHMS:
             raise ValueError(f"unknown algorithm '{self.algorithm}': expected one of {', '.join(ALGORITHMS)}")
         counts = {
             "total_timesteps": self.total_timesteps,
             "num_envs": self.num_envs,
             "torch_threads": self.torch_threads,
+            "num_threads": 1 if self.num_threads is None else self.num_threads,
             "evaluation.every_timesteps": self.evaluation.every_timesteps,
             "evaluation.episodes": self.evaluation.episodes,
         }
@@ -62,6 +66,9 @@ class TrainConfig:
                 raise ValueError(f"schedule.{name} = '{kind}': expected 'linear'")
             if name not in self.algorithm_arguments:
                 raise ValueError(f"schedule.{name} has no value of that name in algorithm_arguments")
+            initial = self.algorithm_arguments[name]
+            if not isinstance(initial, (int, float)):
+                raise ValueError(f"algorithm_arguments.{name} = {initial!r}: a scheduled value must be a number")
 
 
 def parse(text: str, source: str) -> TrainConfig:
@@ -76,6 +83,8 @@ def parse(text: str, source: str) -> TrainConfig:
         raise ValueError(f"{source}: {error}") from error
     _check_keys(source, table, TrainConfig)
     if "evaluation" in table:
+        if not isinstance(table["evaluation"], dict):
+            raise ValueError(f"{source}: evaluation = {table['evaluation']!r} must be a table")
         _check_keys(f"{source}: [evaluation]", table["evaluation"], Evaluation)
         table["evaluation"] = Evaluation(**table["evaluation"])
     try:
@@ -109,11 +118,13 @@ def load(task: str, path: Path | None = None) -> tuple[TrainConfig, str]:
         ValueError: as `parse`.
         OSError: the file cannot be read.
     """
-    text = default_text(task) if path is None else path.read_text(encoding="utf-8")
+    text = default_text(task)
+    if path is not None:
+        text = path.read_text(encoding="utf-8")
     return parse(text, f"{task}.toml" if path is None else str(path)), text
 
 
 def with_timesteps(text: str, timesteps: int) -> str:
     """The text with another `total_timesteps`, so that what a run keeps is what it did."""
-    kept = [line for line in text.splitlines() if not line.startswith("total_timesteps")]
+    kept = [line for line in text.splitlines() if not line.lstrip().startswith("total_timesteps")]
     return "\n".join([f"total_timesteps = {timesteps}", *kept]) + "\n"

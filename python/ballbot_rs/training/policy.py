@@ -81,12 +81,15 @@ def load_policy(path: Path, env_id: str) -> tuple[BaseAlgorithm, dict[str, Any]]
         raise ValueError(f"{path} is not a policy file of Stable-Baselines3")
     try:
         data, _, _ = load_from_zip_file(path, device="cpu")
-    except (ValueError, KeyError) as error:
+    except (ValueError, KeyError, AttributeError) as error:
         raise ValueError(f"{path} is not a policy file of Stable-Baselines3: {error}") from error
     found = (data or {}).get(METADATA)
     if not isinstance(found, dict):
         raise ValueError(f"{path} does not say which environment it was trained on; expected {env_id}")
     expected = metadata(env_id, str(found.get("algorithm")), {})
+    for field, value in expected.items():
+        if not isinstance(found.get(field), type(value)):
+            raise ValueError(f"{path} does not say its {field}: it is no policy file of ballbot_rs")
     for field in ("env_id", "observation"):
         if found.get(field) != expected[field]:
             raise ValueError(
@@ -95,4 +98,7 @@ def load_policy(path: Path, env_id: str) -> tuple[BaseAlgorithm, dict[str, Any]]
             )
     if found["algorithm"] not in CLASSES:
         raise ValueError(f"{path}: unknown algorithm '{found['algorithm']}', expected one of {', '.join(CLASSES)}")
-    return CLASSES[found["algorithm"]].load(path, device="cpu"), found
+    try:
+        return CLASSES[found["algorithm"]].load(path, device="cpu"), found
+    except (ValueError, KeyError, AttributeError, RuntimeError) as error:
+        raise ValueError(f"{path} holds no {found['algorithm']} policy that can be loaded: {error}") from error

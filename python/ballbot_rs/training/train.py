@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numpy as np
 import stable_baselines3
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -52,12 +53,14 @@ def train(
             raise FileExistsError(f"{folder} holds an earlier run: resume it, overwrite it, or name another")
         if not (folder / "run.json").is_file():
             raise FileExistsError(f"{folder} is not a training run, so it is not overwritten")
+    torch.set_num_threads(config.torch_threads)
+    # Before anything is deleted or written: this is what refuses a configuration.
+    model = _new_model(config, folder, seed)
+    if folder.exists():
         shutil.rmtree(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True)
     (folder / "config.toml").write_text(text, encoding="utf-8")
     _write_record(folder, seed)
-    torch.set_num_threads(config.torch_threads)
-    model = _new_model(config, folder, seed)
     return _learn(model, config, folder, seed, config.total_timesteps, progress_bar)
 
 
@@ -114,7 +117,7 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
             device="cpu",
             **arguments,
         )
-    except TypeError as error:
+    except (TypeError, AssertionError) as error:
         raise ValueError(f"the configuration does not fit {config.algorithm}: {error}") from error
     setattr(model, METADATA, metadata(config.env_id, config.algorithm, dict(config.env)))
     return model
@@ -131,19 +134,30 @@ def _learn(
         seed=EVALUATION_SEED + seed,
         **config.env,
     )
-    callbacks = [
-        CheckpointCallback(every, str(folder / "checkpoints")),
-        EvalCallback(
-            VecMonitor(evaluation),
-            n_eval_episodes=config.evaluation.episodes,
-            eval_freq=every,
-            log_path=str(folder),
-            best_model_save_path=str(folder),
-            verbose=0,
-        ),
-    ]
+    keep_best = EvalCallback(
+        VecMonitor(evaluation),
+        n_eval_episodes=config.evaluation.episodes,
+        eval_freq=every,
+        log_path=str(folder),
+        best_model_save_path=str(folder),
+        verbose=0,
+    )
+    _remember(keep_best, folder / "evaluations.npz")
+    callbacks = [CheckpointCallback(every, str(folder / "checkpoints")), keep_best]
     model.learn(timesteps, callback=callbacks, reset_num_timesteps=False, progress_bar=progress_bar)
     return _finish(model, folder)
+
+
+def _remember(callback: EvalCallback, path: Path) -> None:
+    """Gives the callback the evaluations before the interruption: only a better policy replaces the best one."""
+    if not path.is_file():
+        return
+    with np.load(path) as past:
+        callback.evaluations_timesteps = past["timesteps"].tolist()
+        callback.evaluations_results = past["results"].tolist()
+        callback.evaluations_length = past["ep_lengths"].tolist()
+        callback.evaluations_successes = past["successes"].tolist()
+        callback.best_mean_reward = float(past["results"].mean(axis=1).max())
 
 
 def _finish(model: BaseAlgorithm, folder: Path) -> Path:

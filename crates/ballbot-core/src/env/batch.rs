@@ -199,7 +199,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Resets the environments whose `mask` is set (all without one) and writes their observations.
+    /// Resets the environments whose `mask` is set (all without one) and writes the observations of all.
     ///
     /// # Errors
     /// [`Error::Length`] for buffers of the wrong length.
@@ -212,6 +212,8 @@ impl Batch {
         for (i, (environment, row)) in self.environments.iter_mut().zip(rows).enumerate() {
             if mask.is_none_or(|mask| mask[i]) {
                 environment.reset(row);
+            } else {
+                environment.observe(row);
             }
         }
         Ok(())

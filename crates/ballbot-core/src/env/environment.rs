@@ -211,7 +211,11 @@ impl Environment {
         self.robot.set_joint_dynamics(dynamics).expect("the same friction was accepted before");
     }
 
-    fn observe(&self, observation: &mut [f32]) {
+    /// Writes the present observation.
+    ///
+    /// # Panics
+    /// If `observation` is not of length [`OBSERVATION_LEN`].
+    pub fn observe(&self, observation: &mut [f32]) {
         assert_eq!(observation.len(), OBSERVATION_LEN, "observation buffer");
         observe(&self.robot.state(), &self.config.setpoint.into(), &self.episode.last_action, observation);
     }

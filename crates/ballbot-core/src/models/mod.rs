@@ -72,25 +72,28 @@ fn require_rolling(params: &Params, wheels: &Omniwheels, state: &State) -> Resul
     let rolling = rolling_rate(params, &state.ball_velocity);
     let wheel_speeds =
         wheels.wheel_speeds(&state.body_quaternion, &state.ball_angular_velocity, &state.body_angular_velocity);
-    let mut expected = vec![
-        ("ball_position[2]".to_owned(), state.ball_position.z, params.ball_radius),
-        ("ball_velocity[2]".to_owned(), state.ball_velocity.z, 0.0),
-        ("ball_angular_velocity[0]".to_owned(), state.ball_angular_velocity.x, rolling.x),
-        ("ball_angular_velocity[1]".to_owned(), state.ball_angular_velocity.y, rolling.y),
+    let (ball, body) = (&state.ball_velocity, &state.body_velocity);
+    let required = [
+        ("ball_position", 2, state.ball_position.z, params.ball_radius),
+        ("ball_velocity", 2, ball.z, 0.0),
+        ("ball_angular_velocity", 0, state.ball_angular_velocity.x, rolling.x),
+        ("ball_angular_velocity", 1, state.ball_angular_velocity.y, rolling.y),
+        ("body_position", 0, state.body_position.x, state.ball_position.x),
+        ("body_position", 1, state.body_position.y, state.ball_position.y),
+        ("body_position", 2, state.body_position.z, state.ball_position.z),
+        ("body_velocity", 0, body.x, ball.x),
+        ("body_velocity", 1, body.y, ball.y),
+        ("body_velocity", 2, body.z, ball.z),
+        ("wheel_speeds", 0, state.wheel_speeds[0], wheel_speeds[0]),
+        ("wheel_speeds", 1, state.wheel_speeds[1], wheel_speeds[1]),
+        ("wheel_speeds", 2, state.wheel_speeds[2], wheel_speeds[2]),
     ];
-    for i in 0..3 {
-        expected.push((format!("body_position[{i}]"), state.body_position[i], state.ball_position[i]));
-        expected.push((format!("body_velocity[{i}]"), state.body_velocity[i], state.ball_velocity[i]));
-        expected.push((format!("wheel_speeds[{i}]"), state.wheel_speeds[i], wheel_speeds[i]));
+    match required.iter().find(|(_, _, value, needed)| (value - needed).abs() > NO_SLIP_TOLERANCE) {
+        None => Ok(()),
+        Some((name, i, value, needed)) => Err(Error::Inconsistent(format!(
+            "{name}[{i}] = {value}, but a model without slip needs {needed} within {NO_SLIP_TOLERANCE}"
+        ))),
     }
-    for (name, value, required) in expected {
-        if (value - required).abs() > NO_SLIP_TOLERANCE {
-            return Err(Error::Inconsistent(format!(
-                "{name} = {value}, but a model without slip needs {required} within {NO_SLIP_TOLERANCE}"
-            )));
-        }
-    }
-    Ok(())
 }
 
 /// Numbers as bytes for `Model::save`.

@@ -1,0 +1,223 @@
+"""`Ballbot` on all three models: what it does, what it remembers, and how it fails."""
+
+import copy
+import itertools
+import pickle
+
+import numpy as np
+import pytest
+from ballbot_rs import Ballbot, DivergedError, Lqr, Params, State
+
+MODELS = ["rigid", "spatial", "planar"]
+TORQUES = (0.05, -0.02, 0.01)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_new_robot_stands_at_rest(model, paper):
+    robot = Ballbot(model=model)
+    assert robot.model == model
+    assert robot.sim_dt == 0.001
+    assert robot.time == 0.0
+    assert robot.params == paper
+    np.testing.assert_allclose(robot.state.to_array(), State.upright(paper).to_array(), atol=1e-12)
+    assert robot.energy == pytest.approx(paper.body_mass * paper.gravity * paper.body_com_height, rel=1e-9)
+    assert f"model='{model}'" in repr(robot)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_time_counts_the_steps(model):
+    robot = Ballbot(model=model, sim_dt=0.002)
+    robot.step((0, 0, 0))
+    robot.step((0, 0, 0), steps=49)
+    assert robot.time == pytest.approx(0.1, abs=1e-12)
+    robot.step((0, 0, 0), steps=0)
+    assert robot.time == pytest.approx(0.1, abs=1e-12)
+    robot.reset()
+    assert robot.time == 0.0
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_many_steps_at_once_are_many_steps(model):
+    one, many = Ballbot(model=model), Ballbot(model=model)
+    for _ in range(50):
+        one.step(TORQUES)
+    many.step(TORQUES, 50)
+    assert one.state == many.state
+    assert one.time == many.time
+    assert one.state != Ballbot(model=model).state
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_reset_robot_equals_a_new_one(model):
+    used, new = Ballbot(model=model), Ballbot(model=model)
+    used.step(TORQUES, 100)
+    used.push((0.1, 0.0, 0.0))
+    for robot in (used, new):
+        robot.reset(tilt=(0.02, 0.01), yaw=0.4)
+        robot.step(TORQUES, 100)
+    assert used.state == new.state
+    assert used.energy == new.energy
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_reset_to_a_state(model, paper):
+    robot = Ballbot(model=model)
+    state = State.rolling(paper, (0.3, -0.1))
+    robot.reset(state)
+    np.testing.assert_allclose(robot.state.to_array(), state.to_array(), atol=1e-9)
+    with pytest.raises(TypeError, match="not both"):
+        robot.reset(state, tilt=(0.1, 0.0))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_static_loads(model):
+    robot = Ballbot(model=model)
+    regulator = Lqr(control_dt=0.001)
+    for _ in range(1500):
+        robot.step(regulator(robot.state))
+    contacts = robot.contacts
+    np.testing.assert_allclose(contacts.wheel_normal_forces, 10.303, rtol=1e-3)
+    np.testing.assert_allclose(contacts.floor_force, [0.0, 0.0, 35.95], rtol=1e-3, atol=0.02)
+    np.testing.assert_allclose(contacts.wheel_slip_speeds, 0.0, atol=1e-3)
+    np.testing.assert_allclose(contacts.floor_slip_velocity, 0.0, atol=1e-3)
+    assert contacts.floor_slip_velocity.shape == (2,)
+    assert contacts.bot_on_floor is False
+    assert contacts.friction_utilization.shape == (4,)
+    assert contacts.friction_utilization.max() < 0.01
+    assert "wheel_normal_forces" in repr(contacts)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_energy_is_conserved_without_friction(model):
+    robot = Ballbot(model=model, sim_dt=0.0005)
+    robot.reset(tilt=(0.05, 0.02))
+    before = robot.energy
+    robot.step((0, 0, 0), 600)
+    assert robot.state.tilt > 0.1
+    assert robot.energy == pytest.approx(before, rel=2e-3)
+
+
+def rate_after_a_push(model, point=None):
+    robot = Ballbot(model=model)
+    # The rigid model's contacts settle first.
+    robot.step((0, 0, 0), 100)
+    robot.push((0.02, 0.0, 0.0), point)
+    robot.step((0, 0, 0), 10)
+    return robot.state.body_angular_velocity
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_push_along_x_tilts_about_y(model, paper):
+    rate = rate_after_a_push(model)
+    assert rate[1] == pytest.approx(0.02 * 0.9014, rel=0.01)
+    np.testing.assert_allclose(rate[[0, 2]], 0.0, atol=1e-4)
+    com = (0.0, 0.0, paper.body_com_height)
+    np.testing.assert_array_equal(rate_after_a_push(model, com), rate)
+    assert rate_after_a_push(model, (0.0, 0.0, 0.3))[1] > 1.5 * rate[1]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_joint_friction_dissipates_and_outlives_a_reset(model):
+    free, damped = Ballbot(model=model), Ballbot(model=model)
+    damped.set_joint_dynamics(viscous_friction=0.01)
+    assert damped.joint_dynamics == (0.01, 0.0)
+    damped.set_joint_dynamics(coulomb_friction=0.002)
+    assert damped.joint_dynamics == (0.01, 0.002)
+    for robot in (free, damped):
+        robot.reset(tilt=(0.05, 0.0))
+        robot.step((0, 0, 0), 300)
+    assert damped.energy < free.energy - 1e-3
+    assert damped.joint_dynamics == (0.01, 0.002)
+    assert free.joint_dynamics == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("how", ["snapshot", "pickle", "deepcopy"])
+def test_a_copy_continues_bit_identically(model, how):
+    robot = Ballbot(model=model, sim_dt=0.002)
+    robot.set_joint_dynamics(0.001, 0.002)
+    robot.reset(tilt=(0.03, -0.02), yaw=1.0)
+    robot.step(TORQUES, 40)
+    robot.push((0.05, 0.02, 0.0))
+    if how == "snapshot":
+        twin = Ballbot(model=model, sim_dt=0.002)
+        twin.restore(robot.snapshot())
+    else:
+        twin = pickle.loads(pickle.dumps(robot)) if how == "pickle" else copy.deepcopy(robot)
+    assert twin.joint_dynamics == robot.joint_dynamics
+    for steps in (1, 2, 60):
+        robot.step(TORQUES, steps)
+        twin.step(TORQUES, steps)
+        assert twin.state == robot.state
+        assert twin.time == robot.time
+        np.testing.assert_array_equal(twin.contacts.wheel_tractions, robot.contacts.wheel_tractions)
+    twin.step((0, 0, 0))
+    assert twin.time > robot.time
+
+
+def test_a_copy_keeps_its_parameters():
+    robot = Ballbot(Params.paper().replace(body_mass=3.0), "spatial", 0.002)
+    again = pickle.loads(pickle.dumps(robot))
+    assert (again.params.body_mass, again.model, again.sim_dt) == (3.0, "spatial", 0.002)
+
+
+@pytest.mark.parametrize(
+    "snapshot",
+    [
+        b"",
+        b"abc",
+        b"\xff" * 500,
+        pytest.param(bytes(20_000), marks=pytest.mark.xfail(strict=True, reason="rigid decodes zeros and more")),
+    ],
+    ids=["empty", "short", "ones", "zeros"],
+)
+@pytest.mark.parametrize("model", MODELS)
+def test_bytes_that_are_no_snapshot_are_refused(model, snapshot):
+    robot = Ballbot(model=model)
+    robot.step(TORQUES, 5)
+    before = robot.state
+    with pytest.raises(ValueError, match="cannot decode saved"):
+        robot.restore(snapshot)
+    assert robot.state == before
+
+
+@pytest.mark.parametrize(("model", "other"), itertools.permutations(MODELS, 2))
+def test_a_snapshot_of_another_model_is_refused(model, other):
+    with pytest.raises(ValueError, match="cannot decode saved"):
+        Ballbot(model=model).restore(Ballbot(model=other).snapshot())
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("impulse", [1e3, 1e7, 1e300])
+def test_divergence_is_reported_and_a_reset_recovers(model, impulse):
+    robot = Ballbot(model=model)
+    robot.push((impulse, 0.0, 0.0))
+    with pytest.raises(DivergedError, match=r"diverged at t = [0-9.]+ s: .* limit"):
+        robot.step((0, 0, 0), 200)
+    with pytest.raises(DivergedError):
+        robot.step((0, 0, 0))
+    new = Ballbot(model=model)
+    for fixed in (robot, new):
+        fixed.reset(tilt=(0.01, 0.0))
+        fixed.step(TORQUES, 50)
+    assert robot.state == new.state
+
+
+def test_a_falling_robot_ends_on_the_floor():
+    robot = Ballbot()
+    robot.reset(tilt=(0.3, 0.0))
+    assert not robot.contacts.bot_on_floor
+    robot.step((0, 0, 0), 2000)
+    assert robot.contacts.bot_on_floor
+    assert np.rad2deg(robot.state.tilt) > 60
+    assert robot.state.body_position[2] > -0.05, "the robot sank into the floor"
+    # All weight rests on the floor: the ball's share is what the ball alone weighs, or more.
+    assert robot.contacts.floor_force[2] > 0.99 * 1.437 * 9.81
+
+
+def test_too_much_torque_makes_wheels_slip():
+    robot = Ballbot()
+    robot.step((5.0, 5.0, 5.0), 50)
+    slip = robot.contacts.wheel_slip_speeds
+    assert np.abs(slip).max() > 0.1
+    assert robot.contacts.friction_utilization.max() > 0.9
