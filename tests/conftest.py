@@ -11,7 +11,13 @@ try:
     import torch
 except ModuleNotFoundError:
     # A core-only installation has neither torch nor Stable-Baselines3: leave out what needs them.
-    collect_ignore = ["test_cli.py", "test_sb3_vec_env.py", "test_sb3_learning.py", "test_training.py"]
+    collect_ignore = [
+        "test_bad_policy.py",
+        "test_cli.py",
+        "test_sb3_vec_env.py",
+        "test_sb3_learning.py",
+        "test_training.py",
+    ]
 else:
     torch.set_num_threads(1)
 

@@ -286,6 +286,14 @@ def test_copies_continue_bit_identically(model, duplicate):
     assert ends >= 2
 
 
+@pytest.mark.xfail(strict=True, reason="a snapshot leaves out the reward's terms")
+def test_a_copy_knows_its_last_reward():
+    env = BalanceEnv()
+    env.reset(seed=5)
+    env.step([0.1, 0.2, 0.3])
+    assert copy.deepcopy(env).reward_terms() == env.reward_terms()
+
+
 def test_a_copy_is_independent():
     env = BalanceEnv()
     env.reset(seed=5)

@@ -224,7 +224,6 @@ def test_disabled_mode_resets_by_mask_only():
         env.step(np.zeros((3, 3)))
 
 
-@pytest.mark.xfail(strict=True, reason="a masked reset gives zeros for the others, SyncVectorEnv what they see")
 def test_a_masked_reset_leaves_the_other_observations_as_they_are():
     env = BalanceVectorEnv(3, autoreset_mode="disabled")
     env.reset(seed=0)

@@ -81,7 +81,7 @@ def load_policy(path: Path, env_id: str) -> tuple[BaseAlgorithm, dict[str, Any]]
         raise ValueError(f"{path} is not a policy file of Stable-Baselines3")
     try:
         data, _, _ = load_from_zip_file(path, device="cpu")
-    except (ValueError, KeyError, AttributeError) as error:
+    except (ValueError, KeyError, AttributeError, OSError) as error:
         raise ValueError(f"{path} is not a policy file of Stable-Baselines3: {error}") from error
     found = (data or {}).get(METADATA)
     if not isinstance(found, dict):

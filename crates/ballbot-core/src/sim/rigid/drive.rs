@@ -1,7 +1,6 @@
 //! Drive friction of an ideal omniwheel: one constraint row along the drive direction, bounded by μ N.
 
 use super::convert::{from_rapier, to_rapier};
-use super::world::{Handles, World};
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 
@@ -42,8 +41,8 @@ impl Contact {
         Self { point: ball + normal * ball_radius, normal, drive }
     }
 
-    /// Anchors row `i` here, with friction up to `max_force` (N).
-    pub fn anchor(&self, world: &mut World, handles: &Handles, i: usize, max_force: f64) {
+    /// Anchors a drive row here, between a wheel and the ball at the given poses, with friction up to `max_force` (N).
+    pub fn anchor(&self, row: &mut GenericJoint, wheel: &Pose, ball: &Pose, max_force: f64) {
         let frame = Pose::from_parts(
             to_rapier(&self.point),
             Rotation::from_mat3(&Matrix::from_cols(
@@ -52,20 +51,16 @@ impl Contact {
                 to_rapier(&self.normal),
             )),
         );
-        let wheel = *world.bodies[handles.wheels[i]].position();
-        let ball = *world.bodies[handles.ball].position();
-        let joint = world.impulse_joints.get_mut(handles.drives[i], false).expect("drive rows are never removed");
-        joint.data.local_frame1 = wheel.inverse() * frame;
-        joint.data.local_frame2 = ball.inverse() * frame;
-        joint.data.set_motor_max_force(JointAxis::LinX, max_force);
+        row.local_frame1 = wheel.inverse() * frame;
+        row.local_frame2 = ball.inverse() * frame;
+        row.set_motor_max_force(JointAxis::LinX, max_force);
     }
 }
 
-/// Force of wheel `i` on the ball along its drive direction over the last step, N.
-pub fn traction(world: &World, handles: &Handles, i: usize, sim_dt: f64) -> f64 {
-    let joint = world.impulse_joints.get(handles.drives[i]);
+/// Force on the ball along the drive direction over the last step, N.
+pub fn traction(row: &GenericJoint, sim_dt: f64) -> f64 {
     // The row acts on the wheel, its first body; the ball feels the opposite.
-    joint.and_then(|joint| joint.data.motor(JointAxis::LinX)).map_or(0.0, |motor| -motor.impulse) / sim_dt
+    row.motor(JointAxis::LinX).map_or(0.0, |motor| -motor.impulse) / sim_dt
 }
 
 /// Velocity of a body's material point, inertial frame, m/s.

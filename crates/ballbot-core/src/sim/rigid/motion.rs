@@ -126,7 +126,7 @@ impl RigidMotion {
             let friction =
                 stribeck(p.wheel_static_friction, p.wheel_dynamic_friction, p.friction_critical_velocity, slip);
             let max_force = friction * self.memory.wheel_loads[i];
-            contact.anchor(&mut self.world, &self.handles, i, max_force);
+            self.world.anchor_drive(&self.handles, i, &contact, max_force);
         }
     }
 
@@ -250,7 +250,7 @@ impl Model for RigidMotion {
         for i in 0..3 {
             self.memory.wheel_loads[i] =
                 self.world.normal_force(self.handles.ball_collider, self.handles.wheel_colliders[i], dt);
-            self.memory.tractions[i] = drive::traction(&self.world, &self.handles, i, dt);
+            self.memory.tractions[i] = drive::traction(self.world.drive(&self.handles, i), dt);
         }
         self.memory.floor_force = self.world.floor_force(&self.handles, dt).into();
         self.memory.time += dt;

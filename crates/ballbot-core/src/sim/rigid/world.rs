@@ -16,11 +16,11 @@ use serde::{Deserialize, Serialize};
 pub struct World {
     pub bodies: RigidBodySet,
     pub colliders: ColliderSet,
-    pub impulse_joints: ImpulseJointSet,
+    impulse_joints: ImpulseJointSet,
     pub multibody_joints: MultibodyJointSet,
     islands: IslandManager,
     broad_phase: DefaultBroadPhase,
-    pub narrow_phase: NarrowPhase,
+    narrow_phase: NarrowPhase,
     soft_bodies: SoftBodySet,
 }
 
@@ -207,6 +207,19 @@ impl World {
             &(),
         );
         pipeline.quarantine().is_empty()
+    }
+
+    /// The friction row between wheel `i` and the ball.
+    pub fn drive(&self, handles: &Handles, i: usize) -> &GenericJoint {
+        &self.impulse_joints.get(handles.drives[i]).expect("drive rows are never removed").data
+    }
+
+    /// Anchors the friction row of wheel `i` at its contact, with friction up to `max_force` (N).
+    pub fn anchor_drive(&mut self, handles: &Handles, i: usize, contact: &drive::Contact, max_force: f64) {
+        let wheel = *self.bodies[handles.wheels[i]].position();
+        let ball = *self.bodies[handles.ball].position();
+        let joint = self.impulse_joints.get_mut(handles.drives[i], false).expect("drive rows are never removed");
+        contact.anchor(&mut joint.data, &wheel, &ball, max_force);
     }
 
     /// Normal force of a pair of colliders over the last step, N.

@@ -1,0 +1,188 @@
+"""The `ballbot` command: what it prints, what it writes and how it fails."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ballbot_rs import __version__
+from ballbot_rs.cli import main
+from stable_baselines3 import PPO
+
+
+def parse_json(text):
+    """JSON as other languages read it: NaN and Infinity are no numbers."""
+
+    def refuse(constant):
+        raise AssertionError(f"{constant} in the JSON output")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def run(capsys, *arguments):
+    """Exit code, standard output and standard error of the command."""
+    try:
+        code = main([str(argument) for argument in arguments])
+    except SystemExit as exit_:
+        code = exit_.code
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_version(capsys):
+    assert run(capsys, "--version") == (0, f"ballbot {__version__}\n", "")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["train", "--help"], ["evaluate", "--help"]])
+def test_help(capsys, arguments):
+    code, out, _ = run(capsys, *arguments)
+    assert code == 0
+    assert "usage: ballbot" in out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["fly"],
+        ["train"],
+        ["evaluate", "balance"],
+        ["evaluate", "walk", "--controller", "lqr"],
+        ["evaluate", "balance", "--controller", "lqr", "--episodes", "many"],
+        ["train", "balance", "--bogus"],
+    ],
+)
+def test_a_wrong_command_line_exits_with_2(capsys, arguments):
+    code, out, err = run(capsys, *arguments)
+    assert code == 2
+    assert out == ""
+    assert "usage: ballbot" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["train", "walk"], "unknown task 'walk': expected one of balance"),
+        (["train", "balance", "--timesteps", "0"], "total_timesteps = 0 is out of range"),
+        (["train", "balance", "--config", "nowhere.toml"], "nowhere.toml"),
+        (["train", "balance", "--resume", "nowhere"], "nowhere holds no training run"),
+        (["train", "balance", "--resume", "nowhere", "--timesteps", "5"], "--timesteps has no place beside it"),
+        (["train", "balance", "--seed", "-1"], "seed = -1"),
+        (["evaluate", "balance", "--controller", "lqrr"], "no policy at lqrr"),
+        (["evaluate", "balance", "--controller", "lqr", "--episodes", "0"], "episodes = 0, it must be at least 1"),
+        (["evaluate", "balance", "--controller", "lqr", "--seed", "-1"], "seed = -1 is out of range"),
+        (["evaluate", "balance", "--controller", "lqr", "--model", "flat"], "unknown model 'flat': expected one of"),
+    ],
+)
+def test_an_error_exits_with_1_and_one_line(capsys, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run(capsys, *arguments)
+    assert code == 1
+    assert out == ""
+    assert err.startswith("ballbot: ")
+    assert message in err
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == [], "a refused command left files behind"
+
+
+def test_an_unknown_configuration_key_exits_with_1(capsys, tmp_path, tiny_config):
+    tiny_config.write_text("total_timestep = 5", encoding="utf-8")
+    code, _, err = run(capsys, "train", "balance", "--config", tiny_config, "--run", tmp_path / "run")
+    assert code == 1
+    assert "tiny.toml: unknown key 'total_timestep': expected one of env_id" in err
+    assert not (tmp_path / "run").exists()
+
+
+def test_evaluate_prints_a_table(capsys):
+    controllers = ["--controller", "lqr", "--controller", "zero"]
+    code, out, err = run(capsys, "evaluate", "balance", *controllers, "--episodes", 3, "--model", "spatial")
+    assert (code, err) == (0, "")
+    header, rule, *rows = out.splitlines()
+    assert "success" in header
+    assert set(rule) == {"-", " "}
+    assert [row.split()[0] for row in rows] == ["lqr", "zero"]
+    assert "100 %" in rows[0]
+    assert "never" in rows[1]
+
+
+def test_evaluate_prints_json(capsys, tiny_run):
+    names = ["pid", "lqr", "zero", str(tiny_run)]
+    controllers = [argument for name in names for argument in ("--controller", name)]
+    code, out, err = run(capsys, "evaluate", "balance", *controllers, "--episodes", 2, "--seed", 7, "--json")
+    assert (code, err) == (0, "")
+    report = parse_json(out)
+    assert report["env_id"] == "ballbot/Balance-v0"
+    assert report["seed"] == 7
+    assert report["ballbot_rs"] == __version__
+    assert [result["controller"] for result in report["results"]] == names
+    assert [result["model"] for result in report["results"]] == ["rigid", "rigid", "rigid", "spatial"]
+    assert all(result["episodes"] == 2 for result in report["results"])
+    assert report["results"][2]["settling_time"] is None
+    assert report["results"][1]["success_rate"] == 1.0
+
+
+def test_train_with_the_default_configuration(capsys, tmp_path):
+    folder = tmp_path / "run"
+    code, out, err = run(
+        capsys,
+        "train", "balance", "--timesteps", 8192 * 2, "--run", folder, "--quiet", "--json", "--episodes", 2, "--seed", 3,
+    )  # fmt: skip
+    assert (code, err) == (0, "")
+    report = parse_json(out)
+    # Too short for an evaluation, so the last policy is the best one known.
+    assert Path(report["policy"]) == folder / "final_model.zip"
+    assert report["seconds"] > 0
+    assert [result["controller"] for result in report["results"]] == [report["policy"], "lqr", "pid"]
+    assert PPO.load(report["policy"]).num_timesteps == 8192 * 2
+    assert "total_timesteps = 16384" in (folder / "config.toml").read_text(encoding="utf-8")
+    assert json.loads((folder / "run.json").read_text())["seed"] == 3
+
+
+def test_train_resume_and_overwrite(capsys, tmp_path, tiny_config):
+    folder = tmp_path / "run"
+    train = ["train", "balance", "--config", tiny_config, "--run", folder, "--quiet", "--episodes", 0]
+    code, out, err = run(capsys, *train)
+    assert (code, err) == (0, "")
+    assert f"best policy: {folder / 'best_model.zip'}" in out
+    code, _, err = run(capsys, *train)
+    assert code == 1
+    assert "holds an earlier run: resume it, overwrite it, or name another" in err
+    longer = (folder / "config.toml").read_text(encoding="utf-8").replace("768", "1024")
+    (folder / "config.toml").write_text(longer, encoding="utf-8")
+    assert run(capsys, "train", "balance", "--resume", folder, "--quiet", "--episodes", 0)[0] == 0
+    assert PPO.load(folder / "final_model.zip").num_timesteps == 1024
+    assert run(capsys, *train, "--overwrite")[0] == 0
+    assert PPO.load(folder / "final_model.zip").num_timesteps == 768
+
+
+def test_train_compares_on_the_environment_that_was_trained_on(capsys, tmp_path, tiny_config):
+    code, out, _ = run(
+        capsys, "train", "balance", "--config", tiny_config, "--run", tmp_path / "run", "--json", "--episodes", 2
+    )
+    assert code == 0
+    report = parse_json(out)
+    assert [result["model"] for result in report["results"]] == ["spatial"] * 3
+    code, out, _ = run(capsys, "train", "balance", "--resume", tmp_path / "run", "--json", "--episodes", 2)
+    assert [result["model"] for result in parse_json(out)["results"]] == ["spatial"] * 3
+
+
+def test_an_interrupt_exits_with_130(capsys, monkeypatch):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ballbot_rs.cli.evaluate.evaluate", interrupt)
+    code, _, err = run(capsys, "evaluate", "balance", "--controller", "lqr")
+    assert (code, err) == (130, "interrupted\n")
+
+
+def test_the_installed_command():
+    script = shutil.which("ballbot", path=str(Path(sys.executable).parent))
+    assert script is not None, "the package's console script is not installed"
+    command = [script, "evaluate", "balance", "--controller", "lqr", "--episodes", "1", "--model", "planar", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert parse_json(done.stdout)["results"][0]["success_rate"] == 1.0
+    failed = subprocess.run([script, "evaluate", "balance", "--controller", "x"], capture_output=True, timeout=60)
+    assert failed.returncode == 1
+    assert b"Traceback" not in failed.stderr

@@ -1,0 +1,113 @@
+"""What the package carries, what it imports, and which module may import what."""
+
+import ast
+import importlib.metadata
+import subprocess
+import sys
+from pathlib import Path
+
+import ballbot_rs
+import pytest
+
+PACKAGE = Path(ballbot_rs.__file__).parent
+MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
+
+#: Modules that may import torch and Stable-Baselines3; nothing else may, so that the core runs without them.
+LEARNING = {"sb3.py", "training/policy.py", "training/train.py"}
+
+
+def run_python(code):
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True).stdout
+
+
+def test_importing_the_package_brings_no_learner():
+    code = """
+import sys, gymnasium, ballbot_rs
+env = gymnasium.make("ballbot/Balance-v0")
+env.reset(seed=0)
+gymnasium.make_vec("ballbot/Balance-v0", 2).reset()
+import ballbot_rs.evaluation, ballbot_rs.cli
+ballbot_rs.evaluation.evaluate("lqr", episodes=1, env_options={"model": "planar"})
+print(sorted({m.split(".")[0] for m in sys.modules} & {"torch", "stable_baselines3", "tensorboard", "matplotlib"}))
+"""
+    assert run_python(code).strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("use", "message"),
+    [
+        ("ballbot_rs.BallbotVecEnv", "BallbotVecEnv needs torch: install it with `pip install 'ballbot-rs[train]'`"),
+        ("main(['train', 'balance'])", "training needs torch: install it with `pip install 'ballbot-rs[train]'`"),
+        (
+            "main(['evaluate', 'balance', '--controller', 'x.zip'])",
+            "a policy file needs torch: install it with `pip install 'ballbot-rs[train]'`",
+        ),
+    ],
+)
+def test_without_the_learner_the_message_says_what_to_install(use, message):
+    code = f"""
+import sys
+class Hidden:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in ("torch", "stable_baselines3"):
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name="torch")
+sys.meta_path.insert(0, Hidden())
+sys.stderr = sys.stdout
+import ballbot_rs
+from ballbot_rs.cli import main
+try:
+    {use}
+except ModuleNotFoundError as error:
+    print(error)
+"""
+    assert message in run_python(code)
+
+
+def test_version_is_that_of_the_installed_package():
+    assert ballbot_rs.__version__ == importlib.metadata.version("ballbot-rs")
+
+
+def test_type_information_is_shipped():
+    assert (PACKAGE / "py.typed").is_file()
+    assert (PACKAGE / "_core.pyi").is_file()
+
+
+def test_the_stub_names_what_the_extension_has():
+    tree = ast.parse((PACKAGE / "_core.pyi").read_text(encoding="utf-8"))
+    stubbed = {node.name for node in tree.body if isinstance(node, (ast.ClassDef, ast.FunctionDef))}
+    stubbed |= {node.target.id for node in tree.body if isinstance(node, ast.AnnAssign)}
+    from ballbot_rs import _core
+
+    public = {name for name in dir(_core) if not name.startswith("_")}
+    assert public <= stubbed
+    assert {name for name in stubbed if not name.startswith("_")} <= public
+
+
+def imports_of(module):
+    tree = ast.parse((PACKAGE / module).read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{module} has a relative import"
+            yield node.module
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_imports_go_downwards(module):
+    roots = {name.split(".")[0] for name in imports_of(module)}
+    if module not in LEARNING:
+        assert not roots & {"torch", "stable_baselines3"}
+    own = {name for name in imports_of(module) if name.startswith("ballbot_rs.")}
+    if not module.startswith("cli/"):
+        assert not any(name.startswith("ballbot_rs.cli") for name in own), "only the command line knows itself"
+    if module in {"batch_owner.py", "registration.py"}:
+        assert own <= {"ballbot_rs._core"}
+    if module in {"env.py", "vector_env.py", "sb3.py"}:
+        assert own <= {"ballbot_rs._core", "ballbot_rs.batch_owner", "ballbot_rs.registration"}
+
+
+def test_the_list_of_learning_modules_is_current():
+    for module in LEARNING:
+        roots = {name.split(".")[0] for name in imports_of(module)}
+        assert roots & {"torch", "stable_baselines3"}, f"{module} needs no exception any more"
