@@ -5,9 +5,10 @@ import json
 import pickle
 from pathlib import Path
 
-import ballbot_rs
 import numpy as np
 import pytest
+
+import ballbot_rs
 from ballbot_rs import (
     PAPER_BALL_VISCOUS_FRICTION,
     Ballbot,

@@ -3,6 +3,7 @@
 import gymnasium
 import numpy as np
 import pytest
+
 from ballbot_rs import (
     BalanceEnv,
     BalanceVectorEnv,
@@ -49,7 +50,7 @@ CASES = {
     "torque too large": (lambda: robot().step([0, 6, 0]), ValueError, r"wheel_torques\[1\] = 6 .* = 5 N·m"),
     "torque shape": (lambda: robot().step([0, 0]), ValueError, r"wheel_torques has shape \(2,\), expected \(3,\)"),
     "steps float": (lambda: robot().step([0, 0, 0], 1.5), TypeError, "integer"),
-    "steps negative": (lambda: robot().step([0, 0, 0], -1), (ValueError, OverflowError), "negative"),
+    "steps negative": (lambda: robot().step([0, 0, 0], -1), ValueError, "steps = -1"),
     "push NaN": (lambda: robot().push([0, NAN, 0]), ValueError, r"impulse\[1\] = NaN"),
     "push point": (lambda: robot().push([0, 0, 0], [0, 0, INF]), ValueError, r"point\[2\] = inf"),
     "push shape": (lambda: robot().push([0, 0]), ValueError, r"impulse has shape \(2,\)"),
@@ -187,15 +188,13 @@ def test_bad_input_is_refused(name):
         lambda: PlanarModel(Params.paper()).yaw_acceleration(INF),
     ],
 )
-@pytest.mark.xfail(strict=True, reason="the closed-form models compute with numbers that are not finite")
 def test_closed_form_models_refuse_numbers_that_are_not_finite(call):
     with pytest.raises(ValueError, match="finite"):
         call()
 
 
-@pytest.mark.xfail(strict=True, reason="the engine panics, which arrives as a RuntimeError", raises=RuntimeError)
 def test_a_robot_too_fast_for_its_wheels_is_refused(paper):
-    with pytest.raises(ValueError, match="wheel speed"):
+    with pytest.raises(ValueError, match="first wheel or ball rate"):
         BalanceVectorEnv(20, params=paper.replace(wheel_radius=1e-6)).reset(seed=0)
 
 

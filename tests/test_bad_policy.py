@@ -4,6 +4,7 @@ import json
 import zipfile
 
 import pytest
+
 from ballbot_rs.evaluation import evaluate
 
 

@@ -3,6 +3,7 @@
 import os
 
 import pytest
+
 from ballbot_rs import Params, UrdfError
 
 #: (the file, what is replaced in it, by what, what the message must have)

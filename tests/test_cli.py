@@ -7,9 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from stable_baselines3 import PPO
+
 from ballbot_rs import __version__
 from ballbot_rs.cli import main
-from stable_baselines3 import PPO
 
 
 def parse_json(text):

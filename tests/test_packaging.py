@@ -6,8 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import ballbot_rs
 import pytest
+
+import ballbot_rs
 
 PACKAGE = Path(ballbot_rs.__file__).parent
 MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from ballbot_rs import BallbotVecEnv
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback, EvalCallback
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+from ballbot_rs import BallbotVecEnv
 
 FAST = {"model": "spatial", "num_threads": 1, "max_episode_steps": 40}
 SMALL = {"net_arch": [8]}

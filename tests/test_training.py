@@ -7,13 +7,14 @@ import zipfile
 import numpy as np
 import pytest
 import torch
+from stable_baselines3 import PPO
+
 from ballbot_rs import BallbotVecEnv, __version__
 from ballbot_rs.evaluation import PID_CONTROL_DT, evaluate
 from ballbot_rs.registration import BALANCE
 from ballbot_rs.training import config, train
 from ballbot_rs.training.policy import METADATA, ScaledObservation, find_policy, load_policy
 from conftest import TINY_CONFIG
-from stable_baselines3 import PPO
 
 
 def bad(old, new):

@@ -59,16 +59,13 @@ class BatchOwner:
         state = self.__dict__.copy()
         batch = state.pop("_batch")
         state["_snapshots"] = [batch.snapshot(i) for i in range(batch.num_envs)]
-        state["_max_episode_steps"] = batch.max_episode_steps
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         snapshots = state.pop("_snapshots")
-        max_episode_steps = state.pop("_max_episode_steps")
         self.__dict__.update(state)
         num_envs, autoreset, num_threads, options = self._batch_arguments
         self._batch = Batch(num_envs, autoreset, num_threads, 0, **options)
-        self._batch.max_episode_steps = max_episode_steps
         for i, snapshot in enumerate(snapshots):
             self._batch.restore(i, snapshot)
 

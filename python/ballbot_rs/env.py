@@ -1,6 +1,6 @@
 """The balance task as a single Gymnasium environment."""
 
-from typing import Any
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
@@ -17,6 +17,9 @@ from ballbot_rs.batch_owner import (
     refuse_renderer,
 )
 from ballbot_rs.registration import MAX_EPISODE_STEPS
+
+#: More steps than an episode can have: 248 days at the default control rate.
+NEVER: Final = 2**31
 
 
 class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
@@ -51,8 +54,9 @@ class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
     ## Episode end
     Terminated when the tilt exceeds 20 deg, the body or a wheel touches the floor, or the simulation diverges; the
     info then has `termination`: "tilt", "bot_on_floor" or "diverged". Truncated after `max_episode_steps` (10 s at the
-    default control rate; `gymnasium.make(..., max_episode_steps=n)` changes it). On the last step the info has
-    `is_success`: truncated, and over the last 2 s tilt ≤ 1 deg and ball within 0.10 m of the setpoint.
+    default control rate; `gymnasium.make(..., max_episode_steps=n)` changes it). `is_success` in a step's info says
+    whether an episode that ends with it is a success: not terminated, and over the last 2 s tilt ≤ 1 deg and ball
+    within 0.10 m of the setpoint.
 
     ## Arguments
     All keyword, SI units and radians: `params` (`Params.paper()`), `model` ("rigid", "spatial" or "planar"), `sim_dt`
@@ -68,12 +72,12 @@ class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
 
     def __init__(
-        self, *, render_mode: str | None = None, max_episode_steps: int = MAX_EPISODE_STEPS, **options: Any
+        self, *, render_mode: str | None = None, max_episode_steps: int | None = MAX_EPISODE_STEPS, **options: Any
     ) -> None:
         refuse_renderer(render_mode)
         self.observation_space = observation_space()
         self.action_space = action_space()
-        options["max_episode_steps"] = max_episode_steps
+        options["max_episode_steps"] = NEVER if max_episode_steps is None else max_episode_steps
         self._make_batch(1, "disabled", 1, None, options)
 
     def reset(
@@ -93,9 +97,6 @@ class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
             seed = check_seed(seed)
             self._batch.seed([seed])
         super().reset(seed=seed)
-        if self.spec is not None and self.spec.max_episode_steps is not None:
-            # `gymnasium.make` may have changed the length that its TimeLimit keeps.
-            self._batch.max_episode_steps = self.spec.max_episode_steps
         if start is not None:
             return self._batch.reset_to(0, start), {}
         return self._batch.reset()[0], {}
@@ -106,12 +107,11 @@ class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
         Raises:
             ValueError: the action has the wrong shape or is not finite, or the episode is over.
         """
-        observations, rewards, terminated, truncated, last = self._batch.step(np.asarray(action)[np.newaxis])
-        info: dict[str, Any] = {}
-        if last is not None:
-            info["is_success"], termination = self._batch.ending(0)
-            if termination is not None:
-                info["termination"] = termination
+        observations, rewards, terminated, truncated, _ = self._batch.step(np.asarray(action)[np.newaxis])
+        is_success, termination = self._batch.ending(0)
+        info: dict[str, Any] = {"is_success": is_success}
+        if termination is not None:
+            info["termination"] = termination
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 
     @property
@@ -135,3 +135,8 @@ class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
     def set_joint_dynamics(self, viscous_friction: float | None = None, coulomb_friction: float | None = None) -> None:
         """Changes the friction of the wheel joints; see `Ballbot.set_joint_dynamics`."""
         self._batch.set_joint_dynamics(0, viscous_friction, coulomb_friction)
+
+
+def without_time_limit(**options: Any) -> BalanceEnv:
+    """A `BalanceEnv` for `gymnasium.make`, which itself ends episodes after the number of steps that it is given."""
+    return BalanceEnv(max_episode_steps=None, **options)

@@ -18,7 +18,7 @@ def register_environments() -> None:
     if BALANCE not in gymnasium.registry:
         gymnasium.register(
             BALANCE,
-            entry_point="ballbot_rs.env:BalanceEnv",
+            entry_point="ballbot_rs.env:without_time_limit",
             vector_entry_point="ballbot_rs.vector_env:BalanceVectorEnv",
             max_episode_steps=MAX_EPISODE_STEPS,
             reward_threshold=REWARD_THRESHOLD,

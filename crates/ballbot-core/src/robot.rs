@@ -7,6 +7,8 @@ use crate::params::Params;
 use crate::sim::RigidMotion;
 use crate::state::{Contacts, State};
 use nalgebra::Vector3;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
@@ -67,7 +69,7 @@ const SIM_DT: std::ops::RangeInclusive<f64> = 1e-6..=0.02;
 
 /// Speeds and rates above which numbers mean nothing any more, m/s and rad/s.
 const MAX_SPEED: f64 = 100.0;
-const MAX_RATE: f64 = 1e4;
+pub(crate) const MAX_RATE: f64 = 1e4;
 /// Distance from the origin likewise, m.
 const MAX_POSITION: f64 = 1e4;
 
@@ -209,7 +211,14 @@ impl Ballbot {
 
     /// Everything that the future depends on, as bytes for [`Ballbot::load`].
     pub fn save(&self) -> Vec<u8> {
-        self.model.save()
+        let snapshot = Snapshot { identity: self.identity(), model: self.model.save() };
+        postcard::to_stdvec(&snapshot).expect("a snapshot in memory can be encoded")
+    }
+
+    /// What must be equal for a snapshot to fit: model, time step and parameters.
+    fn identity(&self) -> Identity {
+        let parameters = self.params().fields().flat_map(|(_, values)| values).copied().collect();
+        Identity { model: self.kind.name().to_owned(), sim_dt: self.sim_dt(), parameters }
     }
 
     /// Continues from bytes of [`Ballbot::save`] of a robot with the same model, parameters and time step.
@@ -217,7 +226,38 @@ impl Ballbot {
     /// # Errors
     /// [`Error::Decode`] if the bytes are not that.
     pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        self.model.load(bytes)
+        let refused = |reason: String| Error::Decode { what: "snapshot of a robot".into(), reason };
+        let snapshot: Snapshot = decode_all(bytes).map_err(refused)?;
+        let (theirs, ours) = (snapshot.identity, self.identity());
+        if theirs != ours {
+            return Err(refused(format!(
+                "it is of a '{}' robot at sim_dt = {} s, this is a '{}' robot at {} s, or their parameters differ",
+                theirs.model, theirs.sim_dt, ours.model, ours.sim_dt
+            )));
+        }
+        self.model.load(&snapshot.model)
+    }
+}
+
+#[derive(PartialEq, Serialize, Deserialize)]
+struct Identity {
+    model: String,
+    sim_dt: f64,
+    parameters: Vec<f64>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Snapshot {
+    identity: Identity,
+    model: Vec<u8>,
+}
+
+/// Decodes what is encoded in all of `bytes`, not merely in their beginning.
+pub(crate) fn decode_all<T: DeserializeOwned>(bytes: &[u8]) -> std::result::Result<T, String> {
+    match postcard::take_from_bytes(bytes) {
+        Ok((value, [])) => Ok(value),
+        Ok((_, rest)) => Err(format!("{} bytes too many", rest.len())),
+        Err(error) => Err(error.to_string()),
     }
 }
 

@@ -362,16 +362,6 @@ fn staggered_episodes_end_evenly_spread() {
 }
 
 #[test]
-fn episodes_change_their_length_from_the_next_reset_on() {
-    let mut batch = batch(&calm(4), 1, Autoreset::SameStep, 1);
-    batch.set_max_episode_steps(3).unwrap();
-    let ends: Vec<_> = (0..10).map(|_| Written::of(&mut batch, &[0.0; 3]).unwrap().truncated[0]).collect();
-    // The episode under way keeps its four steps.
-    assert_eq!(ends, (1..=10).map(|k| [4, 7, 10].contains(&k)).collect::<Vec<_>>());
-    assert!(batch.set_max_episode_steps(0).unwrap_err().to_string().starts_with("max_episode_steps = 0"));
-}
-
-#[test]
 fn batches_that_cannot_be_are_refused() {
     let message = |n, threads| Batch::new(&calm(5), n, MODES[0], threads, 0).err().expect("accepted").to_string();
     assert!(message(0, None).starts_with("num_envs = 0"));

@@ -224,7 +224,7 @@ fn saved_robots_continue_to_the_last_bit() {
         assert_eq!(other.joint_dynamics(), robot.joint_dynamics());
         assert!(trace(&mut other) == expected, "{kind}: the saved robot went another way");
         let message = refused(&mut other, |other| other.load(&saved[..20]));
-        assert!(message.starts_with("cannot decode saved simulation: "), "{kind}: {message}");
+        assert!(message.starts_with("cannot decode snapshot of a robot: "), "{kind}: {message}");
     }
 }
 

@@ -169,11 +169,6 @@ impl PyBatch {
         self.batch.environments()[0].config().max_episode_steps
     }
 
-    #[setter]
-    fn set_max_episode_steps(&mut self, steps: usize) -> PyResult<()> {
-        call(|| self.batch.set_max_episode_steps(steps))
-    }
-
     #[expect(clippy::needless_pass_by_value, reason = "extracted from a Python list")]
     fn seed(&mut self, seeds: Vec<Option<u64>>) -> PyResult<()> {
         call(|| self.batch.seed(&seeds))

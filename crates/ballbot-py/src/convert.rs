@@ -1,7 +1,9 @@
 //! Array-likes in, NumPy arrays out.
 
 use nalgebra::Vector3;
-use numpy::{AllowTypeChange, Element, PyArray1, PyArrayLikeDyn, PyUntypedArrayMethods};
+use numpy::{
+    AllowTypeChange, Element, PyArray1, PyArrayDescrMethods, PyArrayLikeDyn, PyUntypedArray, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -17,10 +19,15 @@ pub(crate) fn read_elements<T: Number>(
     shape: &[Option<usize>],
     out: &mut Vec<T>,
 ) -> PyResult<()> {
-    let array: PyArrayLikeDyn<'_, T, AllowTypeChange> = value.extract().map_err(|_| {
-        let kind = value.get_type().name().map_or_else(|_| "this".to_owned(), |n| n.to_string());
-        PyTypeError::new_err(format!("{name} must be an array of numbers, not {kind}"))
-    })?;
+    let not_numbers = |kind: String| PyTypeError::new_err(format!("{name} must be an array of numbers, not {kind}"));
+    if let Ok(untyped) = value.cast::<PyUntypedArray>()
+        && untyped.dtype().kind() == b'c'
+    {
+        return Err(not_numbers("of complex ones".to_owned()));
+    }
+    let array: PyArrayLikeDyn<'_, T, AllowTypeChange> = value
+        .extract()
+        .map_err(|_| not_numbers(value.get_type().name().map_or_else(|_| "this".to_owned(), |n| n.to_string())))?;
     let fits = array.shape().len() == shape.len()
         && array.shape().iter().zip(shape).all(|(found, wanted)| wanted.is_none_or(|w| w == *found));
     if !fits {
@@ -33,9 +40,10 @@ pub(crate) fn read_elements<T: Number>(
         return Err(PyValueError::new_err(format!("{name} has shape {found}, expected {wanted}")));
     }
     out.clear();
+    // `as_slice` also gives arrays in Fortran order, in that order.
     match array.as_slice() {
-        Ok(contiguous) => out.extend_from_slice(contiguous),
-        Err(_) => out.extend(array.as_array().iter().copied()),
+        Ok(contiguous) if array.is_c_contiguous() => out.extend_from_slice(contiguous),
+        _ => out.extend(array.as_array().iter().copied()),
     }
     Ok(())
 }

@@ -6,8 +6,8 @@ use crate::params::PyParams;
 use crate::state::PyContacts;
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::models::{PlanarModel, SpatialModel};
-use ballbot_core::unit_quaternion;
-use nalgebra::{UnitQuaternion, Vector3, Vector6};
+use ballbot_core::{check_finite, unit_quaternion};
+use nalgebra::{UnitQuaternion, Vector2, Vector3, Vector6};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
@@ -27,6 +27,7 @@ impl PySpatialModel {
         let quaternion = unit_quaternion("body_quaternion", quaternion).map_err(to_python)?;
         let dof = self.0.degrees_of_freedom();
         let velocity: Vec<f64> = elements("generalized_velocity", generalized_velocity, &[Some(dof)])?;
+        check_finite("generalized_velocity", &velocity).map_err(to_python)?;
         let velocity = self.0.generalized_velocity(&velocity).map_err(to_python)?;
         Ok((quaternion, velocity))
     }
@@ -102,17 +103,19 @@ impl PyPlanarModel {
         q_dot: &Bound<'py, PyAny>,
         virtual_torque: f64,
     ) -> PyResult<Array<'py>> {
-        let q = numbers::<2>("q", q)?.into();
-        let q_dot = numbers::<2>("q_dot", q_dot)?.into();
+        let (q, q_dot) = planar_motion(q, q_dot)?;
+        check_finite("virtual_torque", &[virtual_torque]).map_err(to_python)?;
         Ok(array(py, self.0.accelerations(&q, &q_dot, virtual_torque).as_slice()))
     }
 
     fn energy(&self, q: &Bound<'_, PyAny>, q_dot: &Bound<'_, PyAny>) -> PyResult<f64> {
-        Ok(self.0.energy(&numbers::<2>("q", q)?.into(), &numbers::<2>("q_dot", q_dot)?.into()))
+        let (q, q_dot) = planar_motion(q, q_dot)?;
+        Ok(self.0.energy(&q, &q_dot))
     }
 
-    fn yaw_acceleration(&self, virtual_torque: f64) -> f64 {
-        self.0.yaw_acceleration(virtual_torque)
+    fn yaw_acceleration(&self, virtual_torque: f64) -> PyResult<f64> {
+        check_finite("virtual_torque", &[virtual_torque]).map_err(to_python)?;
+        Ok(self.0.yaw_acceleration(virtual_torque))
     }
 
     fn linearize<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray2<f64>>, Array<'py>)> {
@@ -122,9 +125,16 @@ impl PyPlanarModel {
     }
 }
 
+fn planar_motion(q: &Bound<'_, PyAny>, q_dot: &Bound<'_, PyAny>) -> PyResult<(Vector2<f64>, Vector2<f64>)> {
+    let (q, q_dot) = (numbers::<2>("q", q)?, numbers::<2>("q_dot", q_dot)?);
+    check_finite("q", &q).map_err(to_python)?;
+    check_finite("q_dot", &q_dot).map_err(to_python)?;
+    Ok((q.into(), q_dot.into()))
+}
+
 fn finite_vector(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>> {
     let v = vector(name, value)?;
-    ballbot_core::check_finite(name, v.as_slice()).map_err(to_python)?;
+    check_finite(name, v.as_slice()).map_err(to_python)?;
     Ok(v)
 }
 

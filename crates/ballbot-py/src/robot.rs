@@ -5,7 +5,7 @@ use crate::errors::{call, to_python};
 use crate::params::{PyParams, or_paper};
 use crate::state::{PyContacts, PyState, tilted};
 use ballbot_core::{Ballbot, JointDynamics, Params};
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -47,7 +47,9 @@ impl PyBallbot {
     }
 
     #[pyo3(signature = (wheel_torques, steps=1))]
-    fn step(&mut self, py: Python<'_>, wheel_torques: &Bound<'_, PyAny>, steps: usize) -> PyResult<()> {
+    fn step(&mut self, py: Python<'_>, wheel_torques: &Bound<'_, PyAny>, steps: i64) -> PyResult<()> {
+        let steps = usize::try_from(steps)
+            .map_err(|_| PyValueError::new_err(format!("steps = {steps} is out of range: it must be at least 0")))?;
         let torques = numbers::<3>("wheel_torques", wheel_torques)?;
         let robot = &mut self.0;
         py.detach(|| call(|| robot.step(&torques, steps)))

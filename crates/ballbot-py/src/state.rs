@@ -3,7 +3,7 @@
 use crate::convert::{array, numbers, vector, vector_or};
 use crate::errors::{call, to_python};
 use crate::params::PyParams;
-use ballbot_core::{Contacts, Params, State, unit_quaternion, wxyz};
+use ballbot_core::{Contacts, Params, State, check_finite, unit_quaternion, wxyz};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
@@ -211,6 +211,8 @@ impl PyState {
 pub(crate) fn tilted(params: &Params, tilt: Argument<'_, '_>, yaw: f64) -> PyResult<State> {
     let tilt = tilt.map_or(Ok([0.0; 2]), |t| numbers::<2>("tilt", t))?;
     call(|| {
+        check_finite("tilt", &tilt)?;
+        check_finite("yaw", &[yaw])?;
         let state = State::tilted(params, tilt.into(), yaw);
         state.validate()?;
         Ok(state)

@@ -3,7 +3,7 @@
 use super::reward::RewardScales;
 use crate::error::{Error, Result, check, finite, positive};
 use crate::params::Params;
-use crate::robot::ModelKind;
+use crate::robot::{MAX_RATE, ModelKind};
 use crate::state::{State, attitude};
 use nalgebra::{Vector2, Vector3};
 use rand::RngExt;
@@ -144,6 +144,14 @@ impl BalanceConfig {
         check("reset_yaw", self.reset_yaw, "from 0 to pi rad", |v| (0.0..=PI).contains(&v))?;
         check("reset_ball_speed", self.reset_ball_speed, "from 0 to 10 m/s", |v| (0.0..=10.0).contains(&v))?;
         check("reset_tilt_rate", self.reset_tilt_rate, "from 0 to 10 rad/s", |v| (0.0..=10.0).contains(&v))?;
+        let fastest = (self.reset_ball_speed / self.params.ball_radius + self.reset_tilt_rate)
+            * self.params.gear_ratio().max(1.0);
+        check(
+            "the fastest first wheel or ball rate, from reset_ball_speed and reset_tilt_rate,",
+            fastest,
+            format!("at most {} rad/s", 0.5 * MAX_RATE),
+            |rate| rate <= 0.5 * MAX_RATE,
+        )?;
         check("success_window", self.success_window, ">= 0 s", |v| v >= 0.0)?;
         positive("success_tilt", self.success_tilt)?;
         positive("success_radius", self.success_radius)?;

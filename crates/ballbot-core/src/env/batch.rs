@@ -185,20 +185,6 @@ impl Batch {
         Ok(())
     }
 
-    /// Changes the length of episodes from the next reset on.
-    ///
-    /// # Errors
-    /// [`Error::Inconsistent`] for zero.
-    pub fn set_max_episode_steps(&mut self, steps: usize) -> Result<()> {
-        if steps == 0 {
-            return Err(Error::Inconsistent("max_episode_steps = 0, it must be at least 1".into()));
-        }
-        for environment in &mut self.environments {
-            environment.set_max_episode_steps(steps);
-        }
-        Ok(())
-    }
-
     /// Resets the environments whose `mask` is set (all without one) and writes the observations of all.
     ///
     /// # Errors
@@ -225,7 +211,7 @@ impl Batch {
         let n = self.len();
         for (i, environment) in self.environments.iter_mut().enumerate() {
             let steps = environment.config().max_episode_steps;
-            environment.shorten(steps * (i + 1) / n);
+            environment.shorten((steps as u128 * (i as u128 + 1) / n as u128) as usize);
         }
     }
 

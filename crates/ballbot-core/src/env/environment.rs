@@ -5,7 +5,7 @@ use super::observation::observe;
 use super::reward::{self, RewardTerms, Transition};
 use super::{ACTION_LEN, OBSERVATION_LEN};
 use crate::error::{Error, Result};
-use crate::robot::Ballbot;
+use crate::robot::{Ballbot, decode_all};
 use crate::state::State;
 use nalgebra::Vector2;
 use rand_chacha::ChaCha8Rng;
@@ -22,7 +22,7 @@ pub struct Outcome {
     pub terminated: Option<Termination>,
     /// Whether the episode reached its last step.
     pub truncated: bool,
-    /// Whether the episode ended, and in success.
+    /// Whether the episode is a success if it ends here: upright, and within the bounds of success for the window.
     pub success: bool,
 }
 
@@ -65,6 +65,7 @@ struct Snapshot {
     seed: [u8; 32],
     word: u128,
     episode: Episode,
+    terms: RewardTerms,
 }
 
 impl Environment {
@@ -88,11 +89,6 @@ impl Environment {
     /// The task.
     pub fn config(&self) -> &BalanceConfig {
         &self.config
-    }
-
-    /// Changes the length of episodes from the next reset on.
-    pub(super) fn set_max_episode_steps(&mut self, steps: usize) {
-        self.config.max_episode_steps = steps;
     }
 
     /// Starts the random numbers anew.
@@ -188,7 +184,7 @@ impl Environment {
             reward: self.terms.sum(),
             terminated,
             truncated,
-            success: truncated && self.episode.good_steps >= self.success_steps.min(self.episode.steps),
+            success: terminated.is_none() && self.episode.good_steps >= self.success_steps.min(self.episode.steps),
         }
     }
 
@@ -242,6 +238,7 @@ impl Environment {
             seed: self.rng.get_seed(),
             word: self.rng.get_word_pos(),
             episode: self.episode,
+            terms: self.terms,
         };
         postcard::to_stdvec(&snapshot).expect("a snapshot in memory can be encoded")
     }
@@ -251,12 +248,13 @@ impl Environment {
     /// # Errors
     /// [`Error::Decode`] if the bytes are not that.
     pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let snapshot: Snapshot = postcard::from_bytes(bytes)
-            .map_err(|e| Error::Decode { what: "saved environment".into(), reason: e.to_string() })?;
+        let snapshot: Snapshot =
+            decode_all(bytes).map_err(|reason| Error::Decode { what: "snapshot of an environment".into(), reason })?;
         self.robot.load(&snapshot.robot)?;
         self.rng = ChaCha8Rng::from_seed(snapshot.seed);
         self.rng.set_word_pos(snapshot.word);
         self.episode = snapshot.episode;
+        self.terms = snapshot.terms;
         Ok(())
     }
 }

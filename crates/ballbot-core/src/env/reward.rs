@@ -3,6 +3,7 @@
 use super::ACTION_LEN;
 use crate::state::State;
 use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
 
 /// Weight of each term; costs are subtracted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +31,7 @@ impl Default for RewardScales {
 }
 
 /// The terms of one step, scaled and signed: the reward is their sum.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RewardTerms {
     /// See [`RewardScales`], likewise for all fields.
     pub alive: f64,

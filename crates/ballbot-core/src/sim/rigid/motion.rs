@@ -288,7 +288,8 @@ impl Model for RigidMotion {
 
     fn contacts(&self) -> Contacts {
         Contacts {
-            wheel_normal_forces: self.memory.wheel_loads,
+            // Before the first step the loads are only what its friction counts on.
+            wheel_normal_forces: if self.memory.time > 0.0 { self.memory.wheel_loads } else { [0.0; 3] },
             wheel_tractions: self.memory.tractions,
             wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(i, &self.contact(i))),
             floor_force: self.memory.floor_force.into(),
@@ -331,8 +332,11 @@ impl Model for RigidMotion {
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let (memory, world) = postcard::from_bytes(bytes)
-            .map_err(|e| Error::Decode { what: "saved simulation".into(), reason: e.to_string() })?;
+        let refused = |reason: String| Error::Decode { what: "snapshot of a rigid world".into(), reason };
+        let (memory, world): (Memory, World) = postcard::from_bytes(bytes).map_err(|e| refused(e.to_string()))?;
+        if !world.holds(&self.handles) {
+            return Err(refused("it lacks a part of the robot".into()));
+        }
         self.memory = memory;
         self.world = world;
         self.pipeline = new_pipeline();

@@ -209,6 +209,21 @@ impl World {
         pipeline.quarantine().is_empty()
     }
 
+    /// Whether all parts of the robot are there.
+    pub fn holds(&self, handles: &Handles) -> bool {
+        let bodies = [handles.ball, handles.body].into_iter().chain(handles.wheels);
+        let colliders = [handles.floor_collider, handles.ball_collider, handles.body_collider]
+            .into_iter()
+            .chain(handles.wheel_colliders);
+        bodies.into_iter().all(|body| self.bodies.contains(body))
+            && colliders.into_iter().all(|collider| self.colliders.get(collider).is_some())
+            && handles.drives.iter().all(|&drive| self.impulse_joints.contains(drive))
+            && self
+                .multibody_joints
+                .get_multibody(handles.bot)
+                .is_some_and(|bot| bot.ndofs() == 9 && bot.num_links() == 4)
+    }
+
     /// The friction row between wheel `i` and the ball.
     pub fn drive(&self, handles: &Handles, i: usize) -> &GenericJoint {
         &self.impulse_joints.get(handles.drives[i]).expect("drive rows are never removed").data
