@@ -4,13 +4,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 RUST_SOURCES := $(shell find crates assets/robots -name '*.rs' -o -name '*.toml')
-RUN ?= runs/balance
 SEED ?= 0
 
 .PHONY: help setup train test lint bench format clean
 
 help:
-	@echo "make train   train a policy with PPO and compare it with LQR and PID (RUN=$(RUN), SEED=$(SEED))"
+	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
 	@echo "make test    all tests, Rust and Python"
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
 	@echo "make bench   benchmarks of the Rust core"
@@ -20,7 +19,7 @@ help:
 setup: $(INSTALLED)
 
 train: $(INSTALLED)
-	$(BIN)/ballbot train balance --run $(RUN) --seed $(SEED) --overwrite
+	$(BIN)/ballbot train balance --seed $(SEED)
 
 test: $(INSTALLED)
 	cargo test --locked

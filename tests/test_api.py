@@ -249,7 +249,7 @@ class TestControllers:
         assert regulator.residual < 1e-9
 
     def test_a_reset_pid_forgets(self, paper):
-        pid, tilted = Pid(control_dt=0.002), State.upright(paper, tilt=(0.02, 0.0))
+        pid, tilted = Pid(control_dt=0.002), State.upright(paper, tilt=(0.002, 0.0))
         first = pid(tilted)
         assert not np.array_equal(pid(tilted), first)
         pid.reset()

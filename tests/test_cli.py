@@ -118,10 +118,10 @@ def test_evaluate_prints_json(capsys, tiny_run):
     assert report["seed"] == 7
     assert report["ballbot_rs"] == __version__
     assert [result["controller"] for result in report["results"]] == names
-    assert [result["model"] for result in report["results"]] == ["rigid", "rigid", "rigid", "spatial"]
+    assert [result["model"] for result in report["results"]] == ["spatial"] * 4
     assert all(result["episodes"] == 2 for result in report["results"])
     assert report["results"][2]["settling_time"] is None
-    assert report["results"][1]["success_rate"] == 1.0
+    assert report["results"][1]["survival_rate"] == 1.0
 
 
 def test_train_with_the_default_configuration(capsys, tmp_path):
@@ -173,7 +173,7 @@ def test_an_interrupt_exits_with_130(capsys, monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("ballbot_rs.cli.evaluate.evaluate", interrupt)
+    monkeypatch.setattr("ballbot_rs.cli.evaluate.compare", interrupt)
     code, _, err = run(capsys, "evaluate", "balance", "--controller", "lqr")
     assert (code, err) == (130, "interrupted\n")
 

@@ -298,8 +298,8 @@ class Ballbot:
     def set_joint_dynamics(self, viscous_friction: float | None = None, coulomb_friction: float | None = None) -> None:
         """Changes the wheel joints' viscous (N·m/(rad/s)) or dry (N·m) friction; it outlives a reset."""
     @property
-    def joint_dynamics(self) -> tuple[float, float]:
-        """Viscous and dry friction of the wheel joints."""
+    def joint_dynamics(self) -> dict[str, float]:
+        """`viscous_friction` and `coulomb_friction` of the wheel joints, as `set_joint_dynamics` takes them."""
     @property
     def state(self) -> State:
         """The present state."""
@@ -402,7 +402,8 @@ def wheel_to_virtual_torques(params: Params, wheel_torques: npt.ArrayLike) -> _A
 class Pid:
     """The paper's PID with filtered derivative, on both tilt components; it holds neither position nor heading.
 
-    Torques are scaled down together to within `max_torque` (None: 0.8 of the torque at which a wheel at rest slips).
+    Torques are scaled down together to within `max_torque` (None: 0.9 of the
+    torque at which a wheel of the upright robot slips).
     """
 
     def __new__(
@@ -493,9 +494,13 @@ class Batch:
     def setpoint(self) -> list[float]: ...
     @property
     def max_episode_steps(self) -> int: ...
-    def seed(self, seeds: Sequence[int | None]) -> None: ...
-    def reset(self, mask: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]: ...
-    def reset_to(self, index: int, state: State) -> npt.NDArray[np.float32]: ...
+    def reset(
+        self,
+        mask: npt.ArrayLike | None = None,
+        seeds: Sequence[int | None] | None = None,
+        starts: Sequence[State | None] | None = None,
+    ) -> npt.NDArray[np.float32]:
+        """Observations of all environments; checks everything before it changes anything."""
     def stagger(self) -> None: ...
     def step(
         self, actions: npt.ArrayLike

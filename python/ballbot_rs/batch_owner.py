@@ -34,6 +34,20 @@ def refuse_renderer(render_mode: str | None) -> None:
         raise TypeError(f"render_mode = '{render_mode}': this environment has no renderer, it must be None")
 
 
+#: Options of the task, fixed once an environment is made.
+OPTIONS = (
+    *("params", "model", "sim_dt", "control_dt", "max_episode_steps", "max_wheel_torque", "setpoint", "reward"),
+    *("reset_tilt", "reset_yaw", "reset_ball_speed", "reset_tilt_rate"),
+    *("fall_tilt", "success_window", "success_tilt", "success_radius"),
+)
+
+
+def refuse_option(name: str) -> None:
+    """Raises AttributeError for an option of the task: setting it as an attribute would change nothing."""
+    if name in OPTIONS:
+        raise AttributeError(f"{name} is fixed once an environment is made: make one with {name}=...")
+
+
 class BatchOwner:
     """Owns a `Batch` and carries it through `copy.deepcopy` and `pickle` with everything the future depends on."""
 

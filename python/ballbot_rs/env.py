@@ -95,11 +95,9 @@ class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
         start = check_options(options, ("state",)).get("state")
         if seed is not None:
             seed = check_seed(seed)
-            self._batch.seed([seed])
+        observations = self._batch.reset(seeds=[seed], starts=[start])
         super().reset(seed=seed)
-        if start is not None:
-            return self._batch.reset_to(0, start), {}
-        return self._batch.reset()[0], {}
+        return observations[0], {}
 
     def step(self, action: npt.ArrayLike) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
         """Applies an action for one control step.

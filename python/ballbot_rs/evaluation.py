@@ -1,7 +1,7 @@
 """Controllers and policies on the same starts, and the numbers by which they are compared."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -14,6 +14,9 @@ from ballbot_rs.registration import BALANCE, check_id
 
 Observations = npt.NDArray[np.float32]
 Actions = npt.NDArray[np.float32]
+
+#: Controllers by name; anything else is the path of a policy.
+CONTROLLERS = ("pid", "lqr", "zero")
 
 #: The paper's PID has a derivative filter of 327 rad/s, which 100 Hz cannot sample: it runs at its own rate.
 PID_CONTROL_DT = 0.002
@@ -72,7 +75,9 @@ class _Feedback:
 
 
 def _feedback(name: str, batch: Batch) -> BatchController:
-    params, control_dt = batch.params, batch.control_dt
+    # The environment clips each torque at its own limit; a controller that knows it keeps their direction.
+    params = batch.params.replace(max_wheel_torque=batch.max_wheel_torque)
+    control_dt = batch.control_dt
     return _Feedback(batch, lambda: Pid(params, control_dt) if name == "pid" else Lqr(params, control_dt))
 
 
@@ -88,46 +93,69 @@ def _policy(path: Path, env_id: str) -> tuple[BatchController, dict[str, Any]]:
     return lambda observations: model.predict(observations, deterministic=True)[0], metadata["env_options"]
 
 
-def evaluate(
-    controller: str,
+def evaluate(controller: str, **arguments: Any) -> Result:
+    """The result of one controller; arguments as in `compare`."""
+    return compare([controller], **arguments)[0]
+
+
+def compare(
+    controllers: Sequence[str],
     *,
     env_id: str = BALANCE,
     episodes: int = 100,
     seed: int = 1000,
     num_threads: int | None = None,
     env_options: Mapping[str, Any] | None = None,
-) -> Result:
-    """Runs episodes from the starts that `seed` gives, the same for every controller.
+) -> list[Result]:
+    """Runs episodes of one task from the starts that `seed` gives, the same for every controller.
 
     Args:
-        controller: "pid" (at 500 Hz, unless `env_options` has a `control_dt`), "lqr", "zero", or the path of a
-            policy file or of a training run.
+        controllers: each "pid" (at 500 Hz, unless a `control_dt` is given), "lqr", "zero", or the path of a policy file
+            or of a training run.
         env_id: the environment.
         episodes: how many; episode i is that of an environment seeded with seed + i.
         seed: of the first episode.
         num_threads: threads that step the robots; None takes all cores.
-        env_options: arguments of the environment, over those that a policy was trained with.
+        env_options: arguments of the environment, over those that the policies were trained with.
 
     Raises:
-        ValueError: a name that is not known, a number out of range, or a policy for another environment.
+        ValueError: a name that is not known, a number out of range, a policy for another environment, or policies
+            that were trained with different arguments of the environment.
         FileNotFoundError: there is no policy at that path.
     """
     check_id(env_id)
     check_count("episodes", episodes)
     seed = check_seed(seed)
-    options = dict(env_options or {})
-    act: BatchController | None = None
-    if controller not in ("pid", "lqr", "zero"):
-        act, trained_with = _policy(Path(controller), env_id)
-        options = {**trained_with, **options}
-    batch = Batch(episodes, "same_step", num_threads, seed, **options)
-    if controller == "pid" and "control_dt" not in options:
-        seconds = batch.max_episode_steps * batch.control_dt
-        options |= {"control_dt": PID_CONTROL_DT, "max_episode_steps": round(seconds / PID_CONTROL_DT)}
+    policies = {name: _policy(Path(name), env_id) for name in controllers if name not in CONTROLLERS}
+    options: dict[str, Any] = {}
+    for name, (_, trained_with) in policies.items():
+        if options and trained_with != options:
+            raise ValueError(f"{name} was trained with {trained_with}, another policy with {options}: not one task")
+        options = trained_with
+    options = {**options, **(env_options or {})}
+    results = []
+    for name in controllers:
         batch = Batch(episodes, "same_step", num_threads, seed, **options)
-    if controller == "zero":
-        act = lambda observations: np.zeros((len(observations), 3), np.float32)  # noqa: E731
-    return _run(controller, batch, act or _feedback(controller, batch))
+        if name == "pid" and "control_dt" not in options:
+            batch = Batch(episodes, "same_step", num_threads, seed, **{**options, **_sampled_for_pid(batch)})
+        if name in policies:
+            act = policies[name][0]
+        elif name == "zero":
+            act = _zero
+        else:
+            act = _feedback(name, batch)
+        results.append(_run(name, batch, act))
+    return results
+
+
+def _zero(observations: Observations) -> npt.ArrayLike:
+    return np.zeros((len(observations), 3), np.float32)
+
+
+def _sampled_for_pid(batch: Batch) -> dict[str, Any]:
+    control_dt = max(round(PID_CONTROL_DT / batch.sim_dt), 1) * batch.sim_dt
+    seconds = batch.max_episode_steps * batch.control_dt
+    return {"control_dt": control_dt, "max_episode_steps": round(seconds / control_dt)}
 
 
 def _run(name: str, batch: Batch, act: BatchController) -> Result:

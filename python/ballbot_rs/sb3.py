@@ -3,12 +3,20 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 import numpy.typing as npt
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 
 from ballbot_rs._core import Params, State
-from ballbot_rs.batch_owner import BatchOwner, action_space, check_options, check_seed, observation_space
+from ballbot_rs.batch_owner import (
+    BatchOwner,
+    action_space,
+    check_options,
+    check_seed,
+    observation_space,
+    refuse_option,
+)
 from ballbot_rs.registration import BALANCE, MAX_EPISODE_STEPS, check_id
 
 
@@ -16,10 +24,26 @@ class EnvView:
     """One environment of a `BallbotVecEnv`, as `get_attr`, `set_attr` and `env_method` see it."""
 
     render_mode: str | None = None
+    spec: None = None
 
     def __init__(self, owner: "BallbotVecEnv", index: int) -> None:
         self._owner = owner
         self._index = index
+
+    @property
+    def observation_space(self) -> gymnasium.Space[Any]:
+        """Space of one observation."""
+        return self._owner.observation_space
+
+    @property
+    def action_space(self) -> gymnasium.Space[Any]:
+        """Space of one action."""
+        return self._owner.action_space
+
+    @property
+    def control_dt(self) -> float:
+        """Time between two actions, s."""
+        return self._owner._batch.control_dt
 
     @property
     def state(self) -> State:
@@ -93,12 +117,9 @@ class BallbotVecEnv(BatchOwner, VecEnv):
         Raises:
             ValueError: an option other than `state`, or a state that the model cannot represent.
         """
-        self._batch.seed([None if seed is None else check_seed(seed) for seed in self._seeds])
+        seeds = [None if seed is None else check_seed(seed) for seed in self._seeds]
         starts = [check_options(options, ("state",)).get("state") for options in self._options]
-        observations = self._batch.reset()
-        for i, state in enumerate(starts):
-            if state is not None:
-                observations[i] = self._batch.reset_to(i, state)
+        observations = self._batch.reset(seeds=seeds, starts=starts)
         if self._stagger:
             self._batch.stagger()
         self.reset_infos = [{} for _ in range(self.num_envs)]
@@ -146,7 +167,12 @@ class BallbotVecEnv(BatchOwner, VecEnv):
         return [getattr(view, attr_name) for view in self._chosen(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Sets an attribute of the chosen environments."""
+        """Sets an attribute of the chosen environments.
+
+        Raises:
+            AttributeError: it is an option of the task, which is fixed once an environment is made.
+        """
+        refuse_option(attr_name)
         for view in self._chosen(indices):
             setattr(view, attr_name, value)
 

@@ -16,6 +16,7 @@ from ballbot_rs.batch_owner import (
     check_options,
     check_seed,
     observation_space,
+    refuse_option,
     refuse_renderer,
 )
 from ballbot_rs.registration import MAX_EPISODE_STEPS
@@ -88,24 +89,21 @@ class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray
             Observations of all environments, reset or not, and an empty info.
 
         Raises:
-            ValueError: an unknown option, a mask, a list or a seed of the wrong kind.
+            ValueError: an unknown option, a mask, a list or a seed of the wrong kind, a state that the model cannot
+                represent or that the mask leaves alone. Nothing has changed then.
         """
         chosen = check_options(options, ("reset_mask", "states"))
-        if seed is not None:
-            self._batch.seed(self._seeds(seed))
-            super().reset(seed=seed if isinstance(seed, int) else None)
         mask = chosen.get("reset_mask")
         if mask is not None:
             mask = np.asarray(mask)
             if mask.dtype != np.bool_:
                 raise ValueError(f"reset_mask has dtype {mask.dtype}, expected bool")
-        observations = self._batch.reset(mask)
-        states: Sequence[State | None] = chosen.get("states", ())
-        if states and len(states) != self.num_envs:
+        states: Sequence[State | None] | None = chosen.get("states")
+        if states is not None and len(states) != self.num_envs:
             raise ValueError(f"states has {len(states)} entries, expected num_envs = {self.num_envs}")
-        for i, state in enumerate(states):
-            if state is not None:
-                observations[i] = self._batch.reset_to(i, state)
+        seeds = None if seed is None else self._seeds(seed)
+        observations = self._batch.reset(mask, seeds, states)
+        super().reset(seed=seed if isinstance(seed, int) else None)
         return observations, {}
 
     def _seeds(self, seed: int | Sequence[int | None]) -> list[int | None]:
@@ -143,13 +141,20 @@ class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray
         return info
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Calls a method of every environment (`push`, `set_joint_dynamics`, `reward_terms`), or reads `state`."""
-        if name == "state":
-            return self.get_attr(name)
-        if name not in ("push", "set_joint_dynamics", "reward_terms"):
-            return self.get_attr(name)
-        method = getattr(self._batch, name)
-        return tuple(method(i, *args, **kwargs) for i in range(self.num_envs))
+        """Calls a method of every environment, one of `push`, `set_joint_dynamics` and `reward_terms`.
+
+        A name that is not a method is read as `get_attr` reads it.
+
+        Raises:
+            AttributeError: there is no such method, or arguments came with an attribute.
+        """
+        methods = ("push", "set_joint_dynamics", "reward_terms")
+        if name in methods:
+            method = getattr(self._batch, name)
+            return tuple(method(i, *args, **kwargs) for i in range(self.num_envs))
+        if args or kwargs or (name != "state" and callable(getattr(self, name))):
+            raise AttributeError(f"environments have no method '{name}': expected one of {', '.join(methods)}")
+        return self.get_attr(name)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """An attribute of every environment: `state`, or one that they all share."""
@@ -158,7 +163,12 @@ class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray
         return (getattr(self, name),) * self.num_envs
 
     def set_attr(self, name: str, values: Any) -> None:
-        """Sets an attribute that the environments share; a list must have the same value for all of them."""
+        """Sets an attribute that the environments share; a list must have the same value for all of them.
+
+        Raises:
+            AttributeError: it is an option of the task, which is fixed once an environment is made.
+        """
+        refuse_option(name)
         if isinstance(values, (list, tuple)):
             if len(values) != self.num_envs:
                 raise ValueError(f"{name} has {len(values)} values for num_envs = {self.num_envs}")

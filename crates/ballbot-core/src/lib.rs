@@ -28,6 +28,7 @@ pub mod models;
 mod params;
 mod robot;
 pub mod sim;
+mod snapshot;
 mod state;
 pub mod urdf;
 

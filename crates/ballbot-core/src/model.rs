@@ -45,7 +45,8 @@ pub trait Model: Send + Sync {
     /// The present state.
     fn state(&self) -> State;
 
-    /// Contact forces of the last step (of the present state, at rest torques, right after a reset).
+    /// Contact forces of the last step. Right after a reset, models with contacts of their own have none yet; the
+    /// closed-form ones give those of the present state without torque.
     fn contacts(&self) -> Contacts;
 
     /// Whether the body or a wheel touches the floor; the closed-form models have no floor for them.
@@ -56,7 +57,16 @@ pub trait Model: Send + Sync {
     /// Kinetic energy plus the body's potential energy above the ball centre's resting height plus the ball's, J.
     fn energy(&self) -> f64;
 
-    /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m).
+    /// False once a step met numbers that are not finite; the state is then the last one that was.
+    fn healthy(&self) -> bool;
+
+    /// Checks that the model can represent a state, with the errors of [`Model::reset`].
+    ///
+    /// # Errors
+    /// As [`Model::reset`].
+    fn accepts(&self, state: &State) -> Result<()>;
+
+    /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m), at once or over the next step.
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>);
 
     /// Friction of the wheel joints.

@@ -99,7 +99,7 @@ parameters! {
         wheel_zenith: f64,
     }
     optional {
-        /// β_i, azimuth of each wheel contact about the mast, rad. Default 0, 120, 240 deg.
+        /// β_i, azimuth of each wheel contact about the mast, rad; 120 deg apart. Default 0, 120, 240 deg.
         wheel_azimuths: [f64; 3] = [0.0, TAU / 3.0, 2.0 * TAU / 3.0],
         /// Largest torque of one motor, N·m. Default 5, where the torques of the paper's Fig. 6c settle.
         max_wheel_torque: f64 = 5.0,
@@ -272,12 +272,11 @@ impl Params {
         for (i, a) in self.wheel_azimuths.iter().enumerate() {
             for (j, b) in self.wheel_azimuths.iter().enumerate().skip(i + 1) {
                 let apart = (a - b).rem_euclid(TAU);
-                let apart = apart.min(TAU - apart);
                 check(
                     format!("the angle between wheel_azimuths[{i}] and wheel_azimuths[{j}]"),
-                    apart,
-                    "at least 0.2 rad, or the wheels cannot drive in every direction",
-                    |gap| gap >= 0.2,
+                    apart.min(TAU - apart),
+                    "2 pi / 3 rad within 1e-6: three wheels share the load evenly",
+                    |gap| (gap - TAU / 3.0).abs() <= 1e-6,
                 )?;
             }
         }

@@ -1,13 +1,13 @@
 //! A simulated robot on any rung of the ladder of models, with its input checked and divergence reported.
 
-use crate::error::{Error, Result, check, finite};
+use crate::error::{Error, Result, check};
 use crate::model::{JointDynamics, Model};
 use crate::models::{PlanarMotion, SpatialMotion};
 use crate::params::Params;
 use crate::sim::RigidMotion;
+use crate::snapshot;
 use crate::state::{Contacts, State};
 use nalgebra::Vector3;
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -72,6 +72,12 @@ const MAX_SPEED: f64 = 100.0;
 pub(crate) const MAX_RATE: f64 = 1e4;
 /// Distance from the origin likewise, m.
 const MAX_POSITION: f64 = 1e4;
+/// What a push may be, N·s and m: far beyond what a robot survives, far below what overflows.
+const MAX_IMPULSE: f64 = 1e4;
+const MAX_ARM: f64 = 100.0;
+
+/// Steps after which a long run looks whether it has diverged.
+const CHECK_INTERVAL: usize = 64;
 
 /// A robot that can be reset, driven by wheel torques, pushed and looked at.
 pub struct Ballbot {
@@ -111,6 +117,15 @@ impl Ballbot {
     /// [`Error::OutOfRange`] for a state beyond the simulation's bounds, [`Error::Inconsistent`] for one that the model
     /// cannot represent (slip in a model without slip, a ball below the floor). The robot is then left as it was.
     pub fn reset(&mut self, state: &State) -> Result<()> {
+        self.accepts(state)?;
+        self.model.reset(state)
+    }
+
+    /// Checks that [`Ballbot::reset`] would take a state.
+    ///
+    /// # Errors
+    /// As [`Ballbot::reset`].
+    pub fn accepts(&self, state: &State) -> Result<()> {
         state.validate()?;
         if let Some(reason) = out_of_bounds(state) {
             return Err(Error::Inconsistent(reason));
@@ -123,14 +138,14 @@ impl Ballbot {
             format!("at least ball_radius = {radius} (the floor)"),
             |z| z >= lowest,
         )?;
-        self.model.reset(state)
+        self.model.accepts(state)
     }
 
     /// Advances by `steps` time steps under constant motor torques, N·m.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a torque that is not finite or beyond the motors' limit, before anything moves;
-    /// [`Error::Diverged`] if the state has left its bounds afterwards.
+    /// [`Error::Diverged`] if the state has left its bounds, within 64 steps of when it did.
     pub fn step(&mut self, wheel_torques: &[f64; 3], steps: usize) -> Result<()> {
         let limit = self.params().max_wheel_torque;
         for (i, &torque) in wheel_torques.iter().enumerate() {
@@ -138,8 +153,19 @@ impl Ballbot {
                 t.abs() <= limit
             })?;
         }
-        self.advance(wheel_torques, steps);
-        self.diverged().map_or(Ok(()), |reason| Err(Error::Diverged { time: self.time(), reason }))
+        let mut left = steps;
+        loop {
+            // Not after every step: looking at the state costs about as much as a step of the simpler models.
+            let some = left.min(CHECK_INTERVAL);
+            self.advance(wheel_torques, some);
+            if let Some(reason) = self.diverged() {
+                return Err(Error::Diverged { time: self.time(), reason });
+            }
+            left -= some;
+            if left == 0 {
+                return Ok(());
+            }
+        }
     }
 
     /// [`Ballbot::step`] for callers that have checked the torques and look at divergence themselves.
@@ -151,6 +177,9 @@ impl Ballbot {
 
     /// Which bound the present state breaks, if any.
     pub fn diverged(&self) -> Option<String> {
+        if !self.model.healthy() {
+            return Some("the next state is not finite".into());
+        }
         out_of_bounds(&self.state())
     }
 
@@ -183,13 +212,15 @@ impl Ballbot {
     /// spreads it over its next time step.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for numbers that are not finite.
+    /// [`Error::OutOfRange`] for an impulse above 1e4 N·s or a point farther than 100 m.
     pub fn push(&mut self, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
-        finite("impulse", impulse.as_slice())?;
+        for (name, vector, limit) in [("impulse", Some(impulse), MAX_IMPULSE), ("point", point, MAX_ARM)] {
+            for (i, &value) in vector.into_iter().flatten().enumerate() {
+                check(format!("{name}[{i}]"), value, format!("within ±{limit}"), |v| v.abs() <= limit)?;
+            }
+        }
         let com = Vector3::z() * self.params().body_com_height;
-        let point = point.unwrap_or(&com);
-        finite("point", point.as_slice())?;
-        self.model.push(impulse, point);
+        self.model.push(impulse, point.unwrap_or(&com));
         Ok(())
     }
 
@@ -212,7 +243,7 @@ impl Ballbot {
     /// Everything that the future depends on, as bytes for [`Ballbot::load`].
     pub fn save(&self) -> Vec<u8> {
         let snapshot = Snapshot { identity: self.identity(), model: self.model.save() };
-        postcard::to_stdvec(&snapshot).expect("a snapshot in memory can be encoded")
+        snapshot::encode(&snapshot)
     }
 
     /// What must be equal for a snapshot to fit: model, time step and parameters.
@@ -227,7 +258,7 @@ impl Ballbot {
     /// [`Error::Decode`] if the bytes are not that.
     pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
         let refused = |reason: String| Error::Decode { what: "snapshot of a robot".into(), reason };
-        let snapshot: Snapshot = decode_all(bytes).map_err(refused)?;
+        let snapshot: Snapshot = snapshot::decode("snapshot of a robot", bytes)?;
         let (theirs, ours) = (snapshot.identity, self.identity());
         if theirs != ours {
             return Err(refused(format!(
@@ -250,15 +281,6 @@ struct Identity {
 struct Snapshot {
     identity: Identity,
     model: Vec<u8>,
-}
-
-/// Decodes what is encoded in all of `bytes`, not merely in their beginning.
-pub(crate) fn decode_all<T: DeserializeOwned>(bytes: &[u8]) -> std::result::Result<T, String> {
-    match postcard::take_from_bytes(bytes) {
-        Ok((value, [])) => Ok(value),
-        Ok((_, rest)) => Err(format!("{} bytes too many", rest.len())),
-        Err(error) => Err(error.to_string()),
-    }
 }
 
 /// The first bound that a state breaks, NaN included.

@@ -94,7 +94,8 @@ impl State {
         let mast = self.body_quaternion * Vector3::z();
         let sine = mast.xy().norm();
         if sine == 0.0 {
-            return Vector2::zeros();
+            // Upside down, any horizontal axis would do.
+            return Vector2::new(self.tilt(), 0.0);
         }
         Vector2::new(-mast.y, mast.x) * (self.tilt() / sine)
     }

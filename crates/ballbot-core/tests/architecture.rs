@@ -8,14 +8,14 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BOTTOM: [&str; 6] = ["error", "params", "state", "kinematics", "energy", "model"];
+const BOTTOM: [&str; 7] = ["error", "params", "state", "kinematics", "energy", "model", "snapshot"];
 
 /// What each layer above the bottom may use besides the bottom and itself; a longer path is that item alone.
 const LAYERS: [(&str, &[&str]); 6] = [
     ("models", &[]),
     ("sim", &[]),
     ("urdf", &[]),
-    ("control", &["models::LinearModel", "models::linear"]),
+    ("control", &["models::LinearModel", "models::linear", "models::traction_torque"]),
     ("robot", &["models", "sim"]),
     ("env", &["robot", "sim"]),
 ];

@@ -202,7 +202,7 @@ fn refused(batch: &mut Batch, actions: &[f32]) -> String {
 #[test]
 fn without_autoreset_an_ended_episode_must_be_reset() {
     let mut batch = batch(&calm(5), 3, Autoreset::Disabled, 1);
-    batch.environment_mut(1).unwrap().robot_mut().push(&Vector3::new(1e6, 0.0, 0.0), None).unwrap();
+    batch.environment_mut(1).unwrap().robot_mut().push(&Vector3::new(1e4, 0.0, 0.0), None).unwrap();
     let written = Written::of(&mut batch, &[0.0; 9]).unwrap();
     assert_eq!(written.terminated, [false, true, false]);
     let message = refused(&mut batch, &[0.0; 9]);
@@ -253,7 +253,7 @@ fn a_robot_that_diverges_does_not_touch_its_neighbours() {
                 written
             };
             let expected = run(0.0);
-            for impulse in [1e6, 1e300] {
+            for impulse in [1e3, 1e4] {
                 let found = run(impulse);
                 assert_eq!(found[10].outcomes[2].terminated, Some(Termination::Diverged), "{model}, {impulse} N·s");
                 assert_eq!(found[11].outcomes[2], Outcome::default(), "{model}: not reset after {impulse} N·s");

@@ -1,9 +1,10 @@
 //! Controllers: the Riccati equation by its cost, the regulator and the paper's PID by what they do to the robot.
 
 use ballbot_core::control::riccati::{self, Regulator};
-use ballbot_core::control::{Controller, Lqr, LqrWeights, Pid, PidGains, Setpoint, traction_torque};
-use ballbot_core::kinematics::TorqueMap;
-use ballbot_core::models::{LinearModel, SpatialModel};
+use ballbot_core::control::{Controller, Lqr, LqrWeights, Pid, PidGains, Setpoint, default_max_torque};
+use ballbot_core::env::{BalanceConfig, Environment, OBSERVATION_LEN};
+use ballbot_core::kinematics::{Omniwheels, TorqueMap};
+use ballbot_core::models::{LinearModel, SpatialModel, traction_torque};
 use ballbot_core::{Ballbot, Error, ModelKind, Params, State, attitude};
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector2, Vector3, Vector6};
 use std::f64::consts::{PI, TAU};
@@ -283,7 +284,7 @@ fn controllers_never_exceed_their_limit() {
     let tight = Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), 0.05).unwrap();
     let pid = Pid::new(&params, CONTROL_DT, PidGains::PAPER, TorqueMap::AsPrinted).unwrap();
     let strong = pid.clone().with_max_torque(0.9).unwrap();
-    let grip = traction_torque(&params);
+    let grip = default_max_torque(&params);
     let limited: [(Box<dyn Controller>, f64); 4] =
         [(Box::new(lqr), grip), (Box::new(tight), 0.05), (Box::new(pid), grip), (Box::new(strong), 0.9)];
     for (mut controller, limit) in limited {
@@ -297,17 +298,56 @@ fn controllers_never_exceed_their_limit() {
     }
 }
 
+/// Whether the wheels carry a tilt torque in every direction, the largest wheel torque being `torque`.
+fn grips(params: &Params, torque: f64) -> bool {
+    let model = SpatialModel::new(params, true, true);
+    (0..360).all(|degrees| {
+        let angle = f64::from(degrees).to_radians();
+        let tilting = Vector3::new(angle.cos(), angle.sin(), 0.0);
+        let torques = Omniwheels::new(params).wheel_torques(&tilting, TorqueMap::Consistent);
+        let torques = torques * (torque / torques.amax());
+        let contacts = model.contacts(&UnitQuaternion::identity(), &Vector6::zeros(), &torques);
+        contacts.friction_utilization(params)[..3].iter().all(|share| *share <= 1.0)
+    })
+}
+
 #[test]
-fn controllers_count_on_most_of_the_grip_at_rest() {
-    // 0.8 μ N r_w: 0.8 (1.0) (2.228 · 9.81 / (3 cos 45°)) (0.05), unless the motor gives less.
-    let params = Params::paper();
-    assert!((traction_torque(&params) - 0.412_133_510).abs() < 1e-8, "{}", traction_torque(&params));
-    assert_eq!(traction_torque(&Params { max_wheel_torque: 0.3, ..params }), 0.3);
+fn traction_torque_is_where_the_first_wheel_slips() {
+    for name in Params::preset_names() {
+        let params = Params { max_wheel_torque: 100.0, ..Params::preset(name).unwrap() };
+        let torque = traction_torque(&params);
+        assert!(grips(&params, 0.99 * torque), "{name}: a wheel slips below {torque} N·m");
+        assert!(!grips(&params, 1.01 * torque), "{name}: no wheel slips above {torque} N·m");
+    }
+    let weak = Params { max_wheel_torque: 0.1, ..Params::paper() };
+    assert_eq!(traction_torque(&weak), 0.1);
+    assert_eq!(default_max_torque(&weak), 0.9 * 0.1);
+}
+
+/// The starts of the balance task: with tilt, speed and tilt rate at once a robot needs more grip than at rest.
+#[test]
+fn lqr_keeps_every_published_robot_up_from_the_tasks_starts() {
+    for name in Params::preset_names() {
+        let params = Params::preset(name).unwrap();
+        let config = BalanceConfig { max_wheel_torque: params.max_wheel_torque, params, ..BalanceConfig::default() };
+        for seed in 0..12 {
+            let mut environment = Environment::new(&config, seed).unwrap();
+            let mut observation = [0.0; OBSERVATION_LEN];
+            environment.reset(&mut observation);
+            let mut lqr = Lqr::new(&config.params, config.control_dt).unwrap();
+            for _ in 0..300 {
+                let torques = lqr.wheel_torques(&environment.robot().state(), &Setpoint::default());
+                let action = torques.map(|torque| (torque / config.max_wheel_torque) as f32);
+                let outcome = environment.step(&action, &mut observation);
+                assert_eq!(outcome.terminated, None, "{name}, seed {seed}");
+            }
+        }
+    }
 }
 
 #[test]
 fn saturation_keeps_the_direction_of_the_torques() {
-    let params = Params::paper();
+    let params = Params { max_wheel_torque: 1e6, ..Params::paper() };
     let state = State::tilted(&params, Vector2::new(0.4, -0.3), 0.2);
     let torques = |limit: f64| {
         let mut lqr = Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), limit).unwrap();

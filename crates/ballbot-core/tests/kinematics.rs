@@ -28,15 +28,15 @@ fn any_attitude() -> impl Strategy<Value = UnitQuaternion<f64>> {
 
 /// The paper's robot with its wheels anywhere that they are allowed.
 fn any_robot() -> impl Strategy<Value = Params> {
-    let gaps = (0.3..2.5, 0.3..2.5, 0.0..TAU);
-    (0.2..1.3, gaps, 0.02..0.2).prop_map(|(zenith, (first, second, start), wheel_radius)| {
+    (0.2..1.3, 0.0..TAU, any::<bool>(), 0.02..0.2).prop_map(|(zenith, start, clockwise, wheel_radius)| {
+        let gap = if clockwise { -TAU / 3.0 } else { TAU / 3.0 };
         let params = Params {
             wheel_zenith: zenith,
-            wheel_azimuths: [start, start + first, start + first + second],
+            wheel_azimuths: [start, start + gap, start + 2.0 * gap],
             wheel_radius,
             ..Params::paper()
         };
-        params.validate().expect("gaps of at least 0.3 rad are allowed");
+        params.validate().expect("wheels 120 degrees apart are allowed");
         params
     })
 }

@@ -106,12 +106,25 @@ fn wheels_must_be_on_the_upper_half_of_the_ball_and_apart() {
         assert_refused(&[("wheel_zenith", &[zenith], ["wheel_zenith = ", "between 0 and pi/2"])]);
     }
     assert_refused(&[
-        ("wheel_azimuths", &[0.125, 0.0, PI], ["wheel_azimuths[0] and wheel_azimuths[1] = 0.125 ", "at least 0.2 rad"]),
-        ("wheel_azimuths", &[TAU, PI, 0.0], ["wheel_azimuths[0] and wheel_azimuths[2] = 0 ", "at least 0.2 rad"]),
-        // Close across the turn.
-        ("wheel_azimuths", &[3.1, 1.0, -3.1], ["wheel_azimuths[0] and wheel_azimuths[2] = 0.08", "at least 0.2 rad"]),
+        (
+            "wheel_azimuths",
+            &[0.125, 0.0, PI],
+            ["wheel_azimuths[0] and wheel_azimuths[1] = 0.125 ", "2 pi / 3 rad within 1e-6"],
+        ),
+        (
+            "wheel_azimuths",
+            &[TAU, PI, 0.0],
+            ["wheel_azimuths[0] and wheel_azimuths[1] = 3.14", "2 pi / 3 rad within 1e-6"],
+        ),
+        // Even, but not to the tolerance; across the turn of the angle.
+        (
+            "wheel_azimuths",
+            &[3.1, 1.0, -3.1],
+            ["wheel_azimuths[0] and wheel_azimuths[1] = 2.1", "2 pi / 3 rad within 1e-6"],
+        ),
     ]);
-    assert!(Params::paper().replace([("wheel_azimuths", &[0.0, 2.0, 4.0][..])]).is_ok());
+    assert!(Params::paper().replace([("wheel_azimuths", &[0.5 + TAU / 3.0, 0.5 - TAU / 3.0, 0.5][..])]).is_ok());
+    assert!(Params::paper().replace([("wheel_azimuths", &[0.0, 2.0, 4.0][..])]).is_err());
 }
 
 #[test]
@@ -180,6 +193,8 @@ fn unlike_any_other() -> Params {
             *value = *value * (1.0 - 0.003 * (i as f64 + 1.0)) + 1e-5 * (j as f64 + 1.0);
         }
     }
+    let turned = fields.iter_mut().find(|(name, _)| *name == "wheel_azimuths").unwrap();
+    turned.1 = [0.1, 0.1 + TAU / 3.0, 0.1 + 2.0 * TAU / 3.0].to_vec();
     from_fields(&fields).unwrap()
 }
 

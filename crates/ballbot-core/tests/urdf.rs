@@ -369,8 +369,15 @@ fn balls_that_are_none_are_refused() {
 #[test]
 fn values_no_robot_has_are_out_of_range() {
     let heavy = edit(BALL, "<mass value=\"1.437\"/>", "<mass value=\"0.1\"/>");
-    let Err(Error::OutOfRange { name, .. }) = params_from_urdf_text(BOT, &heavy) else { panic!("expected a refusal") };
-    assert_eq!(name, "ball_inertia");
+    let (file, reason) = refusal(BOT, &heavy);
+    assert_eq!(file, "bot URDF and ball URDF");
+    assert!(reason.starts_with("ball_inertia = 0.0112 is out of range"), "{reason}");
+    let steered = BOT.replacen("type=\"continuous\"", "type=\"revolute\"", 1).replacen(
+        "<limit ",
+        "<limit lower=\"-0.1\" upper=\"0.1\" ",
+        1,
+    );
+    assert!(refusal(&steered, BALL).1.contains("its limits leave 0.2 rad"));
 }
 
 #[test]

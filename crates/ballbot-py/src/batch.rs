@@ -5,10 +5,11 @@ use crate::errors::{call, to_python};
 use crate::params::PyParams;
 use crate::robot::changed;
 use crate::state::PyState;
-use ballbot_core::State;
 use ballbot_core::env::{
-    ACTION_LEN, BalanceConfig, Batch, OBSERVATION, OBSERVATION_LEN, Outcome, RewardScales, RewardTerms, StepBuffers,
+    ACTION_LEN, BalanceConfig, Batch, OBSERVATION, OBSERVATION_LEN, Outcome, ResetRequest, RewardScales, RewardTerms,
+    StepBuffers,
 };
+use ballbot_core::{Params, State};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -43,7 +44,10 @@ type Step<'py> = (
 fn configure(config: &mut BalanceConfig, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
     let number: &mut f64 = match name {
         "params" => {
-            config.params = value.extract::<PyRef<'_, PyParams>>()?.0.clone();
+            config.params = match value.extract::<String>() {
+                Ok(preset) => Params::preset(&preset).map_err(to_python)?,
+                Err(_) => value.extract::<PyRef<'_, PyParams>>()?.0.clone(),
+            };
             return Ok(());
         }
         "model" => {
@@ -112,7 +116,15 @@ impl PyBatch {
     ) -> PyResult<Self> {
         let mut config = BalanceConfig::default();
         for (name, value) in options.into_iter().flatten() {
-            configure(&mut config, &name.extract::<String>()?, &value)?;
+            let name = name.extract::<String>()?;
+            configure(&mut config, &name, &value).map_err(|error| {
+                // A conversion does not know what it converts.
+                if error.is_instance_of::<PyTypeError>(value.py()) && !error.to_string().contains(&name) {
+                    PyTypeError::new_err(format!("{name}: {}", error.value(value.py())))
+                } else {
+                    error
+                }
+            })?;
         }
         let autoreset = autoreset.parse().map_err(to_python)?;
         let batch = call(|| Batch::new(&config, num_envs, autoreset, num_threads, seed))?;
@@ -169,27 +181,26 @@ impl PyBatch {
         self.batch.environments()[0].config().max_episode_steps
     }
 
-    #[expect(clippy::needless_pass_by_value, reason = "extracted from a Python list")]
-    fn seed(&mut self, seeds: Vec<Option<u64>>) -> PyResult<()> {
-        call(|| self.batch.seed(&seeds))
-    }
-
-    #[pyo3(signature = (mask=None))]
-    fn reset<'py>(&mut self, py: Python<'py>, mask: Option<&Bound<'py, PyAny>>) -> PyResult<Observations<'py>> {
+    #[pyo3(signature = (mask=None, seeds=None, starts=None))]
+    #[expect(clippy::needless_pass_by_value, reason = "extracted from Python lists")]
+    fn reset<'py>(
+        &mut self,
+        py: Python<'py>,
+        mask: Option<&Bound<'py, PyAny>>,
+        seeds: Option<Vec<Option<u64>>>,
+        starts: Option<Vec<Option<PyRef<'py, PyState>>>>,
+    ) -> PyResult<Observations<'py>> {
         let mask = mask.map(|m| elements::<bool>("reset_mask", m, &[Some(self.batch.len())])).transpose()?;
+        let starts: Option<Vec<_>> =
+            starts.map(|starts| starts.iter().map(|start| start.as_ref().map(|s| s.0.clone())).collect());
+        let request = ResetRequest { mask: mask.as_deref(), seeds: seeds.as_deref(), starts: starts.as_deref() };
         let observations = PyArray2::zeros(py, [self.batch.len(), OBSERVATION_LEN], false);
         let mut writable = observations.readwrite();
         let rows = writable.as_slice_mut()?;
         let batch = &mut self.batch;
-        py.detach(|| call(|| batch.reset(mask.as_deref(), rows)))?;
+        py.detach(|| call(|| batch.reset_with(&request, rows)))?;
         drop(writable);
         Ok(observations)
-    }
-
-    fn reset_to<'py>(&mut self, py: Python<'py>, index: usize, state: &PyState) -> PyResult<Bound<'py, PyArray1<f32>>> {
-        let mut observation = [0.0; OBSERVATION_LEN];
-        call(|| self.batch.environment_mut(index)?.reset_to(&state.0, &mut observation))?;
-        Ok(PyArray1::from_slice(py, &observation))
     }
 
     fn stagger(&mut self) {

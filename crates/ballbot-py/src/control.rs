@@ -4,7 +4,7 @@ use crate::convert::{array, numbers};
 use crate::errors::{call, to_python};
 use crate::params::{PyParams, or_paper};
 use crate::state::PyState;
-use ballbot_core::control::{Controller, Lqr, LqrWeights, Pid, PidGains, Setpoint, traction_torque};
+use ballbot_core::control::{Controller, Lqr, LqrWeights, Pid, PidGains, Setpoint, default_max_torque};
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -125,7 +125,7 @@ impl PyLqr {
             *target = value.extract()?;
         }
         let params = or_paper(params);
-        let max_torque = max_torque.unwrap_or_else(|| traction_torque(&params));
+        let max_torque = max_torque.unwrap_or_else(|| default_max_torque(&params));
         call(|| Lqr::with_weights(&params, control_dt, &w, max_torque)).map(Self)
     }
 

@@ -7,7 +7,7 @@ use crate::state::{PyContacts, PyState, tilted};
 use ballbot_core::{Ballbot, JointDynamics, Params};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyDict};
 
 /// A simulated robot: sense, actuate, push, set joint dynamics.
 #[pyclass(name = "Ballbot", module = "ballbot_rs", subclass)]
@@ -69,9 +69,12 @@ impl PyBallbot {
     }
 
     #[getter]
-    fn joint_dynamics(&self) -> (f64, f64) {
+    fn joint_dynamics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dynamics = self.0.joint_dynamics();
-        (dynamics.viscous_friction, dynamics.coulomb_friction)
+        let dict = PyDict::new(py);
+        dict.set_item("viscous_friction", dynamics.viscous_friction)?;
+        dict.set_item("coulomb_friction", dynamics.coulomb_friction)?;
+        Ok(dict)
     }
 
     #[getter]

@@ -6,7 +6,7 @@ from typing import Any
 
 from ballbot_rs import __version__
 from ballbot_rs.cli.table import print_table
-from ballbot_rs.evaluation import evaluate
+from ballbot_rs.evaluation import compare
 from ballbot_rs.registration import BALANCE
 
 TASKS = {"balance": BALANCE}
@@ -33,16 +33,13 @@ def add_to(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     options = {} if arguments.model is None else {"model": arguments.model}
-    results = [
-        evaluate(
-            controller,
-            env_id=TASKS[arguments.task],
-            episodes=arguments.episodes,
-            seed=arguments.seed,
-            env_options=options,
-        )
-        for controller in arguments.controller
-    ]
+    results = compare(
+        arguments.controller,
+        env_id=TASKS[arguments.task],
+        episodes=arguments.episodes,
+        seed=arguments.seed,
+        env_options=options,
+    )
     if arguments.json:
         report = {
             "env_id": TASKS[arguments.task],

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs.cli.table import print_table
-from ballbot_rs.evaluation import evaluate
+from ballbot_rs.evaluation import compare
 
 
 def add_to(commands: Any) -> None:
@@ -15,7 +15,7 @@ def add_to(commands: Any) -> None:
     command = commands.add_parser("train", help="train a policy with Stable-Baselines3")
     command.add_argument("task", help="the task: balance")
     command.add_argument("--config", type=Path, help="TOML file to use instead of the task's own")
-    command.add_argument("--seed", type=int, default=0, help="seed of the run (default 0)")
+    command.add_argument("--seed", type=int, help="seed of the run (default 0)")
     command.add_argument("--run", type=Path, help="folder of the run (default runs/TASK-seed-SEED-TIME)")
     command.add_argument("--resume", type=Path, metavar="RUN", help="continue an interrupted run")
     command.add_argument("--overwrite", action="store_true", help="delete an earlier run in that folder")
@@ -38,7 +38,8 @@ def run(arguments: argparse.Namespace) -> None:
     started = time.perf_counter()
     progress_bar = not (arguments.quiet or arguments.json)
     if arguments.resume is not None:
-        given = [name for name in ("config", "run", "timesteps") if getattr(arguments, name) is not None]
+        beside = ("config", "run", "timesteps", "seed", "overwrite")
+        given = [name for name in beside if getattr(arguments, name)]
         if given:
             raise ValueError(f"--resume continues a run as it was configured: --{given[0]} has no place beside it")
         policy = train.resume(arguments.resume, progress_bar=progress_bar)
@@ -48,23 +49,21 @@ def run(arguments: argparse.Namespace) -> None:
         if arguments.timesteps is not None:
             text = config_module.with_timesteps(text, arguments.timesteps)
             config = config_module.parse(text, "--timesteps")
+        seed = 0 if arguments.seed is None else arguments.seed
         stamp = time.strftime("%Y%m%d-%H%M%S")
-        folder = arguments.run or Path("runs") / f"{arguments.task}-seed-{arguments.seed}-{stamp}"
+        folder = arguments.run or Path("runs") / f"{arguments.task}-seed-{seed}-{stamp}"
         policy = train.train(
             config,
             text,
             folder,
-            seed=arguments.seed,
+            seed=seed,
             overwrite=arguments.overwrite,
             progress_bar=progress_bar,
         )
     seconds = time.perf_counter() - started
     results = []
     if arguments.episodes > 0:
-        results = [
-            evaluate(name, env_id=config.env_id, episodes=arguments.episodes, env_options=config.env)
-            for name in (str(policy), "lqr", "pid")
-        ]
+        results = compare([str(policy), "lqr", "pid"], env_id=config.env_id, episodes=arguments.episodes)
     if arguments.json:
         report = {"policy": str(policy), "seconds": seconds, "results": [vars(result) for result in results]}
         print(json.dumps(report, indent=2))

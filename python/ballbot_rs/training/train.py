@@ -21,8 +21,13 @@ from ballbot_rs.training import config as config_module
 from ballbot_rs.training.config import TrainConfig
 from ballbot_rs.training.policy import CLASSES, METADATA, ScaledObservation, metadata
 
-#: Added to a run's seed for its evaluations, so that no start is trained on.
-EVALUATION_SEED = 1_000_000
+#: Seeds of environments: each run has its own range, evaluations have its end, and `compare` stays below all of them.
+SEEDS_PER_RUN = 10_000_000
+EVALUATION_SEEDS = 9_000_000
+
+
+def _first_seed(seed: int) -> int:
+    return SEEDS_PER_RUN * (seed + 1)
 
 
 def train(
@@ -48,6 +53,8 @@ def train(
         FileExistsError: the folder holds an earlier run.
         ValueError: the configuration does not fit the environment or the algorithm.
     """
+    if not 0 <= seed < 2**32:
+        raise ValueError(f"seed = {seed} is out of range: it must be from 0 to 2**32 - 1")
     if folder.exists() and any(folder.iterdir()):
         if not overwrite:
             raise FileExistsError(f"{folder} holds an earlier run: resume it, overwrite it, or name another")
@@ -69,6 +76,7 @@ def resume(folder: Path, *, progress_bar: bool = True) -> Path:
 
     Raises:
         FileNotFoundError: the folder holds no run, or one without a checkpoint.
+        ValueError: a run of SAC, whose replay buffer is not kept.
     """
     record = folder / "run.json"
     if not record.is_file():
@@ -76,10 +84,15 @@ def resume(folder: Path, *, progress_bar: bool = True) -> Path:
     seed = int(json.loads(record.read_text(encoding="utf-8"))["seed"])
     config = config_module.parse((folder / "config.toml").read_text(encoding="utf-8"), str(folder / "config.toml"))
     checkpoints = sorted((folder / "checkpoints").glob("*.zip"), key=_steps_of)
+    if config.algorithm == "SAC":
+        raise ValueError("a SAC run cannot be resumed: its replay buffer is not kept")
     if not checkpoints:
         raise FileNotFoundError(f"{folder} has no checkpoint to resume from")
     torch.set_num_threads(config.torch_threads)
     model = CLASSES[config.algorithm].load(checkpoints[-1], env=_environment(config, seed), device="cpu")
+    # Loading seeds everything as at the start of the run: go on with other numbers.
+    model.set_random_seed(seed + model.num_timesteps)
+    _seed_environments(model, _first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
     remaining = config.total_timesteps - model.num_timesteps
     if remaining <= 0:
         return _finish(model, folder)
@@ -92,11 +105,17 @@ def _environment(config: TrainConfig, seed: int) -> VecMonitor:
             config.env_id,
             config.num_envs,
             num_threads=config.num_threads,
-            seed=seed,
+            seed=_first_seed(seed),
             stagger=True,
             **config.env,
         )
     )
+
+
+def _seed_environments(model: BaseAlgorithm, seed: int) -> None:
+    environment = model.get_env()
+    if environment is not None:
+        environment.seed(seed)
 
 
 def _linear(initial: float) -> Callable[[float], float]:
@@ -119,6 +138,8 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
         )
     except (TypeError, AssertionError) as error:
         raise ValueError(f"the configuration does not fit {config.algorithm}: {error}") from error
+    # The learner has seeded the environments with its own seed.
+    _seed_environments(model, _first_seed(seed))
     setattr(model, METADATA, metadata(config.env_id, config.algorithm, dict(config.env)))
     return model
 
@@ -131,7 +152,7 @@ def _learn(
         config.env_id,
         min(config.evaluation.episodes, 100),
         num_threads=config.num_threads,
-        seed=EVALUATION_SEED + seed,
+        seed=_first_seed(seed) + EVALUATION_SEEDS,
         **config.env,
     )
     keep_best = EvalCallback(

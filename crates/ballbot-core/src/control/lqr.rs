@@ -1,7 +1,7 @@
 //! A discrete linear-quadratic regulator of position, tilt and heading, for any robot.
 
 use super::riccati::{self, Regulator};
-use super::{Controller, Setpoint, saturate, traction_torque};
+use super::{Controller, Setpoint, check_max_torque, default_max_torque, saturate};
 use crate::error::{Result, positive};
 use crate::models::LinearModel;
 use crate::models::linear::{INPUTS, STATES};
@@ -45,12 +45,12 @@ pub struct Lqr {
 }
 
 impl Lqr {
-    /// A regulator with the default weights, its torques within [`traction_torque`].
+    /// A regulator with the default weights, its torques within [`default_max_torque`].
     ///
     /// # Errors
     /// As [`Lqr::with_weights`].
     pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
-        Self::with_weights(params, control_dt, &LqrWeights::default(), traction_torque(params))
+        Self::with_weights(params, control_dt, &LqrWeights::default(), default_max_torque(params))
     }
 
     /// A regulator from the linear model of `params`, discretised at `control_dt` (s); no wheel torque exceeds
@@ -61,7 +61,7 @@ impl Lqr {
     pub fn with_weights(params: &Params, control_dt: f64, weights: &LqrWeights, max_torque: f64) -> Result<Self> {
         params.validate()?;
         positive("control_dt", control_dt)?;
-        positive("max_torque", max_torque)?;
+        check_max_torque(max_torque, params.max_wheel_torque)?;
         let w = weights;
         let names = ["position", "velocity", "tilt", "tilt_rate", "yaw", "yaw_rate", "torque"];
         let values = [w.position, w.velocity, w.tilt, w.tilt_rate, w.yaw, w.yaw_rate, w.torque];

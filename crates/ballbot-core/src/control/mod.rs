@@ -7,6 +7,8 @@ pub mod riccati;
 pub use lqr::{Lqr, LqrWeights};
 pub use pid::{Pid, PidGains};
 
+use crate::error::{Result, check};
+use crate::models::traction_torque;
 use crate::params::Params;
 use crate::state::State;
 use nalgebra::{Vector2, Vector3};
@@ -47,12 +49,17 @@ fn saturate(torques: Vector3<f64>, limit: f64) -> Vector3<f64> {
     }
 }
 
-/// Share of the load at rest that a controller counts on, since loads vary as the robot moves.
-const TRACTION_SHARE: f64 = 0.8;
+/// A limit of wheel torques, if it is positive and within the motors'.
+fn check_max_torque(max_torque: f64, motor_torque: f64) -> Result<f64> {
+    let limit = format!("above 0 and at most params.max_wheel_torque = {motor_torque} N·m");
+    check("max_torque", max_torque, limit, |t| t > 0.0 && t <= motor_torque)
+}
 
-/// The torque that a wheel can be counted on to pass to the ball: 0.8 of μ N r_w with the load N at rest upright, or the
-/// motors' limit if that is lower, N·m. Beyond it a wheel slips, and a controller that expects grip falls.
-pub fn traction_torque(params: &Params) -> f64 {
-    let slip = params.wheel_dynamic_friction * params.static_wheel_load() * params.wheel_radius;
-    (TRACTION_SHARE * slip).min(params.max_wheel_torque)
+/// Share of the robot's traction that a controller uses by default: the rest is for tilts and rates that are not zero.
+const TRACTION_SHARE: f64 = 0.9;
+
+/// The limit of wheel torques that controllers keep by default: 0.9 of [`traction_torque`], N·m. Beyond it a wheel slips,
+/// and a controller that expects grip falls.
+pub fn default_max_torque(params: &Params) -> f64 {
+    TRACTION_SHARE * traction_torque(params)
 }

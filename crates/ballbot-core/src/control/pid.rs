@@ -1,6 +1,6 @@
 //! The paper's controller (section III-A): a PID with filtered derivative on each tilt component.
 
-use super::{Controller, Setpoint, saturate, traction_torque};
+use super::{Controller, Setpoint, check_max_torque, default_max_torque, saturate};
 use crate::error::{Result, check, positive};
 use crate::kinematics::{Omniwheels, TorqueMap};
 use crate::params::Params;
@@ -34,13 +34,14 @@ pub struct Pid {
     gains: PidGains,
     control_dt: f64,
     max_torque: f64,
+    motor_torque: f64,
     integral: Vector2<f64>,
     /// The derivative filter's state; it starts at the first error, so that a start away from the setpoint is no step.
     filtered: Option<Vector2<f64>>,
 }
 
 impl Pid {
-    /// A PID for `params`, sampled every `control_dt` seconds, its wheel torques within [`traction_torque`].
+    /// A PID for `params`, sampled every `control_dt` seconds, its wheel torques within [`default_max_torque`].
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for gains that are negative or not finite, or a `control_dt` that is not positive.
@@ -58,7 +59,8 @@ impl Pid {
             map,
             gains,
             control_dt,
-            max_torque: traction_torque(params),
+            max_torque: default_max_torque(params),
+            motor_torque: params.max_wheel_torque,
             integral: Vector2::zeros(),
             filtered: None,
         })
@@ -67,9 +69,9 @@ impl Pid {
     /// The same with another limit of the wheel torques, N·m.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a limit that is not positive.
+    /// [`crate::Error::OutOfRange`] for a limit that is not positive, or above the motors'.
     pub fn with_max_torque(mut self, max_torque: f64) -> Result<Self> {
-        self.max_torque = positive("max_torque", max_torque)?;
+        self.max_torque = check_max_torque(max_torque, self.motor_torque)?;
         Ok(self)
     }
 

@@ -1,6 +1,6 @@
 //! The balance task: keep the robot upright and the ball at the setpoint.
 
-use super::reward::RewardScales;
+use super::reward::{RewardScales, RewardTerms};
 use crate::error::{Error, Result, check, finite, positive};
 use crate::params::Params;
 use crate::robot::{MAX_RATE, ModelKind};
@@ -156,7 +156,12 @@ impl BalanceConfig {
         positive("success_tilt", self.success_tilt)?;
         positive("success_radius", self.success_radius)?;
         let r = &self.reward;
-        finite("reward", &[r.alive, r.tilt, r.position, r.velocity, r.rate, r.action, r.action_change])
+        for (name, scale) in
+            RewardTerms::NAMES.iter().zip([r.alive, r.tilt, r.position, r.velocity, r.rate, r.action, r.action_change])
+        {
+            check(format!("reward.{name}"), scale, "within ±1e6", |s| s.abs() <= 1e6)?;
+        }
+        Ok(())
     }
 
     /// The first state of an episode: rolling without slip, the ball at the origin.

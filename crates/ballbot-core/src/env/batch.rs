@@ -3,6 +3,7 @@
 use super::environment::{Environment, Outcome};
 use super::{ACTION_LEN, BalanceConfig, OBSERVATION_LEN};
 use crate::error::{Error, Result};
+use crate::state::State;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::str::FromStr;
@@ -30,6 +31,17 @@ impl FromStr for Autoreset {
             _ => Err(Error::unknown("autoreset mode", name, &["next_step", "same_step", "disabled"])),
         }
     }
+}
+
+/// What [`Batch::reset_with`] does; each slice has one element an environment.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ResetRequest<'a> {
+    /// Which environments to reset; all without one.
+    pub mask: Option<&'a [bool]>,
+    /// Seeds to start the random numbers from; `None` leaves them as they are.
+    pub seeds: Option<&'a [Option<u64>]>,
+    /// States to begin with; `None` draws one.
+    pub starts: Option<&'a [Option<State>]>,
 }
 
 /// Where a step writes its results: one element an environment, observations one row an environment.
@@ -190,16 +202,45 @@ impl Batch {
     /// # Errors
     /// [`Error::Length`] for buffers of the wrong length.
     pub fn reset(&mut self, mask: Option<&[bool]>, observations: &mut [f32]) -> Result<()> {
-        self.expect_len("observations", observations.len(), self.len() * OBSERVATION_LEN)?;
-        if let Some(mask) = mask {
-            self.expect_len("reset mask", mask.len(), self.len())?;
+        self.reset_with(&ResetRequest { mask, ..ResetRequest::default() }, observations)
+    }
+
+    /// Seeds environments, resets them from given states or from ones drawn at random, and writes the observations of
+    /// all. An environment that starts from a given state draws no random numbers.
+    ///
+    /// # Errors
+    /// [`Error::Length`] for anything of the wrong length, [`Error::Inconsistent`] for the start of an environment that
+    /// the mask leaves alone, and what [`crate::Ballbot::reset`] finds in a start. Nothing has changed then.
+    pub fn reset_with(&mut self, request: &ResetRequest<'_>, observations: &mut [f32]) -> Result<()> {
+        let n = self.len();
+        self.expect_len("observations", observations.len(), n * OBSERVATION_LEN)?;
+        let masked = |i: usize| request.mask.is_none_or(|mask| mask[i]);
+        let start = |i: usize| request.starts.and_then(|starts| starts[i].as_ref());
+        if let Some(mask) = request.mask {
+            self.expect_len("reset mask", mask.len(), n)?;
+        }
+        if let Some(starts) = request.starts {
+            self.expect_len("starts", starts.len(), n)?;
+        }
+        for (i, environment) in self.environments.iter().enumerate() {
+            if let Some(start) = start(i) {
+                if !masked(i) {
+                    return Err(Error::Inconsistent(format!(
+                        "environment {i} has a start, but the mask leaves it alone"
+                    )));
+                }
+                environment.robot().accepts(start)?;
+            }
+        }
+        if let Some(seeds) = request.seeds {
+            self.seed(seeds)?;
         }
         let rows = observations.chunks_exact_mut(OBSERVATION_LEN);
         for (i, (environment, row)) in self.environments.iter_mut().zip(rows).enumerate() {
-            if mask.is_none_or(|mask| mask[i]) {
-                environment.reset(row);
-            } else {
-                environment.observe(row);
+            match start(i) {
+                Some(start) => environment.reset_to(start, row)?,
+                None if masked(i) => environment.reset(row),
+                None => environment.observe(row),
             }
         }
         Ok(())

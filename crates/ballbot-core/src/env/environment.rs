@@ -4,8 +4,9 @@ use super::balance::{BalanceConfig, Termination};
 use super::observation::observe;
 use super::reward::{self, RewardTerms, Transition};
 use super::{ACTION_LEN, OBSERVATION_LEN};
-use crate::error::{Error, Result};
-use crate::robot::{Ballbot, decode_all};
+use crate::error::Result;
+use crate::robot::Ballbot;
+use crate::snapshot;
 use crate::state::State;
 use nalgebra::Vector2;
 use rand_chacha::ChaCha8Rng;
@@ -184,7 +185,7 @@ impl Environment {
             reward: self.terms.sum(),
             terminated,
             truncated,
-            success: terminated.is_none() && self.episode.good_steps >= self.success_steps.min(self.episode.steps),
+            success: terminated.is_none() && self.episode.good_steps >= self.success_steps,
         }
     }
 
@@ -240,16 +241,15 @@ impl Environment {
             episode: self.episode,
             terms: self.terms,
         };
-        postcard::to_stdvec(&snapshot).expect("a snapshot in memory can be encoded")
+        snapshot::encode(&snapshot)
     }
 
     /// Continues from bytes of [`Environment::save`] of an environment with the same configuration.
     ///
     /// # Errors
-    /// [`Error::Decode`] if the bytes are not that.
+    /// [`crate::Error::Decode`] if the bytes are not that.
     pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let snapshot: Snapshot =
-            decode_all(bytes).map_err(|reason| Error::Decode { what: "snapshot of an environment".into(), reason })?;
+        let snapshot: Snapshot = snapshot::decode("snapshot of an environment", bytes)?;
         self.robot.load(&snapshot.robot)?;
         self.rng = ChaCha8Rng::from_seed(snapshot.seed);
         self.rng.set_word_pos(snapshot.word);

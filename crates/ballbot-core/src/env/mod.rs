@@ -7,7 +7,7 @@ mod observation;
 mod reward;
 
 pub use balance::{BalanceConfig, Termination};
-pub use batch::{Autoreset, Batch, StepBuffers};
+pub use batch::{Autoreset, Batch, ResetRequest, StepBuffers};
 pub use environment::{Environment, Outcome};
 pub use observation::{OBSERVATION, OBSERVATION_LEN, ObservationRow};
 pub use reward::{RewardScales, RewardTerms};

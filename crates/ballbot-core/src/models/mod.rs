@@ -6,12 +6,14 @@ mod planar_motion;
 mod rk4;
 pub mod spatial;
 mod spatial_motion;
+mod traction;
 
 pub use linear::LinearModel;
 pub use planar::{PlanarModel, WheelInertia};
 pub use planar_motion::PlanarMotion;
 pub use spatial::SpatialModel;
 pub use spatial_motion::SpatialMotion;
+pub use traction::traction_torque;
 
 use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;

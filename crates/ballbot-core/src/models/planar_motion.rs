@@ -30,7 +30,8 @@ pub struct PlanarMotion {
     yz: PlanarModel,
     joint_dynamics: JointDynamics,
     sim_dt: f64,
-    time: f64,
+    steps: u64,
+    healthy: bool,
     coordinates: Coordinates,
     wheel_torques: Vector3<f64>,
 }
@@ -44,7 +45,8 @@ impl PlanarMotion {
             yz: PlanarModel::in_plane(params, WheelInertia::ThreeWheels, Plane::Yz),
             joint_dynamics: JointDynamics::of(params),
             sim_dt,
-            time: 0.0,
+            steps: 0,
+            healthy: true,
             coordinates: coordinates_of(&State::upright(params)),
             wheel_torques: Vector3::zeros(),
             params: params.clone(),
@@ -123,21 +125,34 @@ impl Model for PlanarMotion {
     }
 
     fn reset(&mut self, state: &State) -> Result<()> {
-        require_rolling(&self.params, &self.wheels, state)?;
+        self.accepts(state)?;
         self.coordinates = coordinates_of(state);
-        self.time = 0.0;
+        self.steps = 0;
+        self.healthy = true;
         self.wheel_torques = Vector3::zeros();
         Ok(())
     }
 
     fn step(&mut self, wheel_torques: &[f64; 3]) {
         self.wheel_torques = (*wheel_torques).into();
-        self.coordinates = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
-        self.time += self.sim_dt;
+        let next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
+        self.healthy &= next.iter().all(|v| v.is_finite());
+        if self.healthy {
+            self.coordinates = next;
+        }
+        self.steps += 1;
     }
 
     fn time(&self) -> f64 {
-        self.time
+        self.steps as f64 * self.sim_dt
+    }
+
+    fn healthy(&self) -> bool {
+        self.healthy
+    }
+
+    fn accepts(&self, state: &State) -> Result<()> {
+        require_rolling(&self.params, &self.wheels, state)
     }
 
     fn state(&self) -> State {
@@ -225,18 +240,24 @@ impl Model for PlanarMotion {
 
     fn save(&self) -> Vec<u8> {
         let dynamics = self.joint_dynamics;
-        let mut numbers = vec![self.time, dynamics.viscous_friction, dynamics.coulomb_friction];
+        let mut numbers = vec![
+            self.steps as f64,
+            f64::from(u8::from(self.healthy)),
+            dynamics.viscous_friction,
+            dynamics.coulomb_friction,
+        ];
         numbers.extend(self.coordinates.iter());
         numbers.extend(self.wheel_torques.iter());
         encode(&numbers)
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let numbers: [f64; 25] = decode(bytes)?;
-        self.time = numbers[0];
-        self.joint_dynamics = JointDynamics { viscous_friction: numbers[1], coulomb_friction: numbers[2] };
-        self.coordinates.copy_from_slice(&numbers[3..22]);
-        self.wheel_torques.copy_from_slice(&numbers[22..]);
+        let numbers: [f64; 26] = decode(bytes)?;
+        self.steps = numbers[0] as u64;
+        self.healthy = numbers[1] != 0.0;
+        self.joint_dynamics = JointDynamics { viscous_friction: numbers[2], coulomb_friction: numbers[3] };
+        self.coordinates.copy_from_slice(&numbers[4..23]);
+        self.wheel_torques.copy_from_slice(&numbers[23..]);
         Ok(())
     }
 }

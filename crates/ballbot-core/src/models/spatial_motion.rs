@@ -16,7 +16,8 @@ type Coordinates = SVector<f64, 19>;
 pub struct SpatialMotion {
     model: SpatialModel,
     sim_dt: f64,
-    time: f64,
+    steps: u64,
+    healthy: bool,
     coordinates: Coordinates,
     wheel_torques: Vector3<f64>,
 }
@@ -26,7 +27,7 @@ impl SpatialMotion {
     pub fn new(params: &Params, sim_dt: f64) -> Self {
         let model = SpatialModel::new(params, true, true);
         let coordinates = coordinates_of(&State::upright(params));
-        Self { model, sim_dt, time: 0.0, coordinates, wheel_torques: Vector3::zeros() }
+        Self { model, sim_dt, steps: 0, healthy: true, coordinates, wheel_torques: Vector3::zeros() }
     }
 
     fn velocity(&self) -> Vector6<f64> {
@@ -67,9 +68,10 @@ impl Model for SpatialMotion {
     }
 
     fn reset(&mut self, state: &State) -> Result<()> {
-        require_rolling(self.model.params(), self.model.wheels(), state)?;
+        self.accepts(state)?;
         self.coordinates = coordinates_of(state);
-        self.time = 0.0;
+        self.steps = 0;
+        self.healthy = true;
         self.wheel_torques = Vector3::zeros();
         Ok(())
     }
@@ -81,12 +83,23 @@ impl Model for SpatialMotion {
             let length = next.fixed_rows::<4>(at).norm();
             next.fixed_rows_mut::<4>(at).unscale_mut(length);
         }
-        self.coordinates = next;
-        self.time += self.sim_dt;
+        self.healthy &= next.iter().all(|v| v.is_finite());
+        if self.healthy {
+            self.coordinates = next;
+        }
+        self.steps += 1;
     }
 
     fn time(&self) -> f64 {
-        self.time
+        self.steps as f64 * self.sim_dt
+    }
+
+    fn healthy(&self) -> bool {
+        self.healthy
+    }
+
+    fn accepts(&self, state: &State) -> Result<()> {
+        require_rolling(self.model.params(), self.model.wheels(), state)
     }
 
     fn state(&self) -> State {
@@ -133,18 +146,24 @@ impl Model for SpatialMotion {
 
     fn save(&self) -> Vec<u8> {
         let dynamics = self.model.joint_dynamics;
-        let mut numbers = vec![self.time, dynamics.viscous_friction, dynamics.coulomb_friction];
+        let mut numbers = vec![
+            self.steps as f64,
+            f64::from(u8::from(self.healthy)),
+            dynamics.viscous_friction,
+            dynamics.coulomb_friction,
+        ];
         numbers.extend(self.coordinates.iter());
         numbers.extend(self.wheel_torques.iter());
         encode(&numbers)
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let numbers: [f64; 25] = decode(bytes)?;
-        self.time = numbers[0];
-        self.model.joint_dynamics = JointDynamics { viscous_friction: numbers[1], coulomb_friction: numbers[2] };
-        self.coordinates.copy_from_slice(&numbers[3..22]);
-        self.wheel_torques.copy_from_slice(&numbers[22..]);
+        let numbers: [f64; 26] = decode(bytes)?;
+        self.steps = numbers[0] as u64;
+        self.healthy = numbers[1] != 0.0;
+        self.model.joint_dynamics = JointDynamics { viscous_friction: numbers[2], coulomb_friction: numbers[3] };
+        self.coordinates.copy_from_slice(&numbers[4..23]);
+        self.wheel_torques.copy_from_slice(&numbers[23..]);
         Ok(())
     }
 }

@@ -45,7 +45,7 @@ pub fn params_from_urdf(bot: &Path, ball: &Path) -> Result<Params> {
 ///
 /// # Errors
 /// [`Error::Urdf`] for malformed text, or text that does not describe a bot or a ball this simulator can represent;
-/// those of [`Params::validate`].
+/// what [`Params::validate`] finds is such an error too.
 pub fn params_from_urdf_text(bot: &str, ball: &str) -> Result<Params> {
     read_params(("bot URDF", bot), ("ball URDF", ball))
 }
@@ -64,5 +64,5 @@ fn read_params((bot_label, bot): (&str, &str), (ball_label, ball): (&str, &str))
         ("ball_radius", std::slice::from_ref(&ball.radius)),
     ];
     fields.extend(bot.fields());
-    Params::from_fields(fields)
+    Params::from_fields(fields).map_err(|e| refuse(&format!("{bot_label} and {ball_label}"))(e.to_string()))
 }

@@ -5,7 +5,8 @@ use super::shape::{Shape, spheres_and_cylinders};
 use super::tree::{Tree, finite};
 use super::{Checked, TOLERANCE};
 use nalgebra::{Matrix3, Point3, Vector3};
-use urdf_rs::Joint;
+use std::f64::consts::TAU;
+use urdf_rs::{Joint, JointType};
 
 /// A wheel in the root frame.
 pub(super) struct Wheel {
@@ -91,6 +92,10 @@ fn axle(tree: &Tree, joint: usize, what: &str) -> Checked<(Point3<f64>, Vector3<
 
 /// Damping, friction and effort limit of a joint; zero where the file is silent.
 fn dynamics(joint: &Joint, what: &str) -> Checked<(f64, f64, f64)> {
+    let range = joint.limit.upper - joint.limit.lower;
+    if joint.joint_type == JointType::Revolute && range > 0.0 && range < TAU {
+        return Err(format!("{what}: its limits leave {range} rad, but a wheel turns without end: make it continuous"));
+    }
     let (damping, friction) = joint.dynamics.as_ref().map_or((0.0, 0.0), |d| (d.damping, d.friction));
     // From version 1.2 of the format on, no limit is infinite.
     let effort = if joint.limit.effort == f64::INFINITY { 0.0 } else { joint.limit.effort };

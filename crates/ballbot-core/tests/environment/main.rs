@@ -300,7 +300,7 @@ fn tasks_that_cannot_be_are_refused() {
     assert_refused("success_window = -1 ", |c| c.success_window = -1.0);
     assert_refused("success_tilt = 0 ", |c| c.success_tilt = 0.0);
     assert_refused("success_radius = -0.1 ", |c| c.success_radius = -0.1);
-    assert_refused("reward[6] = NaN ", |c| c.reward.action_change = f64::NAN);
+    assert_refused("reward.action_change = NaN ", |c| c.reward.action_change = f64::NAN);
     assert_refused("gravity = 0 ", |c| c.params.gravity = 0.0);
     // Ratios that are whole but for rounding.
     for (sim_dt, control_dt, expected) in [(0.01, 0.07, 7), (0.001, 0.043, 43), (0.02, 0.02, 1)] {

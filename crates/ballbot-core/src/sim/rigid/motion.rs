@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
 use crate::model::{JointDynamics, Model};
 use crate::params::Params;
+use crate::snapshot;
 use crate::state::{Contacts, State};
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
@@ -34,7 +35,7 @@ pub struct RigidMotion {
 /// What the next step needs besides the world.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 struct Memory {
-    time: f64,
+    steps: u64,
     joint_dynamics: JointDynamics,
     /// Loads that bound the drive friction of the next step, N.
     wheel_loads: [f64; 3],
@@ -55,7 +56,7 @@ impl RigidMotion {
         let wheels = Omniwheels::new(params);
         let (template, handles) = World::new(params, &wheels)?;
         let memory = Memory {
-            time: 0.0,
+            steps: 0,
             joint_dynamics: JointDynamics::of(params),
             wheel_loads: [0.0; 3],
             floor_force: [0.0; 3],
@@ -224,12 +225,12 @@ impl Model for RigidMotion {
     }
 
     fn reset(&mut self, state: &State) -> Result<()> {
-        state.validate()?;
+        self.accepts(state)?;
         self.world = self.template.clone();
         self.pipeline = new_pipeline();
         self.place(state);
         self.memory = Memory {
-            time: 0.0,
+            steps: 0,
             joint_dynamics: self.memory.joint_dynamics,
             wheel_loads: self.first_loads(),
             floor_force: [0.0; 3],
@@ -253,17 +254,22 @@ impl Model for RigidMotion {
             self.memory.tractions[i] = drive::traction(self.world.drive(&self.handles, i), dt);
         }
         self.memory.floor_force = self.world.floor_force(&self.handles, dt).into();
-        self.memory.time += dt;
+        self.memory.steps += 1;
     }
 
     fn time(&self) -> f64 {
-        self.memory.time
+        self.memory.steps as f64 * self.settings.dt
+    }
+
+    fn healthy(&self) -> bool {
+        self.memory.healthy
+    }
+
+    fn accepts(&self, state: &State) -> Result<()> {
+        state.validate()
     }
 
     fn state(&self) -> State {
-        if !self.memory.healthy {
-            return State::from_array(&[f64::NAN; State::LEN]);
-        }
         let ball = &self.world.bodies[self.handles.ball];
         let body = &self.world.bodies[self.handles.body];
         let bot = self.bot();
@@ -289,7 +295,7 @@ impl Model for RigidMotion {
     fn contacts(&self) -> Contacts {
         Contacts {
             // Before the first step the loads are only what its friction counts on.
-            wheel_normal_forces: if self.memory.time > 0.0 { self.memory.wheel_loads } else { [0.0; 3] },
+            wheel_normal_forces: if self.memory.steps > 0 { self.memory.wheel_loads } else { [0.0; 3] },
             wheel_tractions: self.memory.tractions,
             wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(i, &self.contact(i))),
             floor_force: self.memory.floor_force.into(),
@@ -328,12 +334,12 @@ impl Model for RigidMotion {
     }
 
     fn save(&self) -> Vec<u8> {
-        postcard::to_stdvec(&(&self.memory, &self.world)).expect("a world in memory can be encoded")
+        snapshot::encode(&(&self.memory, &self.world))
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
         let refused = |reason: String| Error::Decode { what: "snapshot of a rigid world".into(), reason };
-        let (memory, world): (Memory, World) = postcard::from_bytes(bytes).map_err(|e| refused(e.to_string()))?;
+        let (memory, world): (Memory, World) = snapshot::decode("snapshot of a rigid world", bytes)?;
         if !world.holds(&self.handles) {
             return Err(refused("it lacks a part of the robot".into()));
         }
