@@ -15,6 +15,8 @@ except ModuleNotFoundError:
     collect_ignore = [
         "test_bad_policy.py",
         "test_cli.py",
+        "test_evaluation.py",
+        "test_reset.py",
         "test_sb3_vec_env.py",
         "test_sb3_learning.py",
         "test_training.py",

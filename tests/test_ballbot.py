@@ -216,3 +216,37 @@ def test_too_much_torque_makes_wheels_slip():
     slip = robot.contacts.wheel_slip_speeds
     assert np.abs(slip).max() > 0.1
     assert robot.contacts.friction_utilization.max() > 0.9
+
+
+def test_a_damaged_snapshot_is_refused():
+    robot = Ballbot()
+    robot.step(TORQUES, 5)
+    whole = robot.snapshot()
+    for i in range(0, len(whole), 997):
+        damaged = bytearray(whole)
+        damaged[i] ^= 7
+        with pytest.raises(ValueError, match="checksum"):
+            robot.restore(bytes(damaged))
+    robot.restore(whole)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_time_is_the_number_of_steps(model):
+    robot = Ballbot(model=model)
+    for _ in range(3):
+        robot.step((0, 0, 0), 7)
+    assert robot.time == 21 * 0.001
+
+
+def test_a_long_run_that_diverges_stops_where_it_does():
+    robot = Ballbot(model="spatial")
+    robot.push((1e3, 0.0, 0.0))
+    with pytest.raises(DivergedError, match=f"t = {robot.sim_dt * 64}"):
+        robot.step((0, 0, 0), 100_000)
+    assert robot.time == pytest.approx(0.064)
+
+
+def test_an_inverted_body_is_tilted_by_half_a_turn():
+    inverted = State((0, 0, 0.112), body_quaternion=(0, 1, 0, 0))
+    assert inverted.tilt == pytest.approx(np.pi)
+    assert np.linalg.norm(inverted.tilt_components) == pytest.approx(np.pi)

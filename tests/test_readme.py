@@ -17,8 +17,7 @@ def test_the_readme_has_python() -> None:
 def test_block_runs(index: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(ROOT)
     code = BLOCKS[index].replace("learn(100_000)", "learn(8192)")
-    imports = "import ballbot_rs as bb\n"
-    exec(compile(imports + code, f"README.md, Python block {index}", "exec"), {})
+    exec(compile(code, f"README.md, Python block {index}", "exec"), {})
     if index == 0:
         printed = capsys.readouterr().out
         tilt = float(re.search(r"tilt ([0-9.]+) rad", printed).group(1))

@@ -21,12 +21,20 @@ fn run(name: &str, arguments: &[&str]) -> String {
 fn balance_runs_on_every_model() {
     for model in ["planar", "spatial", "rigid"] {
         let text = run("balance", &[model]);
-        assert!(text.lines().count() > 5, "{model}: {text}");
+        let last = text.lines().last().unwrap_or_default();
+        let tilt: f64 = last.split_whitespace().nth(1).and_then(|word| word.parse().ok()).expect("time, then tilt");
+        assert!(tilt < 0.5, "{model} ends at {tilt} deg:\n{text}");
     }
 }
 
 #[test]
 fn push_and_recover_recovers() {
     let text = run("push_and_recover", &[]);
-    assert!(text.contains("recover"), "{text}");
+    let value = |label: &str| -> f64 {
+        let line = text.lines().find(|line| line.starts_with(label)).unwrap_or_else(|| panic!("no {label}:\n{text}"));
+        line[label.len()..].split_whitespace().next().and_then(|word| word.parse().ok()).expect("a number")
+    };
+    assert!((1.0..4.0).contains(&value("largest tilt")), "{text}");
+    assert!(value("excursion") < 60.0, "{text}");
+    assert!(value("recovered after") < 3.0, "{text}");
 }
