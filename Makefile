@@ -6,12 +6,13 @@ INSTALLED := $(VENV)/.installed
 RUST_SOURCES := $(shell find crates assets/robots -name '*.rs' -o -name '*.toml')
 SEED ?= 0
 
-.PHONY: help setup train test lint bench format clean
+.PHONY: help setup train test lint docs bench format clean
 
 help:
 	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
 	@echo "make test    all tests, Rust and Python"
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
+	@echo "make docs    documentation of the Rust core, in target/doc"
 	@echo "make bench   benchmarks of the Rust core"
 	@echo "make format  format Rust and Python"
 	@echo "make clean   delete everything that was built"
@@ -30,10 +31,14 @@ lint: $(INSTALLED)
 	@cargo clippy --version >/dev/null 2>&1 || { echo "clippy is missing: rustup component add clippy" >&2; exit 1; }
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --no-deps --package ballbot-core
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	cd python && ../$(BIN)/python -m mypy.stubtest ballbot_rs._core
+
+docs:
+	cargo doc --locked --no-deps --package ballbot-core
 
 bench:
 	cargo bench --locked
@@ -47,6 +52,7 @@ clean:
 
 $(INSTALLED): pyproject.toml constraints.txt Cargo.toml Cargo.lock $(RUST_SOURCES)
 	@PYTHON="$(PYTHON)" sh tools/check_machine.sh
+	@echo "setting up .venv and compiling, which takes a few minutes the first time"
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt maturin
 	PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet --disable-pip-version-check \

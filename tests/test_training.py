@@ -217,6 +217,12 @@ class TestResume:
         assert (interrupted / "best_model.zip").read_bytes() == before
         assert np.load(interrupted / "evaluations.npz")["timesteps"].tolist() == [256, 512, 768, 768, 1024]
 
+    def test_a_finished_run_goes_on_for_more_steps(self, tiny_run, tmp_path):
+        run = shutil.copytree(tiny_run, tmp_path / "run")
+        train.resume(run, timesteps=1024, progress_bar=False)
+        assert PPO.load(run / "final_model.zip").num_timesteps == 1024
+        assert config.load("balance", run / "config.toml")[0].total_timesteps == 1024
+
     def test_a_finished_run_stays_as_it_is(self, tiny_run, tmp_path):
         run = shutil.copytree(tiny_run, tmp_path / "run")
         assert train.resume(run, progress_bar=False) == run / "best_model.zip"

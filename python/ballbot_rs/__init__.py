@@ -65,3 +65,7 @@ def __getattr__(name: str) -> Any:
             ) from error
         return BallbotVecEnv
     raise AttributeError(f"module 'ballbot_rs' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -267,7 +267,7 @@ class Ballbot:
     """A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, set joint dynamics.
 
     Args:
-        params: the robot; None is `Params.paper()`.
+        params: the robot, or the name of a preset; None is `Params.paper()`.
         model: "rigid" (rapier3d), "spatial" (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
         sim_dt: time step, s.
 
@@ -275,7 +275,9 @@ class Ballbot:
         ValueError: an unknown model, or a number out of range.
     """
 
-    def __new__(cls, params: Params | None = None, model: _Model | str = "rigid", sim_dt: float = 0.001) -> Self: ...
+    def __new__(
+        cls, params: Params | str | None = None, model: _Model | str = "rigid", sim_dt: float = 0.001
+    ) -> Self: ...
     def reset(self, state: State | None = None, tilt: npt.ArrayLike | None = None, yaw: float | None = None) -> None:
         """Starts anew from `state`, or at rest with a tilt (two components) and a yaw.
 
@@ -408,7 +410,7 @@ class Pid:
 
     def __new__(
         cls,
-        params: Params | None = None,
+        params: Params | str | None = None,
         control_dt: float = 0.01,
         *,
         proportional: float = 20.39,
@@ -444,7 +446,7 @@ class Lqr:
 
     def __new__(
         cls,
-        params: Params | None = None,
+        params: Params | str | None = None,
         control_dt: float = 0.01,
         *,
         max_torque: float | None = None,
@@ -513,7 +515,7 @@ class Batch:
     ]:
         """Observations, rewards, terminated, truncated and, if an episode ended, last observations; all fresh."""
     def ending(self, index: int) -> tuple[bool, str | None]:
-        """Whether the last step ended an episode in success, and why it was terminated."""
+        """Whether the last step of environment `index` is a success if it ends there, and why it was terminated."""
     def reward_terms(self, index: int) -> dict[str, float]: ...
     def state(self, index: int) -> State: ...
     def states(self) -> _Array: ...

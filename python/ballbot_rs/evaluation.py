@@ -35,7 +35,7 @@ class BatchController(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """How a controller did over a number of episodes. Angles in degrees, as people read them."""
+    """How a controller did over a number of episodes."""
 
     controller: str
     #: Model of the robot.
@@ -49,7 +49,7 @@ class Result:
     survival_rate: float
     #: Median time from which the tilt stays within 1 deg, s; None if in most episodes it never does.
     settling_time: float | None
-    #: Root mean square of the tilt over all steps, deg.
+    #: Root mean square of the tilt over all steps, rad.
     tilt_rms: float
     #: Mean over episodes of the largest distance of the ball from the setpoint, m.
     ball_excursion: float
@@ -194,7 +194,7 @@ def _run(name: str, batch: Batch, act: BatchController) -> Result:
         success_rate=float(success.mean()),
         survival_rate=float(survived.mean()),
         settling_time=median if np.isfinite(median) else None,
-        tilt_rms=float(np.rad2deg(np.sqrt(np.nanmean(tilts**2)))),
+        tilt_rms=float(np.sqrt(np.nanmean(tilts**2))),
         ball_excursion=float(np.nanmax(distances, axis=0).mean()),
         torque_rms=float(np.sqrt(np.nanmean(squared_torques))),
         mean_reward=float(returns.mean()) / steps,

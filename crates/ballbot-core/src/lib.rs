@@ -1,7 +1,7 @@
 //! Physics, controllers and batched environments of a ballbot: a robot that balances on a ball driven by three omniwheels.
 //!
 //! Four layers, each seeing only those before it: parameters, state and kinematics; the models, from closed form
-//! ([`models`]) to rigid bodies with contacts ([`sim`]); the controllers ([`control`]); the environments ([`env`]).
+//! ([`models`]) to rigid bodies with contacts ([`sim`]); the controllers ([`control`]); the environments ([`mod@env`]).
 //!
 //! ```
 //! use ballbot_core::{Ballbot, ModelKind, Params, State, control::{Controller, Lqr, Setpoint}};

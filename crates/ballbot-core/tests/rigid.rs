@@ -453,3 +453,18 @@ fn saved_world_continues_to_the_last_bit() {
     }
     assert!(other.load(&saved[..100]).is_err());
 }
+
+#[test]
+fn a_bot_in_the_floor_is_refused() {
+    let params = Params::paper();
+    let mut robot = RigidMotion::new(&params, 1e-3).unwrap();
+    for (tilt, part) in [(2.0, "body"), (3.1, "body")] {
+        let message = robot.reset(&State::tilted(&params, Vector2::new(tilt, 0.0), 0.0)).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("height of the {part}'s lowest point = -")), "{message}");
+    }
+    // Lying with its wheels at the floor's level, but the body lifted clear.
+    let mut state = State::tilted(&params, Vector2::new(3.1, 0.0), 0.0);
+    state.body_position.z = 1.0;
+    state.ball_position.z = 2.0;
+    robot.reset(&state).unwrap();
+}

@@ -2,14 +2,14 @@
 
 use crate::convert::{elements, read_elements, vector};
 use crate::errors::{call, to_python};
-use crate::params::PyParams;
+use crate::params::{PyParams, or_paper};
 use crate::robot::changed;
 use crate::state::PyState;
+use ballbot_core::State;
 use ballbot_core::env::{
     ACTION_LEN, BalanceConfig, Batch, OBSERVATION, OBSERVATION_LEN, Outcome, ResetRequest, RewardScales, RewardTerms,
     StepBuffers,
 };
-use ballbot_core::{Params, State};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -20,7 +20,7 @@ pub(crate) fn observation_rows() -> Vec<(&'static str, &'static str, f32)> {
     OBSERVATION.iter().map(|row| (row.name, row.unit, row.bound)).collect()
 }
 
-/// Many environments of the balance task, stepped together.
+/// Environments of the balance task that are stepped together; what the front ends are made of.
 #[pyclass(name = "Batch", module = "ballbot_rs._core")]
 pub(crate) struct PyBatch {
     batch: Batch,
@@ -44,10 +44,8 @@ type Step<'py> = (
 fn configure(config: &mut BalanceConfig, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
     let number: &mut f64 = match name {
         "params" => {
-            config.params = match value.extract::<String>() {
-                Ok(preset) => Params::preset(&preset).map_err(to_python)?,
-                Err(_) => value.extract::<PyRef<'_, PyParams>>()?.0.clone(),
-            };
+            // None is no robot here: the option is there to be given.
+            config.params = or_paper(Some(value))?;
             return Ok(());
         }
         "model" => {
@@ -98,7 +96,7 @@ fn configure_reward(scales: &mut RewardScales, values: &Bound<'_, PyDict>) -> Py
                 )));
             }
         };
-        *scale = value.extract()?;
+        *scale = value.extract().map_err(|_| PyTypeError::new_err(format!("reward.{name} must be a number")))?;
     }
     Ok(())
 }
@@ -181,6 +179,7 @@ impl PyBatch {
         self.batch.environments()[0].config().max_episode_steps
     }
 
+    /// Observations of all environments; checks everything before it changes anything.
     #[pyo3(signature = (mask=None, seeds=None, starts=None))]
     #[expect(clippy::needless_pass_by_value, reason = "extracted from Python lists")]
     fn reset<'py>(
@@ -207,6 +206,7 @@ impl PyBatch {
         self.batch.stagger();
     }
 
+    /// Observations, rewards, terminated, truncated and, if an episode ended, last observations; all fresh.
     fn step<'py>(&mut self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
         let n = self.batch.len();
         read_elements("actions", actions, &[Some(n), Some(ACTION_LEN)], &mut self.actions)?;
@@ -232,7 +232,7 @@ impl PyBatch {
         Ok((observations, rewards, terminated, truncated, last))
     }
 
-    /// Whether the last step of environment `index` ended an episode in success, and the reason of a termination.
+    /// Whether the last step of environment `index` is a success if it ends there, and why it was terminated.
     fn ending(&self, index: usize) -> PyResult<(bool, Option<&'static str>)> {
         let outcome = self.outcomes.get(index).ok_or_else(|| self.no_such(index))?;
         Ok((outcome.success, outcome.terminated.map(ballbot_core::env::Termination::name)))

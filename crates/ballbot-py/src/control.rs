@@ -2,7 +2,7 @@
 
 use crate::convert::{array, numbers};
 use crate::errors::{call, to_python};
-use crate::params::{PyParams, or_paper};
+use crate::params::or_paper;
 use crate::state::PyState;
 use ballbot_core::control::{Controller, Lqr, LqrWeights, Pid, PidGains, Setpoint, default_max_torque};
 use numpy::PyArray1;
@@ -32,7 +32,10 @@ fn setpoint(
     Ok(setpoint)
 }
 
-/// The paper's PID on both tilt components.
+/// The paper's PID with filtered derivative, on both tilt components; it holds neither position nor heading.
+///
+/// Torques are scaled down together to within `max_torque` (None: 0.9 of the
+/// torque at which a wheel of the upright robot slips).
 #[pyclass(name = "Pid", module = "ballbot_rs", subclass)]
 pub(crate) struct PyPid(Pid);
 
@@ -45,7 +48,7 @@ impl PyPid {
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of a constructor")]
     fn new(
-        params: Option<&PyParams>,
+        params: Option<&Bound<'_, PyAny>>,
         control_dt: f64,
         proportional: f64,
         integral: f64,
@@ -56,8 +59,9 @@ impl PyPid {
     ) -> PyResult<Self> {
         let map = mapping.parse().map_err(to_python)?;
         let gains = PidGains { proportional, integral, derivative, filter_coefficient };
+        let params = or_paper(params)?;
         call(|| {
-            let pid = Pid::new(&or_paper(params), control_dt, gains, map)?;
+            let pid = Pid::new(&params, control_dt, gains, map)?;
             match max_torque {
                 Some(limit) => pid.with_max_torque(limit),
                 None => Ok(pid),
@@ -66,6 +70,7 @@ impl PyPid {
         .map(Self)
     }
 
+    /// Wheel torques for the next `control_dt`, N·m; `tilt` is the setpoint in the heading frame.
     #[pyo3(signature = (state, *, position=None, velocity=None, yaw=0.0, tilt=None))]
     fn __call__<'py>(
         &mut self,
@@ -80,17 +85,22 @@ impl PyPid {
         Ok(array(py, &self.0.wheel_torques(&state.0, &setpoint)))
     }
 
+    /// Forgets the past.
     fn reset(&mut self) {
         self.0.reset();
     }
 
+    /// S.
     #[getter]
     fn control_dt(&self) -> f64 {
         self.0.control_dt()
     }
 }
 
-/// A discrete linear-quadratic regulator of position, tilt and heading.
+/// A discrete linear-quadratic regulator of position, tilt and heading, from the linear model of any robot.
+///
+/// Weights are deviations that cost the same: `position` (0.15 m), `velocity` (0.4 m/s), `tilt` (0.1 rad),
+/// `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m). Torques as in `Pid`.
 #[pyclass(name = "Lqr", module = "ballbot_rs", subclass)]
 pub(crate) struct PyLqr(Lqr);
 
@@ -99,7 +109,7 @@ impl PyLqr {
     #[new]
     #[pyo3(signature = (params=None, control_dt=0.01, *, max_torque=None, **weights))]
     fn new(
-        params: Option<&PyParams>,
+        params: Option<&Bound<'_, PyAny>>,
         control_dt: f64,
         max_torque: Option<f64>,
         weights: Option<&Bound<'_, PyDict>>,
@@ -124,11 +134,12 @@ impl PyLqr {
             };
             *target = value.extract()?;
         }
-        let params = or_paper(params);
+        let params = or_paper(params)?;
         let max_torque = max_torque.unwrap_or_else(|| default_max_torque(&params));
         call(|| Lqr::with_weights(&params, control_dt, &w, max_torque)).map(Self)
     }
 
+    /// Wheel torques for the next `control_dt`, N·m.
     #[pyo3(signature = (state, *, position=None, velocity=None, yaw=0.0, tilt=None))]
     fn __call__<'py>(
         &mut self,
@@ -143,15 +154,18 @@ impl PyLqr {
         Ok(array(py, &self.0.wheel_torques(&state.0, &setpoint)))
     }
 
+    /// Does nothing: the regulator has no memory.
     fn reset(&mut self) {
         self.0.reset();
     }
 
+    /// S.
     #[getter]
     fn control_dt(&self) -> f64 {
         self.0.control_dt()
     }
 
+    /// Relative residual of the Riccati equation.
     #[getter]
     fn residual(&self) -> f64 {
         self.0.regulator().residual

@@ -13,7 +13,11 @@ use pyo3::prelude::*;
 
 type Array<'py> = Bound<'py, PyArray1<f64>>;
 
-/// Equations of motion of the coupled 3D robot without slip.
+/// Equations of motion of the coupled 3D robot without slip (Kane's method).
+///
+/// Generalised velocity: ball velocity x, y (inertial), body angular velocity (body frame) and, with
+/// `ball_spins_about_vertical`, the ball's spin about the vertical: 5 or 6 numbers. `absolute_wheel_spin=False` is the
+/// paper's wheel energy, in which a wheel's spin counts relative to the body.
 #[pyclass(name = "SpatialModel", module = "ballbot_rs", frozen)]
 pub(crate) struct PySpatialModel(SpatialModel);
 
@@ -41,6 +45,7 @@ impl PySpatialModel {
         Self(SpatialModel::new(&params.0, absolute_wheel_spin, ball_spins_about_vertical))
     }
 
+    /// Derivative of the generalised velocity.
     fn accelerations<'py>(
         &self,
         py: Python<'py>,
@@ -54,6 +59,7 @@ impl PySpatialModel {
         Ok(array(py, &accelerations.as_slice()[..self.0.degrees_of_freedom()]))
     }
 
+    /// Encoder rates, rad/s.
     fn wheel_speeds<'py>(
         &self,
         py: Python<'py>,
@@ -64,11 +70,13 @@ impl PySpatialModel {
         Ok(array(py, self.0.wheel_speeds(&quaternion, &velocity).as_slice()))
     }
 
+    /// Kinetic plus potential energy, J.
     fn energy(&self, body_quaternion: &Bound<'_, PyAny>, generalized_velocity: &Bound<'_, PyAny>) -> PyResult<f64> {
         let (quaternion, velocity) = self.motion(body_quaternion, generalized_velocity)?;
         Ok(self.0.energy(&quaternion, &velocity))
     }
 
+    /// Forces that the contacts must carry for the motion to be free of slip.
     fn contacts(
         &self,
         body_quaternion: &Bound<'_, PyAny>,
@@ -82,7 +90,12 @@ impl PySpatialModel {
     }
 }
 
-/// The paper's planar model, eqs. (1)-(7).
+/// The paper's planar model, eqs. (1)-(7), of q = (position, tilt towards positive position).
+///
+/// Args:
+///     params: the robot.
+///     wheel_inertia: "as_printed" (J_w of one wheel) or "three_wheels" ((3/2) cos² α J_w, what three amount to).
+///     plane: "yz" or "xz".
 #[pyclass(name = "PlanarModel", module = "ballbot_rs", frozen)]
 pub(crate) struct PyPlanarModel(PlanarModel);
 
@@ -96,6 +109,7 @@ impl PyPlanarModel {
         Ok(Self(PlanarModel::in_plane(&params.0, wheel_inertia, plane)))
     }
 
+    /// q̈ under a virtual torque (N·m), eq. (1).
     fn accelerations<'py>(
         &self,
         py: Python<'py>,
@@ -108,16 +122,19 @@ impl PyPlanarModel {
         Ok(array(py, self.0.accelerations(&q, &q_dot, virtual_torque).as_slice()))
     }
 
+    /// Kinetic plus potential energy, J.
     fn energy(&self, q: &Bound<'_, PyAny>, q_dot: &Bound<'_, PyAny>) -> PyResult<f64> {
         let (q, q_dot) = planar_motion(q, q_dot)?;
         Ok(self.0.energy(&q, &q_dot))
     }
 
+    /// θ̈_z under a virtual torque (N·m), eq. (7).
     fn yaw_acceleration(&self, virtual_torque: f64) -> PyResult<f64> {
         check_finite("virtual_torque", &[virtual_torque]).map_err(to_python)?;
         Ok(self.0.yaw_acceleration(virtual_torque))
     }
 
+    /// A (4×4) and B (4) of x = (position, tilt, their rates) about rest upright.
     fn linearize<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray2<f64>>, Array<'py>)> {
         let (a, b) = self.0.linearize();
         let rows: Vec<Vec<f64>> = a.row_iter().map(|row| row.iter().copied().collect()).collect();
@@ -138,7 +155,9 @@ fn finite_vector(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>>
     Ok(v)
 }
 
-/// Wheel torques of given virtual torques.
+/// Wheel torques (N·m) of virtual torques (τ_x, τ_y, τ_z) in the body frame, in the sign of the paper's eq. (8).
+///
+/// "consistent" keeps the power; "as_printed" is eq. (8), whose tilt and yaw torques come out too large.
 #[pyfunction]
 #[pyo3(signature = (params, virtual_torques, mapping="consistent"))]
 pub(crate) fn virtual_to_wheel_torques<'py>(
@@ -152,7 +171,7 @@ pub(crate) fn virtual_to_wheel_torques<'py>(
     Ok(array(py, Omniwheels::new(&params.0).wheel_torques(&torques, map).as_slice()))
 }
 
-/// Virtual torques of given wheel torques.
+/// The inverse of the consistent map.
 #[pyfunction]
 pub(crate) fn wheel_to_virtual_torques<'py>(
     py: Python<'py>,

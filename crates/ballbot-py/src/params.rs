@@ -3,11 +3,24 @@
 use crate::convert::elements;
 use crate::errors::{call, to_python};
 use ballbot_core::{Params, urdf};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::path::PathBuf;
 
-/// Physical parameters of a ballbot.
+/// Physical parameters of a ballbot. Immutable; scalars are floats, vectors tuples of three.
+///
+/// `body_*` describe everything above the ball: the wheels' mass counts, their inertia about their axles does not.
+/// Without default: `ball_mass` (kg), `ball_inertia` (about a diameter, kg·m²), `ball_radius` (m), `body_mass` (kg),
+/// `body_inertia` (three moments about the body's CoM, kg·m²), `body_com_height` (above the ball centre, m),
+/// `wheel_mass` (kg), `wheel_inertia` (about the axle, kg·m²), `wheel_radius` (m), `wheel_zenith` (rad).
+/// With default: `wheel_azimuths` (0, 120, 240 deg), `max_wheel_torque` (5 N·m), `gravity` (9.81 m/s²),
+/// `ball_viscous_friction` (0 N/(m/s)), `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m),
+/// `wheel_static_friction` (1.1), `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1),
+/// `floor_dynamic_friction` (1.05), `friction_critical_velocity` (0.1 m/s).
+///
+/// Raises:
+///     ValueError: a value is missing, not known, not finite, or out of range; the message has value and limit.
 #[pyclass(name = "Params", module = "ballbot_rs", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub(crate) struct PyParams(pub Params);
@@ -46,33 +59,43 @@ impl PyParams {
         Params::from_fields(borrowed(&fields)).map(Self).map_err(to_python)
     }
 
+    /// The robot of the paper, Table II.
     #[staticmethod]
     fn paper() -> Self {
         Self(Params::paper())
     }
 
+    /// A published robot by name. Raises ValueError for a name not in `preset_names()`.
     #[staticmethod]
     fn preset(name: &str) -> PyResult<Self> {
         Params::preset(name).map(Self).map_err(to_python)
     }
 
+    /// Names of the published robots.
     #[staticmethod]
     fn preset_names() -> Vec<&'static str> {
         Params::preset_names().to_vec()
     }
 
+    /// Parameters of a ballbot described by two URDFs.
+    ///
+    /// Raises:
+    ///     UrdfError: malformed, or no ballbot; the message says why.
+    ///     OSError: a file cannot be read.
     #[staticmethod]
     #[expect(clippy::needless_pass_by_value, reason = "extracted from Python objects")]
     fn from_urdf(bot_path: PathBuf, ball_path: PathBuf) -> PyResult<Self> {
         call(|| urdf::params_from_urdf(&bot_path, &ball_path)).map(Self)
     }
 
+    /// A copy with some values changed. Raises ValueError as the constructor.
     #[pyo3(signature = (**changes))]
     fn replace(&self, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let changes = fields(changes)?;
         self.0.replace(borrowed(&changes)).map(Self).map_err(to_python)
     }
 
+    /// All values by name.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
         for (name, values) in self.0.fields() {
@@ -81,106 +104,127 @@ impl PyParams {
         Ok(dict)
     }
 
+    /// M_k, kg.
     #[getter]
     fn ball_mass(&self) -> f64 {
         self.0.ball_mass
     }
 
+    /// J_k about any diameter, kg·m².
     #[getter]
     fn ball_inertia(&self) -> f64 {
         self.0.ball_inertia
     }
 
+    /// r_k, m.
     #[getter]
     fn ball_radius(&self) -> f64 {
         self.0.ball_radius
     }
 
+    /// M_b, body and wheels, kg.
     #[getter]
     fn body_mass(&self) -> f64 {
         self.0.body_mass
     }
 
+    /// (J_b, J_b, J_z) about the body's CoM, kg·m².
     #[getter]
     fn body_inertia(&self) -> (f64, f64, f64) {
         self.0.body_inertia.into()
     }
 
+    /// l, from the ball centre, m.
     #[getter]
     fn body_com_height(&self) -> f64 {
         self.0.body_com_height
     }
 
+    /// Of one wheel, kg.
     #[getter]
     fn wheel_mass(&self) -> f64 {
         self.0.wheel_mass
     }
 
+    /// J_w about the axle, kg·m².
     #[getter]
     fn wheel_inertia(&self) -> f64 {
         self.0.wheel_inertia
     }
 
+    /// r_w, m.
     #[getter]
     fn wheel_radius(&self) -> f64 {
         self.0.wheel_radius
     }
 
+    /// α, rad.
     #[getter]
     fn wheel_zenith(&self) -> f64 {
         self.0.wheel_zenith
     }
 
+    /// β_i, rad.
     #[getter]
     fn wheel_azimuths(&self) -> (f64, f64, f64) {
         self.0.wheel_azimuths.into()
     }
 
+    /// Of one motor, N·m.
     #[getter]
     fn max_wheel_torque(&self) -> f64 {
         self.0.max_wheel_torque
     }
 
+    /// m/s².
     #[getter]
     fn gravity(&self) -> f64 {
         self.0.gravity
     }
 
+    /// B_vk, N/(m/s).
     #[getter]
     fn ball_viscous_friction(&self) -> f64 {
         self.0.ball_viscous_friction
     }
 
+    /// B_vm, N·m/(rad/s).
     #[getter]
     fn wheel_viscous_friction(&self) -> f64 {
         self.0.wheel_viscous_friction
     }
 
+    /// Dry friction of a wheel joint, N·m.
     #[getter]
     fn wheel_coulomb_friction(&self) -> f64 {
         self.0.wheel_coulomb_friction
     }
 
+    /// Of wheel on ball, along the drive direction.
     #[getter]
     fn wheel_static_friction(&self) -> f64 {
         self.0.wheel_static_friction
     }
 
+    /// Of wheel on ball, along the drive direction.
     #[getter]
     fn wheel_dynamic_friction(&self) -> f64 {
         self.0.wheel_dynamic_friction
     }
 
+    /// Of the floor.
     #[getter]
     fn floor_static_friction(&self) -> f64 {
         self.0.floor_static_friction
     }
 
+    /// Of the floor.
     #[getter]
     fn floor_dynamic_friction(&self) -> f64 {
         self.0.floor_dynamic_friction
     }
 
+    /// Between static and dynamic friction, m/s.
     #[getter]
     fn friction_critical_velocity(&self) -> f64 {
         self.0.friction_critical_velocity
@@ -199,7 +243,17 @@ impl PyParams {
     }
 }
 
-/// The given parameters, or the paper's.
-pub(crate) fn or_paper(params: Option<&PyParams>) -> Params {
-    params.map_or_else(Params::paper, |p| p.0.clone())
+/// Parameters given as such or by the name of a preset; the paper's for none.
+pub(crate) fn or_paper(params: Option<&Bound<'_, PyAny>>) -> PyResult<Params> {
+    let Some(params) = params else { return Ok(Params::paper()) };
+    if let Ok(params) = params.cast::<PyParams>() {
+        return Ok(params.get().0.clone());
+    }
+    match params.extract::<String>() {
+        Ok(preset) => Params::preset(&preset).map_err(to_python),
+        Err(_) => Err(PyTypeError::new_err(format!(
+            "params must be Params or the name of a preset, not {}",
+            params.get_type().name()?
+        ))),
+    }
 }

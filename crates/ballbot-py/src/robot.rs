@@ -9,7 +9,15 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-/// A simulated robot: sense, actuate, push, set joint dynamics.
+/// A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, set joint dynamics.
+///
+/// Args:
+///     params: the robot, or the name of a preset; None is `Params.paper()`.
+///     model: "rigid" (rapier3d), "spatial" (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
+///     sim_dt: time step, s.
+///
+/// Raises:
+///     ValueError: an unknown model, or a number out of range.
 #[pyclass(name = "Ballbot", module = "ballbot_rs", subclass)]
 pub(crate) struct PyBallbot(Ballbot);
 
@@ -29,11 +37,17 @@ pub(crate) fn changed(
 impl PyBallbot {
     #[new]
     #[pyo3(signature = (params=None, model="rigid", sim_dt=0.001))]
-    fn new(params: Option<&PyParams>, model: &str, sim_dt: f64) -> PyResult<Self> {
+    fn new(params: Option<&Bound<'_, PyAny>>, model: &str, sim_dt: f64) -> PyResult<Self> {
         let kind = model.parse().map_err(to_python)?;
-        call(|| Ballbot::new(&or_paper(params), kind, sim_dt)).map(Self)
+        let params = or_paper(params)?;
+        call(|| Ballbot::new(&params, kind, sim_dt)).map(Self)
     }
 
+    /// Starts anew from `state`, or at rest with a tilt (two components) and a yaw.
+    ///
+    /// Raises:
+    ///     ValueError: a state out of bounds, below the floor, or with slip where the model has none.
+    ///     TypeError: both a state and a tilt or yaw.
     #[pyo3(signature = (state=None, tilt=None, yaw=None))]
     fn reset(&mut self, state: Option<&PyState>, tilt: Option<&Bound<'_, PyAny>>, yaw: Option<f64>) -> PyResult<()> {
         if state.is_some() && (tilt.is_some() || yaw.is_some()) {
@@ -46,6 +60,11 @@ impl PyBallbot {
         call(|| self.0.reset(&start))
     }
 
+    /// Advances by `steps` time steps under constant motor torques (three, N·m).
+    ///
+    /// Raises:
+    ///     ValueError: a torque that is not finite or beyond `params.max_wheel_torque`; nothing has moved then.
+    ///     DivergedError: the state has left the simulation's bounds.
     #[pyo3(signature = (wheel_torques, steps=1))]
     fn step(&mut self, py: Python<'_>, wheel_torques: &Bound<'_, PyAny>, steps: i64) -> PyResult<()> {
         let steps = usize::try_from(steps)
@@ -55,6 +74,9 @@ impl PyBallbot {
         py.detach(|| call(|| robot.step(&torques, steps)))
     }
 
+    /// Gives the body an impulse (inertial frame, N·s) at `point` (body frame, m; None is its CoM).
+    ///
+    /// The rigid model spreads it over its next time step.
     #[pyo3(signature = (impulse, point=None))]
     fn push(&mut self, impulse: &Bound<'_, PyAny>, point: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let impulse = vector("impulse", impulse)?;
@@ -62,12 +84,14 @@ impl PyBallbot {
         call(|| self.0.push(&impulse, point.as_ref()))
     }
 
+    /// Changes the wheel joints' viscous (N·m/(rad/s)) or dry (N·m) friction; it outlives a reset.
     #[pyo3(signature = (viscous_friction=None, coulomb_friction=None))]
     fn set_joint_dynamics(&mut self, viscous_friction: Option<f64>, coulomb_friction: Option<f64>) -> PyResult<()> {
         let dynamics = changed(self.0.joint_dynamics(), viscous_friction, coulomb_friction);
         call(|| self.0.set_joint_dynamics(dynamics))
     }
 
+    /// `viscous_friction` and `coulomb_friction` of the wheel joints, as `set_joint_dynamics` takes them.
     #[getter]
     fn joint_dynamics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dynamics = self.0.joint_dynamics();
@@ -77,45 +101,54 @@ impl PyBallbot {
         Ok(dict)
     }
 
+    /// The present state.
     #[getter]
     fn state(&self) -> PyState {
         PyState(self.0.state())
     }
 
+    /// Contact forces of the last step; the rigid model knows none before its first.
     #[getter]
     fn contacts(&self) -> PyContacts {
         PyContacts { contacts: self.0.contacts(), params: self.0.params().clone() }
     }
 
+    /// Kinetic plus potential energy, J; the latter is zero with the body's CoM at the ball centre's height.
     #[getter]
     fn energy(&self) -> f64 {
         self.0.energy()
     }
 
+    /// Simulated time since the reset, s.
     #[getter]
     fn time(&self) -> f64 {
         self.0.time()
     }
 
+    /// The robot's parameters.
     #[getter]
     fn params(&self) -> PyParams {
         PyParams(self.0.params().clone())
     }
 
+    /// The model's name.
     #[getter]
     fn model(&self) -> &'static str {
         self.0.kind().name()
     }
 
+    /// Time step, s.
     #[getter]
     fn sim_dt(&self) -> f64 {
         self.0.sim_dt()
     }
 
+    /// Everything that the future depends on, for `restore`.
     fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.0.save())
     }
 
+    /// Continues, to the last bit, from a snapshot of a robot with the same arguments.
     fn restore(&mut self, snapshot: &[u8]) -> PyResult<()> {
         call(|| self.0.load(snapshot))
     }

@@ -13,7 +13,14 @@ use pyo3::types::PyDict;
 type Array<'py> = Bound<'py, PyArray1<f64>>;
 type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 
-/// Position, attitude and velocities of ball, body and wheels.
+/// Position, attitude and velocities of ball, body and wheels. Immutable; attributes are fresh float64 arrays.
+///
+/// Body rates are in the body frame, everything else in the inertial frame (z up, floor at z = 0). Velocities and rates
+/// default to zero, attitudes to identity, `body_position` (origin of the body frame) to the ball's, likewise
+/// `body_velocity`.
+///
+/// Raises:
+///     ValueError: a wrong shape, a number that is not finite, a quaternion whose length is not 1.
 #[pyclass(name = "State", module = "ballbot_rs", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub(crate) struct PyState(pub State);
@@ -78,12 +85,14 @@ impl PyState {
         Ok(Self(state))
     }
 
+    /// At rest on the floor at the origin: turned by `yaw`, then tilted by the rotation vector (x, y, 0).
     #[staticmethod]
     #[pyo3(signature = (params, tilt=None, yaw=0.0))]
     fn upright(params: &PyParams, tilt: Argument<'_, '_>, yaw: f64) -> PyResult<Self> {
         tilted(&params.0, tilt, yaw).map(Self)
     }
 
+    /// Rolling without slip with the ball's velocity (x, y): ball and wheel rates follow from it.
     #[staticmethod]
     #[pyo3(signature = (params, ball_velocity, body_quaternion=None, body_angular_velocity=None, ball_spin=0.0))]
     fn rolling(
@@ -101,6 +110,7 @@ impl PyState {
         Ok(Self(state))
     }
 
+    /// The inverse of `to_array`.
     #[staticmethod]
     fn from_array(values: &Bound<'_, PyAny>) -> PyResult<Self> {
         let values = numbers::<{ State::LEN }>("values", values)?;
@@ -109,10 +119,12 @@ impl PyState {
         Ok(Self(state))
     }
 
+    /// 32 numbers: ball position, quaternion, velocity, rate; the body's likewise; wheel angles and speeds.
     fn to_array<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.0.to_array())
     }
 
+    /// A copy with some fields changed.
     #[pyo3(signature = (**changes))]
     fn replace<'py>(slf: &Bound<'py, Self>, changes: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         let arguments = PyDict::new(slf.py());
@@ -128,66 +140,79 @@ impl PyState {
         slf.get_type().call((), Some(&arguments))
     }
 
+    /// Ball centre, m.
     #[getter]
     fn ball_position<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.ball_position.as_slice())
     }
 
+    /// Attitude of the ball.
     #[getter]
     fn ball_quaternion<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &wxyz(&self.0.ball_quaternion))
     }
 
+    /// m/s.
     #[getter]
     fn ball_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.ball_velocity.as_slice())
     }
 
+    /// Inertial frame, rad/s.
     #[getter]
     fn ball_angular_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.ball_angular_velocity.as_slice())
     }
 
+    /// Origin of the body frame, m; the ball centre unless a wheel has lifted off.
     #[getter]
     fn body_position<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.body_position.as_slice())
     }
 
+    /// Attitude of the body.
     #[getter]
     fn body_quaternion<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &wxyz(&self.0.body_quaternion))
     }
 
+    /// Velocity of the body frame's origin, m/s.
     #[getter]
     fn body_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.body_velocity.as_slice())
     }
 
+    /// Body frame, rad/s.
     #[getter]
     fn body_angular_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.body_angular_velocity.as_slice())
     }
 
+    /// Relative to the body, rad.
     #[getter]
     fn wheel_angles<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.0.wheel_angles)
     }
 
+    /// Relative to the body (what encoders read), rad/s.
     #[getter]
     fn wheel_speeds<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.0.wheel_speeds)
     }
 
+    /// Angle between the mast and the vertical, rad.
     #[getter]
     fn tilt(&self) -> f64 {
         self.0.tilt()
     }
 
+    /// Rotation vector (x, y) that takes the vertical to the mast, rad.
     #[getter]
     fn tilt_components<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.tilt_components().as_slice())
     }
 
+    /// Heading, rad.
     #[getter]
     fn yaw(&self) -> f64 {
         self.0.yaw()
@@ -219,7 +244,7 @@ pub(crate) fn tilted(params: &Params, tilt: Argument<'_, '_>, yaw: f64) -> PyRes
     })
 }
 
-/// Forces at the contacts during the last step.
+/// Forces at the contacts during the last step. Attributes are fresh float64 arrays.
 #[pyclass(name = "Contacts", module = "ballbot_rs", frozen)]
 pub(crate) struct PyContacts {
     pub(crate) contacts: Contacts,
@@ -228,36 +253,43 @@ pub(crate) struct PyContacts {
 
 #[pymethods]
 impl PyContacts {
+    /// Load of each wheel on the ball, N.
     #[getter]
     fn wheel_normal_forces<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.contacts.wheel_normal_forces)
     }
 
+    /// Drive friction of each wheel on the ball along its drive direction, N.
     #[getter]
     fn wheel_tractions<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.contacts.wheel_tractions)
     }
 
+    /// Wheel surface relative to the ball along the drive direction, m/s.
     #[getter]
     fn wheel_slip_speeds<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.contacts.wheel_slip_speeds)
     }
 
+    /// Force of the floor on the ball, inertial frame, N.
     #[getter]
     fn floor_force<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.contacts.floor_force.as_slice())
     }
 
+    /// Velocity (x, y) of the ball's lowest point, m/s.
     #[getter]
     fn floor_slip_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.contacts.floor_slip_velocity.as_slice())
     }
 
+    /// Whether the body or a wheel touches the floor.
     #[getter]
     fn bot_on_floor(&self) -> bool {
         self.contacts.bot_on_floor
     }
 
+    /// Share of the dynamic friction limit in use, three wheels and floor; above 1, no-slip models fail.
     #[getter]
     fn friction_utilization<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.contacts.friction_utilization(&self.params))

@@ -1,5 +1,6 @@
 """Results as a table of plain text."""
 
+import math
 from collections.abc import Callable, Sequence
 
 from ballbot_rs.evaluation import Result
@@ -10,15 +11,20 @@ _COLUMNS: dict[str, Callable[[Result], str]] = {
     "success": lambda r: f"{100 * r.success_rate:.0f} %",
     "upright to the end": lambda r: f"{100 * r.survival_rate:.0f} %",
     "settling (s)": lambda r: "never" if r.settling_time is None else f"{r.settling_time:.2f}",
-    "tilt RMS (deg)": lambda r: f"{r.tilt_rms:.2f}",
+    "tilt RMS (deg)": lambda r: f"{math.degrees(r.tilt_rms):.2f}",
     "ball excursion (m)": lambda r: f"{r.ball_excursion:.3f}",
     "torque RMS (N·m)": lambda r: f"{r.torque_rms:.3f}",
     "reward a step": lambda r: f"{r.mean_reward:.3f}",
 }
 
 
+_LEGEND = """\
+Settling: median time from which the tilt stays within 1 deg. RMS: over all steps to the end or the fall.
+Excursion: largest distance of the ball from the setpoint, mean over episodes."""
+
+
 def print_table(results: Sequence[Result]) -> None:
-    """Prints one row a controller."""
+    """Prints one row a controller, and what the columns mean."""
     rows = [list(_COLUMNS), *([cell(result) for cell in _COLUMNS.values()] for result in results)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(_COLUMNS))]
     for number, row in enumerate(rows):
@@ -28,3 +34,4 @@ def print_table(results: Sequence[Result]) -> None:
         print("  ".join([first, *rest]))
         if number == 0:
             print("  ".join("-" * width for width in widths))
+    print(f"\n{results[0].episodes} episodes each, model {results[0].model}.\n{_LEGEND}")

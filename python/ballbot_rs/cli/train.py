@@ -2,7 +2,9 @@
 
 import argparse
 import json
+import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +19,11 @@ def add_to(commands: Any) -> None:
     command.add_argument("--config", type=Path, help="TOML file to use instead of the task's own")
     command.add_argument("--seed", type=int, help="seed of the run (default 0)")
     command.add_argument("--run", type=Path, help="folder of the run (default runs/TASK-seed-SEED-TIME)")
-    command.add_argument("--resume", type=Path, metavar="RUN", help="continue an interrupted run")
+    command.add_argument(
+        "--resume", type=Path, metavar="RUN", help="continue a run; with --timesteps even a finished one"
+    )
     command.add_argument("--overwrite", action="store_true", help="delete an earlier run in that folder")
-    command.add_argument("--timesteps", type=int, help="train for this many steps instead of the configured")
+    command.add_argument("--timesteps", type=int, help="have this many steps in all instead of the configured")
     command.add_argument("--episodes", type=int, default=100, help="episodes of the comparison (default 100, 0: none)")
     command.add_argument("--quiet", action="store_true", help="no progress bar")
     command.add_argument("--json", action="store_true", help="print the result as JSON")
@@ -38,11 +42,16 @@ def run(arguments: argparse.Namespace) -> None:
     started = time.perf_counter()
     progress_bar = not (arguments.quiet or arguments.json)
     if arguments.resume is not None:
-        beside = ("config", "run", "timesteps", "seed", "overwrite")
+        beside = ("config", "run", "seed", "overwrite")
         given = [name for name in beside if getattr(arguments, name)]
         if given:
             raise ValueError(f"--resume continues a run as it was configured: --{given[0]} has no place beside it")
-        policy = train.resume(arguments.resume, progress_bar=progress_bar)
+        folder = arguments.resume
+        policy = _interruptible(
+            arguments.task,
+            folder,
+            lambda: train.resume(folder, timesteps=arguments.timesteps, progress_bar=progress_bar),
+        )
         config, _ = config_module.load(arguments.task, arguments.resume / "config.toml")
     else:
         config, text = config_module.load(arguments.task, arguments.config)
@@ -52,13 +61,12 @@ def run(arguments: argparse.Namespace) -> None:
         seed = 0 if arguments.seed is None else arguments.seed
         stamp = time.strftime("%Y%m%d-%H%M%S")
         folder = arguments.run or Path("runs") / f"{arguments.task}-seed-{seed}-{stamp}"
-        policy = train.train(
-            config,
-            text,
+        policy = _interruptible(
+            arguments.task,
             folder,
-            seed=seed,
-            overwrite=arguments.overwrite,
-            progress_bar=progress_bar,
+            lambda: train.train(
+                config, text, folder, seed=seed, overwrite=arguments.overwrite, progress_bar=progress_bar
+            ),
         )
     seconds = time.perf_counter() - started
     results = []
@@ -71,3 +79,11 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"trained in {seconds:.0f} s, best policy: {policy}")
     if results:
         print_table(results)
+
+
+def _interruptible(task: str, folder: Path, work: Callable[[], Path]) -> Path:
+    try:
+        return work()
+    except KeyboardInterrupt:
+        print(f"\nto continue: ballbot train {task} --resume {folder}", file=sys.stderr)
+        raise

@@ -62,11 +62,10 @@ def find_policy(path: Path) -> Path:
     Raises:
         FileNotFoundError: there is none.
     """
-    candidates = [path / "best_model.zip", path / "final_model.zip"] if path.is_dir() else [path]
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate
-    raise FileNotFoundError(f"no policy at {path}: neither a policy file nor a run with best_model.zip")
+    candidate = path / "best_model.zip" if path.is_dir() else path
+    if candidate.is_file():
+        return candidate
+    raise FileNotFoundError(f"no policy at {path}: neither a policy file nor a run with best_model.zip in it")
 
 
 def load_policy(path: Path, env_id: str) -> tuple[BaseAlgorithm, dict[str, Any]]:

@@ -71,8 +71,15 @@ def train(
     return _learn(model, config, folder, seed, config.total_timesteps, progress_bar)
 
 
-def resume(folder: Path, *, progress_bar: bool = True) -> Path:
-    """Continues an interrupted run from its latest checkpoint to the number of steps that it was to have.
+def resume(folder: Path, *, timesteps: int | None = None, progress_bar: bool = True) -> Path:
+    """Continues a run from its latest checkpoint to the number of steps that it was to have.
+
+    The random numbers go on, but not where they were: a resumed run is not bit-identical to an uninterrupted one.
+
+    Args:
+        folder: the run.
+        timesteps: the number of steps that the run is to have from now on; a finished run goes on for the difference.
+        progress_bar: whether to show one.
 
     Raises:
         FileNotFoundError: the folder holds no run, or one without a checkpoint.
@@ -82,12 +89,16 @@ def resume(folder: Path, *, progress_bar: bool = True) -> Path:
     if not record.is_file():
         raise FileNotFoundError(f"{folder} holds no training run")
     seed = int(json.loads(record.read_text(encoding="utf-8"))["seed"])
-    config = config_module.parse((folder / "config.toml").read_text(encoding="utf-8"), str(folder / "config.toml"))
+    text = (folder / "config.toml").read_text(encoding="utf-8")
+    if timesteps is not None:
+        text = config_module.with_timesteps(text, timesteps)
+    config = config_module.parse(text, str(folder / "config.toml"))
     checkpoints = sorted((folder / "checkpoints").glob("*.zip"), key=_steps_of)
     if config.algorithm == "SAC":
         raise ValueError("a SAC run cannot be resumed: its replay buffer is not kept")
     if not checkpoints:
         raise FileNotFoundError(f"{folder} has no checkpoint to resume from")
+    (folder / "config.toml").write_text(text, encoding="utf-8")
     torch.set_num_threads(config.torch_threads)
     model = CLASSES[config.algorithm].load(checkpoints[-1], env=_environment(config, seed), device="cpu")
     # Loading seeds everything as at the start of the run: go on with other numbers.
@@ -165,7 +176,17 @@ def _learn(
     )
     _remember(keep_best, folder / "evaluations.npz")
     callbacks = [CheckpointCallback(every, str(folder / "checkpoints")), keep_best]
-    model.learn(timesteps, callback=callbacks, reset_num_timesteps=False, progress_bar=progress_bar)
+    try:
+        model.learn(timesteps, callback=callbacks, reset_num_timesteps=False, progress_bar=progress_bar)
+    finally:
+        # Whatever ended it, the run can be resumed from here.
+        checkpoint = folder / "checkpoints" / f"rl_model_{model.num_timesteps}_steps.zip"
+        if not checkpoint.is_file():
+            model.save(checkpoint)
+    if keep_best.evaluations_timesteps[-1:] != [model.num_timesteps]:
+        # The last policy has not been evaluated, and is often the best one.
+        keep_best.eval_freq = 1
+        keep_best.on_step()
     return _finish(model, folder)
 
 
@@ -183,8 +204,7 @@ def _remember(callback: EvalCallback, path: Path) -> None:
 
 def _finish(model: BaseAlgorithm, folder: Path) -> Path:
     model.save(folder / "final_model.zip")
-    best = folder / "best_model.zip"
-    return best if best.is_file() else folder / "final_model.zip"
+    return folder / "best_model.zip"
 
 
 def _steps_of(checkpoint: Path) -> int:

@@ -1,11 +1,11 @@
 //! The rigid-body robot in motion.
 
-use super::bodies::BodyLink;
+use super::bodies::{BodyLink, BodyShape, wheel_centers};
 use super::convert::{from_rapier, rotation_from_rapier, rotation_to_rapier, to_rapier};
 use super::drive::{self, Contact, stribeck};
 use super::world::{Handles, World, integration_parameters, new_pipeline};
 use crate::energy::mechanical_energy;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check};
 use crate::kinematics::Omniwheels;
 use crate::model::{JointDynamics, Model};
 use crate::params::Params;
@@ -14,6 +14,9 @@ use crate::state::{Contacts, State};
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
+
+/// How deep in the floor the bot may start, m.
+const THROUGH_FLOOR: f64 = 1e-3;
 
 /// How far the wheel may hover over the ball for its first friction limit to count on the robot's weight, m.
 const TOUCHING: f64 = 1e-4;
@@ -203,6 +206,19 @@ impl RigidMotion {
         bot.update_rigid_bodies(&mut world.bodies, true);
     }
 
+    /// The part of the bot that is nearest to the floor (or deepest in it), and how high its lowest point is, m.
+    fn lowest_point(&self, state: &State) -> (&'static str, f64) {
+        let p = &self.params;
+        let height = |point: Vector3<f64>| (state.body_position + state.body_quaternion * point).z;
+        let wheel =
+            wheel_centers(p, &self.wheels).map(height).into_iter().fold(f64::INFINITY, f64::min) - p.wheel_radius;
+        let shape = BodyShape::new(p);
+        let mast = state.body_quaternion * Vector3::z();
+        let rim = shape.radius * mast.xy().norm();
+        let body = height(Vector3::z() * shape.bottom).min(height(Vector3::z() * shape.top)) - rim;
+        if wheel < body { ("wheels", wheel) } else { ("body", body) }
+    }
+
     /// Before the first step no contact has carried a load yet: count on the weight where a wheel touches.
     fn first_loads(&self) -> [f64; 3] {
         let load = self.params.static_wheel_load();
@@ -266,7 +282,12 @@ impl Model for RigidMotion {
     }
 
     fn accepts(&self, state: &State) -> Result<()> {
-        state.validate()
+        state.validate()?;
+        let (part, height) = self.lowest_point(state);
+        check(format!("height of the {part}'s lowest point"), height, "at least 0 m, the floor, within 1 mm", |h| {
+            h >= -THROUGH_FLOOR
+        })?;
+        Ok(())
     }
 
     fn state(&self) -> State {
