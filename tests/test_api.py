@@ -3,6 +3,7 @@
 import copy
 import json
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import ballbot_rs
 from ballbot_rs import (
     PAPER_BALL_VISCOUS_FRICTION,
+    BalanceEnv,
     Ballbot,
     DivergedError,
     Lqr,
@@ -23,6 +25,8 @@ from ballbot_rs import (
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
+from ballbot_rs._core import Batch
+from ballbot_rs.batch_owner import OPTIONS
 
 VECTORS = Path(__file__).parent.parent / "crates/ballbot-core/tests/data/spatial_vectors.json"
 
@@ -259,3 +263,14 @@ class TestControllers:
         leaning = State.upright(paper, tilt=(0.3, 0.1))
         for controller in (Pid(max_torque=0.05), Lqr(max_torque=0.05)):
             assert np.abs(controller(leaning)).max() == pytest.approx(0.05, rel=1e-12)
+
+
+def test_the_options_that_cannot_be_set_are_those_of_the_task():
+    """The list that `set_attr` refuses by is the one that the core accepts, no more and no less."""
+    defaults = {"params": "paper", "model": "rigid", "max_episode_steps": 10, "setpoint": (0, 0)}
+    defaults |= {"reward": {}, "sim_dt": 0.001, "fall_tilt": 0.5}
+    for name in OPTIONS:
+        Batch(1, "disabled", **{name: defaults.get(name, 0.01)})
+    documented = set(re.findall(r"`(\w+)`", BalanceEnv.__doc__.split("## Arguments")[1].split("Raises")[0]))
+    assert documented - {"max_episode_steps"} <= set(OPTIONS)
+    assert set(OPTIONS) <= documented | {"max_episode_steps", "reward", "params"}
