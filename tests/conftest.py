@@ -16,6 +16,7 @@ except ModuleNotFoundError:
         "test_bad_policy.py",
         "test_cli.py",
         "test_evaluation.py",
+        "test_readme.py",
         "test_reset.py",
         "test_sb3_vec_env.py",
         "test_sb3_learning.py",
