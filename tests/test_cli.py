@@ -70,6 +70,8 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["train", "balance", "--config", "nowhere.toml"], "nowhere.toml"),
         (["train", "balance", "--resume", "nowhere"], "nowhere holds no training run"),
         (["train", "balance", "--resume", "nowhere", "--seed", "5"], "--seed has no place beside it"),
+        (["train", "balance", "--resume", "nowhere", "--seed", "0"], "--seed has no place beside it"),
+        (["train", "balance", "--resume", "nowhere", "--overwrite"], "--overwrite has no place beside it"),
         (["train", "balance", "--seed", "-1"], "seed = -1"),
         (["evaluate", "balance", "--controller", "lqrr"], "no policy at lqrr"),
         (["evaluate", "balance", "--controller", "lqr", "--episodes", "0"], "episodes = 0, it must be at least 1"),

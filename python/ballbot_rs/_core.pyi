@@ -434,7 +434,7 @@ class Pid:
         """Forgets the past."""
     @property
     def control_dt(self) -> float:
-        """S."""
+        """Time between two calls, in seconds."""
 
 @disjoint_base
 class Lqr:
@@ -466,7 +466,7 @@ class Lqr:
         """Does nothing: the regulator has no memory."""
     @property
     def control_dt(self) -> float:
-        """S."""
+        """Time between two calls, in seconds."""
     @property
     def residual(self) -> float:
         """Relative residual of the Riccati equation."""

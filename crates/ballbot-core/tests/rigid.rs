@@ -465,7 +465,7 @@ fn a_bot_in_the_floor_is_refused() {
     let mut robot = RigidMotion::new(&params, 1e-3).unwrap();
     for (tilt, part) in [(2.0, "body"), (3.1, "body")] {
         let message = robot.reset(&State::tilted(&params, Vector2::new(tilt, 0.0), 0.0)).unwrap_err().to_string();
-        assert!(message.starts_with(&format!("height of the {part}'s lowest point = -")), "{message}");
+        assert!(message.starts_with(&format!("height of the lowest point of the {part} = -")), "{message}");
     }
     // Lying with its wheels at the floor's level, but the body lifted clear.
     let mut state = State::tilted(&params, Vector2::new(3.1, 0.0), 0.0);

@@ -90,7 +90,7 @@ impl PyPid {
         self.0.reset();
     }
 
-    /// S.
+    /// Time between two calls, in seconds.
     #[getter]
     fn control_dt(&self) -> f64 {
         self.0.control_dt()
@@ -159,7 +159,7 @@ impl PyLqr {
         self.0.reset();
     }
 
-    /// S.
+    /// Time between two calls, in seconds.
     #[getter]
     fn control_dt(&self) -> f64 {
         self.0.control_dt()

@@ -22,7 +22,7 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--resume", type=Path, metavar="RUN", help="continue a run; with --timesteps even a finished one"
     )
-    command.add_argument("--overwrite", action="store_true", help="delete an earlier run in that folder")
+    command.add_argument("--overwrite", action="store_true", default=None, help="delete an earlier run in that folder")
     command.add_argument("--timesteps", type=int, help="have this many steps in all instead of the configured")
     command.add_argument("--episodes", type=int, default=100, help="episodes of the comparison (default 100, 0: none)")
     command.add_argument("--quiet", action="store_true", help="no progress bar")
@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
     progress_bar = not (arguments.quiet or arguments.json)
     if arguments.resume is not None:
         beside = ("config", "run", "seed", "overwrite")
-        given = [name for name in beside if getattr(arguments, name)]
+        given = [name for name in beside if getattr(arguments, name) is not None]
         if given:
             raise ValueError(f"--resume continues a run as it was configured: --{given[0]} has no place beside it")
         folder = arguments.resume
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> None:
             arguments.task,
             folder,
             lambda: train.train(
-                config, text, folder, seed=seed, overwrite=arguments.overwrite, progress_bar=progress_bar
+                config, text, folder, seed=seed, overwrite=bool(arguments.overwrite), progress_bar=progress_bar
             ),
         )
     seconds = time.perf_counter() - started

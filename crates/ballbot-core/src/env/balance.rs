@@ -164,6 +164,14 @@ impl BalanceConfig {
         Ok(())
     }
 
+    /// The starts that come nearest to the floor: leaning as far as they may, over each of the wheels.
+    pub(super) fn lowest_starts(&self) -> [State; 3] {
+        self.params.wheel_azimuths.map(|azimuth| {
+            let about = Vector2::new(-azimuth.sin(), azimuth.cos());
+            State::tilted(&self.params, about * self.reset_tilt, 0.0)
+        })
+    }
+
     /// The first state of an episode: rolling without slip, the ball at the origin.
     pub(super) fn draw_start(&self, rng: &mut ChaCha8Rng) -> State {
         let tilt = in_disc(rng, self.reset_tilt);

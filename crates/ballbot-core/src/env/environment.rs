@@ -4,7 +4,7 @@ use super::balance::{BalanceConfig, Termination};
 use super::observation::observe;
 use super::reward::{self, RewardTerms, Transition};
 use super::{ACTION_LEN, OBSERVATION_LEN};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::robot::Ballbot;
 use crate::snapshot;
 use crate::state::State;
@@ -76,10 +76,16 @@ impl Environment {
     /// What [`BalanceConfig::validate`] and [`Ballbot::new`] find.
     pub fn new(config: &BalanceConfig, seed: u64) -> Result<Self> {
         config.validate()?;
+        let robot = Ballbot::new(&config.params, config.model, config.sim_dt)?;
+        for start in config.lowest_starts() {
+            robot.accepts(&start).map_err(|error| {
+                Error::Inconsistent(format!("reset_tilt = {} rad is too much: {error}", config.reset_tilt))
+            })?;
+        }
         Ok(Self {
             substeps: config.substeps()?,
             success_steps: config.success_steps(),
-            robot: Ballbot::new(&config.params, config.model, config.sim_dt)?,
+            robot,
             rng: ChaCha8Rng::seed_from_u64(seed),
             episode: Episode { over: true, ..Episode::default() },
             terms: RewardTerms::default(),
@@ -103,7 +109,7 @@ impl Environment {
     /// If `observation` is not of length [`OBSERVATION_LEN`].
     pub fn reset(&mut self, observation: &mut [f32]) {
         let start = self.config.draw_start(&mut self.rng);
-        self.begin(&start).expect("a start within the validated task is a state of every model");
+        self.begin(&start).expect("the lowest starts were accepted, and this is one above them");
         self.observe(observation);
     }
 
@@ -247,7 +253,7 @@ impl Environment {
     /// Continues from bytes of [`Environment::save`] of an environment with the same configuration.
     ///
     /// # Errors
-    /// [`crate::Error::Decode`] if the bytes are not that.
+    /// [`Error::Decode`] if the bytes are not that.
     pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
         let snapshot: Snapshot = snapshot::decode("snapshot of an environment", bytes)?;
         self.robot.load(&snapshot.robot)?;

@@ -307,3 +307,20 @@ fn tasks_that_cannot_be_are_refused() {
         assert_eq!(BalanceConfig { sim_dt, control_dt, ..config(ModelKind::Rigid) }.substeps().unwrap(), expected);
     }
 }
+
+#[test]
+fn starts_that_would_reach_into_the_floor_are_refused_before_they_are_drawn() {
+    // The first wheel meets the floor where r_k + (r_k + r_w) cos(tilt + zenith) = r_w: 67.5 deg for the paper's robot.
+    let params = Params::paper();
+    let arm = params.ball_radius + params.wheel_radius;
+    let first = ((params.wheel_radius - params.ball_radius) / arm).acos() - params.wheel_zenith;
+    let task = |reset_tilt: f64| BalanceConfig { reset_tilt, fall_tilt: 3.0, ..config(ModelKind::Rigid) };
+    let message = Environment::new(&task(first + 0.02), 0).err().expect("accepted").to_string();
+    assert!(message.starts_with("reset_tilt = 1.1") && message.contains("lowest point of the wheels"), "{message}");
+    assert!(Environment::new(&task(2.0), 0).is_err());
+    let allowed = task(first - 0.02);
+    let mut observation = [0.0; OBSERVATION_LEN];
+    for seed in 0..200 {
+        Environment::new(&allowed, seed).unwrap().reset(&mut observation);
+    }
+}

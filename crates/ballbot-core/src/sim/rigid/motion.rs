@@ -284,9 +284,12 @@ impl Model for RigidMotion {
     fn accepts(&self, state: &State) -> Result<()> {
         state.validate()?;
         let (part, height) = self.lowest_point(state);
-        check(format!("height of the {part}'s lowest point"), height, "at least 0 m, the floor, within 1 mm", |h| {
-            h >= -THROUGH_FLOOR
-        })?;
+        check(
+            format!("height of the lowest point of the {part}"),
+            height,
+            "at least 0 m, the floor, within 1 mm",
+            |h| h >= -THROUGH_FLOOR,
+        )?;
         Ok(())
     }
 
