@@ -6,6 +6,9 @@ import gymnasium
 
 BALANCE: Final = "ballbot/Balance-v0"
 
+#: Environments by the name that the command line gives their task.
+TASKS: Final = {"balance": BALANCE}
+
 #: Length of an episode at the default control rate: 10 s.
 MAX_EPISODE_STEPS: Final = 1000
 

@@ -177,10 +177,15 @@ impl Ballbot {
 
     /// Which bound the present state breaks, if any.
     pub fn diverged(&self) -> Option<String> {
+        self.diverged_at(&self.state())
+    }
+
+    /// [`Ballbot::diverged`] for callers that have the present state at hand.
+    pub(crate) fn diverged_at(&self, state: &State) -> Option<String> {
         if !self.model.healthy() {
             return Some("the next state is not finite".into());
         }
-        out_of_bounds(&self.state())
+        out_of_bounds(state)
     }
 
     /// Simulated time since the reset, s.

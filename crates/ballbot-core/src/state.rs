@@ -4,8 +4,9 @@
 //! the mast. Quaternions are `[w, x, y, z]` wherever they appear as numbers and map body to inertial.
 
 use crate::error::{Result, check, finite};
+use crate::kinematics::Omniwheels;
 use crate::params::Params;
-use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 
 /// Position, attitude and velocities of ball, body and wheels.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,9 +69,21 @@ impl State {
         body_quaternion: UnitQuaternion<f64>,
         body_angular_velocity: Vector3<f64>,
     ) -> Self {
+        let wheels = Omniwheels::new(params);
+        Self::rolling_on(params, &wheels, ball_velocity, ball_spin, body_quaternion, body_angular_velocity)
+    }
+
+    /// [`State::rolling`] for callers that have the wheels of `params` at hand.
+    pub(crate) fn rolling_on(
+        params: &Params,
+        wheels: &Omniwheels,
+        ball_velocity: Vector2<f64>,
+        ball_spin: f64,
+        body_quaternion: UnitQuaternion<f64>,
+        body_angular_velocity: Vector3<f64>,
+    ) -> Self {
         let ball_velocity = ball_velocity.push(0.0);
         let ball_angular_velocity = rolling_rate(params, &ball_velocity) + Vector3::z() * ball_spin;
-        let wheels = crate::kinematics::Omniwheels::new(params);
         Self {
             ball_velocity,
             ball_angular_velocity,
@@ -206,11 +219,6 @@ pub fn unit_quaternion(name: &str, [w, x, y, z]: [f64; 4]) -> Result<UnitQuatern
     let q = Quaternion::new(w, x, y, z);
     check(format!("the length of {name}"), q.norm(), "1 within 1e-6", |n| (n - 1.0).abs() <= 1e-6)?;
     Ok(UnitQuaternion::new_normalize(q))
-}
-
-/// Rotation matrix of a unit quaternion.
-pub(crate) fn rotation(q: &UnitQuaternion<f64>) -> Rotation3<f64> {
-    q.to_rotation_matrix()
 }
 
 /// Forces at the contacts during the last step.

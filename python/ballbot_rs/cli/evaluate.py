@@ -7,9 +7,7 @@ from typing import Any
 from ballbot_rs import __version__
 from ballbot_rs.cli.table import print_table
 from ballbot_rs.evaluation import compare
-from ballbot_rs.registration import BALANCE
-
-TASKS = {"balance": BALANCE}
+from ballbot_rs.registration import TASKS
 
 
 def add_to(commands: Any) -> None:

@@ -11,10 +11,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-from ballbot_rs.registration import BALANCE, check_id
-
-#: Tasks by the name that the command line gives them.
-TASKS = {"balance": BALANCE}
+from ballbot_rs.registration import BALANCE, TASKS, check_id
 
 ALGORITHMS = ("PPO", "SAC")
 

@@ -100,7 +100,7 @@ def resume(folder: Path, *, timesteps: int | None = None, progress_bar: bool = T
         raise FileNotFoundError(f"{folder} has no checkpoint to resume from")
     (folder / "config.toml").write_text(text, encoding="utf-8")
     torch.set_num_threads(config.torch_threads)
-    model = CLASSES[config.algorithm].load(checkpoints[-1], env=_environment(config, seed), device="cpu")
+    model = CLASSES[config.algorithm].load(checkpoints[-1], env=_environment(config), device="cpu")
     # Loading seeds everything as at the start of the run: go on with other numbers.
     model.set_random_seed(seed + model.num_timesteps)
     _seed_environments(model, _first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
@@ -110,13 +110,12 @@ def resume(folder: Path, *, timesteps: int | None = None, progress_bar: bool = T
     return _learn(model, config, folder, seed, remaining, progress_bar)
 
 
-def _environment(config: TrainConfig, seed: int) -> VecMonitor:
+def _environment(config: TrainConfig) -> VecMonitor:
     return VecMonitor(
         BallbotVecEnv(
             config.env_id,
             config.num_envs,
             num_threads=config.num_threads,
-            seed=_first_seed(seed),
             stagger=True,
             **config.env,
         )
@@ -140,7 +139,7 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
     try:
         model: BaseAlgorithm = CLASSES[config.algorithm](
             "MlpPolicy",
-            _environment(config, seed),
+            _environment(config),
             policy_kwargs={"features_extractor_class": ScaledObservation, **config.policy},
             tensorboard_log=str(folder / "tensorboard"),
             seed=seed,

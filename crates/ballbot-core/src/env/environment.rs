@@ -164,7 +164,7 @@ impl Environment {
         let last_action = std::mem::replace(&mut self.episode.last_action, action);
         let outcome = self.judge(&state, terminated, &last_action);
         self.episode.over = outcome.done();
-        self.observe(observation);
+        self.observe_at(&state, observation);
         outcome
     }
 
@@ -196,7 +196,7 @@ impl Environment {
     }
 
     fn termination(&self, state: &State) -> Option<Termination> {
-        if self.robot.diverged().is_some() {
+        if self.robot.diverged_at(state).is_some() {
             Some(Termination::Diverged)
         } else if state.tilt() > self.config.fall_tilt {
             Some(Termination::Tilt)
@@ -219,8 +219,12 @@ impl Environment {
     /// # Panics
     /// If `observation` is not of length [`OBSERVATION_LEN`].
     pub fn observe(&self, observation: &mut [f32]) {
+        self.observe_at(&self.robot.state(), observation);
+    }
+
+    fn observe_at(&self, state: &State, observation: &mut [f32]) {
         assert_eq!(observation.len(), OBSERVATION_LEN, "observation buffer");
-        observe(&self.robot.state(), &self.config.setpoint.into(), &self.episode.last_action, observation);
+        observe(state, &self.config.setpoint.into(), &self.episode.last_action, observation);
     }
 
     /// The terms of the last step's reward.

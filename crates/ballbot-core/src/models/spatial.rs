@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
 use crate::model::JointDynamics;
 use crate::params::Params;
-use crate::state::{Contacts, rotation};
+use crate::state::Contacts;
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector3, Vector6};
 
 /// The equations of motion of one robot.
@@ -94,7 +94,7 @@ impl SpatialModel {
 
     fn terms(&self, body_quaternion: &UnitQuaternion<f64>) -> Terms {
         let p = &self.params;
-        let rotation = *rotation(body_quaternion).matrix();
+        let rotation = body_quaternion.to_rotation_matrix().into_inner();
         let s = self.ball_rate_map();
         let mut relative_rate = rotation.transpose() * s;
         let mut j_c = Matrix3x6::zeros();

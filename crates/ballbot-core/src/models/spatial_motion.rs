@@ -105,8 +105,9 @@ impl Model for SpatialMotion {
     fn state(&self) -> State {
         let y = &self.coordinates;
         let velocity = self.velocity();
-        let rolling = State::rolling(
+        let rolling = State::rolling_on(
             self.params(),
+            self.model.wheels(),
             Vector2::new(velocity[0], velocity[1]),
             velocity[5],
             quaternion_at(y, 2),

@@ -50,6 +50,20 @@ struct Memory {
     healthy: bool,
 }
 
+impl Memory {
+    fn at_rest(joint_dynamics: JointDynamics, wheel_loads: [f64; 3]) -> Self {
+        Self {
+            steps: 0,
+            joint_dynamics,
+            wheel_loads,
+            floor_force: [0.0; 3],
+            tractions: [0.0; 3],
+            push: [0.0; 6],
+            healthy: true,
+        }
+    }
+}
+
 impl RigidMotion {
     /// At rest upright.
     ///
@@ -58,15 +72,7 @@ impl RigidMotion {
     pub fn new(params: &Params, sim_dt: f64) -> Result<Self> {
         let wheels = Omniwheels::new(params);
         let (template, handles) = World::new(params, &wheels)?;
-        let memory = Memory {
-            steps: 0,
-            joint_dynamics: JointDynamics::of(params),
-            wheel_loads: [0.0; 3],
-            floor_force: [0.0; 3],
-            tractions: [0.0; 3],
-            push: [0.0; 6],
-            healthy: true,
-        };
+        let memory = Memory::at_rest(JointDynamics::of(params), [0.0; 3]);
         let mut motion = Self {
             root: BodyLink::new(params, &wheels)?.com,
             wheels,
@@ -245,15 +251,7 @@ impl Model for RigidMotion {
         self.world = self.template.clone();
         self.pipeline = new_pipeline();
         self.place(state);
-        self.memory = Memory {
-            steps: 0,
-            joint_dynamics: self.memory.joint_dynamics,
-            wheel_loads: self.first_loads(),
-            floor_force: [0.0; 3],
-            tractions: [0.0; 3],
-            push: [0.0; 6],
-            healthy: true,
-        };
+        self.memory = Memory::at_rest(self.memory.joint_dynamics, self.first_loads());
         self.apply_joint_dynamics();
         Ok(())
     }
