@@ -1,0 +1,49 @@
+//! Functions that processors have no instruction for, from IEEE operations alone.
+
+use super::Lane;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+
+/// e^(−x) for x ≥ 0 to 1e-14 relative; e^(−64) for all larger x.
+#[inline(always)]
+pub fn exp_of_negative<L: Lane>(x: L) -> L {
+    const HALVINGS: i32 = 7;
+    let x = x.min(x.splat(64.0)) * (-1.0 / f64::from(1 << HALVINGS));
+    // Taylor's series up to x = 1/2, to 1e-16.
+    let mut series = x.splat(1.0);
+    for n in (1..=14).rev() {
+        series = (series * x).mul_add_all(1.0 / f64::from(n), x.splat(1.0));
+    }
+    for _ in 0..HALVINGS {
+        series = series.squared();
+    }
+    series
+}
+
+/// Angle of the point (x, y) from the x axis for y ≥ 0, in [0, π], to 1e-15; zero for (0, 0).
+#[inline(always)]
+pub fn atan2_positive<L: Lane>(y: L, x: L) -> L {
+    let across = x.abs();
+    let (small, large) = (y.min(across), y.max(across));
+    let zero = y.zero();
+    let one = y.splat(1.0);
+    let ratio = small / L::select(zero.lt(large), large, one);
+    // Above tan(π/8), measure from π/4.
+    let steep = y.splat(0.414_213_562_373_095_03).lt(ratio);
+    let t = L::select(steep, (ratio - 1.0) / (ratio + 1.0), ratio);
+    let mut angle = arctangent(t);
+    angle = L::select(steep, angle + FRAC_PI_4, angle);
+    angle = L::select(across.lt(y), -angle + FRAC_PI_2, angle);
+    L::select(x.lt(zero), -angle + std::f64::consts::PI, angle)
+}
+
+/// Its series, for |t| ≤ tan(π/8).
+#[inline(always)]
+fn arctangent<L: Lane>(t: L) -> L {
+    let squared = t.squared();
+    let mut series = t.zero();
+    for n in (0..=20).rev() {
+        let sign = if n % 2 == 0 { 1.0 } else { -1.0 };
+        series = series.mul_add(squared, t.splat(sign / f64::from(2 * n + 1)));
+    }
+    series * t
+}

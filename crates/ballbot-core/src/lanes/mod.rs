@@ -1,0 +1,109 @@
+//! Arithmetic on one robot or on eight side by side: the same code, the same results to the last bit.
+//!
+//! A computation is written once over [`Lane`] and instantiated for `f64` (one robot) and for eight `f64` in a vector
+//! register. All operations round as IEEE 754 says, fused multiply-adds included, and none mixes lanes, so that what
+//! comes out for a robot depends neither on its neighbours nor on the processor's vector width.
+
+mod cells;
+mod math;
+mod scalar;
+mod vec3;
+mod wide;
+
+pub use cells::{EIGHT, Eight};
+pub use math::{atan2_positive, exp_of_negative};
+pub use scalar::Scalar;
+pub use vec3::{Quat, Rotation, Vec3};
+pub use wide::Wide;
+
+use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, Neg, Not, Sub, SubAssign};
+
+/// One number of each of some robots.
+///
+/// Methods that make a number from a constant take the lanes of `self` for their model. Comparisons with NaN are false.
+pub trait Lane:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Add<f64, Output = Self>
+    + Sub<f64, Output = Self>
+    + Mul<f64, Output = Self>
+    + Div<f64, Output = Self>
+    + AddAssign
+    + SubAssign
+{
+    /// One truth of each robot.
+    type Mask: Copy
+        + BitAnd<Output = Self::Mask>
+        + BitOr<Output = Self::Mask>
+        + Not<Output = Self::Mask>;
+
+    /// How the numbers lie in memory.
+    type Cell;
+
+    /// What the processor can do, known to the compiler.
+    type Token: Copy;
+
+    /// Reads the numbers.
+    fn load(token: Self::Token, cell: &Self::Cell) -> Self;
+
+    /// Writes the numbers.
+    fn store(self, cell: &mut Self::Cell);
+
+    /// The same number for all robots.
+    fn splat(self, value: f64) -> Self;
+
+    /// self · factor + term, rounded once.
+    fn mul_add(self, factor: Self, term: Self) -> Self;
+
+    /// The root.
+    fn sqrt(self) -> Self;
+
+    /// The magnitude.
+    fn abs(self) -> Self;
+
+    /// The larger; `other` if either is NaN.
+    fn max(self, other: Self) -> Self;
+
+    /// The smaller; `other` if either is NaN.
+    fn min(self, other: Self) -> Self;
+
+    /// self < other.
+    fn lt(self, other: Self) -> Self::Mask;
+
+    /// self <= other.
+    fn le(self, other: Self) -> Self::Mask;
+
+    /// `yes` where `mask` is true, `no` elsewhere.
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+
+    /// Whether any robot's truth is true.
+    fn any(mask: Self::Mask) -> bool;
+
+    /// self · factor + term with the same factor for all robots, rounded once.
+    #[inline(always)]
+    fn mul_add_all(self, factor: f64, term: Self) -> Self {
+        self.mul_add(self.splat(factor), term)
+    }
+
+    /// term − self · factor, rounded once.
+    #[inline(always)]
+    fn neg_mul_add(self, factor: Self, term: Self) -> Self {
+        (-self).mul_add(factor, term)
+    }
+
+    /// Zero for all robots.
+    #[inline(always)]
+    fn zero(self) -> Self {
+        self.splat(0.0)
+    }
+
+    /// Its square.
+    #[inline(always)]
+    fn squared(self) -> Self {
+        self * self
+    }
+}

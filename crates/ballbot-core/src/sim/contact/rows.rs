@@ -1,0 +1,187 @@
+//! The contact rows where the robot is now: what they measure of the velocities and what their impulses do to them.
+//!
+//! Linear parts are in the inertial frame, where the ball's velocities are; the body's angular parts in the body frame,
+//! where its inertia is diagonal. Drive and normal impulses are those on the bot; the ball feels the opposite.
+
+use super::constants::Constants;
+use crate::lanes::{Lane, Rotation, Vec3};
+
+/// Below this a wheel's axle points at the ball and there is no drive direction, which no wheel in contact comes near.
+const NO_DRIVE: f64 = 1e-3;
+
+/// Velocities of everything that moves; see [`super::Memory`] for the frames.
+#[derive(Clone, Copy)]
+pub struct Velocities<L> {
+    pub ball: Vec3<L>,
+    pub ball_rate: Vec3<L>,
+    pub body: Vec3<L>,
+    pub body_rate: Vec3<L>,
+    pub spins: [L; 3],
+}
+
+/// One number of each row: an impulse, or the velocity that it is to bring to zero.
+#[derive(Clone, Copy)]
+pub struct PerRow<L> {
+    /// Normal, x, y.
+    pub floor: [L; 3],
+    pub normals: [L; 3],
+    pub drives: [L; 3],
+    pub joints: [L; 3],
+}
+
+/// The rows of one step.
+pub struct Rows<L> {
+    /// Between wheel and ball, and between ball and floor; negative where they overlap.
+    pub gaps: [L; 3],
+    pub floor_gap: L,
+    /// Ball centre from the body's CoM, body frame.
+    pub ball_in_body: Vec3<L>,
+    /// From the ball to each wheel, inertial frame.
+    pub normals: [Vec3<L>; 3],
+    /// Drive directions, inertial frame.
+    pub drives: [Vec3<L>; 3],
+    /// normal × drive, inertial frame.
+    pub turns: [Vec3<L>; 3],
+    /// What the body's rate adds to the rows, body frame.
+    pub normal_arms: [Vec3<L>; 3],
+    pub drive_arms: [Vec3<L>; 3],
+    /// Sine of the angle between axle and normal: the share of a wheel's spin along its drive direction.
+    pub spin_shares: [L; 3],
+}
+
+impl<L: Lane> Rows<L> {
+    #[inline(always)]
+    pub fn new(c: &Constants, rotation: &Rotation<L>, ball: Vec3<L>, body: Vec3<L>) -> Self {
+        let like = ball.x;
+        let ball_in_body = rotation.apply_transposed(ball - body);
+        let wheel = |i: usize| Wheel::new(c, i, ball_in_body);
+        let [a, b, d] = [wheel(0), wheel(1), wheel(2)];
+        let normals = [a.normal, b.normal, d.normal].map(
+            #[inline(always)]
+            |v| rotation.apply(v),
+        );
+        let drives = [a.drive, b.drive, d.drive].map(
+            #[inline(always)]
+            |v| rotation.apply(v),
+        );
+        Self {
+            gaps: [a.gap, b.gap, d.gap],
+            floor_gap: ball.z - like.splat(c.ball_radius),
+            ball_in_body,
+            turns: [normals[0].cross(drives[0]), normals[1].cross(drives[1]), normals[2].cross(drives[2])],
+            normals,
+            drives,
+            normal_arms: [a.normal_arm, b.normal_arm, d.normal_arm],
+            drive_arms: [a.drive_arm, b.drive_arm, d.drive_arm],
+            spin_shares: [a.spin_share, b.spin_share, d.spin_share],
+        }
+    }
+
+    /// Surface speed of wheel `i` less the ball's along the drive direction.
+    #[inline(always)]
+    pub fn slip_speed(&self, c: &Constants, v: &Velocities<L>, i: usize) -> L {
+        let rim = v.spins[i] * self.spin_shares[i] * c.wheel_radius;
+        let body = self.drives[i].dot(v.body - v.ball) + self.drive_arms[i].dot(v.body_rate);
+        body + rim - self.turns[i].dot(v.ball_rate) * c.ball_radius
+    }
+
+    /// Velocity of the ball's lowest point, x and y.
+    #[inline(always)]
+    pub fn floor_slip(&self, c: &Constants, v: &Velocities<L>) -> [L; 2] {
+        [
+            v.ball_rate.y.mul_add_all(-c.ball_radius, v.ball.x),
+            v.ball_rate.x.mul_add_all(c.ball_radius, v.ball.y),
+        ]
+    }
+
+    /// What the impulses are to bring to zero: slip, and approach that is faster than the gap allows.
+    #[inline(always)]
+    pub fn residuals(&self, c: &Constants, v: &Velocities<L>) -> PerRow<L> {
+        let approach = |i: usize| {
+            let speed = self.normals[i].dot(v.body - v.ball) + self.normal_arms[i].dot(v.body_rate);
+            speed + allowance(c, self.gaps[i])
+        };
+        let [x, y] = self.floor_slip(c, v);
+        let joint = |i: usize| Vec3::splat(v.ball.x, &c.u[i]).dot(v.body_rate) + v.spins[i];
+        PerRow {
+            floor: [v.ball.z + allowance(c, self.floor_gap), x, y],
+            normals: [approach(0), approach(1), approach(2)],
+            drives: [self.slip_speed(c, v, 0), self.slip_speed(c, v, 1), self.slip_speed(c, v, 2)],
+            joints: [joint(0), joint(1), joint(2)],
+        }
+    }
+
+    /// Adds what `impulses` do to the velocities.
+    #[inline(always)]
+    pub fn apply<const JOINTS: bool>(&self, c: &Constants, impulses: &PerRow<L>, v: &mut Velocities<L>) {
+        let like = v.ball.x;
+        let mut on_bot = Vec3::splat(like, &[0.0; 3]);
+        let mut turning_ball = on_bot;
+        let mut turning_body = on_bot;
+        for i in 0..3 {
+            let (normal, drive) = (impulses.normals[i], impulses.drives[i]);
+            on_bot = on_bot.plus(self.normals[i], normal).plus(self.drives[i], drive);
+            turning_ball = turning_ball.plus(self.turns[i], -drive);
+            turning_body = turning_body.plus(self.normal_arms[i], normal).plus(self.drive_arms[i], drive);
+            let mut on_wheel = drive * self.spin_shares[i] * c.wheel_radius;
+            if JOINTS {
+                turning_body = turning_body.plus(Vec3::splat(like, &c.u[i]), impulses.joints[i]);
+                on_wheel += impulses.joints[i];
+            }
+            v.spins[i] = on_wheel.mul_add_all(c.wheel_inertia.recip(), v.spins[i]);
+        }
+        let [z, x, y] = impulses.floor;
+        v.ball = v.ball.plus_all(Vec3::new(x, y, z) - on_bot, c.ball_mass_inverse);
+        turning_ball += Vec3::new(y, -x, like.zero());
+        v.ball_rate = v.ball_rate.plus_all(turning_ball, c.ball_turning / c.ball_radius);
+        v.body = v.body.plus_all(on_bot, c.body_mass_inverse);
+        v.body_rate += turning_body.scaled_by(&c.body_inertia_inverse);
+    }
+}
+
+/// Speed at which a gap may close in one step; for an overlap, minus the speed at which it is to open.
+#[inline(always)]
+pub fn allowance<L: Lane>(c: &Constants, gap: L) -> L {
+    let rate = L::select(gap.zero().lt(gap), gap.splat(c.sim_dt.recip()), gap.splat(c.recovery));
+    gap * rate
+}
+
+/// One wheel on the ball, in the body frame.
+struct Wheel<L> {
+    gap: L,
+    normal: Vec3<L>,
+    drive: Vec3<L>,
+    normal_arm: Vec3<L>,
+    drive_arm: Vec3<L>,
+    spin_share: L,
+}
+
+impl<L: Lane> Wheel<L> {
+    #[inline(always)]
+    fn new(c: &Constants, i: usize, ball: Vec3<L>) -> Self {
+        let like = ball.x;
+        let one = like.splat(1.0);
+        let center = Vec3::splat(like, &c.wheel_centers[i]);
+        let u = Vec3::splat(like, &c.u[i]);
+        let offset = center - ball;
+        let distance = offset.norm_squared().sqrt();
+        let normal = offset * (one / distance.max(like.splat(f64::MIN_POSITIVE)));
+
+        // The share of the normal along the axle: zero while the ball's centre is where it belongs.
+        let along = normal.dot(u);
+        let spin_share = along.neg_mul_add(along, one).max(like.splat(NO_DRIVE * NO_DRIVE)).sqrt();
+        let share_inverse = one / spin_share;
+        let drive = u.cross(normal) * share_inverse;
+        // The rim's velocity belongs to the wheel's spin, not to the body's rate about the axle; the rest of what the
+        // body's rate does to the rim is this.
+        let lost = (normal - u * along) * (along * share_inverse * c.wheel_radius);
+        Self {
+            gap: distance - (c.ball_radius + c.wheel_radius),
+            normal,
+            drive,
+            normal_arm: center.cross(normal),
+            drive_arm: center.cross(drive) + lost,
+            spin_share,
+        }
+    }
+}
