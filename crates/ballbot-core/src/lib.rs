@@ -23,6 +23,7 @@ mod energy;
 pub mod env;
 mod error;
 pub mod kinematics;
+mod lane_state;
 mod lanes;
 mod model;
 pub mod models;

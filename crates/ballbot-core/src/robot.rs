@@ -1,10 +1,11 @@
 //! A simulated robot on any rung of the ladder of models, with its input checked and divergence reported.
 
 use crate::error::{Error, Result, check};
+use crate::lane_state::LaneState;
 use crate::model::{JointDynamics, Model};
 use crate::models::{PlanarMotion, SpatialMotion};
 use crate::params::Params;
-use crate::sim::RigidMotion;
+use crate::sim::{ContactMotion, RigidMotion};
 use crate::snapshot;
 use crate::state::{Contacts, State};
 use nalgebra::Vector3;
@@ -19,6 +20,8 @@ pub enum ModelKind {
     Planar,
     /// Coupled 3D motion without slip.
     Spatial,
+    /// Ball, body and wheels with unilateral contacts and Coulomb friction on a flat floor, by a solver of its own.
+    Contact,
     /// Rigid bodies with contacts and Coulomb friction, by rapier3d.
     #[default]
     Rigid,
@@ -26,13 +29,14 @@ pub enum ModelKind {
 
 impl ModelKind {
     /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Planar, Self::Spatial, Self::Rigid];
+    pub const ALL: [Self; 4] = [Self::Planar, Self::Spatial, Self::Contact, Self::Rigid];
 
     /// The name by which it is chosen.
     pub fn name(self) -> &'static str {
         match self {
             Self::Planar => "planar",
             Self::Spatial => "spatial",
+            Self::Contact => "contact",
             Self::Rigid => "rigid",
         }
     }
@@ -42,6 +46,7 @@ impl ModelKind {
         Ok(match self {
             Self::Planar => Box::new(PlanarMotion::new(params, sim_dt)),
             Self::Spatial => Box::new(SpatialMotion::new(params, sim_dt)),
+            Self::Contact => Box::new(ContactMotion::new(params, sim_dt)),
             Self::Rigid => Box::new(RigidMotion::new(params, sim_dt)?),
         })
     }
@@ -67,11 +72,6 @@ impl FromStr for ModelKind {
 /// Time steps that the models are made for, s.
 const SIM_DT: std::ops::RangeInclusive<f64> = 1e-6..=0.02;
 
-/// Speeds and rates above which numbers mean nothing any more, m/s and rad/s.
-const MAX_SPEED: f64 = 100.0;
-pub(crate) const MAX_RATE: f64 = 1e4;
-/// Distance from the origin likewise, m.
-const MAX_POSITION: f64 = 1e4;
 /// What a push may be, N·s and m: far beyond what a robot survives, far below what overflows.
 const MAX_IMPULSE: f64 = 1e4;
 const MAX_ARM: f64 = 100.0;
@@ -127,7 +127,7 @@ impl Ballbot {
     /// As [`Ballbot::reset`].
     pub fn accepts(&self, state: &State) -> Result<()> {
         state.validate()?;
-        if let Some(reason) = out_of_bounds(state) {
+        if let Some(reason) = LaneState::from(state).out_of_bounds() {
             return Err(Error::Inconsistent(reason));
         }
         let radius = self.params().ball_radius;
@@ -181,11 +181,16 @@ impl Ballbot {
     }
 
     /// [`Ballbot::diverged`] for callers that have the present state at hand.
-    pub(crate) fn diverged_at(&self, state: &State) -> Option<String> {
+    fn diverged_at(&self, state: &State) -> Option<String> {
         if !self.model.healthy() {
             return Some("the next state is not finite".into());
         }
-        out_of_bounds(state)
+        LaneState::from(state).out_of_bounds()
+    }
+
+    /// False once a step met numbers that are not finite.
+    pub(crate) fn healthy(&self) -> bool {
+        self.model.healthy()
     }
 
     /// Simulated time since the reset, s.
@@ -198,7 +203,7 @@ impl Ballbot {
         self.model.state()
     }
 
-    /// Contact forces of the last step; the rigid model knows none before its first.
+    /// Contact forces of the last step; the models with contacts of their own know none before their first.
     pub fn contacts(&self) -> Contacts {
         self.model.contacts()
     }
@@ -213,8 +218,8 @@ impl Ballbot {
         self.model.bot_on_floor()
     }
 
-    /// Gives the body an impulse (inertial frame, N·s) at `point` (body frame, m; its CoM if `None`). The rigid model
-    /// spreads it over its next time step.
+    /// Gives the body an impulse (inertial frame, N·s) at `point` (body frame, m; its CoM if `None`). The models
+    /// with contacts of their own spread it over their next time step.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for an impulse above 1e4 N·s or a point farther than 100 m.
@@ -249,6 +254,16 @@ impl Ballbot {
     pub fn save(&self) -> Vec<u8> {
         let snapshot = Snapshot { identity: self.identity(), model: self.model.save() };
         snapshot::encode(&snapshot)
+    }
+
+    /// The model's part of [`Ballbot::save`].
+    pub(crate) fn save_model(&self) -> Vec<u8> {
+        self.model.save()
+    }
+
+    /// The model's part of [`Ballbot::load`].
+    pub(crate) fn load_model(&mut self, bytes: &[u8]) -> Result<()> {
+        self.model.load(bytes)
     }
 
     /// What must be equal for a snapshot to fit: model, time step and parameters.
@@ -286,22 +301,4 @@ struct Identity {
 struct Snapshot {
     identity: Identity,
     model: Vec<u8>,
-}
-
-/// The first bound that a state breaks, NaN included.
-fn out_of_bounds(state: &State) -> Option<String> {
-    let bounds = [
-        ("distance of the ball from the origin", state.ball_position.norm(), MAX_POSITION, "m"),
-        ("ball speed", state.ball_velocity.norm(), MAX_SPEED, "m/s"),
-        ("ball rate", state.ball_angular_velocity.norm(), MAX_RATE, "rad/s"),
-        ("distance of the body from the origin", state.body_position.norm(), MAX_POSITION, "m"),
-        ("body speed", state.body_velocity.norm(), MAX_SPEED, "m/s"),
-        ("body rate", state.body_angular_velocity.norm(), MAX_RATE, "rad/s"),
-        ("wheel speed", Vector3::from(state.wheel_speeds).amax(), MAX_RATE, "rad/s"),
-        ("length of the body quaternion", state.body_quaternion.norm(), 2.0, ""),
-    ];
-    bounds
-        .into_iter()
-        .find(|(_, value, limit, _)| value.is_nan() || value > limit)
-        .map(|(name, value, limit, unit)| format!("{name} = {value} {unit}, limit {limit} {unit}"))
 }

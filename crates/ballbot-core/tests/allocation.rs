@@ -70,10 +70,13 @@ fn endless(model: ModelKind) -> BalanceConfig {
 }
 
 #[test]
-fn steps_of_the_closed_form_models_allocate_nothing() {
+fn steps_of_our_own_models_allocate_nothing() {
     for model in [ModelKind::Planar, ModelKind::Spatial] {
         assert_eq!(allocations(&endless(model)), 0, "{model}");
     }
+    // Resets included.
+    let brief = BalanceConfig { max_episode_steps: 2, ..endless(ModelKind::Contact) };
+    assert_eq!(allocations(&brief), 0, "contact");
     // For the record: a reset may allocate, and so does rapier.
     let brief = BalanceConfig { max_episode_steps: 2, ..endless(ModelKind::Spatial) };
     println!("spatial, a reset: {}", allocations(&brief) as f64 / (ENVS * STEPS / 2) as f64);

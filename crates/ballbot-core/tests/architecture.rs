@@ -8,7 +8,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BOTTOM: [&str; 7] = ["error", "params", "state", "kinematics", "energy", "model", "snapshot"];
+const BOTTOM: [&str; 9] =
+    ["error", "params", "state", "kinematics", "energy", "model", "snapshot", "lanes", "lane_state"];
 
 /// What each layer above the bottom may use besides the bottom and itself; a longer path is that item alone.
 const LAYERS: [(&str, &[&str]); 6] = [

@@ -112,9 +112,9 @@ fn alone(config: &BalanceConfig, seed: u64, mode: Autoreset, steps: &[Vec<f32>])
 
 #[test]
 fn every_environment_is_the_single_one_of_its_seed() {
-    let n = 7;
-    let steps: Vec<Vec<f32>> = (0..100).map(|k| actions(n, k)).collect();
-    for model in [ModelKind::Spatial, ModelKind::Rigid] {
+    // The contact model's environments are eight to a block.
+    for (model, n, width) in [(ModelKind::Spatial, 7, 1), (ModelKind::Rigid, 7, 1), (ModelKind::Contact, 19, 8)] {
+        let steps: Vec<Vec<f32>> = (0..100).map(|k| actions(n, k)).collect();
         let config = config(model);
         for mode in [Autoreset::NextStep, Autoreset::SameStep] {
             let singles: Vec<_> = (0..n)
@@ -125,7 +125,7 @@ fn every_environment_is_the_single_one_of_its_seed() {
                 .collect();
             for threads in [1, 2, 3, 5] {
                 let mut batch = batch(&config, n, mode, threads);
-                assert_eq!(batch.num_threads(), threads);
+                assert_eq!(batch.num_threads(), threads.min(n.div_ceil(width)));
                 let mut ends = [0, 0];
                 for (k, actions) in steps.iter().enumerate() {
                     let written = Written::of(&mut batch, actions).unwrap();
@@ -178,7 +178,7 @@ fn same_step_keeps_the_last_observation_of_ended_episodes_only() {
             if ended {
                 assert_eq!(written.final_observation(i)[13..], [0.1; 3]);
                 assert_eq!(written.observation(i)[13..], [0.0; 3], "not reset");
-                assert!(!batch.environments()[i].over() && written.rewards[i] != 0.0);
+                assert!(!batch.view(i).unwrap().over() && written.rewards[i] != 0.0);
             } else {
                 assert_eq!(written.final_observation(i), [UNTOUCHED; OBSERVATION_LEN]);
             }
@@ -186,8 +186,12 @@ fn same_step_keeps_the_last_observation_of_ended_episodes_only() {
     }
 }
 
-fn saved(batch: &Batch) -> Vec<Vec<u8>> {
-    batch.environments().iter().map(Environment::save).collect()
+fn saved(batch: &mut Batch) -> Vec<Vec<u8>> {
+    (0..batch.len()).map(|i| batch.view(i).unwrap().save()).collect()
+}
+
+fn push(batch: &mut Batch, i: usize, impulse: f64) {
+    batch.edit(i, |environment| environment.robot_mut().push(&Vector3::new(impulse, 0.0, 0.0), None)).unwrap();
 }
 
 /// Asserts that a step is refused and moves nothing; returns the message.
@@ -202,7 +206,7 @@ fn refused(batch: &mut Batch, actions: &[f32]) -> String {
 #[test]
 fn without_autoreset_an_ended_episode_must_be_reset() {
     let mut batch = batch(&calm(5), 3, Autoreset::Disabled, 1);
-    batch.environment_mut(1).unwrap().robot_mut().push(&Vector3::new(1e4, 0.0, 0.0), None).unwrap();
+    push(&mut batch, 1, 1e4);
     let written = Written::of(&mut batch, &[0.0; 9]).unwrap();
     assert_eq!(written.terminated, [false, true, false]);
     let message = refused(&mut batch, &[0.0; 9]);
@@ -230,10 +234,10 @@ fn a_step_before_the_first_reset_is_refused() {
     for _ in 0..2 {
         Written::of(&mut batch, &[0.0; 3]).unwrap();
     }
-    let robot = batch.environment_mut(0).unwrap().robot_mut();
-    robot.reset(&State::upright(&robot.params().clone())).unwrap();
+    let start = State::upright(&batch.config().params);
+    batch.edit(0, |environment| environment.robot_mut().reset(&start)).unwrap();
     assert_eq!(Written::of(&mut batch, &[0.0; 3]).unwrap().outcomes, [Outcome::default()]);
-    assert!(!batch.environments()[0].over());
+    assert!(!batch.view(0).unwrap().over());
 }
 
 #[test]
@@ -245,8 +249,7 @@ fn a_robot_that_diverges_does_not_touch_its_neighbours() {
                 let mut written = Vec::new();
                 for k in 0..60 {
                     if k == 10 {
-                        let robot = batch.environment_mut(2).unwrap().robot_mut();
-                        robot.push(&Vector3::new(impulse, 0.0, 0.0), None).unwrap();
+                        push(&mut batch, 2, impulse);
                     }
                     written.push(Written::of(&mut batch, &actions(5, k)).unwrap());
                 }
@@ -291,7 +294,7 @@ fn buffers_of_the_wrong_length_are_refused() {
     let mut batch = batch(&calm(5), 2, Autoreset::SameStep, 1);
     assert!(refused(&mut batch, &[0.0; 5]).starts_with("actions has 5 values, expected 6"));
     assert!(refused(&mut batch, &[0.0; 9]).starts_with("actions has 9 values, expected 6"));
-    let before = saved(&batch);
+    let before = saved(&mut batch);
     let changes: [(&str, Change); 6] = [
         ("observations has 31 values, expected 32", |w| w.observations.truncate(31)),
         ("final observations has 0 values, expected 32", |w| w.final_observations.clear()),
@@ -311,7 +314,7 @@ fn buffers_of_the_wrong_length_are_refused() {
     let error = batch.reset(Some(&[true]), &mut [0.0; 32]).unwrap_err();
     assert_eq!(error.to_string(), "reset mask has 1 values, expected 2");
     assert_eq!(batch.seed(&[None]).unwrap_err().to_string(), "seeds has 1 values, expected 2");
-    assert!(saved(&batch) == before, "refused, but something moved");
+    assert!(saved(&mut batch) == before, "refused, but something moved");
 }
 
 #[test]
@@ -319,12 +322,12 @@ fn a_mask_resets_what_it_names() {
     let config = config(ModelKind::Spatial);
     let mut batch = batch(&config, 3, Autoreset::Disabled, 1);
     let written = Written::of(&mut batch, &actions(3, 0)).unwrap();
-    let before = saved(&batch);
+    let before = saved(&mut batch);
     let mut observations = vec![UNTOUCHED; 3 * OBSERVATION_LEN];
     batch.reset(Some(&[true, false, true]), &mut observations).unwrap();
     // The others show what they show, and stay as they are.
     assert_eq!(&observations[OBSERVATION_LEN..2 * OBSERVATION_LEN], written.observation(1));
-    assert!(saved(&batch)[1] == before[1], "environment 1 was not to be reset");
+    assert!(saved(&mut batch)[1] == before[1], "environment 1 was not to be reset");
     for i in [0, 2] {
         // The second start that the seed draws.
         let mut env = Environment::new(&config, 40 + i as u64).unwrap();
@@ -371,7 +374,7 @@ fn batches_that_cannot_be_are_refused() {
     assert!(error.to_string().starts_with("fall_tilt = -1 "), "{error}");
     let mut batch = Batch::new(&calm(5), 2, MODES[0], Some(8), u64::MAX).unwrap();
     assert_eq!((batch.len(), batch.num_threads(), batch.is_empty()), (2, 2, false));
-    let message = batch.environment_mut(2).err().expect("accepted").to_string();
+    let message = batch.view(2).err().expect("accepted").to_string();
     assert_eq!(message, "environment index = 2 is out of range: it must be below num_envs = 2");
     for (mode, name) in MODES.into_iter().zip(["next_step", "same_step", "disabled"]) {
         assert_eq!(name.parse::<Autoreset>().unwrap(), mode);

@@ -54,7 +54,7 @@ fn models_are_chosen_by_name() {
         assert_eq!(robot(kind).kind(), kind);
     }
     let error = "mujoco".parse::<ModelKind>().unwrap_err();
-    assert_eq!(error.to_string(), "unknown model 'mujoco': expected one of planar, spatial, rigid");
+    assert_eq!(error.to_string(), "unknown model 'mujoco': expected one of planar, spatial, contact, rigid");
 }
 
 #[test]

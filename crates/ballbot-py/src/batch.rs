@@ -146,37 +146,37 @@ impl PyBatch {
 
     #[getter]
     fn params(&self) -> PyParams {
-        PyParams(self.batch.environments()[0].config().params.clone())
+        PyParams(self.batch.config().params.clone())
     }
 
     #[getter]
     fn model(&self) -> &'static str {
-        self.batch.environments()[0].config().model.name()
+        self.batch.config().model.name()
     }
 
     #[getter]
     fn sim_dt(&self) -> f64 {
-        self.batch.environments()[0].config().sim_dt
+        self.batch.config().sim_dt
     }
 
     #[getter]
     fn control_dt(&self) -> f64 {
-        self.batch.environments()[0].config().control_dt
+        self.batch.config().control_dt
     }
 
     #[getter]
     fn max_wheel_torque(&self) -> f64 {
-        self.batch.environments()[0].config().max_wheel_torque
+        self.batch.config().max_wheel_torque
     }
 
     #[getter]
     fn setpoint(&self) -> [f64; 2] {
-        self.batch.environments()[0].config().setpoint
+        self.batch.config().setpoint
     }
 
     #[getter]
     fn max_episode_steps(&self) -> usize {
-        self.batch.environments()[0].config().max_episode_steps
+        self.batch.config().max_episode_steps
     }
 
     /// Observations of all environments; checks everything before it changes anything.
@@ -238,26 +238,25 @@ impl PyBatch {
         Ok((outcome.success, outcome.terminated.map(ballbot_core::env::Termination::name)))
     }
 
-    fn reward_terms<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyDict>> {
-        let environment = self.batch.environments().get(index).ok_or_else(|| self.no_such(index))?;
+    fn reward_terms<'py>(&mut self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyDict>> {
+        let terms = call(|| self.batch.view(index))?.reward_terms();
         let dict = PyDict::new(py);
-        for (name, value) in RewardTerms::NAMES.iter().zip(environment.reward_terms().values()) {
+        for (name, value) in RewardTerms::NAMES.iter().zip(terms.values()) {
             dict.set_item(name, value)?;
         }
         Ok(dict)
     }
 
-    fn state(&self, index: usize) -> PyResult<PyState> {
-        let environment = self.batch.environments().get(index).ok_or_else(|| self.no_such(index))?;
-        Ok(PyState(environment.robot().state()))
+    fn state(&mut self, index: usize) -> PyResult<PyState> {
+        Ok(PyState(call(|| self.batch.view(index))?.robot().state()))
     }
 
-    fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn states<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let states = PyArray2::zeros(py, [self.batch.len(), State::LEN], false);
         let mut writable = states.readwrite();
         let rows = writable.as_slice_mut()?.chunks_exact_mut(State::LEN);
-        for (environment, row) in self.batch.environments().iter().zip(rows) {
-            row.copy_from_slice(&environment.robot().state().to_array());
+        for (index, row) in rows.enumerate() {
+            row.copy_from_slice(&call(|| self.batch.view(index))?.robot().state().to_array());
         }
         drop(writable);
         Ok(states)
@@ -267,7 +266,7 @@ impl PyBatch {
     fn push(&mut self, index: usize, impulse: &Bound<'_, PyAny>, point: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let impulse = vector("impulse", impulse)?;
         let point = point.map(|p| vector("point", p)).transpose()?;
-        call(|| self.batch.environment_mut(index)?.robot_mut().push(&impulse, point.as_ref()))
+        call(|| self.batch.edit(index, |environment| environment.robot_mut().push(&impulse, point.as_ref())))
     }
 
     #[pyo3(signature = (index, viscous_friction=None, coulomb_friction=None))]
@@ -278,18 +277,19 @@ impl PyBatch {
         coulomb_friction: Option<f64>,
     ) -> PyResult<()> {
         call(|| {
-            let robot = self.batch.environment_mut(index)?.robot_mut();
-            robot.set_joint_dynamics(changed(robot.joint_dynamics(), viscous_friction, coulomb_friction))
+            self.batch.edit(index, |environment| {
+                let robot = environment.robot_mut();
+                robot.set_joint_dynamics(changed(robot.joint_dynamics(), viscous_friction, coulomb_friction))
+            })
         })
     }
 
-    fn snapshot<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyBytes>> {
-        let environment = self.batch.environments().get(index).ok_or_else(|| self.no_such(index))?;
-        Ok(PyBytes::new(py, &environment.save()))
+    fn snapshot<'py>(&mut self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &call(|| self.batch.view(index))?.save()))
     }
 
     fn restore(&mut self, index: usize, snapshot: &[u8]) -> PyResult<()> {
-        call(|| self.batch.environment_mut(index)?.load(snapshot))
+        call(|| self.batch.edit(index, |environment| environment.load(snapshot)))
     }
 }
 

@@ -2,8 +2,9 @@
 
 use super::reward::{RewardScales, RewardTerms};
 use crate::error::{Error, Result, check, finite, positive};
+use crate::lane_state::MAX_RATE;
 use crate::params::Params;
-use crate::robot::{MAX_RATE, ModelKind};
+use crate::robot::ModelKind;
 use crate::state::{State, attitude};
 use nalgebra::{Vector2, Vector3};
 use rand::RngExt;

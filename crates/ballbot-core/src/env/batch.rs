@@ -1,8 +1,12 @@
 //! Many environments in step.
 
+use super::block::Block;
 use super::environment::{Environment, Outcome};
+use super::group::{Group, GroupBuffers};
 use super::{ACTION_LEN, BalanceConfig, OBSERVATION_LEN};
 use crate::error::{Error, Result};
+use crate::lanes::EIGHT;
+use crate::robot::ModelKind;
 use crate::state::State;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -60,11 +64,18 @@ pub struct StepBuffers<'a> {
     pub outcomes: &'a mut [Outcome],
 }
 
+/// Into how many pieces a step is cut for each thread.
+const SHARES_PER_THREAD: usize = 4;
+
 /// Environments of one task that are stepped together, on as many threads as asked.
 ///
 /// Environment i is seeded with `seed + i`. Results do not depend on the number of threads.
 pub struct Batch {
-    environments: Vec<Environment>,
+    config: BalanceConfig,
+    len: usize,
+    /// Environments in order, `width` to a group; the last may have fewer.
+    groups: Vec<Box<dyn Group>>,
+    width: usize,
     autoreset: Autoreset,
     workers: Workers,
 }
@@ -95,30 +106,6 @@ impl Workers {
     }
 }
 
-/// One environment with its share of the buffers.
-struct Lane<'a> {
-    environment: &'a mut Environment,
-    action: &'a [f32],
-    observation: &'a mut [f32],
-    final_observation: &'a mut [f32],
-    outcome: &'a mut Outcome,
-}
-
-impl Lane<'_> {
-    fn step(self, autoreset: Autoreset) {
-        if autoreset == Autoreset::NextStep && self.environment.over() {
-            self.environment.reset(self.observation);
-            *self.outcome = Outcome::default();
-            return;
-        }
-        *self.outcome = self.environment.step(self.action, self.observation);
-        if autoreset == Autoreset::SameStep && self.outcome.done() {
-            self.final_observation.copy_from_slice(self.observation);
-            self.environment.reset(self.observation);
-        }
-    }
-}
-
 impl Batch {
     /// `num_envs` environments on `num_threads` threads (as many as there are cores if `None`, never more than there are
     /// environments).
@@ -139,20 +126,28 @@ impl Batch {
             return Err(Error::Inconsistent("num_threads = 0, it must be at least 1".into()));
         }
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let environments =
-            (0..num_envs).map(|i| Environment::new(config, seed.wrapping_add(i as u64))).collect::<Result<Vec<_>>>()?;
-        let threads = num_threads.unwrap_or(cores).min(num_envs);
-        Ok(Self { environments, autoreset, workers: Workers { threads, pool: None } })
+        let width = if config.model == ModelKind::Contact { EIGHT } else { 1 };
+        let group = |first: usize| -> Result<Box<dyn Group>> {
+            let seed = seed.wrapping_add(first as u64);
+            Ok(match config.model {
+                ModelKind::Contact => Box::new(Block::new(config, (num_envs - first).min(width), seed)?),
+                _ => Box::new(Environment::new(config, seed)?),
+            })
+        };
+        let groups = (0..num_envs).step_by(width).map(group).collect::<Result<Vec<_>>>()?;
+        let threads = num_threads.unwrap_or(cores).min(groups.len());
+        let workers = Workers { threads, pool: None };
+        Ok(Self { config: config.clone(), len: num_envs, groups, width, autoreset, workers })
     }
 
     /// Number of environments.
     pub fn len(&self) -> usize {
-        self.environments.len()
+        self.len
     }
 
     /// Whether there are none, which cannot be.
     pub fn is_empty(&self) -> bool {
-        self.environments.is_empty()
+        self.len == 0
     }
 
     /// Number of threads that step them.
@@ -165,22 +160,47 @@ impl Batch {
         self.autoreset
     }
 
-    /// The environments.
-    pub fn environments(&self) -> &[Environment] {
-        &self.environments
+    /// The task.
+    pub fn config(&self) -> &BalanceConfig {
+        &self.config
     }
 
-    /// One environment, to push its robot or to change its joint dynamics.
+    /// Shows one environment.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] if there is no such environment.
-    pub fn environment_mut(&mut self, index: usize) -> Result<&mut Environment> {
-        let len = self.len();
-        self.environments.get_mut(index).ok_or_else(|| Error::OutOfRange {
+    pub fn view(&mut self, index: usize) -> Result<&Environment> {
+        let (group, i) = self.locate(index)?;
+        Ok(self.groups[group].view(i))
+    }
+
+    /// Changes one environment: pushes its robot, changes its joint dynamics, continues from a snapshot.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] if there is no such environment; what `change` returns.
+    pub fn edit<R>(&mut self, index: usize, change: impl FnOnce(&mut Environment) -> Result<R>) -> Result<R> {
+        let (group, i) = self.locate(index)?;
+        let (mut change, mut changed) = (Some(change), None);
+        self.groups[group].edit(i, &mut |environment| changed = change.take().map(|change| change(environment)));
+        changed.expect("a group shows its environment once")
+    }
+
+    /// The group of an environment, and its place there.
+    fn locate(&self, index: usize) -> Result<(usize, usize)> {
+        if index < self.len {
+            return Ok((index / self.width, index % self.width));
+        }
+        Err(Error::OutOfRange {
             name: "environment index".into(),
             value: index as f64,
-            limit: format!("below num_envs = {len}"),
+            limit: format!("below num_envs = {}", self.len),
         })
+    }
+
+    /// All environments: their groups and places.
+    fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let width = self.width;
+        (0..self.len).map(move |index| (index / width, index % width))
     }
 
     /// Seeds the environments, one number each; `None` leaves one as it is.
@@ -189,9 +209,9 @@ impl Batch {
     /// [`Error::Length`] unless there is one entry for each environment.
     pub fn seed(&mut self, seeds: &[Option<u64>]) -> Result<()> {
         self.expect_len("seeds", seeds.len(), self.len())?;
-        for (environment, seed) in self.environments.iter_mut().zip(seeds) {
+        for ((group, i), seed) in self.places().zip(seeds) {
             if let Some(seed) = seed {
-                environment.seed(*seed);
+                self.groups[group].seed(i, *seed);
             }
         }
         Ok(())
@@ -222,25 +242,25 @@ impl Batch {
         if let Some(starts) = request.starts {
             self.expect_len("starts", starts.len(), n)?;
         }
-        for (i, environment) in self.environments.iter().enumerate() {
-            if let Some(start) = start(i) {
-                if !masked(i) {
+        for index in 0..n {
+            if let Some(start) = start(index) {
+                if !masked(index) {
                     return Err(Error::Inconsistent(format!(
-                        "environment {i} has a start, but the mask leaves it alone"
+                        "environment {index} has a start, but the mask leaves it alone"
                     )));
                 }
-                environment.robot().accepts(start)?;
+                self.groups[index / self.width].accepts(start)?;
             }
         }
         if let Some(seeds) = request.seeds {
             self.seed(seeds)?;
         }
         let rows = observations.chunks_exact_mut(OBSERVATION_LEN);
-        for (i, (environment, row)) in self.environments.iter_mut().zip(rows).enumerate() {
-            match start(i) {
-                Some(start) => environment.reset_to(start, row)?,
-                None if masked(i) => environment.reset(row),
-                None => environment.observe(row),
+        for (index, ((group, i), row)) in self.places().zip(rows).enumerate() {
+            if masked(index) {
+                self.groups[group].reset(i, start(index), row)?;
+            } else {
+                self.groups[group].observe(i, row);
             }
         }
         Ok(())
@@ -250,9 +270,9 @@ impl Batch {
     /// together are not truncated together.
     pub fn stagger(&mut self) {
         let n = self.len();
-        for (i, environment) in self.environments.iter_mut().enumerate() {
-            let steps = environment.config().max_episode_steps;
-            environment.shorten((steps as u128 * (i as u128 + 1) / n as u128) as usize);
+        let steps = self.config.max_episode_steps as u128;
+        for (index, (group, i)) in self.places().enumerate() {
+            self.groups[group].shorten(i, (steps * (index as u128 + 1) / n as u128) as usize);
         }
     }
 
@@ -263,18 +283,19 @@ impl Batch {
     /// [`Error::Inconsistent`] with [`Autoreset::Disabled`] where an episode is over. Nothing has moved then.
     pub fn step(&mut self, actions: &[f32], buffers: &mut StepBuffers<'_>) -> Result<()> {
         self.check_step(actions, buffers)?;
-        let autoreset = self.autoreset;
+        let (autoreset, width) = (self.autoreset, self.width);
         if self.workers.threads == 1 {
-            lanes(&mut self.environments, actions, buffers).for_each(|lane| lane.step(autoreset));
+            shares(&mut self.groups, width, actions, buffers).for_each(|(group, share)| group.step(autoreset, share));
         } else {
-            let environments = &mut self.environments;
+            let groups = &mut self.groups;
+            // A few shares a thread even out what falling robots cost; more would cost more than they even out.
+            let shortest = groups.len().div_ceil(SHARES_PER_THREAD * self.workers.threads);
             let pool = self.workers.pool()?;
-            pool.install(|| parallel_lanes(environments, actions, buffers).for_each(|lane| lane.step(autoreset)));
-        }
-        for (i, outcome) in buffers.outcomes.iter().enumerate() {
-            buffers.rewards[i] = outcome.reward as f32;
-            buffers.terminated[i] = outcome.terminated.is_some();
-            buffers.truncated[i] = outcome.truncated;
+            pool.install(|| {
+                parallel_shares(groups, width, actions, buffers)
+                    .with_min_len(shortest)
+                    .for_each(|(group, share)| group.step(autoreset, share));
+            });
         }
         Ok(())
     }
@@ -294,11 +315,11 @@ impl Batch {
                 limit: "finite".into(),
             });
         }
-        if self.autoreset == Autoreset::NextStep && !self.environments.iter().any(Environment::begun) {
+        if self.autoreset == Autoreset::NextStep && !self.places().any(|(group, i)| self.groups[group].begun(i)) {
             return Err(Error::Inconsistent("step before the first reset".into()));
         }
         if self.autoreset != Autoreset::NextStep
-            && let Some(i) = self.environments.iter().position(Environment::over)
+            && let Some(i) = self.places().position(|(group, i)| self.groups[group].over(i))
         {
             return Err(Error::Inconsistent(format!(
                 "the episode of environment {i} is over (or has not begun): reset it before it is stepped"
@@ -312,36 +333,50 @@ impl Batch {
     }
 }
 
-fn lanes<'a>(
-    environments: &'a mut [Environment],
+type Share<'a> = (&'a mut Box<dyn Group>, GroupBuffers<'a>);
+
+fn shares<'a>(
+    groups: &'a mut [Box<dyn Group>],
+    width: usize,
     actions: &'a [f32],
     buffers: &'a mut StepBuffers<'_>,
-) -> impl Iterator<Item = Lane<'a>> {
-    environments
+) -> impl Iterator<Item = Share<'a>> {
+    groups
         .iter_mut()
-        .zip(actions.chunks_exact(ACTION_LEN))
-        .zip(buffers.observations.chunks_exact_mut(OBSERVATION_LEN))
-        .zip(buffers.final_observations.chunks_exact_mut(OBSERVATION_LEN))
-        .zip(buffers.outcomes.iter_mut())
-        .map(lane)
+        .zip(actions.chunks(width * ACTION_LEN))
+        .zip(buffers.observations.chunks_mut(width * OBSERVATION_LEN))
+        .zip(buffers.final_observations.chunks_mut(width * OBSERVATION_LEN))
+        .zip(buffers.rewards.chunks_mut(width))
+        .zip(buffers.terminated.chunks_mut(width))
+        .zip(buffers.truncated.chunks_mut(width))
+        .zip(buffers.outcomes.chunks_mut(width))
+        .map(share)
 }
 
-fn parallel_lanes<'a>(
-    environments: &'a mut [Environment],
+fn parallel_shares<'a>(
+    groups: &'a mut [Box<dyn Group>],
+    width: usize,
     actions: &'a [f32],
     buffers: &'a mut StepBuffers<'_>,
-) -> impl ParallelIterator<Item = Lane<'a>> {
-    environments
+) -> impl IndexedParallelIterator<Item = Share<'a>> {
+    groups
         .par_iter_mut()
-        .zip(actions.par_chunks_exact(ACTION_LEN))
-        .zip(buffers.observations.par_chunks_exact_mut(OBSERVATION_LEN))
-        .zip(buffers.final_observations.par_chunks_exact_mut(OBSERVATION_LEN))
-        .zip(buffers.outcomes.par_iter_mut())
-        .map(lane)
+        .zip(actions.par_chunks(width * ACTION_LEN))
+        .zip(buffers.observations.par_chunks_mut(width * OBSERVATION_LEN))
+        .zip(buffers.final_observations.par_chunks_mut(width * OBSERVATION_LEN))
+        .zip(buffers.rewards.par_chunks_mut(width))
+        .zip(buffers.terminated.par_chunks_mut(width))
+        .zip(buffers.truncated.par_chunks_mut(width))
+        .zip(buffers.outcomes.par_chunks_mut(width))
+        .map(share)
 }
 
-type Zipped<'a> = ((((&'a mut Environment, &'a [f32]), &'a mut [f32]), &'a mut [f32]), &'a mut Outcome);
+type Pair<A, B> = (A, B);
+type Rows<'a> = Pair<Pair<Pair<&'a mut Box<dyn Group>, &'a [f32]>, &'a mut [f32]>, &'a mut [f32]>;
+type Flags<'a> = Pair<Pair<Pair<Pair<Rows<'a>, &'a mut [f32]>, &'a mut [bool]>, &'a mut [bool]>, &'a mut [Outcome]>;
 
-fn lane<'a>(((((environment, action), observation), final_observation), outcome): Zipped<'a>) -> Lane<'a> {
-    Lane { environment, action, observation, final_observation, outcome }
+fn share<'a>(zipped: Flags<'a>) -> Share<'a> {
+    let ((((rows, rewards), terminated), truncated), outcomes) = zipped;
+    let (((group, actions), observations), final_observations) = rows;
+    (group, GroupBuffers { actions, observations, final_observations, rewards, terminated, truncated, outcomes })
 }

@@ -1,14 +1,15 @@
 //! One environment: a robot, a task and a source of random numbers.
 
 use super::balance::{BalanceConfig, Termination};
-use super::observation::observe;
-use super::reward::{self, RewardTerms, Transition};
-use super::{ACTION_LEN, OBSERVATION_LEN};
+use super::judge::{Episode, Judge, Robot, Verdict};
+use super::reward::RewardTerms;
+use super::OBSERVATION_LEN;
 use crate::error::{Error, Result};
+use crate::lane_state::LaneState;
+use crate::lanes::Scalar;
 use crate::robot::Ballbot;
 use crate::snapshot;
 use crate::state::State;
-use nalgebra::Vector2;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
@@ -28,6 +29,17 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// From the numbers of a [`Verdict`].
+    pub(super) fn new(reward: f64, termination: f64, truncated: f64, success: f64) -> Self {
+        let terminated = match termination as u8 {
+            1 => Some(Termination::Tilt),
+            2 => Some(Termination::BotOnFloor),
+            3 => Some(Termination::Diverged),
+            _ => None,
+        };
+        Self { reward, terminated, truncated: truncated > 0.0, success: success > 0.0 }
+    }
+
     /// Whether the episode is over.
     pub fn done(&self) -> bool {
         self.terminated.is_some() || self.truncated
@@ -40,23 +52,22 @@ impl Outcome {
 pub struct Environment {
     config: BalanceConfig,
     substeps: usize,
-    success_steps: usize,
+    judge: Judge,
     robot: Ballbot,
     rng: ChaCha8Rng,
-    episode: Episode,
-    terms: RewardTerms,
+    episode: Episode<f64>,
+    over: bool,
+    verdict: Verdict<f64>,
 }
 
-/// What an episode remembers.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct Episode {
-    steps: usize,
-    /// The step at which this episode is truncated.
-    limit: usize,
-    last_action: [f32; ACTION_LEN],
-    /// Consecutive steps, up to now, within the bounds of success.
-    good_steps: usize,
-    over: bool,
+/// An environment but for its task.
+pub(super) struct Parts {
+    /// What [`crate::Model::save`] gives.
+    pub model: Vec<u8>,
+    pub rng: ChaCha8Rng,
+    pub episode: Episode<f64>,
+    pub over: bool,
+    pub verdict: Verdict<f64>,
 }
 
 /// Everything that the future depends on, encoded by [`Environment::save`].
@@ -65,8 +76,9 @@ struct Snapshot {
     robot: Vec<u8>,
     seed: [u8; 32],
     word: u128,
-    episode: Episode,
-    terms: RewardTerms,
+    episode: Episode<f64>,
+    over: bool,
+    verdict: Verdict<f64>,
 }
 
 impl Environment {
@@ -84,11 +96,12 @@ impl Environment {
         }
         Ok(Self {
             substeps: config.substeps()?,
-            success_steps: config.success_steps(),
+            judge: Judge::new(config),
             robot,
             rng: ChaCha8Rng::seed_from_u64(seed),
-            episode: Episode { over: true, ..Episode::default() },
-            terms: RewardTerms::default(),
+            episode: Episode::default(),
+            over: true,
+            verdict: Verdict::default(),
             config: config.clone(),
         })
     }
@@ -125,31 +138,32 @@ impl Environment {
 
     fn begin(&mut self, start: &State) -> Result<()> {
         self.robot.reset(start)?;
-        self.episode = Episode { limit: self.config.max_episode_steps, ..Episode::default() };
-        self.terms = RewardTerms::default();
+        self.episode = Episode { limit: self.config.max_episode_steps as f64, ..Episode::default() };
+        self.over = false;
+        self.verdict = Verdict::default();
         Ok(())
     }
 
     /// Ends the present episode after `steps` steps instead of the task's number.
     pub(super) fn shorten(&mut self, steps: usize) {
-        self.episode.limit = steps.clamp(1, self.config.max_episode_steps);
+        self.episode.limit = steps.clamp(1, self.config.max_episode_steps) as f64;
     }
 
     /// Whether the episode has ended, or none has begun.
     pub fn over(&self) -> bool {
-        self.episode.over
+        self.over
     }
 
     /// Whether there has been a reset at all.
     pub(super) fn begun(&self) -> bool {
-        !self.episode.over || self.episode.steps > 0
+        !self.over || self.episode.steps > 0.0
     }
 
     /// Applies an action for one control step and writes the observation that follows. Actions beyond ±1 are clipped;
     /// the caller has checked that they are finite and that the episode is not over.
     pub fn step(&mut self, action: &[f32], observation: &mut [f32]) -> Outcome {
-        let action = [0, 1, 2].map(|i| action[i].clamp(-1.0, 1.0));
-        let torques = action.map(|a| f64::from(a) * self.config.max_wheel_torque);
+        let action = [0, 1, 2].map(|i| f64::from(action[i]).clamp(-1.0, 1.0));
+        let torques = action.map(|a| a * self.config.max_wheel_torque);
         // Should an engine panic on a wild state, that state ends like any other that diverged.
         let robot = &mut self.robot;
         let substeps = self.substeps;
@@ -158,53 +172,17 @@ impl Environment {
             self.rebuild_robot();
         }
 
-        self.episode.steps += 1;
-        let state = self.robot.state();
-        let terminated = if intact { self.termination(&state) } else { Some(Termination::Diverged) };
-        let last_action = std::mem::replace(&mut self.episode.last_action, action);
-        let outcome = self.judge(&state, terminated, &last_action);
-        self.episode.over = outcome.done();
-        self.observe_at(&state, observation);
-        outcome
-    }
-
-    fn judge(&mut self, state: &State, terminated: Option<Termination>, last_action: &[f32; ACTION_LEN]) -> Outcome {
-        let setpoint = Vector2::from(self.config.setpoint);
-        let near = (state.ball_position.xy() - setpoint).norm() <= self.config.success_radius;
-        let good = terminated.is_none() && near && state.tilt() <= self.config.success_tilt;
-        self.episode.good_steps = if good { self.episode.good_steps + 1 } else { 0 };
-        let truncated = terminated.is_none() && self.episode.steps >= self.episode.limit;
-        let diverged = terminated == Some(Termination::Diverged);
-        self.terms = if diverged {
-            RewardTerms::default()
-        } else {
-            let transition = Transition {
-                state,
-                setpoint: &setpoint,
-                action: &self.episode.last_action,
-                last_action,
-                fallen: terminated.is_some(),
-            };
-            reward::terms(&self.config.reward, self.config.fall_tilt, self.config.success_radius, &transition)
+        let robot = Robot {
+            state: LaneState::from(&self.robot.state()),
+            healthy: intact && self.robot.healthy(),
+            on_floor: self.robot.bot_on_floor(),
         };
-        Outcome {
-            reward: self.terms.sum(),
-            terminated,
-            truncated,
-            success: terminated.is_none() && self.episode.good_steps >= self.success_steps,
-        }
-    }
-
-    fn termination(&self, state: &State) -> Option<Termination> {
-        if self.robot.diverged_at(state).is_some() {
-            Some(Termination::Diverged)
-        } else if state.tilt() > self.config.fall_tilt {
-            Some(Termination::Tilt)
-        } else if self.robot.bot_on_floor() {
-            Some(Termination::BotOnFloor)
-        } else {
-            None
-        }
+        self.judge.judge(Scalar, &robot, action, &mut self.episode, &mut self.verdict);
+        write_observation(&self.verdict.observation, observation);
+        let v = &self.verdict;
+        let outcome = Outcome::new(v.reward, v.termination, v.truncated, v.success);
+        self.over = outcome.done();
+        outcome
     }
 
     fn rebuild_robot(&mut self) {
@@ -219,17 +197,13 @@ impl Environment {
     /// # Panics
     /// If `observation` is not of length [`OBSERVATION_LEN`].
     pub fn observe(&self, observation: &mut [f32]) {
-        self.observe_at(&self.robot.state(), observation);
-    }
-
-    fn observe_at(&self, state: &State, observation: &mut [f32]) {
-        assert_eq!(observation.len(), OBSERVATION_LEN, "observation buffer");
-        observe(state, &self.config.setpoint.into(), &self.episode.last_action, observation);
+        let state = LaneState::from(&self.robot.state());
+        write_observation(&self.judge.observe(&state, &self.episode.last_action), observation);
     }
 
     /// The terms of the last step's reward.
     pub fn reward_terms(&self) -> RewardTerms {
-        self.terms
+        RewardTerms::from_values(self.verdict.terms)
     }
 
     /// The robot.
@@ -242,14 +216,35 @@ impl Environment {
         &mut self.robot
     }
 
+    pub(super) fn parts(&self) -> Parts {
+        Parts {
+            model: self.robot.save_model(),
+            rng: self.rng.clone(),
+            episode: self.episode.clone(),
+            over: self.over,
+            verdict: self.verdict.clone(),
+        }
+    }
+
+    /// # Panics
+    /// If the model is not of this environment's kind.
+    pub(super) fn set_parts(&mut self, parts: Parts) {
+        self.robot.load_model(&parts.model).expect("parts come from environments of the same task");
+        self.rng = parts.rng;
+        self.episode = parts.episode;
+        self.over = parts.over;
+        self.verdict = parts.verdict;
+    }
+
     /// Everything that the future depends on, as bytes for [`Environment::load`].
     pub fn save(&self) -> Vec<u8> {
         let snapshot = Snapshot {
             robot: self.robot.save(),
             seed: self.rng.get_seed(),
             word: self.rng.get_word_pos(),
-            episode: self.episode,
-            terms: self.terms,
+            episode: self.episode.clone(),
+            over: self.over,
+            verdict: self.verdict.clone(),
         };
         snapshot::encode(&snapshot)
     }
@@ -264,7 +259,19 @@ impl Environment {
         self.rng = ChaCha8Rng::from_seed(snapshot.seed);
         self.rng.set_word_pos(snapshot.word);
         self.episode = snapshot.episode;
-        self.terms = snapshot.terms;
+        self.over = snapshot.over;
+        self.verdict = snapshot.verdict;
         Ok(())
+    }
+}
+
+/// As float32.
+///
+/// # Panics
+/// If `row` is not of length [`OBSERVATION_LEN`].
+pub(super) fn write_observation(observation: &[f64; OBSERVATION_LEN], row: &mut [f32]) {
+    assert_eq!(row.len(), OBSERVATION_LEN, "observation buffer");
+    for (out, value) in row.iter_mut().zip(observation) {
+        *out = *value as f32;
     }
 }

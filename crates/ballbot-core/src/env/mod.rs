@@ -2,7 +2,10 @@
 
 mod balance;
 mod batch;
+mod block;
 mod environment;
+mod group;
+mod judge;
 mod observation;
 mod reward;
 

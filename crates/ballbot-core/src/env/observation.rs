@@ -1,8 +1,8 @@
 //! What the robot senses, as float32.
 
 use super::ACTION_LEN;
-use crate::state::State;
-use nalgebra::{Vector2, Vector3};
+use crate::lane_state::LaneState;
+use crate::lanes::{Lane, Quat};
 
 /// One number of the observation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,21 +43,58 @@ pub const OBSERVATION: [ObservationRow; OBSERVATION_LEN] = [
     row("last action, wheel 2", "", 1.0),
 ];
 
-/// Writes the observation of `state`, saturated at its bounds. A state that is not finite reads as zero: it ends its
-/// episode, and nothing that is not a number may reach a learner.
-pub(super) fn observe(state: &State, setpoint: &Vector2<f64>, last_action: &[f32; ACTION_LEN], out: &mut [f32]) {
-    let gravity = state.body_quaternion.inverse_transform_vector(&-Vector3::z());
-    let position = state.to_heading(state.ball_position.xy() - setpoint);
-    let velocity = state.to_heading(state.ball_velocity.xy());
-    let sensed = gravity
-        .iter()
-        .chain(state.body_angular_velocity.iter())
-        .chain(state.wheel_speeds.iter())
-        .chain(position.iter())
-        .chain(velocity.iter())
-        .map(|&v| v as f32)
-        .chain(last_action.iter().copied());
-    for ((value, row), out) in sensed.zip(&OBSERVATION).zip(out) {
-        *out = if value.is_nan() { 0.0 } else { value.clamp(-row.bound, row.bound) };
+/// The observation of `state`, saturated at its bounds. A number that is not one reads as zero: it ends its episode, and
+/// nothing of the kind may reach a learner.
+#[inline(always)]
+pub(super) fn observe<L: Lane>(
+    state: &LaneState<L>,
+    setpoint: &[f64; 2],
+    last_action: &[L; ACTION_LEN],
+) -> [L; OBSERVATION_LEN] {
+    let q = state.body_quaternion;
+    let up = q.rotation().rows[2];
+    let rate = state.body_angular_velocity;
+    let heading = Heading::new(q);
+    let position = heading.of(state.ball_position.x - setpoint[0], state.ball_position.y - setpoint[1]);
+    let velocity = heading.of(state.ball_velocity.x, state.ball_velocity.y);
+    let [w0, w1, w2] = state.wheel_speeds;
+    let [a0, a1, a2] = *last_action;
+    let mut sensed = [
+        -up.x, -up.y, -up.z, rate.x, rate.y, rate.z, w0, w1, w2, position[0], position[1], velocity[0], velocity[1], a0,
+        a1, a2,
+    ];
+    let zero = up.x.zero();
+    for (value, row) in sensed.iter_mut().zip(&OBSERVATION) {
+        let bound = zero.splat(f64::from(row.bound));
+        let number = value.le(*value);
+        *value = L::select(number, value.min(bound).max(-bound), zero);
+    }
+    sensed
+}
+
+/// Cosine and sine of the yaw.
+struct Heading<L> {
+    cos: L,
+    sin: L,
+}
+
+impl<L: Lane> Heading<L> {
+    /// The yaw is 2 atan2(z, w).
+    #[inline(always)]
+    fn new(q: Quat<L>) -> Self {
+        let (ww, zz) = (q.w.squared(), q.v.z.squared());
+        let norm = ww + zz;
+        // Upside down there is no yaw.
+        let turned = norm.zero().lt(norm);
+        let one = norm.splat(1.0);
+        let inverse = one / L::select(turned, norm, one);
+        let wz = q.w * q.v.z;
+        Self { cos: L::select(turned, (ww - zz) * inverse, one), sin: (wz + wz) * inverse }
+    }
+
+    /// A horizontal vector of the inertial frame, in the heading frame.
+    #[inline(always)]
+    fn of(&self, x: L, y: L) -> [L; 2] {
+        [self.cos.mul_add(x, self.sin * y), self.cos.mul_add(y, -(self.sin * x))]
     }
 }

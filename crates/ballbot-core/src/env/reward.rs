@@ -1,9 +1,7 @@
 //! The reward: named terms, each times its scale.
 
 use super::ACTION_LEN;
-use crate::state::State;
-use nalgebra::Vector2;
-use serde::{Deserialize, Serialize};
+use crate::lanes::{Lane, Vec3};
 
 /// Weight of each term; costs are subtracted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +29,7 @@ impl Default for RewardScales {
 }
 
 /// The terms of one step, scaled and signed: the reward is their sum.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RewardTerms {
     /// See [`RewardScales`], likewise for all fields.
     pub alive: f64,
@@ -58,6 +56,11 @@ impl RewardTerms {
         [self.alive, self.tilt, self.position, self.velocity, self.rate, self.action, self.action_change]
     }
 
+    /// From the terms in the order of [`RewardTerms::NAMES`].
+    pub(super) fn from_values([alive, tilt, position, velocity, rate, action, action_change]: [f64; 7]) -> Self {
+        Self { alive, tilt, position, velocity, rate, action, action_change }
+    }
+
     /// The reward.
     pub fn sum(&self) -> f64 {
         self.values().iter().sum()
@@ -65,32 +68,46 @@ impl RewardTerms {
 }
 
 /// What the reward of a step depends on.
-pub(super) struct Transition<'a> {
-    pub state: &'a State,
-    pub setpoint: &'a Vector2<f64>,
-    pub action: &'a [f32; ACTION_LEN],
-    pub last_action: &'a [f32; ACTION_LEN],
-    pub fallen: bool,
+pub(super) struct Transition<L: Lane> {
+    pub tilt: L,
+    /// From the setpoint.
+    pub distance_squared: L,
+    /// x, y.
+    pub ball_velocity: [L; 2],
+    pub body_rate: Vec3<L>,
+    pub action: [L; ACTION_LEN],
+    pub last_action: [L; ACTION_LEN],
+    pub fallen: L::Mask,
 }
 
-pub(super) fn terms(
+/// The terms in the order of [`RewardTerms::NAMES`].
+#[inline(always)]
+pub(super) fn terms<L: Lane>(
     scales: &RewardScales,
     fall_tilt: f64,
     success_radius: f64,
-    transition: &Transition<'_>,
-) -> RewardTerms {
-    let state = transition.state;
-    let distance = (state.ball_position.xy() - transition.setpoint).norm_squared();
-    let mean_square =
-        |values: [f32; ACTION_LEN]| values.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>() / ACTION_LEN as f64;
-    let change = [0, 1, 2].map(|i| transition.action[i] - transition.last_action[i]);
-    RewardTerms {
-        alive: if transition.fallen { 0.0 } else { scales.alive },
-        tilt: -scales.tilt * (state.tilt() / fall_tilt).powi(2).min(1.0),
-        position: -scales.position * distance / (distance + success_radius * success_radius),
-        velocity: -scales.velocity * state.ball_velocity.xy().norm_squared().min(1.0),
-        rate: -scales.rate * state.body_angular_velocity.norm_squared().min(100.0),
-        action: -scales.action * mean_square(*transition.action),
-        action_change: -scales.action_change * mean_square(change),
-    }
+    transition: &Transition<L>,
+) -> [L; RewardTerms::NAMES.len()] {
+    let zero = transition.tilt.zero();
+    let [vx, vy] = transition.ball_velocity;
+    let [a, b, c] = transition.action;
+    let [last_a, last_b, last_c] = transition.last_action;
+    let tilt = (transition.tilt / fall_tilt).squared().min(zero.splat(1.0));
+    let distance = transition.distance_squared;
+    let speed = vx.mul_add(vx, vy.squared()).min(zero.splat(1.0));
+    let rate = transition.body_rate.norm_squared().min(zero.splat(100.0));
+    [
+        L::select(transition.fallen, zero, zero.splat(scales.alive)),
+        tilt * -scales.tilt,
+        distance / (distance + success_radius * success_radius) * -scales.position,
+        speed * -scales.velocity,
+        rate * -scales.rate,
+        mean_square([a, b, c]) * -scales.action,
+        mean_square([a - last_a, b - last_b, c - last_c]) * -scales.action_change,
+    ]
+}
+
+#[inline(always)]
+fn mean_square<L: Lane>([a, b, c]: [L; ACTION_LEN]) -> L {
+    (a.squared() + b.squared() + c.squared()) / ACTION_LEN as f64
 }

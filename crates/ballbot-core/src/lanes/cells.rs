@@ -1,6 +1,7 @@
-//! Numbers of eight robots in memory.
+//! Numbers of eight robots in memory, and how those of one are taken out and put back.
 
 use serde::{Deserialize, Serialize};
+use std::slice;
 
 /// How many robots lie side by side.
 pub const EIGHT: usize = 8;
@@ -9,3 +10,70 @@ pub const EIGHT: usize = 8;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[repr(C, align(64))]
 pub struct Eight(pub [f64; EIGHT]);
+
+/// A number, or an array of them, as a slice of cells.
+pub trait AsCells<T> {
+    /// To read.
+    fn as_cells(&self) -> &[T];
+    /// To write.
+    fn as_cells_mut(&mut self) -> &mut [T];
+}
+
+impl<T> AsCells<T> for T {
+    fn as_cells(&self) -> &[T] {
+        slice::from_ref(self)
+    }
+    fn as_cells_mut(&mut self) -> &mut [T] {
+        slice::from_mut(self)
+    }
+}
+
+impl<T, const N: usize> AsCells<T> for [T; N] {
+    fn as_cells(&self) -> &[T] {
+        self
+    }
+    fn as_cells_mut(&mut self) -> &mut [T] {
+        self
+    }
+}
+
+/// Defines a struct of cells `T`: numbers of one robot (`f64`) or of eight ([`Eight`]), with the one taken from the eight.
+macro_rules! cells {
+    ($(#[$meta:meta])* pub struct $name:ident { $($(#[$doc:meta])* pub $field:ident: $type:ty,)* }) => {
+        $(#[$meta])*
+        pub struct $name<T> {
+            $($(#[$doc])* pub $field: $type,)*
+        }
+
+        impl $name<$crate::lanes::Eight> {
+            /// The numbers of one robot.
+            #[inline]
+            pub fn lane(&self, index: usize) -> $name<f64> {
+                use $crate::lanes::{AsCells, Eight};
+                let mut out = $name::<f64>::default();
+                $(
+                    let eights = AsCells::<Eight>::as_cells(&self.$field);
+                    let cells = AsCells::<f64>::as_cells_mut(&mut out.$field);
+                    for (cell, eight) in cells.iter_mut().zip(eights) {
+                        *cell = eight.0[index];
+                    }
+                )*
+                out
+            }
+
+            /// Replaces the numbers of one robot.
+            #[inline]
+            pub fn set_lane(&mut self, index: usize, one: &$name<f64>) {
+                use $crate::lanes::{AsCells, Eight};
+                $(
+                    let eights = AsCells::<Eight>::as_cells_mut(&mut self.$field);
+                    let cells = AsCells::<f64>::as_cells(&one.$field);
+                    for (eight, cell) in eights.iter_mut().zip(cells) {
+                        eight.0[index] = *cell;
+                    }
+                )*
+            }
+        }
+    };
+}
+pub(crate) use cells;

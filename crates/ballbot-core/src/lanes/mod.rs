@@ -5,12 +5,15 @@
 //! comes out for a robot depends neither on its neighbours nor on the processor's vector width.
 
 mod cells;
+mod dispatch;
 mod math;
 mod scalar;
 mod vec3;
 mod wide;
 
-pub use cells::{EIGHT, Eight};
+pub(crate) use cells::cells;
+pub use cells::{AsCells, EIGHT, Eight};
+pub use dispatch::{Kernel, run_eight, run_one};
 pub use math::{atan2_positive, exp_of_negative};
 pub use scalar::Scalar;
 pub use vec3::{Quat, Rotation, Vec3};

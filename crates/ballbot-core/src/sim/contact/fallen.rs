@@ -1,13 +1,14 @@
 //! Contacts that a balancing robot does not have: its bot against the floor, its ball against the body.
 //!
-//! They are rare, so they are left out of the rows and solved by sweeps of their own, in turns with the rows' sweeps, on
-//! the velocities themselves. Robots that have none of these contacts keep the impulses of the rows' own solution.
+//! They are rare, so they are left out of the rows and of the lanes: a robot that has one is stepped by itself, by sweeps
+//! over these contacts, on the velocities themselves, in turns with the rows' sweeps.
 
 use super::constants::Constants;
+use super::memory::{Memory, Torques};
 use super::rows::{PerRow, Rows, Velocities, allowance};
 use super::solve::{Delassus, Friction, JointFriction, in_disc};
-use super::step::Pose;
-use crate::lanes::{Lane, Rotation, Vec3};
+use super::step::{self, Start};
+use crate::lanes::{Lane, Rotation, Scalar, Vec3};
 
 /// Sweeps while such a contact is near; they start from nothing.
 const SWEEPS: usize = 20;
@@ -23,276 +24,250 @@ const OUT_OF_PLACE: f64 = 0.02;
 
 /// Robots that need the contacts of this module in this step.
 #[inline(always)]
-pub fn near<L: Lane>(
-    c: &Constants,
-    pose: &Pose<L>,
-    rotation: &Rotation<L>,
-    v: &Velocities<L>,
-    rows: &Rows<L>,
-) -> L::Mask {
+pub fn near<L: Lane>(c: &Constants, start: &Start<L>) -> L::Mask {
+    let (pose, v) = (&start.pose, &start.velocities);
     let zero = pose.ball.x.zero();
-    let up = rotation.rows[2];
-    let wheel = |i: usize| up.dot(Vec3::splat(zero, &c.wheel_centers[i]));
-    let wheels = wheel(0).min(wheel(1)).min(wheel(2)) - c.wheel_radius;
+    let up = start.rotation.rows[2];
+    let [a, b, d] = &c.wheel_centers;
+    let wheels = (up.dot(Vec3::splat(zero, a))).min(up.dot(Vec3::splat(zero, b))).min(up.dot(Vec3::splat(zero, d)));
     let rim = up.z.neg_mul_add(up.z, zero.splat(1.0)).max(zero).sqrt() * c.body_radius;
     let cylinder = (up.z * c.body_bottom).min(up.z * c.body_top) - rim;
-    let lowest = pose.body.z + wheels.min(cylinder);
-    let sum = |v: Vec3<L>| v.x.abs() + v.y.abs() + v.z.abs();
-    let covered = sum(v.body_rate).mul_add_all(c.reach, sum(v.body)) * c.sim_dt;
-    let offset = rows.ball_in_body + Vec3::splat(zero, &[0.0, 0.0, c.com_height]);
+    let lowest = pose.body.z + (wheels - c.wheel_radius).min(cylinder);
+    let (speed, rate) = (v.body, v.body_rate);
+    let fastest = (rate.x.abs() + rate.y.abs() + rate.z.abs())
+        .mul_add_all(c.reach, speed.x.abs() + speed.y.abs() + speed.z.abs());
+    let offset = start.rows.ball_in_body + Vec3::splat(zero, &[0.0, 0.0, c.com_height]);
     let limit = OUT_OF_PLACE * c.ball_radius;
-    lowest.lt(covered + NEAR) | zero.splat(limit * limit).lt(offset.norm_squared())
+    lowest.lt(fastest.mul_add_all(c.sim_dt, zero.splat(NEAR))) | zero.splat(limit * limit).lt(offset.norm_squared())
+}
+
+/// One step of a robot that [`near`] has named.
+#[inline(always)]
+pub fn step(c: &Constants, memory: &mut Memory<f64>, torques: &Torques<f64>) {
+    let start = Start::new(c, Scalar, memory);
+    let free = step::free_velocities(c, Scalar, memory, &start, torques);
+    let mut fallen = Fallen {
+        c,
+        rows: &start.rows,
+        delassus: Delassus::new::<true>(c, &start.rows),
+        friction: step::friction(c, &start.rows, &start.velocities),
+        joint_friction: JointFriction::load(c, Scalar, memory),
+        impulses: step::load_impulses(Scalar, memory),
+        free,
+    };
+    let on_floor = fallen.solve(&mut points(c, &start), &mut BallOnBody::new(c, &start));
+    let on_floor = if on_floor { 1.0 } else { 0.0 };
+    step::finish::<f64, true>(c, Scalar, memory, &start, (fallen.free, fallen.impulses), on_floor);
+}
+
+/// A robot's rows, and its velocities without their impulses but with those of the contacts of this module.
+struct Fallen<'a> {
+    c: &'a Constants,
+    rows: &'a Rows<f64>,
+    delassus: Delassus<f64>,
+    friction: Friction<f64>,
+    joint_friction: JointFriction<f64>,
+    impulses: PerRow<f64>,
+    free: Velocities<f64>,
+}
+
+impl Fallen<'_> {
+    /// Impulses of these contacts and of the rows, in turns; whether the bot touches the floor.
+    #[inline(always)]
+    fn solve(&mut self, points: &mut [Point; POINTS], ball: &mut BallOnBody) -> bool {
+        let c = self.c;
+        for _ in 0..SWEEPS {
+            let mut now = self.free;
+            self.rows.apply::<true>(c, &self.impulses, &mut now);
+            for point in points.iter_mut() {
+                point.sweep(c, self.friction.floor, [&mut now, &mut self.free]);
+            }
+            ball.sweep(c, [&mut now, &mut self.free]);
+            let mut residuals = self.rows.residuals(c, &now);
+            self.delassus.sweep::<true>(&self.friction, &self.joint_friction, &mut self.impulses, &mut residuals);
+        }
+        points.iter().any(|point| point.impulses[0] > 0.0 || point.gap <= 0.0)
+    }
 }
 
 /// A row of a point of the bot on the floor: what it measures of the bot's velocities.
 #[derive(Clone, Copy)]
-struct Row<L> {
+struct Row {
     /// Inertial frame.
-    direction: Vec3<L>,
+    direction: Vec3<f64>,
     /// Body frame.
-    arm: Vec3<L>,
-    /// Share of the wheel's spin, m.
-    spin: L,
+    arm: Vec3<f64>,
+    /// The wheel that the point is of, and the share of its spin, m.
+    spin: Option<(usize, f64)>,
     /// 1 / (what a unit impulse does to it).
-    inverse: L,
+    inverse: f64,
+}
+
+impl Row {
+    #[inline(always)]
+    fn new(c: &Constants, direction: Vec3<f64>, arm: Vec3<f64>, spin: Option<(usize, f64)>) -> Self {
+        let turning = arm.scaled_by(&c.body_inertia_inverse).dot(arm);
+        let spinning = spin.map_or(0.0, |(_, share)| share * share / c.wheel_inertia);
+        Self { direction, arm, spin, inverse: 1.0 / (c.body_mass_inverse + turning + spinning) }
+    }
+
+    /// Of a point fixed to the body, along an inertial axis.
+    #[inline(always)]
+    fn of_body(c: &Constants, rotation: &Rotation<f64>, arm: Vec3<f64>, axis: usize) -> Self {
+        Self::new(c, unit(axis), arm.cross(rotation.rows[axis]), None)
+    }
+
+    /// Of the lowest point of wheel `i`, which turns about its axle with its own spin, not the body's.
+    #[inline(always)]
+    fn of_wheel(c: &Constants, rotation: &Rotation<f64>, i: usize, axis: usize) -> Self {
+        let u = Vec3::splat(0.0, &c.u[i]);
+        let across = rotation.rows[2].cross(rotation.rows[axis]);
+        let along = across.dot(u);
+        let arm = vector(&c.wheel_centers[i]).cross(rotation.rows[axis]) - (across - u * along) * c.wheel_radius;
+        Self::new(c, unit(axis), arm, Some((i, along * c.wheel_radius)))
+    }
+
+    #[inline(always)]
+    fn speed(&self, v: &Velocities<f64>) -> f64 {
+        let spinning = self.spin.map_or(0.0, |(i, share)| share * v.spins[i]);
+        self.direction.dot(v.body) + self.arm.dot(v.body_rate) + spinning
+    }
+
+    #[inline(always)]
+    fn push(&self, c: &Constants, impulse: f64, v: &mut Velocities<f64>) {
+        v.body = v.body.plus(self.direction, impulse * c.body_mass_inverse);
+        v.body_rate += self.arm.scaled_by(&c.body_inertia_inverse) * impulse;
+        if let Some((i, share)) = self.spin {
+            v.spins[i] += share * impulse / c.wheel_inertia;
+        }
+    }
+}
+
+#[inline(always)]
+fn vector(values: &[f64; 3]) -> Vec3<f64> {
+    Vec3::splat(0.0, values)
+}
+
+/// The inertial axis 0 x, 1 y or 2 z.
+#[inline(always)]
+fn unit(axis: usize) -> Vec3<f64> {
+    let mut values = [0.0; 3];
+    values[axis] = 1.0;
+    vector(&values)
 }
 
 /// A point of the bot over the floor.
-#[derive(Clone, Copy)]
-struct Point<L> {
-    gap: L,
-    wheel: Option<usize>,
-    /// Normal, x, y.
-    rows: [Row<L>; 3],
+struct Point {
+    gap: f64,
+    /// Normal, x, y; likewise the impulses.
+    rows: [Row; 3],
+    impulses: [f64; 3],
 }
 
-/// The ball against the body's cylinder.
-struct BallOnBody<L> {
-    gap: L,
-    /// From the body to the ball, inertial frame.
-    normal: Vec3<L>,
-    arm: Vec3<L>,
-    inverse: L,
-}
+/// The inertial axes of a point's rows.
+const AXES: [usize; 3] = [2, 0, 1];
 
-pub struct Contacts<L> {
-    points: [Point<L>; POINTS],
-    ball: BallOnBody<L>,
-}
-
-/// What the sweeps found.
-pub struct Solved<L> {
-    pub impulses: PerRow<L>,
-    /// Velocities that the contacts of this module make, before the rows' impulses.
-    pub free: Velocities<L>,
-    /// 1 where the bot touches the floor, else 0.
-    pub on_floor: L,
-}
-
-impl<L: Lane> Contacts<L> {
-    #[inline(always)]
-    pub fn new(c: &Constants, pose: &Pose<L>, rotation: &Rotation<L>, rows: &Rows<L>) -> Self {
-        let like = pose.ball.x;
-        let height = |arm: Vec3<L>| pose.body.z + rotation.rows[2].dot(arm);
-        let wheel = |i: usize| {
-            let center = Vec3::splat(like, &c.wheel_centers[i]);
-            Point {
-                gap: height(center) - c.wheel_radius,
-                wheel: Some(i),
-                rows: [2, 0, 1].map(
-                    #[inline(always)]
-                    |axis| wheel_row(c, rotation, center, i, axis),
-                ),
-            }
-        };
-        let [east, north] = lowest_direction(rotation);
-        let rim = |end: f64, third: usize| {
-            let (sin, cos) = [(0.0, 1.0), (0.75_f64.sqrt(), -0.5), (-(0.75_f64.sqrt()), -0.5)][third];
-            let x = north.mul_add_all(-sin, east * cos) * c.body_radius;
-            let y = east.mul_add_all(sin, north * cos) * c.body_radius;
-            let arm = Vec3::new(x, y, like.splat(end));
-            Point {
-                gap: height(arm),
-                wheel: None,
-                rows: [2, 0, 1].map(
-                    #[inline(always)]
-                    |axis| body_row(c, rotation, arm, axis),
-                ),
-            }
-        };
-        let (bottom, top) = (c.body_bottom, c.body_top);
-        Self {
-            points: [
-                wheel(0),
-                wheel(1),
-                wheel(2),
-                rim(bottom, 0),
-                rim(bottom, 1),
-                rim(bottom, 2),
-                rim(top, 0),
-                rim(top, 1),
-                rim(top, 2),
-            ],
-            ball: BallOnBody::new(c, rotation, rows.ball_in_body),
+#[inline(always)]
+fn points(c: &Constants, start: &Start<f64>) -> [Point; POINTS] {
+    let rotation = &start.rotation;
+    let height = |arm: Vec3<f64>| start.pose.body.z + rotation.rows[2].dot(arm);
+    let wheel = |i: usize| Point {
+        gap: height(vector(&c.wheel_centers[i])) - c.wheel_radius,
+        rows: AXES.map(|axis| Row::of_wheel(c, rotation, i, axis)),
+        impulses: [0.0; 3],
+    };
+    let lowest = lowest_direction(rotation);
+    let rim = |end: f64, third: u32| {
+        let angle = lowest + std::f64::consts::TAU * f64::from(third) / 3.0;
+        let arm = Vec3::new(c.body_radius * angle.cos(), c.body_radius * angle.sin(), end);
+        Point {
+            gap: height(arm),
+            rows: AXES.map(|axis| Row::of_body(c, rotation, arm, axis)),
+            impulses: [0.0; 3],
         }
-    }
-
-    /// Impulses of these contacts and of the rows, in turns.
-    #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "everything that a step knows bears on it")]
-    pub fn solve<const JOINTS: bool>(
-        &self,
-        c: &Constants,
-        rows: &Rows<L>,
-        delassus: &Delassus<L>,
-        friction: &Friction<L>,
-        joint_friction: &JointFriction<L>,
-        free: &Velocities<L>,
-        mut impulses: PerRow<L>,
-    ) -> Solved<L> {
-        let zero = friction.floor.zero();
-        let mut free = *free;
-        let mut on_points = [[zero; 3]; POINTS];
-        let mut on_ball = zero;
-        for _ in 0..SWEEPS {
-            let mut now = free;
-            rows.apply::<JOINTS>(c, &impulses, &mut now);
-            for (point, total) in self.points.iter().zip(&mut on_points) {
-                point.sweep(c, friction.floor, total, [&mut now, &mut free]);
-            }
-            self.ball.sweep(c, &mut on_ball, [&mut now, &mut free]);
-            let mut residuals = rows.residuals(c, &now);
-            delassus.sweep::<JOINTS>(friction, joint_friction, &mut impulses, &mut residuals);
-        }
-        let mut touches = zero.lt(zero);
-        for (point, total) in self.points.iter().zip(&on_points) {
-            touches = touches | zero.lt(total[0]) | point.gap.le(zero);
-        }
-        Solved { impulses, free, on_floor: L::select(touches, zero.splat(1.0), zero) }
-    }
+    };
+    std::array::from_fn(|k| match k {
+        0..3 => wheel(k),
+        3..6 => rim(c.body_bottom, k as u32 - 3),
+        _ => rim(c.body_top, k as u32 - 6),
+    })
 }
 
-impl<L: Lane> Point<L> {
+/// Where, seen along the mast, down is: an azimuth in the body frame; 0 where the mast is vertical.
+#[inline(always)]
+fn lowest_direction(rotation: &Rotation<f64>) -> f64 {
+    let up = rotation.rows[2];
+    if up.x.hypot(up.y) < 1e-6 { 0.0 } else { (-up.y).atan2(-up.x) }
+}
+
+impl Point {
     /// Improves the impulses of this point and changes both sets of velocities by them.
     #[inline(always)]
-    fn sweep(&self, c: &Constants, friction: L, total: &mut [L; 3], velocities: [&mut Velocities<L>; 2]) {
+    fn sweep(&mut self, c: &Constants, friction: f64, velocities: [&mut Velocities<f64>; 2]) {
         let [now, free] = velocities;
         let [normal, x, y] = &self.rows;
-        let approach = normal.speed(now, self.wheel) + allowance(c, self.gap);
-        let new = approach.neg_mul_add(normal.inverse, total[0]).max(approach.zero());
+        let approach = normal.speed(now) + allowance(c, self.gap);
+        let pressed = (self.impulses[0] - approach * normal.inverse).max(0.0);
         for v in [&mut *now, &mut *free] {
-            normal.push(c, new - total[0], v, self.wheel);
+            normal.push(c, pressed - self.impulses[0], v);
         }
-        total[0] = new;
-        let stick = |row: &Row<L>, old: L, now: &Velocities<L>| row.speed(now, self.wheel).neg_mul_add(row.inverse, old);
-        let held = in_disc([stick(x, total[1], now), stick(y, total[2], now)], friction * new);
+        let stick = [
+            self.impulses[1] - x.speed(now) * x.inverse,
+            self.impulses[2] - y.speed(now) * y.inverse,
+        ];
+        let held = in_disc(stick, friction * pressed);
         for v in [now, free] {
-            x.push(c, held[0] - total[1], v, self.wheel);
-            y.push(c, held[1] - total[2], v, self.wheel);
+            x.push(c, held[0] - self.impulses[1], v);
+            y.push(c, held[1] - self.impulses[2], v);
         }
-        [total[1], total[2]] = held;
+        self.impulses = [pressed, held[0], held[1]];
     }
 }
 
-impl<L: Lane> Row<L> {
+/// The ball against the body's cylinder, without friction.
+struct BallOnBody {
+    gap: f64,
+    /// From the body to the ball, inertial frame.
+    normal: Vec3<f64>,
+    /// Body frame.
+    arm: Vec3<f64>,
+    inverse: f64,
+    impulse: f64,
+}
+
+impl BallOnBody {
     #[inline(always)]
-    fn speed(&self, v: &Velocities<L>, wheel: Option<usize>) -> L {
-        let body = self.direction.dot(v.body) + self.arm.dot(v.body_rate);
-        wheel.map_or(body, |i| self.spin.mul_add(v.spins[i], body))
-    }
-
-    #[inline(always)]
-    fn push(&self, c: &Constants, impulse: L, v: &mut Velocities<L>, wheel: Option<usize>) {
-        v.body = v.body.plus(self.direction, impulse * c.body_mass_inverse);
-        v.body_rate += self.arm.scaled_by(&c.body_inertia_inverse) * impulse;
-        if let Some(i) = wheel {
-            v.spins[i] = self.spin.mul_add(impulse * c.wheel_inertia.recip(), v.spins[i]);
-        }
-    }
-}
-
-/// The inertial axis `axis` (0 x, 1 y, 2 z).
-#[inline(always)]
-fn axis_vector<L: Lane>(like: L, axis: usize) -> Vec3<L> {
-    let mut unit = [0.0; 3];
-    unit[axis] = 1.0;
-    Vec3::splat(like, &unit)
-}
-
-#[inline(always)]
-fn body_row<L: Lane>(c: &Constants, rotation: &Rotation<L>, arm: Vec3<L>, axis: usize) -> Row<L> {
-    let zero = arm.x.zero();
-    let direction = axis_vector(zero, axis);
-    row(c, direction, arm.cross(rotation.rows[axis]), zero)
-}
-
-/// Row of the lowest point of wheel `i`, which turns about its axle with its own spin, not the body's.
-#[inline(always)]
-fn wheel_row<L: Lane>(c: &Constants, rotation: &Rotation<L>, center: Vec3<L>, i: usize, axis: usize) -> Row<L> {
-    let like = center.x;
-    let u = Vec3::splat(like, &c.u[i]);
-    let across = rotation.rows[2].cross(rotation.rows[axis]);
-    let along = across.dot(u);
-    let arm = center.cross(rotation.rows[axis]) - (across - u * along) * like.splat(c.wheel_radius);
-    row(c, axis_vector(like, axis), arm, along * c.wheel_radius)
-}
-
-#[inline(always)]
-fn row<L: Lane>(c: &Constants, direction: Vec3<L>, arm: Vec3<L>, spin: L) -> Row<L> {
-    let turning = arm.scaled_by(&c.body_inertia_inverse).dot(arm);
-    let effect = spin.squared().mul_add_all(c.wheel_inertia.recip(), turning) + c.body_mass_inverse;
-    Row { direction, arm, spin, inverse: spin.splat(1.0) / effect }
-}
-
-/// Where, seen along the mast, down is: a unit vector of the body's xy plane; x where the mast is vertical.
-#[inline(always)]
-fn lowest_direction<L: Lane>(rotation: &Rotation<L>) -> [L; 2] {
-    let up = rotation.rows[2];
-    let squared = up.x.mul_add(up.x, up.y.squared());
-    let vertical = squared.lt(squared.splat(1e-12));
-    let one = squared.splat(1.0);
-    let inverse = one / L::select(vertical, one, squared).sqrt();
-    [L::select(vertical, one, -up.x * inverse), L::select(vertical, squared.zero(), -up.y * inverse)]
-}
-
-impl<L: Lane> BallOnBody<L> {
-    #[inline(always)]
-    fn new(c: &Constants, rotation: &Rotation<L>, ball: Vec3<L>) -> Self {
-        let zero = ball.x.zero();
-        let one = zero.splat(1.0);
-        let radial = ball.x.mul_add(ball.x, ball.y.squared()).sqrt();
-        let within = radial.min(zero.splat(c.body_radius));
-        let share = within / radial.max(zero.splat(f64::MIN_POSITIVE));
-        let (bottom, top) = (zero.splat(c.body_bottom), zero.splat(c.body_top));
-        let nearest = Vec3::new(ball.x * share, ball.y * share, ball.z.max(bottom).min(top));
+    fn new(c: &Constants, start: &Start<f64>) -> Self {
+        let ball = start.rows.ball_in_body;
+        let radial = ball.x.hypot(ball.y);
+        let share = if radial > c.body_radius { c.body_radius / radial } else { 1.0 };
+        let nearest = Vec3::new(ball.x * share, ball.y * share, ball.z.clamp(c.body_bottom, c.body_top));
         let offset = ball - nearest;
         let distance = offset.norm_squared().sqrt();
         // A centre inside the cylinder leaves by its lower end, where it came from.
-        let inside = distance.le(zero);
-        let down = Vec3::splat(zero, &[0.0, 0.0, -1.0]);
-        let normal = Vec3::select(inside, down, offset * (one / L::select(inside, one, distance)));
+        let normal = if distance > 0.0 { offset * distance.recip() } else { -unit(2) };
         let arm = normal.cross(nearest);
         let turning = arm.scaled_by(&c.body_inertia_inverse).dot(arm);
         Self {
             gap: distance - c.ball_radius,
-            normal: rotation.apply(normal),
+            normal: start.rotation.apply(normal),
             arm,
-            inverse: one / (turning + (c.body_mass_inverse + c.ball_mass_inverse)),
+            inverse: 1.0 / (turning + c.body_mass_inverse + c.ball_mass_inverse),
+            impulse: 0.0,
         }
     }
 
     #[inline(always)]
-    fn sweep(&self, c: &Constants, total: &mut L, velocities: [&mut Velocities<L>; 2]) {
+    fn sweep(&mut self, c: &Constants, velocities: [&mut Velocities<f64>; 2]) {
         let [now, free] = velocities;
-        let approach =
-            self.normal.dot(now.ball - now.body) + self.arm.dot(now.body_rate) + allowance(c, self.gap);
-        let new = approach.neg_mul_add(self.inverse, *total).max(approach.zero());
-        let change = new - *total;
+        let opening = self.normal.dot(now.ball - now.body) + self.arm.dot(now.body_rate);
+        let pressed = (self.impulse - (opening + allowance(c, self.gap)) * self.inverse).max(0.0);
+        let change = pressed - self.impulse;
         for v in [now, free] {
             v.ball = v.ball.plus(self.normal, change * c.ball_mass_inverse);
-            v.body = v.body.plus(self.normal, change * -c.body_mass_inverse);
+            v.body = v.body.plus(self.normal, -change * c.body_mass_inverse);
             v.body_rate += self.arm.scaled_by(&c.body_inertia_inverse) * change;
         }
-        *total = new;
+        self.impulse = pressed;
     }
 }

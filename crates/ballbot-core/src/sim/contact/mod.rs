@@ -15,6 +15,6 @@ mod solve;
 mod step;
 
 pub use constants::Constants;
-pub use memory::{Memory, Torques};
+pub use memory::Memory;
 pub use motion::ContactMotion;
-pub use step::{advance, advance_eight};
+pub use step::{advance, advance_wide};

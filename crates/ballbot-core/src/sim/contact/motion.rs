@@ -6,6 +6,7 @@ use super::step::advance;
 use crate::energy::mechanical_energy;
 use crate::error::Result;
 use crate::kinematics::Omniwheels;
+use crate::lanes::Scalar;
 use crate::model::{JointDynamics, Model};
 use crate::params::Params;
 use crate::sim::shape::require_above_floor;
@@ -23,7 +24,6 @@ pub struct ContactMotion {
     wheels: Omniwheels,
     constants: Arc<Constants>,
     memory: Memory<f64>,
-    steps: u64,
 }
 
 impl ContactMotion {
@@ -33,7 +33,6 @@ impl ContactMotion {
             wheels: Omniwheels::new(params),
             constants: Arc::new(Constants::new(params, sim_dt)),
             memory: Memory::default(),
-            steps: 0,
             params: Arc::new(params.clone()),
         };
         motion.set_joint_dynamics(JointDynamics::of(params));
@@ -41,7 +40,23 @@ impl ContactMotion {
         motion
     }
 
-    fn place(&mut self, state: &State) {
+    /// Constants of its robot and time step.
+    pub fn constants(&self) -> &Arc<Constants> {
+        &self.constants
+    }
+
+    /// What it carries from one step to the next.
+    pub fn memory(&self) -> &Memory<f64> {
+        &self.memory
+    }
+
+    /// What it carries from one step to the next, to replace it.
+    pub fn memory_mut(&mut self) -> &mut Memory<f64> {
+        &mut self.memory
+    }
+
+    /// [`Model::reset`] to a state that has been accepted.
+    pub fn place(&mut self, state: &State) {
         let c = &self.constants;
         let com = Vector3::z() * c.com_height;
         let rate = state.body_angular_velocity;
@@ -64,7 +79,6 @@ impl ContactMotion {
             joint_coulomb_friction: old.joint_coulomb_friction,
             ..Memory::default()
         };
-        self.steps = 0;
         let floor_gap = state.ball_position.z - c.ball_radius;
         let load = c.static_wheel_load * c.sim_dt;
         let touches = |i: usize| {
@@ -119,37 +133,20 @@ impl Model for ContactMotion {
 
     fn step(&mut self, wheel_torques: &[f64; 3]) {
         advance(&self.constants, &mut self.memory, wheel_torques, 1);
-        self.steps += 1;
     }
 
     fn time(&self) -> f64 {
-        self.steps as f64 * self.constants.sim_dt
+        self.memory.steps * self.constants.sim_dt
     }
 
     fn state(&self) -> State {
-        let m = &self.memory;
-        let body = self.body_rotation();
-        let com = Vector3::z() * self.constants.com_height;
-        let rate = Vector3::from(m.body_rate);
-        let speeds = Vector3::from(m.wheel_spins) + self.wheels.u * rate;
-        State {
-            ball_position: m.ball_position.into(),
-            ball_quaternion: rotation(m.ball_quaternion),
-            ball_velocity: m.ball_velocity.into(),
-            ball_angular_velocity: m.ball_rate.into(),
-            body_position: Vector3::from(m.body_position) - body * com,
-            body_quaternion: body,
-            body_velocity: Vector3::from(m.body_velocity) - body * rate.cross(&com),
-            body_angular_velocity: rate,
-            wheel_angles: m.wheel_angles,
-            wheel_speeds: speeds.into(),
-        }
+        self.memory.state::<f64>(Scalar, self.constants.com_height, &self.constants.u).into()
     }
 
     fn contacts(&self) -> Contacts {
         let m = &self.memory;
         // Before the first step the impulses are only where its sweeps start.
-        let per_second = if self.steps > 0 { self.constants.sim_dt.recip() } else { 0.0 };
+        let per_second = if m.steps > 0.0 { self.constants.sim_dt.recip() } else { 0.0 };
         let [z, x, y] = m.floor_impulse;
         let r = self.constants.ball_radius;
         Contacts {
@@ -207,11 +204,11 @@ impl Model for ContactMotion {
     }
 
     fn save(&self) -> Vec<u8> {
-        snapshot::encode(&(self.steps, &self.memory))
+        snapshot::encode(&self.memory)
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        (self.steps, self.memory) = snapshot::decode("snapshot of a contact model", bytes)?;
+        self.memory = snapshot::decode("snapshot of a contact model", bytes)?;
         Ok(())
     }
 }

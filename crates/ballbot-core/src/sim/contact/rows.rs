@@ -54,16 +54,11 @@ impl<L: Lane> Rows<L> {
     pub fn new(c: &Constants, rotation: &Rotation<L>, ball: Vec3<L>, body: Vec3<L>) -> Self {
         let like = ball.x;
         let ball_in_body = rotation.apply_transposed(ball - body);
-        let wheel = |i: usize| Wheel::new(c, i, ball_in_body);
-        let [a, b, d] = [wheel(0), wheel(1), wheel(2)];
-        let normals = [a.normal, b.normal, d.normal].map(
-            #[inline(always)]
-            |v| rotation.apply(v),
-        );
-        let drives = [a.drive, b.drive, d.drive].map(
-            #[inline(always)]
-            |v| rotation.apply(v),
-        );
+        let a = Wheel::new(c, 0, ball_in_body);
+        let b = Wheel::new(c, 1, ball_in_body);
+        let d = Wheel::new(c, 2, ball_in_body);
+        let normals = [rotation.apply(a.normal), rotation.apply(b.normal), rotation.apply(d.normal)];
+        let drives = [rotation.apply(a.drive), rotation.apply(b.drive), rotation.apply(d.drive)];
         Self {
             gaps: [a.gap, b.gap, d.gap],
             floor_gap: ball.z - like.splat(c.ball_radius),
@@ -94,20 +89,21 @@ impl<L: Lane> Rows<L> {
         ]
     }
 
+    #[inline(always)]
+    fn approach(&self, c: &Constants, v: &Velocities<L>, i: usize) -> L {
+        let speed = self.normals[i].dot(v.body - v.ball) + self.normal_arms[i].dot(v.body_rate);
+        speed + allowance(c, self.gaps[i])
+    }
+
     /// What the impulses are to bring to zero: slip, and approach that is faster than the gap allows.
     #[inline(always)]
     pub fn residuals(&self, c: &Constants, v: &Velocities<L>) -> PerRow<L> {
-        let approach = |i: usize| {
-            let speed = self.normals[i].dot(v.body - v.ball) + self.normal_arms[i].dot(v.body_rate);
-            speed + allowance(c, self.gaps[i])
-        };
         let [x, y] = self.floor_slip(c, v);
-        let joint = |i: usize| Vec3::splat(v.ball.x, &c.u[i]).dot(v.body_rate) + v.spins[i];
         PerRow {
             floor: [v.ball.z + allowance(c, self.floor_gap), x, y],
-            normals: [approach(0), approach(1), approach(2)],
+            normals: [self.approach(c, v, 0), self.approach(c, v, 1), self.approach(c, v, 2)],
             drives: [self.slip_speed(c, v, 0), self.slip_speed(c, v, 1), self.slip_speed(c, v, 2)],
-            joints: [joint(0), joint(1), joint(2)],
+            joints: [encoder_rate(c, v, 0), encoder_rate(c, v, 1), encoder_rate(c, v, 2)],
         }
     }
 
@@ -144,6 +140,12 @@ impl<L: Lane> Rows<L> {
 pub fn allowance<L: Lane>(c: &Constants, gap: L) -> L {
     let rate = L::select(gap.zero().lt(gap), gap.splat(c.sim_dt.recip()), gap.splat(c.recovery));
     gap * rate
+}
+
+/// Rate of wheel `i` against the body.
+#[inline(always)]
+pub fn encoder_rate<L: Lane>(c: &Constants, v: &Velocities<L>, i: usize) -> L {
+    Vec3::splat(v.ball.x, &c.u[i]).dot(v.body_rate) + v.spins[i]
 }
 
 /// One wheel on the ball, in the body frame.

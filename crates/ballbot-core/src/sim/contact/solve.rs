@@ -1,6 +1,7 @@
 //! Impulses of the rows by projected Gauss-Seidel on their Delassus matrix.
 
 use super::constants::Constants;
+use super::memory::Memory;
 use super::rows::{PerRow, Rows};
 use crate::lanes::{Lane, Vec3};
 
@@ -21,6 +22,23 @@ pub struct JointFriction<L> {
     pub dry: L,
     /// Viscous impulse for each rad/s.
     pub viscous: L,
+}
+
+impl<L: Lane> JointFriction<L> {
+    #[inline(always)]
+    pub fn load(c: &Constants, token: L::Token, memory: &Memory<L::Cell>) -> Self {
+        Self {
+            dry: L::load(token, &memory.joint_coulomb_friction) * c.sim_dt,
+            viscous: L::load(token, &memory.joint_viscous_friction) * c.sim_dt,
+        }
+    }
+
+    /// Whether any robot has any.
+    #[inline(always)]
+    pub fn any(&self) -> bool {
+        let zero = self.dry.zero();
+        L::any(zero.lt(self.dry) | zero.lt(self.viscous))
+    }
 }
 
 /// What an impulse of one row does to the velocity of another: the upper triangle in blocks of three.
@@ -50,12 +68,11 @@ impl<L: Lane> Delassus<L> {
         let one = zero.splat(1.0);
         let linear = c.body_mass_inverse + c.ball_mass_inverse;
         let spin = c.wheel_turning;
-        let turned = |arm: Vec3<L>| arm.scaled_by(&c.body_inertia_inverse);
 
         let (mut nn, mut nd, mut dd) = (none, none, none);
         for i in 0..3 {
-            let normal = turned(rows.normal_arms[i]);
-            let drive = turned(rows.drive_arms[i]);
+            let normal = rows.normal_arms[i].scaled_by(&c.body_inertia_inverse);
+            let drive = rows.drive_arms[i].scaled_by(&c.body_inertia_inverse);
             nn[i][i] = normal.dot(rows.normal_arms[i]) + linear;
             nd[i][i] = normal.dot(rows.drive_arms[i]);
             let own_spin = rows.spin_shares[i].squared() * spin;
@@ -89,7 +106,7 @@ impl<L: Lane> Delassus<L> {
         let (mut jn, mut jd, mut jj) = (none, none, none);
         if JOINTS {
             for i in 0..3 {
-                let u = turned(Vec3::splat(zero, &c.u[i]));
+                let u = Vec3::splat(zero, &c.u[i]).scaled_by(&c.body_inertia_inverse);
                 for j in 0..3 {
                     jn[i][j] = u.dot(rows.normal_arms[j]);
                     jd[i][j] = u.dot(rows.drive_arms[j]);

@@ -1,0 +1,138 @@
+//! [`State`] of one robot or of eight, for computations that are written over lanes.
+
+use crate::lanes::{Lane, Quat, Vec3};
+use crate::state::State;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+/// The fields of [`State`].
+pub struct LaneState<L> {
+    pub ball_position: Vec3<L>,
+    pub ball_quaternion: Quat<L>,
+    pub ball_velocity: Vec3<L>,
+    pub ball_angular_velocity: Vec3<L>,
+    pub body_position: Vec3<L>,
+    pub body_quaternion: Quat<L>,
+    pub body_velocity: Vec3<L>,
+    pub body_angular_velocity: Vec3<L>,
+    pub wheel_angles: [L; 3],
+    pub wheel_speeds: [L; 3],
+}
+
+/// Where numbers stop to mean anything: a quantity, its limit and its unit.
+pub type Bound = (&'static str, f64, &'static str);
+
+/// Speeds and rates above which numbers mean nothing any more, m/s and rad/s.
+const MAX_SPEED: f64 = 100.0;
+pub const MAX_RATE: f64 = 1e4;
+/// Distance from the origin likewise, m.
+const MAX_POSITION: f64 = 1e4;
+
+/// The bounds of a simulated state, in the order of [`LaneState::bounded`].
+pub const BOUNDS: [Bound; 8] = [
+    ("distance of the ball from the origin", MAX_POSITION, "m"),
+    ("ball speed", MAX_SPEED, "m/s"),
+    ("ball rate", MAX_RATE, "rad/s"),
+    ("distance of the body from the origin", MAX_POSITION, "m"),
+    ("body speed", MAX_SPEED, "m/s"),
+    ("body rate", MAX_RATE, "rad/s"),
+    ("wheel speed", MAX_RATE, "rad/s"),
+    ("length of the body quaternion", 2.0, ""),
+];
+
+impl<L: Lane> LaneState<L> {
+    /// Squares of the quantities that [`BOUNDS`] bound.
+    #[inline(always)]
+    fn bounded(&self) -> [L; 8] {
+        let [a, b, c] = self.wheel_speeds;
+        let q = self.body_quaternion;
+        [
+            self.ball_position.norm_squared(),
+            self.ball_velocity.norm_squared(),
+            self.ball_angular_velocity.norm_squared(),
+            self.body_position.norm_squared(),
+            self.body_velocity.norm_squared(),
+            self.body_angular_velocity.norm_squared(),
+            // A maximum would let a NaN pass.
+            L::select(
+                (a.le(a)) & (b.le(b)) & (c.le(c)),
+                a.squared().max(b.squared()).max(c.squared()),
+                a + b + c,
+            ),
+            q.w.mul_add(q.w, q.v.norm_squared()),
+        ]
+    }
+
+    /// Which robots are within the bounds; those that are not have diverged.
+    #[inline(always)]
+    pub fn within_bounds(&self) -> L::Mask {
+        let squares = self.bounded();
+        let mut within = squares[0].le(squares[0].splat(BOUNDS[0].1 * BOUNDS[0].1));
+        for i in 1..BOUNDS.len() {
+            within = within & squares[i].le(squares[i].splat(BOUNDS[i].1 * BOUNDS[i].1));
+        }
+        within
+    }
+}
+
+impl LaneState<f64> {
+    /// The first bound that the state breaks, NaN included.
+    pub fn out_of_bounds(&self) -> Option<String> {
+        if self.within_bounds() {
+            return None;
+        }
+        let broken = self.bounded().into_iter().zip(BOUNDS).find(|(square, (_, limit, _))| !(*square <= limit * limit));
+        broken.map(|(square, (name, limit, unit))| format!("{name} = {} {unit}, limit {limit} {unit}", square.sqrt()))
+    }
+}
+
+impl From<&State> for LaneState<f64> {
+    #[inline]
+    fn from(state: &State) -> Self {
+        Self {
+            ball_position: vec3(&state.ball_position),
+            ball_quaternion: quat(&state.ball_quaternion),
+            ball_velocity: vec3(&state.ball_velocity),
+            ball_angular_velocity: vec3(&state.ball_angular_velocity),
+            body_position: vec3(&state.body_position),
+            body_quaternion: quat(&state.body_quaternion),
+            body_velocity: vec3(&state.body_velocity),
+            body_angular_velocity: vec3(&state.body_angular_velocity),
+            wheel_angles: state.wheel_angles,
+            wheel_speeds: state.wheel_speeds,
+        }
+    }
+}
+
+impl From<LaneState<f64>> for State {
+    #[inline]
+    fn from(state: LaneState<f64>) -> Self {
+        Self {
+            ball_position: vector(state.ball_position),
+            ball_quaternion: quaternion(state.ball_quaternion),
+            ball_velocity: vector(state.ball_velocity),
+            ball_angular_velocity: vector(state.ball_angular_velocity),
+            body_position: vector(state.body_position),
+            body_quaternion: quaternion(state.body_quaternion),
+            body_velocity: vector(state.body_velocity),
+            body_angular_velocity: vector(state.body_angular_velocity),
+            wheel_angles: state.wheel_angles,
+            wheel_speeds: state.wheel_speeds,
+        }
+    }
+}
+
+fn vec3(v: &Vector3<f64>) -> Vec3<f64> {
+    Vec3::new(v.x, v.y, v.z)
+}
+
+fn quat(q: &UnitQuaternion<f64>) -> Quat<f64> {
+    Quat { w: q.w, v: Vec3::new(q.i, q.j, q.k) }
+}
+
+fn vector(v: Vec3<f64>) -> Vector3<f64> {
+    Vector3::new(v.x, v.y, v.z)
+}
+
+fn quaternion(q: Quat<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::new_unchecked(Quaternion::new(q.w, q.v.x, q.v.y, q.v.z))
+}
