@@ -233,7 +233,7 @@ class TestTorqueMaps:
 
 
 class TestControllers:
-    @pytest.mark.parametrize("model", ["rigid", "spatial", "planar"])
+    @pytest.mark.parametrize("model", ["rigid", "contact", "spatial", "planar"])
     @pytest.mark.parametrize("make", [lambda: Pid(control_dt=0.002), lambda: Lqr(control_dt=0.002)])
     def test_they_balance(self, model, make):
         robot, controller = Ballbot(model=model, sim_dt=0.002), make()

@@ -8,7 +8,7 @@ import pytest
 
 from ballbot_rs import Ballbot, DivergedError, Lqr, Params, State
 
-MODELS = ["rigid", "spatial", "planar"]
+MODELS = ["rigid", "contact", "spatial", "planar"]
 TORQUES = (0.05, -0.02, 0.01)
 
 

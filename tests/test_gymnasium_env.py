@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 from ballbot_rs import BalanceEnv, Params, State
 from ballbot_rs.registration import BALANCE, REWARD_THRESHOLD
 
-MODELS = ["rigid", "spatial", "planar"]
+MODELS = ["rigid", "contact", "spatial", "planar"]
 ZERO = np.zeros(3, dtype=np.float32)
 
 

@@ -81,6 +81,25 @@ def test_equals_a_dummy_vec_env_of_single_environments():
     assert reasons == {"tilt", "truncated"}
 
 
+def test_an_info_that_is_held_or_written_into_does_not_come_back():
+    env = BallbotVecEnv(num_envs=4, model="contact", seed=0)
+    env.reset()
+    actions = np.zeros((4, 3), dtype=np.float32)
+    held, alias = [], None
+    for step in range(12):
+        *_, infos = env.step(actions)
+        assert infos == [{}] * 4
+        assert len({id(info) for info in infos}) == 4
+        assert not {id(info) for info in infos} & {id(info) for info in held}
+        if alias is not None:
+            assert infos[1] is not alias
+            assert alias == {"mine": step - 1}
+        held.append(infos[0])
+        infos[1]["mine"] = step
+        infos[2]["nobody holds it"] = step
+        alias = infos[1]
+
+
 def test_arrays_and_infos_are_never_reused():
     env = BallbotVecEnv(num_envs=2, seed=0, max_episode_steps=4)
     arrays, copies, infos = [env.reset()], [], []

@@ -65,7 +65,7 @@ def test_equals_gymnasiums_own_vectorisation(mode):
 
 
 @pytest.mark.parametrize("num_threads", [1, 2])
-@pytest.mark.parametrize("model", ["rigid", "spatial"])
+@pytest.mark.parametrize("model", ["rigid", "contact", "spatial"])
 def test_each_environment_equals_a_single_one(num_threads, model):
     n, seed, steps = 5, 40, 130
     options = {"model": model, "max_episode_steps": 60}

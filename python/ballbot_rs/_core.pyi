@@ -34,7 +34,7 @@ MODELS: list[str]
 OBSERVATION: list[tuple[str, str, float]]
 
 _Array = npt.NDArray[np.float64]
-_Model = Literal["planar", "spatial", "rigid"]
+_Model = Literal["planar", "spatial", "contact", "rigid"]
 
 class DivergedError(ArithmeticError):
     """The simulation left the range in which its numbers mean anything."""
@@ -268,7 +268,8 @@ class Ballbot:
 
     Args:
         params: the robot, or the name of a preset; None is `Params.paper()`.
-        model: "rigid" (rapier3d), "spatial" (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
+        model: "rigid" (rapier3d), "contact" (contacts and friction on a flat floor, specialised), "spatial" (coupled
+            3D without slip) or "planar" (eqs. (1)-(7) of the paper).
         sim_dt: time step, s.
 
     Raises:
@@ -514,6 +515,8 @@ class Batch:
         npt.NDArray[np.float32] | None,
     ]:
         """Observations, rewards, terminated, truncated and, if an episode ended, last observations; all fresh."""
+    def infos(self) -> list[dict[str, Any]]:
+        """An empty dict for each environment, in a new list. No dict is one that a caller still holds or wrote into."""
     def ending(self, index: int) -> tuple[bool, str | None]:
         """Whether the last step of environment `index` is a success if it ends there, and why it was terminated."""
     def reward_terms(self, index: int) -> dict[str, float]: ...

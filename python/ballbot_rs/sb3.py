@@ -77,7 +77,7 @@ class BallbotVecEnv(BatchOwner, VecEnv):
     Args:
         env_id: "ballbot/Balance-v0".
         num_envs: number of robots.
-        model: "rigid", "spatial" or "planar".
+        model: "rigid", "contact" (by far the fastest), "spatial" or "planar".
         num_threads: threads that step the robots; None takes all cores. Results do not depend on it.
         seed: environment i is seeded with seed + i; None takes one from the operating system.
         max_episode_steps: steps after which an episode is truncated.
@@ -142,7 +142,7 @@ class BallbotVecEnv(BatchOwner, VecEnv):
             raise RuntimeError("step_wait without step_async")
         actions, self._actions = self._actions, None
         observations, rewards, terminated, truncated, last = self._batch.step(actions)
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        infos = self._batch.infos()
         dones = terminated | truncated
         if last is not None:
             for i in np.flatnonzero(dones).tolist():

@@ -2,6 +2,7 @@
 
 use crate::convert::{elements, read_elements, vector};
 use crate::errors::{call, to_python};
+use crate::infos::EmptyInfos;
 use crate::params::{PyParams, or_paper};
 use crate::robot::changed;
 use crate::state::PyState;
@@ -13,7 +14,7 @@ use ballbot_core::env::{
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyList};
 
 /// Name, unit and bound of every row of an observation.
 pub(crate) fn observation_rows() -> Vec<(&'static str, &'static str, f32)> {
@@ -27,6 +28,7 @@ pub(crate) struct PyBatch {
     actions: Vec<f32>,
     outcomes: Vec<Outcome>,
     final_observations: Vec<f32>,
+    infos: EmptyInfos,
 }
 
 type Observations<'py> = Bound<'py, PyArray2<f32>>;
@@ -130,6 +132,7 @@ impl PyBatch {
             actions: Vec::with_capacity(num_envs * ACTION_LEN),
             outcomes: vec![Outcome::default(); num_envs],
             final_observations: vec![0.0; num_envs * OBSERVATION_LEN],
+            infos: EmptyInfos::default(),
             batch,
         })
     }
@@ -230,6 +233,11 @@ impl PyBatch {
         }
         let last = if self.outcomes.iter().any(Outcome::done) { Some(self.last_observations(py)?) } else { None };
         Ok((observations, rewards, terminated, truncated, last))
+    }
+
+    /// An empty dict for each environment, in a new list. No dict is one that a caller still holds or wrote into.
+    fn infos<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        self.infos.list(py, self.batch.len())
     }
 
     /// Whether the last step of environment `index` is a success if it ends there, and why it was terminated.

@@ -4,6 +4,7 @@ mod batch;
 mod control;
 mod convert;
 mod errors;
+mod infos;
 mod models;
 mod params;
 mod robot;

@@ -13,7 +13,8 @@ use pyo3::types::{PyBytes, PyDict};
 ///
 /// Args:
 ///     params: the robot, or the name of a preset; None is `Params.paper()`.
-///     model: "rigid" (rapier3d), "spatial" (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
+///     model: "rigid" (rapier3d), "contact" (contacts and friction on a flat floor, specialised), "spatial" (coupled
+///         3D without slip) or "planar" (eqs. (1)-(7) of the paper).
 ///     sim_dt: time step, s.
 ///
 /// Raises:

@@ -1,0 +1,31 @@
+//! Empty info dicts, one for each environment and step, without making a thousand objects a step.
+
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+/// How many steps a caller may look back at before dicts are made anew: the step before the last is still in the caller's
+/// hands while the next one runs, and a callback may hold one more.
+const GENERATIONS: usize = 3;
+
+/// Dicts that were handed out and came back: a dict is handed out again only if nobody else refers to it any more and
+/// nothing was written into it. Otherwise it is the caller's for good, and a new one takes its place.
+#[derive(Default)]
+pub(crate) struct EmptyInfos {
+    generations: [Vec<Py<PyDict>>; GENERATIONS],
+    next: usize,
+}
+
+impl EmptyInfos {
+    /// `n` empty dicts that nobody else refers to, in a new list.
+    pub(crate) fn list<'py>(&mut self, py: Python<'py>, n: usize) -> PyResult<Bound<'py, PyList>> {
+        let dicts = &mut self.generations[self.next];
+        self.next = (self.next + 1) % GENERATIONS;
+        dicts.resize_with(n, || PyDict::new(py).unbind());
+        for dict in dicts.iter_mut() {
+            if dict.get_refcnt(py) > 1 || !dict.bind(py).is_empty() {
+                *dict = PyDict::new(py).unbind();
+            }
+        }
+        PyList::new(py, dicts.iter().map(|dict| dict.bind(py)))
+    }
+}
