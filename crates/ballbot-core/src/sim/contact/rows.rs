@@ -9,6 +9,9 @@ use crate::lanes::{Lane, Rotation, Vec3};
 /// Below this a wheel's axle points at the ball and there is no drive direction, which no wheel in contact comes near.
 const NO_DRIVE: f64 = 1e-3;
 
+/// Speed at which an overlap opens at most, m/s: a robot thrown deep into the floor is not to be shot out of it.
+const FASTEST_RECOVERY: f64 = 1.0;
+
 /// Velocities of everything that moves; see [`super::Memory`] for the frames.
 #[derive(Clone, Copy)]
 pub struct Velocities<L> {
@@ -139,7 +142,7 @@ impl<L: Lane> Rows<L> {
 #[inline(always)]
 pub fn allowance<L: Lane>(c: &Constants, gap: L) -> L {
     let rate = L::select(gap.zero().lt(gap), gap.splat(c.sim_dt.recip()), gap.splat(c.recovery));
-    gap * rate
+    (gap * rate).max(gap.splat(-FASTEST_RECOVERY))
 }
 
 /// Rate of wheel `i` against the body.

@@ -10,6 +10,9 @@ use crate::lanes::{
 };
 use fearless_simd::Simd;
 
+/// Squared speeds and rates from which arithmetic would overflow soon.
+const BEYOND_MEANING: f64 = 1e30;
+
 /// Where the robot is.
 pub struct Pose<L> {
     pub ball: Vec3<L>,
@@ -280,7 +283,7 @@ fn moved<L: Lane>(c: &Constants, pose: &Pose<L>, v: &Velocities<L>) -> Pose<L> {
     }
 }
 
-/// Writes what the step led to; a robot whose velocities are not finite stays where it was and is marked.
+/// Writes what the step led to; a robot whose velocities are beyond meaning stays where it was and is marked.
 #[inline(always)]
 fn store<L: Lane>(
     memory: &mut Memory<L::Cell>,
@@ -295,7 +298,7 @@ fn store<L: Lane>(
         + v.body.norm_squared()
         + v.body_rate.norm_squared()
         + spins.norm_squared();
-    let finite = size.lt(size.splat(f64::MAX));
+    let finite = size.lt(size.splat(BEYOND_MEANING));
     if !L::any(!finite) {
         write(memory, pose, v, impulses);
         return;
