@@ -7,9 +7,9 @@ import numpy as np
 
 import ballbot_rs as bb
 from benchmarks import simulators, task
-from benchmarks.gym_env import PeerRobot, make_peer
+from benchmarks.gym_env import AnyRobot, make_peer
 from benchmarks.ours import known_models, make_env
-from benchmarks.robot import SIM_DT, SUBSTEPS, Array, make_robot
+from benchmarks.robot import SIM_DT, SUBSTEPS, Array, Robot, make_robot
 from benchmarks.rotations import matrix
 from benchmarks.worker import in_child
 
@@ -20,6 +20,8 @@ EXACT_GROWTH = 6.09174451
 _TILT, _READ_AT = 1e-3, (0.3, 0.6)
 #: Torque on one wheel, N·m, far below slip, and for how many steps.
 _TORQUE, _PUSHED = 0.1, 10
+#: Torque on each wheel, N·m, far above slip.
+_SLIPPING = 3.0
 
 
 class OurRobot:
@@ -71,12 +73,14 @@ def measure(quick: bool) -> list[dict[str, Any]]:
 
 def measure_here(engine: str, quick: bool) -> dict[str, Any]:
     """Everything about one engine; "yaw 0" is where the throughput is measured, the rest is over all headings."""
-    robot: Any = OurRobot(engine.removeprefix("ours:")) if engine.startswith("ours:") else make_peer(engine)
-    params = make_robot().params
-    count = 8 if quick else 24
+    robot: AnyRobot = OurRobot(engine.removeprefix("ours:")) if engine.startswith("ours:") else make_peer(engine)
+    model = make_robot()
+    params = model.params
+    count = 8 if quick else 16
     yaws = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
     growth = {float(yaw): [_growth(robot, params, yaw, azimuth) for azimuth in yaws[::2]] for yaw in yaws}
     drive = {float(yaw): [_drive(robot, params, yaw, wheel) for wheel in range(3)] for yaw in yaws}
+    slip = [_slip_limit(robot, model, yaw) for yaw in yaws]
     loads = _loads(robot, params)
     robot.close()
     weight = params.body_mass * params.gravity / (3.0 * np.cos(params.wheel_zenith))
@@ -88,6 +92,8 @@ def measure_here(engine: str, quick: bool) -> dict[str, Any]:
         "exact_growth": EXACT_GROWTH,
         "drive_direction_error_yaw_0_deg": max(angle for angle, _ in drive[0.0]),
         "drive_direction_error_all_yaws_deg": max(angle for values in drive.values() for angle, _ in values),
+        "slip_limit_yaw_0": slip[0],
+        "slip_limit_all_yaws": _extremes(slip),
         "drive_strength_yaw_0": _extremes([strength for _, strength in drive[0.0]]),
         "drive_strength_all_yaws": _extremes([strength for values in drive.values() for _, strength in values]),
     }
@@ -98,23 +104,23 @@ def _extremes(values: list[float]) -> list[float]:
     return [float(np.min(values)), float(np.median(values)), float(np.max(values))]
 
 
-def _advance(robot: PeerRobot, torques: Array, steps: int) -> None:
+def _advance(robot: AnyRobot, torques: Array, steps: int) -> None:
     for _ in range(steps // SUBSTEPS):
         robot.step(torques, SUBSTEPS)
 
 
-def _settled_tilt(robot: PeerRobot) -> float:
+def _tilt(robot: AnyRobot) -> float:
     mast = matrix(np.asarray(robot.sense()[0]))[:, 2]
     return float(np.hypot(mast[0], mast[1]))
 
 
-def _growth(robot: PeerRobot, params: bb.Params, yaw: float, azimuth: float) -> float:
+def _growth(robot: AnyRobot, params: bb.Params, yaw: float, azimuth: float) -> float:
     """Growth rate of a tilt from rest, which follows cosh, 1/s."""
     robot.reset(bb.State.upright(params, _TILT * np.array([np.cos(azimuth), np.sin(azimuth)]), yaw))
     (a, b), tilts = _READ_AT, []
     for duration in (a, b - a):
         _advance(robot, np.zeros(3), round(duration / SIM_DT))
-        tilts.append(_settled_tilt(robot))
+        tilts.append(_tilt(robot))
     return _root(lambda rate: np.cosh(rate * b) / np.cosh(rate * a) - tilts[1] / tilts[0], 0.0, 60.0)
 
 
@@ -126,13 +132,14 @@ def _root(rising: Callable[[float], float], low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-def _drive(robot: PeerRobot, params: bb.Params, yaw: float, wheel: int) -> tuple[float, float]:
-    """How a ball starts to move when one wheel is driven, against the exact model: angle (deg) and share of its speed."""
+def _drive(robot: AnyRobot, params: bb.Params, yaw: float, wheel: int) -> tuple[float, float]:
+    """How a ball starts to move when one wheel is driven: angle to the exact motion (deg) and share of its speed."""
     start, exact = bb.State.upright(params, yaw=yaw), OurRobot("spatial")
     torques = np.zeros(3)
     torques[wheel] = _TORQUE
     velocities = []
-    for one in (robot, exact):
+    pair: tuple[AnyRobot, AnyRobot] = (robot, exact)
+    for one in pair:
         one.reset(start)
         # Contacts of the rigid engines take their load first.
         _advance(one, np.zeros(3), _PUSHED)
@@ -143,7 +150,22 @@ def _drive(robot: PeerRobot, params: bb.Params, yaw: float, wheel: int) -> tuple
     return float(np.degrees(abs(np.arctan2(cross, dot)))), float(np.hypot(*found) / np.hypot(*expected))
 
 
-def _loads(robot: PeerRobot, params: bb.Params) -> Array:
+def _slip_limit(robot: AnyRobot, model: Robot, yaw: float) -> float:
+    """Mean traction of slipping wheels over load times friction coefficient: 1 is Coulomb's."""
+    p = model.params
+    robot.reset(bb.State.upright(p, yaw=yaw))
+    _advance(robot, np.zeros(3), _PUSHED)
+    torques, spins = np.full(3, _SLIPPING), []
+    for _ in range(2):
+        _advance(robot, torques, SUBSTEPS)
+        _, rate, speeds, _, _ = robot.sense()
+        spins.append(np.asarray(speeds) + model.axles @ np.asarray(rate))
+    spun_up = p.wheel_inertia * (spins[1] - spins[0]) / (SUBSTEPS * SIM_DT)
+    load = p.body_mass * p.gravity / (3.0 * np.cos(p.wheel_zenith))
+    return float(np.mean(torques - spun_up) / (p.wheel_radius * p.wheel_dynamic_friction * load))
+
+
+def _loads(robot: AnyRobot, params: bb.Params) -> Array:
     """Loads of the wheels (3, N) of the robot upright at rest, after 0.3 s."""
     robot.reset(bb.State.upright(params))
     for _ in range(round(0.3 / SIM_DT)):
@@ -165,7 +187,7 @@ def task_error() -> dict[str, Any]:
         on = ~dones
         errors["falls"] += int(dones.sum())
         errors["falls_disagreeing"] += int(fallen[on].sum())
-        difference = np.abs(task.observe(sensed, action) - observations)[on]
+        difference = np.abs(task.observe(sensed, action) - np.asarray(observations))[on]
         errors["observation"] = max(errors["observation"], float(difference.max()))
         errors["reward"] = max(errors["reward"], float(np.abs(expected - rewards)[on].max()))
         last = np.where(dones[:, np.newaxis], np.float32(0.0), action)

@@ -11,13 +11,8 @@ from benchmarks import task
 from benchmarks.robot import SUBSTEPS, Array, Robot, make_robot
 
 
-class PeerRobot(Protocol):
-    """One robot in a peer's engine."""
-
-    def reset_raw(
-        self, attitude: Array, rate: Array, speeds: Array, position: Array, velocity: Array, ball_rate: Array
-    ) -> None:
-        """Starts anew; arguments as the fields of `ballbot_rs.State`."""
+class AnyRobot(Protocol):
+    """One robot in an engine."""
 
     def reset(self, state: bb.State) -> None:
         """Starts anew from `state`."""
@@ -33,6 +28,15 @@ class PeerRobot(Protocol):
 
     def close(self) -> None:
         """Frees the engine."""
+
+
+class PeerRobot(AnyRobot, Protocol):
+    """One robot in a peer's engine, which can be started without a `State`."""
+
+    def reset_raw(
+        self, attitude: Array, rate: Array, speeds: Array, position: Array, velocity: Array, ball_rate: Array
+    ) -> None:
+        """Starts anew; arguments as the fields of `ballbot_rs.State`."""
 
 
 def make_peer(engine: str, robot: Robot | None = None) -> PeerRobot:

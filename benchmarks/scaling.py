@@ -2,11 +2,9 @@
 
 from typing import Any
 
-import numpy as np
-
-from benchmarks import ours
+from benchmarks import ours, task
 from benchmarks.robot import SIM_DT, SUBSTEPS
-from benchmarks.timing import interleave
+from benchmarks.timing import Run, interleave, timed
 from benchmarks.worker import cores, in_child
 
 #: Robots where something else grows.
@@ -46,13 +44,8 @@ def measure_here(
     return rows
 
 
-def _run(model: str, robots: int, substeps: int, threads: int) -> Any:
+def _run(model: str, robots: int, substeps: int, threads: int) -> Run:
     env = ours.make_env(model, robots, threads, control_dt=substeps * SIM_DT, sim_dt=SIM_DT)
     env.reset()
-    action = np.random.default_rng(0).uniform(-0.1, 0.1, (robots, 3)).astype(np.float32)
-
-    def run() -> int:
-        env.step(action)
-        return robots
-
-    return run
+    action = task.make_actions(1, robots)[0]
+    return timed(lambda: env.step(action), robots)

@@ -3,15 +3,18 @@
 import contextlib
 import dataclasses
 import importlib
+import itertools
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
+import gymnasium
 import numpy as np
 import numpy.typing as npt
 
 from benchmarks import ours, task
 from benchmarks.robot import SIM_DT
-from benchmarks.timing import Run
+from benchmarks.timing import Run, timed
 
 #: Time steps in one call of a raw run, and calls before its robots are put upright again: 0.2 s, none falls.
 RAW_SUBSTEPS, RAW_CALLS = 25, 4
@@ -42,16 +45,8 @@ def environment(simulator: str, num_envs: int, num_threads: int) -> Running:
     except BaseException:
         env.close()
         raise
-    actions = task.make_actions(64, num_envs)
-    step = 0
-
-    def run() -> int:
-        nonlocal step
-        env.step(actions[step % len(actions)])
-        step += 1
-        return num_envs
-
-    return Running(run, env.close)
+    actions = itertools.cycle(task.make_actions(64, num_envs))
+    return Running(timed(lambda: env.step(next(actions)), num_envs), env.close)
 
 
 def vec_env(simulator: str, num_envs: int, num_threads: int) -> Any:
@@ -67,7 +62,7 @@ def vec_env(simulator: str, num_envs: int, num_threads: int) -> Any:
 
     from benchmarks.gym_env import PeerEnv
 
-    makers = [lambda i=i: PeerEnv(kind, i) for i in range(num_envs)]
+    makers: list[Callable[[], gymnasium.Env[Any, Any]]] = [partial(PeerEnv, kind, i) for i in range(num_envs)]
     # Other ways to start a process import PyTorch once an environment, which takes minutes.
     return DummyVecEnv(makers) if way == "dummy" else SubprocVecEnv(makers, start_method="fork")
 
@@ -87,17 +82,13 @@ def physics(simulator: str, num_envs: int, num_threads: int) -> Running:
 
 
 def _restarted(num_envs: int, step: Callable[[], Any], restart: Callable[[], Any]) -> Run:
-    calls = 0
+    calls = itertools.count()
 
-    def run() -> int:
-        nonlocal calls
-        if calls % RAW_CALLS == 0:
+    def before() -> None:
+        if next(calls) % RAW_CALLS == 0:
             restart()
-        calls += 1
-        step()
-        return num_envs * RAW_SUBSTEPS
 
-    return run
+    return timed(step, num_envs * RAW_SUBSTEPS, before)
 
 
 def _mujoco_physics(num_envs: int, num_threads: int) -> Running:

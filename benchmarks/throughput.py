@@ -76,7 +76,7 @@ def measure_here(
         for one in running.values():
             one.close()
     for key, rate in rates.items():
-        name, num_envs = key.rsplit("/", 1)
-        row = {"simulator": name, "quantity": quantity, "threads": threads, "robots": int(num_envs)}
+        name, robots = key.rsplit("/", 1)
+        row = {"simulator": name, "quantity": quantity, "threads": threads, "robots": int(robots)}
         rows.append(row | rate.to_dict())
     return rows

@@ -6,8 +6,21 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-#: Advances everything by one call and returns how many steps that were.
-Run = Callable[[], int]
+#: Advances everything by one call and returns how many steps that were and the seconds they took.
+Run = Callable[[], tuple[int, float]]
+
+
+def timed(step: Callable[[], Any], steps: int, before: Callable[[], Any] | None = None) -> Run:
+    """A run of a call that makes `steps` steps; the time of `before`, which goes first, does not count."""
+
+    def run() -> tuple[int, float]:
+        if before is not None:
+            before()
+        start = time.perf_counter()
+        step()
+        return steps, time.perf_counter() - start
+
+    return run
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,12 +39,11 @@ class Rate:
 
 def _round(run: Run, seconds: float) -> float:
     """Steps per second over calls that take about `seconds`, at least one."""
-    steps, start = 0, time.perf_counter()
-    while True:
-        steps += run()
-        elapsed = time.perf_counter() - start
-        if elapsed >= seconds:
-            return steps / elapsed
+    steps, elapsed = 0, 0.0
+    while elapsed < seconds:
+        made, took = run()
+        steps, elapsed = steps + made, elapsed + took
+    return steps / elapsed
 
 
 def interleave(runs: Mapping[str, Run], rounds: int, seconds: float) -> dict[str, Rate]:
