@@ -4,6 +4,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 BENCH_INSTALLED := $(VENV)/.bench-installed
+INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet \
+	--disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable
 RUST_SOURCES := $(shell find crates assets/robots -name '*.rs' -o -name '*.toml')
 SEED ?= 0
 
@@ -59,11 +61,9 @@ $(INSTALLED): pyproject.toml constraints.txt Cargo.toml Cargo.lock $(RUST_SOURCE
 	@echo "setting up .venv and compiling, which takes a few minutes the first time"
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt maturin
-	PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		--constraint constraints.txt --no-build-isolation --editable '.[train,dev]'
+	$(INSTALL) '.[train,dev]'
 	@touch $@
 
 $(BENCH_INSTALLED): $(INSTALLED)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
-		--no-build-isolation --editable '.[bench]'
+	$(INSTALL) '.[bench]'
 	@touch $@

@@ -20,6 +20,8 @@ EXACT_GROWTH = 6.09174451
 _TILT, _READ_AT = 1e-3, (0.3, 0.6)
 #: Torque on one wheel, N·m, far below slip, and for how many steps.
 _TORQUE, _PUSHED = 0.1, 10
+#: Where an engine's robots are stepped together.
+_VEC_ENVS = {"mujoco": "mujoco-batch", "pybullet": "pybullet-dummy"}
 #: Torque on each wheel, N·m, far above slip.
 _SLIPPING = 3.0
 
@@ -85,6 +87,7 @@ def measure_here(engine: str, quick: bool) -> dict[str, Any]:
     robot.close()
     weight = params.body_mass * params.gravity / (3.0 * np.cos(params.wheel_zenith))
     return {
+        "falls_per_second": _falls(engine),
         "wheel_load": loads.tolist(),
         "exact_wheel_load": weight,
         "growth_yaw_0": _extremes(growth[0.0]),
@@ -171,6 +174,17 @@ def _loads(robot: AnyRobot, params: bb.Params) -> Array:
     for _ in range(round(0.3 / SIM_DT)):
         robot.step(np.zeros(3), 1)
     return np.asarray(robot.wheel_loads())
+
+
+def _falls(engine: str) -> float:
+    """Ends of episodes a robot and second under the actions of the throughput, over 2 s of 64 robots."""
+    env = simulators.vec_env(_VEC_ENVS.get(engine, engine), 64, 1)
+    try:
+        env.reset()
+        ended = [env.step(action)[2].sum() for action in task.make_actions(200, 64)]
+    finally:
+        env.close()
+    return float(np.sum(ended)) / (64 * 200 * SUBSTEPS * SIM_DT)
 
 
 def task_error() -> dict[str, Any]:

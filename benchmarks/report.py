@@ -11,7 +11,7 @@ _METHOD = """\
 
 The robot of `Params.paper()` in every engine, at time steps of 2 ms, five of them an action; the task of
 `ballbot/Balance-v0` (16 numbers, reward, fall at 20 deg, 1000 steps, reset within the step); the same actions, drawn
-evenly from ±0.1 N·m, under which a robot falls about once a second. Episodes start at yaw 0 everywhere: there MuJoCo's
+evenly from ±0.1 N·m, under which a robot falls about twice a second. Episodes start at yaw 0 everywhere: there MuJoCo's
 robot works. Rates are medians over rounds in which all simulators take turns, with the smallest and the largest.
 One core means a process pinned to one core; linear algebra has one thread throughout.
 
@@ -108,6 +108,7 @@ def _accuracy(rows: Rows) -> str:
         "any yaw (deg)",
         "drive strength, any yaw",
         "slip limit over μN, any yaw",
+        "falls (1/s)",
     ]
     body, exact, note = [], None, ""
     for r in rows:
@@ -131,6 +132,7 @@ def _accuracy(rows: Rows) -> str:
                 f"{r['drive_direction_error_all_yaws_deg']:.2f}",
                 _range(r["drive_strength_all_yaws"], 3),
                 _range(r["slip_limit_all_yaws"], 3),
+                f"{r['falls_per_second']:.2f}",
             ]
         )
     text = "## Is it a ballbot\n\n"
@@ -139,14 +141,14 @@ def _accuracy(rows: Rows) -> str:
             f"Exact: {exact['exact_wheel_load']:.4f} N a wheel, a small tilt that grows at "
             f"{exact['exact_growth']:.4f} 1/s, direction off by 0, strength and slip limit 1. Ranges run over "
             "directions of tilt, wheels and, where it says so, headings. Direction and strength are those of the "
-            "ball's motion when one wheel is driven, against `spatial`, which has no slip, hence no limit.\n\n"
-            + _table(head, body)
+            "ball's motion when one wheel is driven, against `spatial`, which has no slip, hence no limit. Falls are "
+            "those of one robot under the actions of the throughput.\n\n" + _table(head, body)
         )
     text += (
         "\nStock MuJoCo lays a contact's friction directions by the normal and the world's axes, not by the wheel: "
         "beyond some degrees of yaw the wheels hold where they should roll and roll where they should drive. Bullet "
-        "splits a wheel's friction over two rows along its drive, each with the full limit, so that the limit varies "
-        "with the heading.\n\n"
+        "splits a wheel's friction over two rows, both along its drive, which together slip at a limit that varies with "
+        "the heading.\n\n"
     )
     return text + note + _absent(rows, "engine")
 
