@@ -38,7 +38,7 @@ def main() -> None:
             if arguments.only in (None, name):
                 found[name] = measure(arguments.quick)
                 # A part that is measured alone may be of another day or machine than the rest.
-                found.setdefault("measured", {})[name] = described["date"]
+                found.setdefault("measured", {})[name] = f"`{described['command']}`, {described['date']}"
         found["machine"] = described
         path.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
         print(f"measured in {time.monotonic() - start:.0f} s", flush=True)

@@ -22,8 +22,8 @@ _TILT, _READ_AT = 1e-3, (0.3, 0.6)
 _TORQUE, _PUSHED = 0.1, 10
 #: Where an engine's robots are stepped together.
 _VEC_ENVS = {"mujoco": "mujoco-batch", "pybullet": "pybullet-dummy"}
-#: Torque on each wheel, N·m, far above slip.
-_SLIPPING = 3.0
+#: Torque on each wheel, N·m, the task's largest: twice what slips.
+_SLIPPING = task.MAX_TORQUE
 
 
 class OurRobot:

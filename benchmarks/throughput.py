@@ -29,7 +29,7 @@ def measure(quick: bool) -> list[dict[str, Any]]:
             rows.append({"simulator": name, "reason": reason})
         else:
             peers.append(name)
-    everything = {"rounds": 3 if quick else 9, "seconds": 0.15 if quick else 0.4}
+    everything = {"rounds": 3 if quick else 11, "seconds": 0.15 if quick else 0.5}
     for threads in sorted({1, len(cores())}):
         # Separate processes are no way to use one core, and one process none to use many.
         fitting = [name for name in peers if name == _BATCHED or PEERS[name][1] == (threads == 1)]
