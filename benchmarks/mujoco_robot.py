@@ -18,8 +18,8 @@ _DRIVE_SLOT = (0, 1, 1)
 #: Friction across the drive direction: an omniwheel's rollers are free.
 _FREE = 1e-5
 
-#: Newton from the last step's forces, a loose tolerance (with a short line search or one step more, the growth rate
-#: breaks), elliptic cones (a pyramid cannot be this thin), and nothing computed that is not used.
+#: Newton with a loose tolerance, but MuJoCo's full line search, without which the growth rate breaks; elliptic cones,
+#: as a pyramid cannot be this thin; nothing computed that is not used.
 OPTIONS = (
     'integrator="Euler" solver="Newton" cone="elliptic" iterations="10" ls_iterations="50" tolerance="1e-4">'
     '<flag equality="disable" frictionloss="disable" limit="disable" spring="disable" damper="disable"'

@@ -11,7 +11,7 @@ import ballbot_rs as bb
 from benchmarks.robot import SIM_DT, Array, Robot
 from benchmarks.rotations import matrix, roll_pitch_yaw
 
-#: Iterations of Bullet's sequential-impulse solver; half as many triple the error of the growth rate.
+#: Iterations of Bullet's sequential-impulse solver; half as many make the growth rate's error ten times as large.
 SOLVER_ITERATIONS = 10
 
 _STILL = {"linearDamping": 0.0, "angularDamping": 0.0, "restitution": 0.0, "rollingFriction": 0.0}

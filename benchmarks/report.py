@@ -17,8 +17,8 @@ One core means a process pinned to one core; linear algebra has one thread throu
 
 - **MuJoCo batch**: `mujoco.batch`, MuJoCo's own thread pool, under a `VecEnv` in NumPy that reads the state rows in
   place. Newton solver from the last step's forces with tolerance 1e-4, elliptic cones, four contact pairs and nothing
-  else enabled. With fewer than 50 iterations of its line search, or with the `implicitfast` integrator at such a
-  tolerance, the growth rate below is off by percents.
+  else enabled. With 20 iterations of its line search instead of MuJoCo's 50, or with the `implicitfast` integrator at
+  this tolerance, the growth rate below is off by percents or more.
 - **PyBullet**: a URDF with anisotropic friction, 10 solver iterations, friction cone off, substeps inside Bullet.
 - **Gymnasium** environments of both share the batch's NumPy task, on one robot, in SB3's `DummyVecEnv` (one process)
   and `SubprocVecEnv` (a process a robot, all cores).
