@@ -3,17 +3,20 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+BENCH_INSTALLED := $(VENV)/.bench-installed
+INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet \
+	--disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable
 RUST_SOURCES := $(shell find crates assets/robots -name '*.rs' -o -name '*.toml')
 SEED ?= 0
 
-.PHONY: help setup train test lint docs bench format clean
+.PHONY: help setup train test lint docs bench bench-core format clean
 
 help:
 	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
 	@echo "make test    all tests, Rust and Python"
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
 	@echo "make docs    documentation of the Rust core, in target/doc"
-	@echo "make bench   benchmarks of the Rust core"
+	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
 	@echo "make format  format Rust and Python"
 	@echo "make clean   delete everything that was built"
 
@@ -40,7 +43,10 @@ lint: $(INSTALLED)
 docs:
 	cargo doc --locked --no-deps --package ballbot-core
 
-bench:
+bench: $(BENCH_INSTALLED)
+	$(BIN)/python -m benchmarks
+
+bench-core:
 	cargo bench --locked
 
 format: $(INSTALLED)
@@ -55,6 +61,9 @@ $(INSTALLED): pyproject.toml constraints.txt Cargo.toml Cargo.lock $(RUST_SOURCE
 	@echo "setting up .venv and compiling, which takes a few minutes the first time"
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt maturin
-	PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		--constraint constraints.txt --no-build-isolation --editable '.[train,dev]'
+	$(INSTALL) '.[train,dev]'
+	@touch $@
+
+$(BENCH_INSTALLED): $(INSTALLED)
+	$(INSTALL) '.[bench]'
 	@touch $@

@@ -1,0 +1,125 @@
+"""The robot in MuJoCo: its MJCF, and one robot that is stepped by hand."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import ballbot_rs as bb
+from benchmarks.robot import SIM_DT, Array, Robot
+
+#: Where the pieces stand in qpos (17) and qvel (15): ball, body, three wheels.
+BALL_POSITION, BODY_POSITION, BODY_QUATERNION = slice(0, 3), slice(7, 10), slice(10, 14)
+BALL_VELOCITY, BODY_RATE, WHEEL_SPEEDS = slice(0, 3), slice(9, 12), slice(12, 15)
+
+#: Which of a contact's two friction directions is the wheel's drive direction, where the robot faces along x.
+#: MuJoCo derives them from the normal and the world's axes, not from the wheel.
+_DRIVE_SLOT = (0, 1, 1)
+#: Friction across the drive direction: an omniwheel's rollers are free.
+_FREE = 1e-5
+
+#: Newton with a loose tolerance, but MuJoCo's full line search, without which the growth rate breaks; elliptic cones,
+#: as a pyramid cannot be this thin; nothing computed that is not used.
+OPTIONS = (
+    'integrator="Euler" solver="Newton" cone="elliptic" iterations="10" ls_iterations="50" tolerance="1e-4">'
+    '<flag equality="disable" frictionloss="disable" limit="disable" spring="disable" damper="disable"'
+    ' clampctrl="disable" sensor="disable" midphase="disable" eulerdamp="disable" island="disable"/></option>'
+)
+#: As stiff as the time step allows.
+STIFFNESS = f'solref="{2 * SIM_DT} 1" solimp="0.95 0.99 0.0001"'
+
+
+def _numbers(values: Any) -> str:
+    return " ".join(f"{value:.17g}" for value in np.ravel(values))
+
+
+def _inertial(mass: float, com: Array, inertia: Array) -> str:
+    i = inertia
+    full = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
+    return f'<inertial mass="{mass:.17g}" pos="{_numbers(com)}" fullinertia="{_numbers(full)}"/>'
+
+
+def mjcf(robot: Robot) -> str:
+    """MJCF of the robot on a floor, with only what it needs: four contact pairs, three motors, no other collision.
+
+    The solver is tuned for speed at which the robot still works: `accuracy` measures whether it does.
+    """
+    p = robot.params
+    wheels, pairs, motors = "", "", ""
+    for i in range(3):
+        wheels += (
+            f'<body pos="{_numbers(robot.centers[i])}">'
+            f"{_inertial(p.wheel_mass, np.zeros(3), robot.wheel_inertias[i])}"
+            f'<joint name="wheel{i}" type="hinge" axis="{_numbers(robot.axles[i])}"/>'
+            f'<geom name="wheel{i}" type="sphere" size="{p.wheel_radius:.17g}"/></body>'
+        )
+        slots = [_FREE, _FREE]
+        slots[_DRIVE_SLOT[i]] = p.wheel_dynamic_friction
+        pairs += (
+            f'<pair geom1="wheel{i}" geom2="ball" condim="3" friction="{_numbers([*slots, 0, 0, 0])}" {STIFFNESS}/>'
+        )
+        motors += f'<motor joint="wheel{i}"/>'
+    floor = _numbers([p.floor_dynamic_friction, p.floor_dynamic_friction, 0, 0, 0])
+    at = f'pos="0 0 {p.ball_radius:.17g}"'
+    return f"""<mujoco>
+  <compiler angle="radian" inertiafromgeom="false"/>
+  <option timestep="{SIM_DT}" gravity="0 0 {-p.gravity:.17g}" {OPTIONS}
+  <default><geom contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <geom name="floor" type="plane" size="0 0 1"/>
+    <body {at}><freejoint/>{_inertial(p.ball_mass, np.zeros(3), p.ball_inertia * np.eye(3))}
+      <geom name="ball" type="sphere" size="{p.ball_radius:.17g}"/></body>
+    <body {at}><freejoint/>{_inertial(robot.body.mass, robot.body.com, robot.body.inertia)}{wheels}</body>
+  </worldbody>
+  <contact><pair geom1="floor" geom2="ball" condim="3" friction="{floor}" {STIFFNESS}/>{pairs}</contact>
+  <actuator>{motors}</actuator>
+</mujoco>"""
+
+
+class MujocoRobot:
+    """One robot, one `MjData`."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.model = mujoco.MjModel.from_xml_string(mjcf(robot))
+        self.data = mujoco.MjData(self.model)
+
+    def reset(self, state: bb.State) -> None:
+        """Starts anew from `state`."""
+        self.reset_raw(
+            state.body_quaternion, state.body_angular_velocity, state.wheel_speeds, state.ball_position,
+            state.ball_velocity, state.ball_angular_velocity,
+        )  # fmt: skip
+
+    def reset_raw(
+        self, attitude: Array, rate: Array, speeds: Array, position: Array, velocity: Array, ball_rate: Array
+    ) -> None:
+        """Starts anew with the body at the ball; arguments as the fields of `ballbot_rs.State`."""
+        mujoco.mj_resetData(self.model, self.data)
+        qpos = self.data.qpos
+        qpos[BALL_POSITION], qpos[BODY_POSITION], qpos[BODY_QUATERNION] = position, position, attitude
+        # The ball's rate is in its own frame, which a reset leaves at the inertial one.
+        self.data.qvel[:] = np.concatenate([velocity, ball_rate, velocity, rate, speeds])
+
+    def step(self, torques: Array, steps: int) -> None:
+        """Advances by `steps` time steps under wheel torques (3, N·m)."""
+        self.data.ctrl[:] = torques
+        mujoco.mj_step(self.model, self.data, nstep=steps)
+
+    def sense(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Body quaternion (4), body rate (3, body frame), wheel speeds (3), ball position and velocity (2 each)."""
+        qpos, qvel = self.data.qpos, self.data.qvel
+        return qpos[BODY_QUATERNION], qvel[BODY_RATE], qvel[WHEEL_SPEEDS], qpos[:2], qvel[:2]
+
+    def wheel_loads(self) -> Array:
+        """Normal force of each wheel on the ball in the last step, (3,), N."""
+        loads, force = np.zeros(3), np.zeros(6)
+        for k in range(self.data.ncon):
+            name = self.model.geom(self.data.contact[k].geom1).name, self.model.geom(self.data.contact[k].geom2).name
+            wheel = next((n for n in name if n.startswith("wheel")), None)
+            if wheel:
+                mujoco.mj_contactForce(self.model, self.data, k, force)
+                loads[int(wheel[-1])] = force[0]
+        return loads
+
+    def close(self) -> None:
+        """Nothing to close."""
