@@ -1,11 +1,14 @@
 //! One time step of the rigid-body robot.
 
-use super::convert::{from_rapier, to_rapier};
+use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
 use super::drive::{Contact, stribeck};
 use super::motion::RigidMotion;
 use super::rows::{self, Start};
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
+
+/// Clearance below which the bot might meet the floor within a step whatever happens to it, m.
+const CLEAR: f64 = 0.01;
 
 /// Sweeps of the solver over all rows, and sweeps after it has moved the bodies, where the forces of the last
 /// step are a good start.
@@ -18,6 +21,7 @@ impl RigidMotion {
     pub(super) fn advance(&mut self, wheel_torques: &[f64; 3]) {
         let contacts = [0, 1, 2].map(|i| self.contact(i));
         let starts = [0, 1, 2].map(|i| self.anchor(i, &contacts[i]));
+        self.world.set_bot_colliders(&self.handles, !self.clear());
         self.set_sweeps();
         self.set_floor_friction();
         self.apply_forces(wheel_torques, &contacts, &starts);
@@ -49,6 +53,21 @@ impl RigidMotion {
 
     fn all_steady(&self) -> bool {
         self.memory.wheel_forces.iter().all(|force| force.steady)
+    }
+
+    /// Whether nothing of the bot can touch the floor within the step, nor its body the ball: then its colliders need
+    /// not be looked at.
+    fn clear(&self) -> bool {
+        if !self.all_steady() {
+            return false;
+        }
+        let pose = self.world.bodies[self.handles.body].position();
+        let attitude = rotation_from_rapier(pose.rotation);
+        let position = from_rapier(pose.translation) - attitude * self.root;
+        let (velocity, rate) = self.root_velocity();
+        let reach = self.outline.body.top + self.outline.body.radius;
+        let fastest = velocity.norm() + rate.norm() * reach;
+        self.outline.lowest_point(&position, &attitude).1 > CLEAR + 2.0 * fastest * self.settings.dt
     }
 
     fn set_floor_friction(&mut self) {

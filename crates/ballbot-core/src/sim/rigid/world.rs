@@ -235,6 +235,15 @@ impl World {
         (&mut joint.data, poses)
     }
 
+    /// Takes the bot's colliders out of the world or puts them back.
+    pub fn set_bot_colliders(&mut self, handles: &Handles, enabled: bool) {
+        if self.colliders[handles.body_collider].is_enabled() != enabled {
+            for collider in [handles.body_collider].into_iter().chain(handles.wheel_colliders) {
+                self.colliders[collider].set_enabled(enabled);
+            }
+        }
+    }
+
     /// Sets the floor's friction coefficient.
     pub fn set_floor_friction(&mut self, handles: &Handles, friction: f64) {
         self.colliders[handles.floor_collider].set_friction(friction);
