@@ -246,7 +246,10 @@ impl World {
 
     /// Sets the floor's friction coefficient.
     pub fn set_floor_friction(&mut self, handles: &Handles, friction: f64) {
-        self.colliders[handles.floor_collider].set_friction(friction);
+        // A collider that changes makes rapier look at it anew: not for what friction does not show.
+        if (self.colliders[handles.floor_collider].friction() - friction).abs() > 1e-6 {
+            self.colliders[handles.floor_collider].set_friction(friction);
+        }
     }
 
     fn points(&self, a: ColliderHandle, b: ColliderHandle) -> impl Iterator<Item = &TrackedContact<ContactData>> {
