@@ -341,6 +341,35 @@ fn toppled_robot_comes_to_lie_on_the_floor() {
 }
 
 #[test]
+fn wheels_push_the_ball_but_neither_pull_nor_sink_into_it() {
+    let params = Params::paper();
+    let drop = |height: f64| {
+        let mut state = State::upright(&params);
+        state.ball_position.z += height;
+        state.body_position.z += height;
+        state
+    };
+    let blows = [Vector3::zeros(), Vector3::new(1.0, 0.0, -2.0), Vector3::new(0.0, 0.3, 0.6), Vector3::zeros()];
+    let starts = [drop(0.0), drop(0.0), drop(0.0), drop(0.05)];
+    for (start, blow) in starts.iter().zip(blows) {
+        let mut robot = RigidMotion::new(&params, 1e-3).unwrap();
+        robot.reset(start).unwrap();
+        for step in 0..300 {
+            if step == 50 {
+                robot.push(&blow, &Vector3::new(0.0, 0.0, 0.3));
+            }
+            robot.step(&[0.05, -0.02, 0.01]);
+            let (state, contacts) = (robot.state(), robot.contacts());
+            for load in contacts.wheel_normal_forces {
+                assert!(load >= -1e-9, "{blow}: a wheel pulls with {load} N in step {step}");
+            }
+            let up = state.body_quaternion.inverse_transform_vector(&(state.body_position - state.ball_position));
+            assert!(up.z >= -1e-4, "{blow}: the body is {} m into the ball in step {step}", -up.z);
+        }
+    }
+}
+
+#[test]
 fn a_push_changes_the_momentum_by_its_impulse() {
     let params = Params::paper();
     let mut robot = RigidMotion::new(&params, 1e-3).unwrap();

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// The body without its wheels, such that body and wheels together have the mass properties of the parameters.
 pub struct BodyLink {
@@ -79,5 +79,32 @@ impl BodyShape {
             bottom,
             top: (params.body_com_height + half_height).max(bottom + params.wheel_radius),
         }
+    }
+}
+
+/// What of the bot can meet the floor.
+pub struct Outline {
+    pub body: BodyShape,
+    wheel_centers: [Vector3<f64>; 3],
+    wheel_radius: f64,
+}
+
+impl Outline {
+    pub fn new(params: &Params, wheels: &Omniwheels) -> Self {
+        Self {
+            body: BodyShape::new(params),
+            wheel_centers: wheel_centers(params, wheels),
+            wheel_radius: params.wheel_radius,
+        }
+    }
+
+    /// The part that is nearest to the floor (or deepest in it), and how high its lowest point is, m.
+    pub fn lowest_point(&self, position: &Vector3<f64>, attitude: &UnitQuaternion<f64>) -> (&'static str, f64) {
+        let height = |point: Vector3<f64>| (position + attitude * point).z;
+        let wheel = self.wheel_centers.map(height).into_iter().fold(f64::INFINITY, f64::min) - self.wheel_radius;
+        let mast = attitude * Vector3::z();
+        let rim = self.body.radius * mast.xy().norm();
+        let body = height(Vector3::z() * self.body.bottom).min(height(Vector3::z() * self.body.top)) - rim;
+        if wheel < body { ("wheels", wheel) } else { ("body", body) }
     }
 }

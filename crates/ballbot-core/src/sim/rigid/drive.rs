@@ -1,20 +1,8 @@
-//! Drive friction of an ideal omniwheel: one constraint row along the drive direction, bounded by μ N.
+//! Where a wheel meets the ball, and the friction between them.
 
-use super::convert::{from_rapier, to_rapier};
+use super::convert::from_rapier;
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
-
-/// Viscosity of a contact that sticks, N/(m/s): the slip under 10 N is 1e-7 m/s.
-const STICKING: f64 = 1e8;
-
-/// A joint that holds nothing but slip along x of its frame, with no force until it is anchored.
-pub fn row() -> GenericJoint {
-    let mut joint = GenericJoint::new(JointAxesMask::empty());
-    joint.set_motor_model(JointAxis::LinX, MotorModel::ForceBased);
-    joint.set_motor_velocity(JointAxis::LinX, 0.0, STICKING);
-    joint.set_motor_max_force(JointAxis::LinX, 0.0);
-    joint
-}
 
 /// Friction coefficient at a slip speed: from `fixed` at rest to `moving` well above the critical velocity
 /// (Stribeck; Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30(7), 1994, eq. (4)).
@@ -30,37 +18,26 @@ pub struct Contact {
     pub normal: Vector3<f64>,
     /// Drive direction in the plane of contact.
     pub drive: Vector3<f64>,
+    /// From the ball's surface to the wheel's, m.
+    pub gap: f64,
 }
 
 impl Contact {
     /// Of a ball and a wheel whose axle is `axle` (inertial frame).
-    pub fn new(ball: Vector3<f64>, ball_radius: f64, wheel: Vector3<f64>, axle: &Vector3<f64>) -> Self {
-        let normal = (wheel - ball).normalize();
+    pub fn new(
+        ball: Vector3<f64>,
+        ball_radius: f64,
+        wheel: Vector3<f64>,
+        wheel_radius: f64,
+        axle: &Vector3<f64>,
+    ) -> Self {
+        let apart = wheel - ball;
+        let distance = apart.norm();
+        let normal = apart / distance;
         // u × p = d with the axle along −u.
         let drive = normal.cross(axle).normalize();
-        Self { point: ball + normal * ball_radius, normal, drive }
+        Self { point: ball + normal * ball_radius, normal, drive, gap: distance - ball_radius - wheel_radius }
     }
-
-    /// Anchors a drive row here, between a wheel and the ball at the given poses, with friction up to `max_force` (N).
-    pub fn anchor(&self, row: &mut GenericJoint, wheel: &Pose, ball: &Pose, max_force: f64) {
-        let frame = Pose::from_parts(
-            to_rapier(&self.point),
-            Rotation::from_mat3(&Matrix::from_cols(
-                to_rapier(&self.drive),
-                to_rapier(&self.normal.cross(&self.drive)),
-                to_rapier(&self.normal),
-            )),
-        );
-        row.local_frame1 = wheel.inverse() * frame;
-        row.local_frame2 = ball.inverse() * frame;
-        row.set_motor_max_force(JointAxis::LinX, max_force);
-    }
-}
-
-/// Force on the ball along the drive direction over the last step, N.
-pub fn traction(row: &GenericJoint, sim_dt: f64) -> f64 {
-    // The row acts on the wheel, its first body; the ball feels the opposite.
-    row.motor(JointAxis::LinX).map_or(0.0, |motor| -motor.impulse) / sim_dt
 }
 
 /// Velocity of a body's material point, inertial frame, m/s.

@@ -1,8 +1,9 @@
 //! The rigid-body robot in motion.
 
-use super::bodies::{BodyLink, BodyShape, wheel_centers};
+use super::bodies::{BodyLink, Outline};
 use super::convert::{from_rapier, rotation_from_rapier, rotation_to_rapier, to_rapier};
-use super::drive::{self, Contact, stribeck};
+use super::drive::{self, Contact};
+use super::rows::Force;
 use super::world::{Handles, World, integration_parameters, new_pipeline};
 use crate::energy::mechanical_energy;
 use crate::error::{Error, Result, check};
@@ -23,44 +24,36 @@ const TOUCHING: f64 = 1e-4;
 
 /// A ballbot of rigid bodies on a flat floor.
 pub struct RigidMotion {
-    params: Params,
-    wheels: Omniwheels,
+    pub(super) params: Params,
+    pub(super) wheels: Omniwheels,
     /// CoM of the body without its wheels, in the body frame: the multibody's root.
-    root: Vector3<f64>,
-    template: World,
-    handles: Handles,
-    settings: IntegrationParameters,
-    pipeline: PhysicsPipeline,
-    world: World,
-    memory: Memory,
+    pub(super) root: Vector3<f64>,
+    pub(super) outline: Outline,
+    pub(super) template: World,
+    pub(super) handles: Handles,
+    pub(super) settings: IntegrationParameters,
+    pub(super) pipeline: PhysicsPipeline,
+    pub(super) world: World,
+    pub(super) memory: Memory,
 }
 
 /// What the next step needs besides the world.
 #[derive(Clone, Copy, Serialize, Deserialize)]
-struct Memory {
-    steps: u64,
-    joint_dynamics: JointDynamics,
-    /// Loads that bound the drive friction of the next step, N.
-    wheel_loads: [f64; 3],
-    floor_force: [f64; 3],
-    tractions: [f64; 3],
+pub(super) struct Memory {
+    pub(super) steps: u64,
+    pub(super) joint_dynamics: JointDynamics,
+    /// Between wheels and ball; the loads bound the drive friction of the next step.
+    pub(super) wheel_forces: [Force; 3],
+    pub(super) floor_force: [f64; 3],
     /// Impulse on the body at its root and angular impulse about it, still to act, N·s and N·m·s.
-    push: [f64; 6],
+    pub(super) push: [f64; 6],
     /// False once rapier has frozen a state that was not finite.
-    healthy: bool,
+    pub(super) healthy: bool,
 }
 
 impl Memory {
-    fn at_rest(joint_dynamics: JointDynamics, wheel_loads: [f64; 3]) -> Self {
-        Self {
-            steps: 0,
-            joint_dynamics,
-            wheel_loads,
-            floor_force: [0.0; 3],
-            tractions: [0.0; 3],
-            push: [0.0; 6],
-            healthy: true,
-        }
+    fn at_rest(joint_dynamics: JointDynamics, wheel_forces: [Force; 3]) -> Self {
+        Self { steps: 0, joint_dynamics, wheel_forces, floor_force: [0.0; 3], push: [0.0; 6], healthy: true }
     }
 }
 
@@ -72,9 +65,10 @@ impl RigidMotion {
     pub fn new(params: &Params, sim_dt: f64) -> Result<Self> {
         let wheels = Omniwheels::new(params);
         let (template, handles) = World::new(params, &wheels)?;
-        let memory = Memory::at_rest(JointDynamics::of(params), [0.0; 3]);
+        let memory = Memory::at_rest(JointDynamics::of(params), [Force::default(); 3]);
         let mut motion = Self {
             root: BodyLink::new(params, &wheels)?.com,
+            outline: Outline::new(params, &wheels),
             wheels,
             world: template.clone(),
             template,
@@ -88,15 +82,15 @@ impl RigidMotion {
         Ok(motion)
     }
 
-    fn axle(&self, i: usize) -> Vector3<f64> {
+    pub(super) fn axle(&self, i: usize) -> Vector3<f64> {
         let body = rotation_from_rapier(*self.world.bodies[self.handles.body].rotation());
         -(body * self.wheels.u.row(i).transpose())
     }
 
-    fn contact(&self, i: usize) -> Contact {
+    pub(super) fn contact(&self, i: usize) -> Contact {
         let ball = from_rapier(self.world.bodies[self.handles.ball].translation());
         let wheel = from_rapier(self.world.bodies[self.handles.wheels[i]].translation());
-        Contact::new(ball, self.params.ball_radius, wheel, &self.axle(i))
+        Contact::new(ball, self.params.ball_radius, wheel, self.params.wheel_radius, &self.axle(i))
     }
 
     fn bot(&self) -> &Multibody {
@@ -105,13 +99,13 @@ impl RigidMotion {
 
     /// Linear velocity of the root and angular velocity of the body, inertial frame. The multibody knows them at the
     /// end of a step, its rigid bodies only at the start of the next.
-    fn root_velocity(&self) -> (Vector3<f64>, Vector3<f64>) {
+    pub(super) fn root_velocity(&self) -> (Vector3<f64>, Vector3<f64>) {
         let velocities = self.bot().generalized_velocity();
         (velocities.fixed_rows::<3>(0).into_owned(), velocities.fixed_rows::<3>(3).into_owned())
     }
 
     /// Wheel surface less ball surface along the drive direction, m/s.
-    fn slip_speed(&self, i: usize, contact: &Contact) -> f64 {
+    pub(super) fn slip_speed(&self, i: usize, contact: &Contact) -> f64 {
         let (velocity, rate) = self.root_velocity();
         let root = from_rapier(self.world.bodies[self.handles.body].translation());
         let of_body = velocity + rate.cross(&(contact.point - root));
@@ -121,58 +115,11 @@ impl RigidMotion {
         (of_body - ball).dot(&contact.drive) + rim
     }
 
-    fn floor_slip(&self) -> Vector3<f64> {
+    pub(super) fn floor_slip(&self) -> Vector3<f64> {
         let ball = &self.world.bodies[self.handles.ball];
         let lowest = from_rapier(ball.translation()) - Vector3::z() * self.params.ball_radius;
         let velocity = drive::point_velocity(ball, &lowest);
         Vector3::new(velocity.x, velocity.y, 0.0)
-    }
-
-    fn anchor_drives(&mut self) {
-        let p = &self.params;
-        for i in 0..3 {
-            let contact = self.contact(i);
-            let slip = self.slip_speed(i, &contact);
-            let friction =
-                stribeck(p.wheel_static_friction, p.wheel_dynamic_friction, p.friction_critical_velocity, slip);
-            let max_force = friction * self.memory.wheel_loads[i];
-            self.world.anchor_drive(&self.handles, i, &contact, max_force);
-        }
-    }
-
-    fn set_floor_friction(&mut self) {
-        let p = &self.params;
-        if p.floor_static_friction > p.floor_dynamic_friction {
-            let slip = self.floor_slip().norm();
-            let friction =
-                stribeck(p.floor_static_friction, p.floor_dynamic_friction, p.friction_critical_velocity, slip);
-            self.world.colliders[self.handles.floor_collider].set_friction(friction);
-        }
-    }
-
-    fn apply_forces(&mut self, wheel_torques: &[f64; 3]) {
-        let axles = [0, 1, 2].map(|i| self.axle(i));
-        let bodies = &mut self.world.bodies;
-        let mut reaction = Vector3::zeros();
-        for ((torque, axle), wheel) in wheel_torques.iter().zip(axles).zip(self.handles.wheels) {
-            let wheel = &mut bodies[wheel];
-            wheel.reset_torques(false);
-            wheel.add_torque(to_rapier(&(axle * *torque)), false);
-            reaction -= axle * *torque;
-        }
-        let [fx, fy, fz, tx, ty, tz] = std::mem::take(&mut self.memory.push).map(|v| v / self.settings.dt);
-        let body = &mut bodies[self.handles.body];
-        body.reset_forces(false);
-        body.reset_torques(false);
-        body.add_force(Vector::new(fx, fy, fz), false);
-        body.add_torque(to_rapier(&reaction) + Vector::new(tx, ty, tz), false);
-        if self.params.ball_viscous_friction > 0.0 {
-            let ball = &mut bodies[self.handles.ball];
-            let velocity = ball.linvel();
-            ball.reset_forces(false);
-            let drag = Vector::new(velocity.x, velocity.y, 0.0) * -self.params.ball_viscous_friction;
-            ball.add_force(drag, false);
-        }
     }
 
     fn apply_joint_dynamics(&mut self) {
@@ -212,27 +159,14 @@ impl RigidMotion {
         bot.update_rigid_bodies(&mut world.bodies, true);
     }
 
-    /// The part of the bot that is nearest to the floor (or deepest in it), and how high its lowest point is, m.
-    fn lowest_point(&self, state: &State) -> (&'static str, f64) {
-        let p = &self.params;
-        let height = |point: Vector3<f64>| (state.body_position + state.body_quaternion * point).z;
-        let wheel =
-            wheel_centers(p, &self.wheels).map(height).into_iter().fold(f64::INFINITY, f64::min) - p.wheel_radius;
-        let shape = BodyShape::new(p);
-        let mast = state.body_quaternion * Vector3::z();
-        let rim = shape.radius * mast.xy().norm();
-        let body = height(Vector3::z() * shape.bottom).min(height(Vector3::z() * shape.top)) - rim;
-        if wheel < body { ("wheels", wheel) } else { ("body", body) }
-    }
-
     /// Before the first step no contact has carried a load yet: count on the weight where a wheel touches.
-    fn first_loads(&self) -> [f64; 3] {
-        let load = self.params.static_wheel_load();
+    fn first_forces(&self) -> [Force; 3] {
+        let usual = self.params.static_wheel_load();
+        let ball = self.world.bodies[self.handles.ball].translation();
+        let on_floor = ball.z - self.params.ball_radius <= TOUCHING;
         [0, 1, 2].map(|i| {
-            let ball = from_rapier(self.world.bodies[self.handles.ball].translation());
-            let wheel = from_rapier(self.world.bodies[self.handles.wheels[i]].translation());
-            let gap = (wheel - ball).norm() - self.params.ball_radius - self.params.wheel_radius;
-            if gap <= TOUCHING { load } else { 0.0 }
+            let load = if self.contact(i).gap <= TOUCHING { usual } else { 0.0 };
+            Force { load, traction: 0.0, steady: load > 0.0 && on_floor }
         })
     }
 }
@@ -251,24 +185,13 @@ impl Model for RigidMotion {
         self.world = self.template.clone();
         self.pipeline = new_pipeline();
         self.place(state);
-        self.memory = Memory::at_rest(self.memory.joint_dynamics, self.first_loads());
+        self.memory = Memory::at_rest(self.memory.joint_dynamics, self.first_forces());
         self.apply_joint_dynamics();
         Ok(())
     }
 
     fn step(&mut self, wheel_torques: &[f64; 3]) {
-        self.anchor_drives();
-        self.set_floor_friction();
-        self.apply_forces(wheel_torques);
-        self.memory.healthy &= self.world.step(&mut self.pipeline, self.params.gravity, &self.settings);
-        let dt = self.settings.dt;
-        for i in 0..3 {
-            self.memory.wheel_loads[i] =
-                self.world.normal_force(self.handles.ball_collider, self.handles.wheel_colliders[i], dt);
-            self.memory.tractions[i] = drive::traction(self.world.drive(&self.handles, i), dt);
-        }
-        self.memory.floor_force = self.world.floor_force(&self.handles, dt).into();
-        self.memory.steps += 1;
+        self.advance(wheel_torques);
     }
 
     fn time(&self) -> f64 {
@@ -281,7 +204,7 @@ impl Model for RigidMotion {
 
     fn accepts(&self, state: &State) -> Result<()> {
         state.validate()?;
-        let (part, height) = self.lowest_point(state);
+        let (part, height) = self.outline.lowest_point(&state.body_position, &state.body_quaternion);
         check(
             format!("height of the lowest point of the {part}"),
             height,
@@ -315,10 +238,11 @@ impl Model for RigidMotion {
     }
 
     fn contacts(&self) -> Contacts {
+        let forces = &self.memory.wheel_forces;
         Contacts {
             // Before the first step the loads are only what its friction counts on.
-            wheel_normal_forces: if self.memory.steps > 0 { self.memory.wheel_loads } else { [0.0; 3] },
-            wheel_tractions: self.memory.tractions,
+            wheel_normal_forces: if self.memory.steps > 0 { forces.map(|f| f.load) } else { [0.0; 3] },
+            wheel_tractions: forces.map(|f| f.traction),
             wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(i, &self.contact(i))),
             floor_force: self.memory.floor_force.into(),
             floor_slip_velocity: self.floor_slip().xy(),
@@ -344,6 +268,8 @@ impl Model for RigidMotion {
             self.memory.push[i] += impulse[i];
             self.memory.push[3 + i] += turning[i];
         }
+        // Loads under a push are not those of the step before it.
+        self.memory.wheel_forces.iter_mut().for_each(|force| force.steady = false);
     }
 
     fn joint_dynamics(&self) -> JointDynamics {

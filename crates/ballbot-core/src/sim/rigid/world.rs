@@ -2,7 +2,7 @@
 
 use super::bodies::{BodyLink, BodyShape, wheel_centers, wheel_transverse_inertia};
 use super::convert::to_rapier;
-use super::drive;
+use super::rows;
 use crate::error::Result;
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
@@ -38,16 +38,15 @@ pub struct Handles {
     pub wheel_colliders: [ColliderHandle; 3],
 }
 
-/// Solver settings under which the robot's growth rate, traction and loads come out right.
+/// Solver settings under which the robot's growth rate, traction and loads come out right, but for the sweeps, which
+/// each step chooses.
 pub fn integration_parameters(sim_dt: f64) -> IntegrationParameters {
-    let softness = SpringCoefficients::new(200.0, 5.0);
+    let softness = rows::softness();
     IntegrationParameters {
         dt: sim_dt,
         contact_softness: softness,
         static_contact_softness: softness,
         num_solver_iterations: 1,
-        num_internal_pgs_iterations: 4,
-        num_internal_stabilization_iterations: 1,
         // Contacts kept while bodies move would put the lever arms of a balancing robot in the wrong place.
         contact_recycling: false,
         contact_clustering: false,
@@ -96,7 +95,7 @@ impl World {
         multibody.set_self_contacts_enabled(false);
         // Rapier damps every angular freedom by default, the free root's included.
         multibody.damping_mut().fill(0.0);
-        let drives = wheel_handles.map(|wheel| world.impulse_joints.insert(wheel, ball, drive::row(), true));
+        let drives = wheel_handles.map(|wheel| world.impulse_joints.insert(wheel, ball, rows::joint(), true));
         let handles = Handles {
             ball,
             body,
@@ -168,8 +167,8 @@ impl World {
         let start = self.bodies[body].translation() + center;
         let inserted = self.insert(
             RigidBodyBuilder::dynamic().translation(start).additional_mass_properties(mass),
-            // A sphere touches the ball where the rim of an ideal omniwheel does.
-            ColliderBuilder::ball(params.wheel_radius).friction_combine_rule(CoefficientCombineRule::Min),
+            // For the floor alone: the wheel meets the ball by the rows of its drive.
+            ColliderBuilder::ball(params.wheel_radius),
         );
         let mut joint = GenericJoint::new(JointAxesMask::LOCKED_REVOLUTE_AXES);
         joint.set_local_frame1(Pose::from_parts(center, axle));
@@ -224,22 +223,33 @@ impl World {
                 .is_some_and(|bot| bot.ndofs() == 9 && bot.num_links() == 4)
     }
 
-    /// The friction row between wheel `i` and the ball.
+    /// The joint between wheel `i` and the ball.
     pub fn drive(&self, handles: &Handles, i: usize) -> &GenericJoint {
-        &self.impulse_joints.get(handles.drives[i]).expect("drive rows are never removed").data
+        &self.impulse_joints.get(handles.drives[i]).expect("drives are never removed").data
     }
 
-    /// Anchors the friction row of wheel `i` at its contact, with friction up to `max_force` (N).
-    pub fn anchor_drive(&mut self, handles: &Handles, i: usize, contact: &drive::Contact, max_force: f64) {
-        let wheel = *self.bodies[handles.wheels[i]].position();
-        let ball = *self.bodies[handles.ball].position();
-        let joint = self.impulse_joints.get_mut(handles.drives[i], false).expect("drive rows are never removed");
-        contact.anchor(&mut joint.data, &wheel, &ball, max_force);
+    /// The joint between wheel `i` and the ball, for the next step, and the poses of both.
+    pub fn drive_mut(&mut self, handles: &Handles, i: usize) -> (&mut GenericJoint, [&Pose; 2]) {
+        let poses = [handles.wheels[i], handles.ball].map(|body| self.bodies[body].position());
+        let joint = self.impulse_joints.get_mut(handles.drives[i], false).expect("drives are never removed");
+        (&mut joint.data, poses)
     }
 
-    /// Normal force of a pair of colliders over the last step, N.
-    pub fn normal_force(&self, a: ColliderHandle, b: ColliderHandle, sim_dt: f64) -> f64 {
-        self.points(a, b).map(|point| point.data.impulse).sum::<f64>() / sim_dt
+    /// Takes the bot's colliders out of the world or puts them back.
+    pub fn set_bot_colliders(&mut self, handles: &Handles, enabled: bool) {
+        if self.colliders[handles.body_collider].is_enabled() != enabled {
+            for collider in [handles.body_collider].into_iter().chain(handles.wheel_colliders) {
+                self.colliders[collider].set_enabled(enabled);
+            }
+        }
+    }
+
+    /// Sets the floor's friction coefficient.
+    pub fn set_floor_friction(&mut self, handles: &Handles, friction: f64) {
+        // A collider that changes makes rapier look at it anew: not for what friction does not show.
+        if (self.colliders[handles.floor_collider].friction() - friction).abs() > 1e-6 {
+            self.colliders[handles.floor_collider].set_friction(friction);
+        }
     }
 
     fn points(&self, a: ColliderHandle, b: ColliderHandle) -> impl Iterator<Item = &TrackedContact<ContactData>> {

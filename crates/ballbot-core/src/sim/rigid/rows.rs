@@ -1,0 +1,112 @@
+//! The two constraint rows of an ideal omniwheel on the ball: normal force and friction along the drive direction.
+//!
+//! They are the rows of one joint, along z and x of a frame at the contact. A rapier contact would take four, two of
+//! them for friction that this wheel does not have. A joint's rows start each step from no force, which takes the
+//! solver many sweeps to make up for; so the force of the last step acts on both bodies as a given one (`Start`), and
+//! the rows find what it lacks.
+
+use super::convert::to_rapier;
+use super::drive::Contact;
+use rapier3d_f64::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Viscosity of a row that holds, N/(m/s): the slip under 10 N is 1e-7 m/s.
+const HOLDING: f64 = 1e8;
+
+/// How far apart wheel and ball may be for the row to look out for them to meet, m.
+const PREDICTION: f64 = 0.002;
+
+/// Keeps the limit on the side where it acts whatever the rounding, m.
+const CERTAINLY: f64 = 1e-9;
+
+/// What one step leaves to the next, N.
+#[derive(Clone, Copy, Default, Serialize, Deserialize)]
+pub struct Force {
+    pub load: f64,
+    /// On the ball along the drive direction.
+    pub traction: f64,
+    /// Whether the load is steady enough to start the next step from.
+    pub steady: bool,
+}
+
+/// The force that a step starts from, N; nothing unless it was steady.
+#[derive(Clone, Copy, Default)]
+pub struct Start {
+    pub load: f64,
+    pub traction: f64,
+}
+
+/// A joint between a wheel and the ball that holds nothing until it is anchored.
+pub fn joint() -> GenericJoint {
+    let mut joint = GenericJoint::new(JointAxesMask::empty());
+    for axis in [JointAxis::LinX, JointAxis::LinZ] {
+        joint.set_motor_model(axis, MotorModel::ForceBased);
+        joint.set_motor_velocity(axis, 0.0, HOLDING);
+        joint.set_motor_max_force(axis, 0.0);
+    }
+    // The row along z stands for the contact of the colliders.
+    joint.set_contacts_enabled(false);
+    joint
+}
+
+/// How bodies that overlap move apart.
+pub fn softness() -> SpringCoefficients<Real> {
+    SpringCoefficients::new(200.0, 5.0)
+}
+
+/// Anchors the rows at the contact of a wheel and the ball at the given poses, with friction up to `grip` (N).
+pub fn anchor(
+    joint: &mut GenericJoint,
+    contact: &Contact,
+    poses: [&Pose; 2],
+    last: &Force,
+    grip: f64,
+    dt: f64,
+) -> Start {
+    let frame = Pose::from_parts(
+        to_rapier(&contact.point),
+        Rotation::from_mat3(&Matrix::from_cols(
+            to_rapier(&contact.drive),
+            to_rapier(&contact.normal.cross(&contact.drive)),
+            to_rapier(&contact.normal),
+        )),
+    );
+    joint.local_frame1 = poses[0].inverse() * frame;
+    joint.local_frame2 = poses[1].inverse() * frame;
+    joint.motor_axes = JointAxesMask::LIN_X;
+    joint.limit_axes = JointAxesMask::empty();
+    joint.motors[0].impulse = 0.0;
+    joint.motors[2].impulse = 0.0;
+    joint.limits[2].impulse = 0.0;
+    let mut start = Start::default();
+    if last.steady {
+        // From half the grip at most, so that friction that turns round has all of it within two steps.
+        start = Start { load: last.load, traction: last.traction.clamp(-0.5 * grip, 0.5 * grip) };
+        // With a motor as strong as the start, the load can vanish or double, but not pull.
+        joint.motor_axes |= JointAxesMask::LIN_Z;
+        joint.motors[2].max_force = start.load;
+        joint.motors[2].target_vel = contact.gap * softness().erp_inv_dt(dt);
+    } else if contact.gap < PREDICTION {
+        joint.limit_axes = JointAxesMask::LIN_Z;
+        joint.limits[2].min = -Real::MAX;
+        joint.limits[2].max = -contact.gap.abs() - CERTAINLY;
+        joint.softness = if contact.gap > 0.0 { closing(dt) } else { softness() };
+    }
+    joint.motors[0].max_force = grip - start.traction.abs();
+    start
+}
+
+/// Lets a gap close within the step but no further: by the limit's rule for overlaps, at the rate −1/dt.
+fn closing(dt: f64) -> SpringCoefficients<Real> {
+    SpringCoefficients::new((std::f64::consts::TAU * dt).recip(), -1.0)
+}
+
+/// The force over the last step, of `dt`, which began with `start`; a wheel's usual load is `usual` (N).
+pub fn force(joint: &GenericJoint, start: &Start, usual: f64, dt: f64) -> Force {
+    let load = start.load + (joint.motors[2].impulse + joint.limits[2].impulse) / dt;
+    // The rows act on the wheel, their first body; the ball feels the opposite.
+    let traction = start.traction - joint.motors[0].impulse / dt;
+    // Twice the force at the start is all that the row along z can add up to.
+    let reached = start.load > 0.0 && load > 1.9 * start.load;
+    Force { load, traction, steady: load > 0.01 * usual && load < 10.0 * usual && !reached }
+}
