@@ -149,9 +149,14 @@ impl Ballbot {
     pub fn step(&mut self, wheel_torques: &[f64; 3], steps: usize) -> Result<()> {
         let limit = self.params().max_wheel_torque;
         for (i, &torque) in wheel_torques.iter().enumerate() {
-            check(format!("wheel_torques[{i}]"), torque, format!("within ±max_wheel_torque = {limit} N·m"), |t| {
-                t.abs() <= limit
-            })?;
+            // Not `check`, which would put its words together at every step.
+            if !(torque.abs() <= limit) {
+                return Err(Error::OutOfRange {
+                    name: format!("wheel_torques[{i}]"),
+                    value: torque,
+                    limit: format!("within ±max_wheel_torque = {limit} N·m"),
+                });
+            }
         }
         let mut left = steps;
         loop {

@@ -1,8 +1,9 @@
 //! Simulation of the robot as bodies in contact.
 
 pub(crate) mod contact;
+mod friction;
+mod outline;
 pub mod rigid;
-mod shape;
 
 pub use contact::ContactMotion;
 pub use rigid::RigidMotion;

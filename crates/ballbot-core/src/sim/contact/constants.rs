@@ -2,7 +2,7 @@
 
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
-use crate::sim::shape::{BodyShape, wheel_centers};
+use crate::sim::outline::{BodyShape, wheel_centers};
 
 /// Rate at which overlap is removed, 1/s, and the largest share of it in one step.
 const RECOVERY_RATE: f64 = 100.0;

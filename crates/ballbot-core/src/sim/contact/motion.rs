@@ -9,7 +9,7 @@ use crate::kinematics::Omniwheels;
 use crate::lanes::Scalar;
 use crate::model::{JointDynamics, Model};
 use crate::params::Params;
-use crate::sim::shape::require_above_floor;
+use crate::sim::outline::Outline;
 use crate::snapshot;
 use crate::state::{Contacts, State, wxyz};
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
@@ -176,7 +176,7 @@ impl Model for ContactMotion {
 
     fn accepts(&self, state: &State) -> Result<()> {
         state.validate()?;
-        require_above_floor(&self.params, &self.wheels, state)
+        Outline::new(&self.params, &self.wheels).require_above_floor(state)
     }
 
     /// Acts over the next time step, so that the contacts answer within that step.

@@ -6,8 +6,9 @@ use super::memory::{Memory, Torques};
 use super::rows::{PerRow, Rows, Velocities, encoder_rate};
 use super::solve::{Delassus, Friction, JointFriction, SWEEPS};
 use crate::lanes::{
-    EIGHT, Eight, Lane, Quat, Rotation, Scalar, Vec3, Wide, exp_of_negative, run_one,
+    EIGHT, Eight, Lane, Quat, Rotation, Scalar, Vec3, Wide, run_one,
 };
+use crate::sim::friction::stribeck;
 use fearless_simd::Simd;
 
 /// Squared speeds and rates from which arithmetic would overflow soon.
@@ -194,24 +195,6 @@ pub fn friction<L: Lane>(c: &Constants, rows: &Rows<L>, v: &Velocities<L>) -> Fr
         out.floor = stribeck(c.floor_static_friction, c.floor_dynamic_friction, slip);
     }
     out
-}
-
-/// Friction coefficient at a slip speed, given as its squared ratio to the critical velocity.
-#[inline(always)]
-fn stribeck<L: Lane>(fixed: f64, moving: f64, squared_ratio: L) -> L {
-    /// Below this four terms of the exponential's series are exact.
-    const SMALL: f64 = 1e-3;
-    let one = squared_ratio.splat(1.0);
-    let x = -squared_ratio;
-    let mut share = x.mul_add_all(0.25, one);
-    for n in [3.0, 2.0, 1.0] {
-        share = (share * x).mul_add_all(1.0 / n, one);
-    }
-    let large = !squared_ratio.le(squared_ratio.splat(SMALL));
-    if L::any(large) {
-        share = L::select(large, exp_of_negative(squared_ratio), share);
-    }
-    share.mul_add_all(fixed - moving, one * moving)
 }
 
 /// Velocities at the end of the step if nothing touched.

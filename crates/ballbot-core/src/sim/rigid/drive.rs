@@ -1,14 +1,8 @@
-//! Where a wheel meets the ball, and the friction between them.
+//! Where a wheel meets the ball.
 
 use super::convert::from_rapier;
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
-
-/// Friction coefficient at a slip speed: from `fixed` at rest to `moving` well above the critical velocity
-/// (Stribeck; Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30(7), 1994, eq. (4)).
-pub fn stribeck(fixed: f64, moving: f64, critical_velocity: f64, slip: f64) -> f64 {
-    moving + (fixed - moving) * (-(slip / critical_velocity).powi(2)).exp()
-}
 
 /// Where and along what a wheel drives the ball.
 pub struct Contact {

@@ -1,23 +1,21 @@
 //! The rigid-body robot in motion.
 
-use super::bodies::{BodyLink, Outline};
+use super::bodies::BodyLink;
 use super::convert::{from_rapier, rotation_from_rapier, rotation_to_rapier, to_rapier};
 use super::drive::{self, Contact};
 use super::rows::Force;
 use super::world::{Handles, World, integration_parameters, new_pipeline};
 use crate::energy::mechanical_energy;
-use crate::error::{Error, Result, check};
+use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
 use crate::model::{JointDynamics, Model};
 use crate::params::Params;
+use crate::sim::outline::Outline;
 use crate::snapshot;
 use crate::state::{Contacts, State};
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
-
-/// How deep in the floor the bot may start, m.
-const THROUGH_FLOOR: f64 = 1e-3;
 
 /// How far the wheel may hover over the ball for its first friction limit to count on the robot's weight, m.
 const TOUCHING: f64 = 1e-4;
@@ -204,14 +202,7 @@ impl Model for RigidMotion {
 
     fn accepts(&self, state: &State) -> Result<()> {
         state.validate()?;
-        let (part, height) = self.outline.lowest_point(&state.body_position, &state.body_quaternion);
-        check(
-            format!("height of the lowest point of the {part}"),
-            height,
-            "at least 0 m, the floor, within 1 mm",
-            |h| h >= -THROUGH_FLOOR,
-        )?;
-        Ok(())
+        self.outline.require_above_floor(state)
     }
 
     fn state(&self) -> State {

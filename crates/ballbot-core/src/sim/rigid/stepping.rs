@@ -1,9 +1,10 @@
 //! One time step of the rigid-body robot.
 
 use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
-use super::drive::{Contact, stribeck};
+use super::drive::Contact;
 use super::motion::RigidMotion;
 use super::rows::{self, Start};
+use crate::sim::friction::stribeck;
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 
@@ -38,7 +39,8 @@ impl RigidMotion {
     fn anchor(&mut self, i: usize, contact: &Contact) -> Start {
         let p = &self.params;
         let slip = self.slip_speed(i, contact);
-        let friction = stribeck(p.wheel_static_friction, p.wheel_dynamic_friction, p.friction_critical_velocity, slip);
+        let slip = (slip / p.friction_critical_velocity).powi(2);
+        let friction = stribeck(p.wheel_static_friction, p.wheel_dynamic_friction, slip);
         let last = self.memory.wheel_forces[i];
         let (joint, poses) = self.world.drive_mut(&self.handles, i);
         rows::anchor(joint, contact, poses, &last, friction * last.load, self.settings.dt)
@@ -73,9 +75,8 @@ impl RigidMotion {
     fn set_floor_friction(&mut self) {
         let p = &self.params;
         if p.floor_static_friction > p.floor_dynamic_friction {
-            let slip = self.floor_slip().norm();
-            let friction =
-                stribeck(p.floor_static_friction, p.floor_dynamic_friction, p.friction_critical_velocity, slip);
+            let slip = (self.floor_slip() / p.friction_critical_velocity).norm_squared();
+            let friction = stribeck(p.floor_static_friction, p.floor_dynamic_friction, slip);
             self.world.set_floor_friction(&self.handles, friction);
         }
     }

@@ -1,11 +1,12 @@
 //! The rapier world of one robot: what is in it, and how a fresh copy of it is made.
 
-use super::bodies::{BodyLink, BodyShape, wheel_centers, wheel_transverse_inertia};
+use super::bodies::{BodyLink, wheel_transverse_inertia};
 use super::convert::to_rapier;
 use super::rows;
 use crate::error::Result;
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
+use crate::sim::outline::{BodyShape, wheel_centers};
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};

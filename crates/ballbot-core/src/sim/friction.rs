@@ -1,0 +1,23 @@
+//! The law of friction that the simulations share.
+
+use crate::lanes::{Lane, exp_of_negative};
+
+/// Friction coefficient at a slip speed, given as its squared ratio to the critical velocity: from `fixed` at rest to
+/// `moving` well above the critical velocity (Stribeck; Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30(7),
+/// 1994, eq. (4)).
+#[inline(always)]
+pub fn stribeck<L: Lane>(fixed: f64, moving: f64, squared_ratio: L) -> L {
+    /// Below this four terms of the exponential's series are exact.
+    const SMALL: f64 = 1e-3;
+    let one = squared_ratio.splat(1.0);
+    let x = -squared_ratio;
+    let mut share = x.mul_add_all(0.25, one);
+    for n in [3.0, 2.0, 1.0] {
+        share = (share * x).mul_add_all(1.0 / n, one);
+    }
+    let large = !squared_ratio.le(squared_ratio.splat(SMALL));
+    if L::any(large) {
+        share = L::select(large, exp_of_negative(squared_ratio), share);
+    }
+    share.mul_add_all(fixed - moving, one * moving)
+}
