@@ -11,6 +11,7 @@ from typing_extensions import Self, disjoint_base
 __all__ = [
     "MODELS",
     "OBSERVATION",
+    "TERMINATIONS",
     "PAPER_BALL_VISCOUS_FRICTION",
     "Ballbot",
     "Batch",
@@ -32,6 +33,7 @@ __version__: str
 PAPER_BALL_VISCOUS_FRICTION: float
 MODELS: list[str]
 OBSERVATION: list[tuple[str, str, float]]
+TERMINATIONS: list[str | None]
 
 _Array = npt.NDArray[np.float64]
 _Model = Literal["planar", "spatial", "contact", "rigid"]
@@ -512,11 +514,18 @@ class Batch:
         npt.NDArray[np.float32],
         npt.NDArray[np.bool_],
         npt.NDArray[np.bool_],
-        npt.NDArray[np.float32] | None,
     ]:
-        """Observations, rewards, terminated, truncated and, if an episode ended, last observations; all fresh."""
+        """Observations, rewards, terminated and truncated; all fresh."""
+    def last_observations(self) -> npt.NDArray[np.float32]:
+        """Last observations of the episodes that the last step ended and reset; other rows mean nothing."""
     def infos(self) -> list[dict[str, Any]]:
-        """An empty dict for each environment, in a new list. No dict is one that a caller still holds or wrote into."""
+        """Infos of the last step as Stable-Baselines3 wants them: a dict for each environment, empty unless its episode
+        ended. No dict is one that a caller still holds or wrote into.
+        """
+    def endings(self) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.uint8]]:
+        """Whether the last step of each environment is a success if it ends there, and why it was terminated: an index into
+        `TERMINATIONS`.
+        """
     def ending(self, index: int) -> tuple[bool, str | None]:
         """Whether the last step of environment `index` is a success if it ends there, and why it was terminated."""
     def reward_terms(self, index: int) -> dict[str, float]: ...

@@ -105,7 +105,7 @@ class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
         Raises:
             ValueError: the action has the wrong shape or is not finite, or the episode is over.
         """
-        observations, rewards, terminated, truncated, _ = self._batch.step(np.asarray(action)[np.newaxis])
+        observations, rewards, terminated, truncated = self._batch.step(np.asarray(action)[np.newaxis])
         is_success, termination = self._batch.ending(0)
         info: dict[str, Any] = {"is_success": is_success}
         if termination is not None:

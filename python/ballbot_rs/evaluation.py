@@ -176,13 +176,13 @@ def _run(name: str, batch: Batch, act: BatchController) -> Result:
         distances[step, running] = np.linalg.norm(away, axis=1)
         torques = np.clip(actions, -1.0, 1.0) * batch.max_wheel_torque
         squared_torques[step, running] = np.mean(torques[running] ** 2, axis=1)
-        observations, rewards, terminated, truncated, last = batch.step(actions)
+        observations, rewards, terminated, truncated = batch.step(actions)
         returns[running] += rewards[running]
-        if last is not None:
-            for i in np.flatnonzero((terminated | truncated) & running):
-                success[i], _ = batch.ending(int(i))
-                survived[i] = truncated[i]
-            running &= ~(terminated | truncated)
+        ended = (terminated | truncated) & running
+        if ended.any():
+            success[ended] = batch.endings()[0][ended]
+            survived[ended] = truncated[ended]
+            running &= ~ended
         if not running.any():
             break
     median = float(np.median(_settling_times(tilts, survived, np.deg2rad(1.0), batch.control_dt)))

@@ -141,20 +141,8 @@ class BallbotVecEnv(BatchOwner, VecEnv):
         if self._actions is None:
             raise RuntimeError("step_wait without step_async")
         actions, self._actions = self._actions, None
-        observations, rewards, terminated, truncated, last = self._batch.step(actions)
-        infos = self._batch.infos()
-        dones = terminated | truncated
-        if last is not None:
-            for i in np.flatnonzero(dones).tolist():
-                is_success, termination = self._batch.ending(i)
-                infos[i] = {
-                    "terminal_observation": last[i].copy(),
-                    "TimeLimit.truncated": bool(truncated[i] and not terminated[i]),
-                    "is_success": is_success,
-                }
-                if termination is not None:
-                    infos[i]["termination"] = termination
-        return observations, rewards, dones, infos
+        observations, rewards, terminated, truncated = self._batch.step(actions)
+        return observations, rewards, terminated | truncated, self._batch.infos()
 
     def close(self) -> None:
         """Does nothing: there are no processes or files to close."""

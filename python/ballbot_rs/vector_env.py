@@ -8,7 +8,7 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ballbot_rs._core import Params, State
+from ballbot_rs._core import TERMINATIONS, Params, State
 from ballbot_rs.batch_owner import (
     BatchOwner,
     FloatArray,
@@ -22,6 +22,8 @@ from ballbot_rs.batch_owner import (
 from ballbot_rs.registration import MAX_EPISODE_STEPS
 
 BoolArray = npt.NDArray[np.bool_]
+
+_TERMINATIONS = np.array(TERMINATIONS, dtype=object)
 
 
 def _autoreset_name(mode: str | AutoresetMode) -> str:
@@ -119,25 +121,24 @@ class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray
         Raises:
             ValueError: actions of the wrong shape or not finite; with "disabled", an episode that is over.
         """
-        observations, rewards, terminated, truncated, last = self._batch.step(actions)
-        if last is None:
-            return observations, rewards, terminated, truncated, {}
+        observations, rewards, terminated, truncated = self._batch.step(actions)
         ended = terminated | truncated
+        if not ended.any():
+            return observations, rewards, terminated, truncated, {}
         info = self._endings(ended)
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            last = self._batch.last_observations()
             last[~ended] = 0.0
             info = {"final_obs": last, "_final_obs": ended, "final_info": info, "_final_info": ended.copy()}
         return observations, rewards, terminated, truncated, info
 
     def _endings(self, ended: BoolArray) -> dict[str, Any]:
-        is_success = np.zeros(self.num_envs, dtype=np.bool_)
-        termination = np.full(self.num_envs, None, dtype=object)
-        for i in np.flatnonzero(ended):
-            is_success[i], termination[i] = self._batch.ending(int(i))
-        failed = np.array([reason is not None for reason in termination])
+        is_success, reasons = self._batch.endings()
+        is_success &= ended
         info: dict[str, Any] = {"is_success": is_success, "_is_success": ended.copy()}
+        failed = reasons > 0
         if failed.any():
-            info |= {"termination": termination, "_termination": failed}
+            info |= {"termination": _TERMINATIONS[reasons], "_termination": failed}
         return info
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:

@@ -53,11 +53,7 @@ impl<L: Lane> LaneState<L> {
             self.body_velocity.norm_squared(),
             self.body_angular_velocity.norm_squared(),
             // A maximum would let a NaN pass.
-            L::select(
-                (a.le(a)) & (b.le(b)) & (c.le(c)),
-                a.squared().max(b.squared()).max(c.squared()),
-                a + b + c,
-            ),
+            L::select((a.le(a)) & (b.le(b)) & (c.le(c)), a.squared().max(b.squared()).max(c.squared()), a + b + c),
             q.w.mul_add(q.w, q.v.norm_squared()),
         ]
     }

@@ -9,16 +9,22 @@ use crate::state::PyState;
 use ballbot_core::State;
 use ballbot_core::env::{
     ACTION_LEN, BalanceConfig, Batch, OBSERVATION, OBSERVATION_LEN, Outcome, ResetRequest, RewardScales, RewardTerms,
-    StepBuffers,
+    StepBuffers, Termination,
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
+use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 
 /// Name, unit and bound of every row of an observation.
 pub(crate) fn observation_rows() -> Vec<(&'static str, &'static str, f32)> {
     OBSERVATION.iter().map(|row| (row.name, row.unit, row.bound)).collect()
+}
+
+/// Why episodes are terminated, with none for those that were not.
+pub(crate) fn terminations() -> Vec<Option<&'static str>> {
+    std::iter::once(None).chain(Termination::ALL.map(|t| Some(t.name()))).collect()
 }
 
 /// Environments of the balance task that are stepped together; what the front ends are made of.
@@ -33,14 +39,11 @@ pub(crate) struct PyBatch {
 
 type Observations<'py> = Bound<'py, PyArray2<f32>>;
 
-/// What a step gives: observations, rewards, terminated, truncated, last observations of ended episodes.
-type Step<'py> = (
-    Observations<'py>,
-    Bound<'py, PyArray1<f32>>,
-    Bound<'py, PyArray1<bool>>,
-    Bound<'py, PyArray1<bool>>,
-    Option<Observations<'py>>,
-);
+/// What a step gives: observations, rewards, terminated, truncated.
+type Step<'py> = (Observations<'py>, Bound<'py, PyArray1<f32>>, Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<bool>>);
+
+/// How episodes ended: success, and the number of the reason for termination.
+type Endings<'py> = (Bound<'py, PyArray1<bool>>, Bound<'py, PyArray1<u8>>);
 
 /// Sets the field of `config` that a keyword argument names.
 fn configure(config: &mut BalanceConfig, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
@@ -209,7 +212,7 @@ impl PyBatch {
         self.batch.stagger();
     }
 
-    /// Observations, rewards, terminated, truncated and, if an episode ended, last observations; all fresh.
+    /// Observations, rewards, terminated and truncated; all fresh.
     fn step<'py>(&mut self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
         let n = self.batch.len();
         read_elements("actions", actions, &[Some(n), Some(ACTION_LEN)], &mut self.actions)?;
@@ -231,19 +234,44 @@ impl PyBatch {
             let (batch, actions) = (&mut self.batch, &self.actions);
             py.detach(|| call(|| batch.step(actions, &mut buffers)))?;
         }
-        let last = if self.outcomes.iter().any(Outcome::done) { Some(self.last_observations(py)?) } else { None };
-        Ok((observations, rewards, terminated, truncated, last))
+        Ok((observations, rewards, terminated, truncated))
     }
 
-    /// An empty dict for each environment, in a new list. No dict is one that a caller still holds or wrote into.
+    /// Last observations of the episodes that the last step ended and reset; other rows mean nothing.
+    fn last_observations<'py>(&self, py: Python<'py>) -> PyResult<Observations<'py>> {
+        PyArray1::from_slice(py, &self.final_observations).reshape([self.batch.len(), OBSERVATION_LEN])
+    }
+
+    /// Infos of the last step as Stable-Baselines3 wants them: a dict for each environment, empty unless its episode
+    /// ended. No dict is one that a caller still holds or wrote into.
     fn infos<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        self.infos.list(py, self.batch.len())
+        let infos = self.infos.list(py, self.batch.len())?;
+        for (i, outcome) in self.outcomes.iter().enumerate().filter(|(_, outcome)| outcome.done()) {
+            let last = &self.final_observations[i * OBSERVATION_LEN..(i + 1) * OBSERVATION_LEN];
+            let info = PyDict::new(py);
+            info.set_item(intern!(py, "terminal_observation"), PyArray1::from_slice(py, last))?;
+            info.set_item(intern!(py, "TimeLimit.truncated"), outcome.truncated)?;
+            info.set_item(intern!(py, "is_success"), outcome.success)?;
+            if let Some(termination) = outcome.terminated {
+                info.set_item(intern!(py, "termination"), termination.name())?;
+            }
+            infos.set_item(i, info)?;
+        }
+        Ok(infos)
+    }
+
+    /// Whether the last step of each environment is a success if it ends there, and why it was terminated: an index into
+    /// `TERMINATIONS`.
+    fn endings<'py>(&self, py: Python<'py>) -> Endings<'py> {
+        let success = PyArray1::from_iter(py, self.outcomes.iter().map(|o| o.success));
+        let reasons = PyArray1::from_iter(py, self.outcomes.iter().map(|o| o.terminated.map_or(0, |t| t as u8)));
+        (success, reasons)
     }
 
     /// Whether the last step of environment `index` is a success if it ends there, and why it was terminated.
     fn ending(&self, index: usize) -> PyResult<(bool, Option<&'static str>)> {
         let outcome = self.outcomes.get(index).ok_or_else(|| self.no_such(index))?;
-        Ok((outcome.success, outcome.terminated.map(ballbot_core::env::Termination::name)))
+        Ok((outcome.success, outcome.terminated.map(Termination::name)))
     }
 
     fn reward_terms<'py>(&mut self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyDict>> {
@@ -302,10 +330,6 @@ impl PyBatch {
 }
 
 impl PyBatch {
-    fn last_observations<'py>(&self, py: Python<'py>) -> PyResult<Observations<'py>> {
-        PyArray1::from_slice(py, &self.final_observations).reshape([self.batch.len(), OBSERVATION_LEN])
-    }
-
     fn no_such(&self, index: usize) -> PyErr {
         to_python(ballbot_core::Error::OutOfRange {
             name: "environment index".into(),

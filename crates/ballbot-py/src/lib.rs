@@ -20,6 +20,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("PAPER_BALL_VISCOUS_FRICTION", ballbot_core::PAPER_BALL_VISCOUS_FRICTION)?;
     module.add("MODELS", ballbot_core::ModelKind::ALL.map(ballbot_core::ModelKind::name))?;
     module.add("OBSERVATION", batch::observation_rows())?;
+    module.add("TERMINATIONS", batch::terminations())?;
     module.add("DivergedError", py.get_type::<errors::DivergedError>())?;
     module.add("UrdfError", py.get_type::<errors::UrdfError>())?;
     module.add_class::<params::PyParams>()?;

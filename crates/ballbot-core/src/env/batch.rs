@@ -8,9 +8,9 @@ use crate::error::{Error, Result};
 use crate::lanes::EIGHT;
 use crate::robot::ModelKind;
 use crate::state::State;
-use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::str::FromStr;
+use std::sync::{Mutex, PoisonError};
 
 /// What happens to an environment whose episode has ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -64,9 +64,6 @@ pub struct StepBuffers<'a> {
     pub outcomes: &'a mut [Outcome],
 }
 
-/// Into how many pieces a step is cut for each thread.
-const SHARES_PER_THREAD: usize = 4;
-
 /// Environments of one task that are stepped together, on as many threads as asked.
 ///
 /// Environment i is seeded with `seed + i`. Results do not depend on the number of threads.
@@ -80,10 +77,13 @@ pub struct Batch {
     workers: Workers,
 }
 
-/// A thread pool made when it is first needed. A forked child has none of its parent's threads, so a pool serves only
-/// the process that made it.
+/// Threads that help the caller's, made when they are first needed. A forked child has none of its parent's threads, so a
+/// pool serves only the process that made it.
 struct Workers {
+    /// The caller's among them.
     threads: usize,
+    /// How many others a step is worth waking.
+    helpers: usize,
     pool: Option<(u32, ThreadPool)>,
 }
 
@@ -96,15 +96,21 @@ impl Workers {
         }
         if self.pool.is_none() {
             let pool = ThreadPoolBuilder::new()
-                .num_threads(self.threads)
+                .num_threads(self.helpers)
                 .thread_name(|i| format!("ballbot-{i}"))
                 .build()
-                .map_err(|e| Error::Inconsistent(format!("cannot start {} threads: {e}", self.threads)))?;
+                .map_err(|e| Error::Inconsistent(format!("cannot start {} threads: {e}", self.helpers)))?;
             self.pool = Some((process, pool));
         }
         Ok(&self.pool.as_ref().expect("just made").1)
     }
 }
+
+/// What a helping thread must have to do for its waking to pay, s.
+const WORTH_WAKING: f64 = 50e-6;
+
+/// Into how many pieces a step is cut for each thread, to even out what falling robots and busy processors cost.
+const PIECES_PER_THREAD: usize = 8;
 
 impl Batch {
     /// `num_envs` environments on `num_threads` threads (as many as there are cores if `None`, never more than there are
@@ -136,7 +142,9 @@ impl Batch {
         };
         let groups = (0..num_envs).step_by(width).map(group).collect::<Result<Vec<_>>>()?;
         let threads = num_threads.unwrap_or(cores).min(groups.len());
-        let workers = Workers { threads, pool: None };
+        let seconds = (num_envs * config.substeps()?) as f64 * config.model.step_seconds();
+        let helpers = (threads - 1).min((seconds / WORTH_WAKING) as usize);
+        let workers = Workers { threads, helpers, pool: None };
         Ok(Self { config: config.clone(), len: num_envs, groups, width, autoreset, workers })
     }
 
@@ -283,20 +291,26 @@ impl Batch {
     /// [`Error::Inconsistent`] with [`Autoreset::Disabled`] where an episode is over. Nothing has moved then.
     pub fn step(&mut self, actions: &[f32], buffers: &mut StepBuffers<'_>) -> Result<()> {
         self.check_step(actions, buffers)?;
-        let (autoreset, width) = (self.autoreset, self.width);
-        if self.workers.threads == 1 {
-            shares(&mut self.groups, width, actions, buffers).for_each(|(group, share)| group.step(autoreset, share));
-        } else {
-            let groups = &mut self.groups;
-            // A few shares a thread even out what falling robots cost; more would cost more than they even out.
-            let shortest = groups.len().div_ceil(SHARES_PER_THREAD * self.workers.threads);
-            let pool = self.workers.pool()?;
-            pool.install(|| {
-                parallel_shares(groups, width, actions, buffers)
-                    .with_min_len(shortest)
-                    .for_each(|(group, share)| group.step(autoreset, share));
-            });
+        let (autoreset, width, workers) = (self.autoreset, self.width, &mut self.workers);
+        if workers.helpers == 0 {
+            step_groups(&mut self.groups, width, autoreset, whole(actions, buffers));
+            return Ok(());
         }
+        let groups = self.groups.len().div_ceil(PIECES_PER_THREAD * (workers.helpers + 1));
+        let pieces = Mutex::new(pieces(&mut self.groups, groups, groups * width, whole(actions, buffers)));
+        let work = || {
+            let next = || pieces.lock().unwrap_or_else(PoisonError::into_inner).next();
+            while let Some((groups, share)) = next() {
+                step_groups(groups, width, autoreset, share);
+            }
+        };
+        let helpers = workers.helpers;
+        workers.pool()?.in_place_scope(|scope| {
+            for _ in 0..helpers {
+                scope.spawn(|_| work());
+            }
+            work();
+        });
         Ok(())
     }
 
@@ -315,12 +329,14 @@ impl Batch {
                 limit: "finite".into(),
             });
         }
-        if self.autoreset == Autoreset::NextStep && !self.places().any(|(group, i)| self.groups[group].begun(i)) {
+        if self.autoreset == Autoreset::NextStep && !self.groups.iter().any(|group| group.begun()) {
             return Err(Error::Inconsistent("step before the first reset".into()));
         }
         if self.autoreset != Autoreset::NextStep
-            && let Some(i) = self.places().position(|(group, i)| self.groups[group].over(i))
+            && let Some((group, i)) =
+                self.groups.iter().enumerate().find_map(|(g, group)| Some((g, group.first_over()?)))
         {
+            let i = group * self.width + i;
             return Err(Error::Inconsistent(format!(
                 "the episode of environment {i} is over (or has not begun): reset it before it is stepped"
             )));
@@ -333,50 +349,54 @@ impl Batch {
     }
 }
 
-type Share<'a> = (&'a mut Box<dyn Group>, GroupBuffers<'a>);
-
-fn shares<'a>(
-    groups: &'a mut [Box<dyn Group>],
-    width: usize,
-    actions: &'a [f32],
-    buffers: &'a mut StepBuffers<'_>,
-) -> impl Iterator<Item = Share<'a>> {
-    groups
-        .iter_mut()
-        .zip(actions.chunks(width * ACTION_LEN))
-        .zip(buffers.observations.chunks_mut(width * OBSERVATION_LEN))
-        .zip(buffers.final_observations.chunks_mut(width * OBSERVATION_LEN))
-        .zip(buffers.rewards.chunks_mut(width))
-        .zip(buffers.terminated.chunks_mut(width))
-        .zip(buffers.truncated.chunks_mut(width))
-        .zip(buffers.outcomes.chunks_mut(width))
-        .map(share)
+fn whole<'a>(actions: &'a [f32], buffers: &'a mut StepBuffers<'_>) -> GroupBuffers<'a> {
+    GroupBuffers {
+        actions,
+        observations: buffers.observations,
+        final_observations: buffers.final_observations,
+        rewards: buffers.rewards,
+        terminated: buffers.terminated,
+        truncated: buffers.truncated,
+        outcomes: buffers.outcomes,
+    }
 }
 
-fn parallel_shares<'a>(
-    groups: &'a mut [Box<dyn Group>],
-    width: usize,
-    actions: &'a [f32],
-    buffers: &'a mut StepBuffers<'_>,
-) -> impl IndexedParallelIterator<Item = Share<'a>> {
-    groups
-        .par_iter_mut()
-        .zip(actions.par_chunks(width * ACTION_LEN))
-        .zip(buffers.observations.par_chunks_mut(width * OBSERVATION_LEN))
-        .zip(buffers.final_observations.par_chunks_mut(width * OBSERVATION_LEN))
-        .zip(buffers.rewards.par_chunks_mut(width))
-        .zip(buffers.terminated.par_chunks_mut(width))
-        .zip(buffers.truncated.par_chunks_mut(width))
-        .zip(buffers.outcomes.par_chunks_mut(width))
-        .map(share)
+/// `groups` groups at a time, which are `environments` environments, with their share of the buffers.
+fn pieces<'a>(
+    all: &'a mut [Box<dyn Group>],
+    groups: usize,
+    environments: usize,
+    buffers: GroupBuffers<'a>,
+) -> impl Iterator<Item = (&'a mut [Box<dyn Group>], GroupBuffers<'a>)> {
+    all.chunks_mut(groups)
+        .zip(buffers.actions.chunks(environments * ACTION_LEN))
+        .zip(buffers.observations.chunks_mut(environments * OBSERVATION_LEN))
+        .zip(buffers.final_observations.chunks_mut(environments * OBSERVATION_LEN))
+        .zip(buffers.rewards.chunks_mut(environments))
+        .zip(buffers.terminated.chunks_mut(environments))
+        .zip(buffers.truncated.chunks_mut(environments))
+        .zip(buffers.outcomes.chunks_mut(environments))
+        .map(
+            |(
+                ((((((piece, actions), observations), final_observations), rewards), terminated), truncated),
+                outcomes,
+            )| {
+                let share = GroupBuffers {
+                    actions,
+                    observations,
+                    final_observations,
+                    rewards,
+                    terminated,
+                    truncated,
+                    outcomes,
+                };
+                (piece, share)
+            },
+        )
 }
 
-type Pair<A, B> = (A, B);
-type Rows<'a> = Pair<Pair<Pair<&'a mut Box<dyn Group>, &'a [f32]>, &'a mut [f32]>, &'a mut [f32]>;
-type Flags<'a> = Pair<Pair<Pair<Pair<Rows<'a>, &'a mut [f32]>, &'a mut [bool]>, &'a mut [bool]>, &'a mut [Outcome]>;
-
-fn share<'a>(zipped: Flags<'a>) -> Share<'a> {
-    let ((((rows, rewards), terminated), truncated), outcomes) = zipped;
-    let (((group, actions), observations), final_observations) = rows;
-    (group, GroupBuffers { actions, observations, final_observations, rewards, terminated, truncated, outcomes })
+fn step_groups(groups: &mut [Box<dyn Group>], width: usize, autoreset: Autoreset, buffers: GroupBuffers<'_>) {
+    for (group, share) in pieces(groups, 1, width, buffers) {
+        group[0].step(autoreset, share);
+    }
 }

@@ -176,12 +176,12 @@ impl Group for Block {
         self.episodes.limit.0[i] = steps.clamp(1, self.config.max_episode_steps) as f64;
     }
 
-    fn over(&self, i: usize) -> bool {
-        self.over[i]
+    fn first_over(&self) -> Option<usize> {
+        self.over[..self.used].iter().position(|&over| over)
     }
 
-    fn begun(&self, i: usize) -> bool {
-        !self.over[i] || self.episodes.steps.0[i] > 0.0
+    fn begun(&self) -> bool {
+        (0..self.used).any(|i| !self.over[i] || self.episodes.steps.0[i] > 0.0)
     }
 
     fn view(&mut self, i: usize) -> &Environment {

@@ -1,9 +1,9 @@
 //! One environment: a robot, a task and a source of random numbers.
 
+use super::OBSERVATION_LEN;
 use super::balance::{BalanceConfig, Termination};
 use super::judge::{Episode, Judge, Robot, Verdict};
 use super::reward::RewardTerms;
-use super::OBSERVATION_LEN;
 use crate::error::{Error, Result};
 use crate::lane_state::LaneState;
 use crate::lanes::Scalar;

@@ -52,11 +52,11 @@ pub trait Group: Send + Sync {
     /// Ends the present episode after `steps` steps instead of the task's number.
     fn shorten(&mut self, i: usize, steps: usize);
 
-    /// Whether the episode has ended, or none has begun.
-    fn over(&self, i: usize) -> bool;
+    /// The first environment whose episode has ended, or has not begun.
+    fn first_over(&self) -> Option<usize>;
 
     /// Whether there has been a reset at all.
-    fn begun(&self, i: usize) -> bool;
+    fn begun(&self) -> bool;
 
     /// Shows an environment.
     fn view(&mut self, i: usize) -> &Environment;
@@ -67,7 +67,7 @@ pub trait Group: Send + Sync {
 
 impl Group for Environment {
     fn step(&mut self, autoreset: Autoreset, mut buffers: GroupBuffers<'_>) {
-        if autoreset == Autoreset::NextStep && Environment::over(self) {
+        if autoreset == Autoreset::NextStep && self.over() {
             Environment::reset(self, buffers.observations);
             buffers.write(0, Outcome::default());
             return;
@@ -106,11 +106,11 @@ impl Group for Environment {
         Environment::shorten(self, steps);
     }
 
-    fn over(&self, _: usize) -> bool {
-        Environment::over(self)
+    fn first_over(&self) -> Option<usize> {
+        self.over().then_some(0)
     }
 
-    fn begun(&self, _: usize) -> bool {
+    fn begun(&self) -> bool {
         Environment::begun(self)
     }
 

@@ -60,8 +60,22 @@ pub(super) fn observe<L: Lane>(
     let [w0, w1, w2] = state.wheel_speeds;
     let [a0, a1, a2] = *last_action;
     let mut sensed = [
-        -up.x, -up.y, -up.z, rate.x, rate.y, rate.z, w0, w1, w2, position[0], position[1], velocity[0], velocity[1], a0,
-        a1, a2,
+        -up.x,
+        -up.y,
+        -up.z,
+        rate.x,
+        rate.y,
+        rate.z,
+        w0,
+        w1,
+        w2,
+        position[0],
+        position[1],
+        velocity[0],
+        velocity[1],
+        a0,
+        a1,
+        a2,
     ];
     let zero = up.x.zero();
     for (value, row) in sensed.iter_mut().zip(&OBSERVATION) {

@@ -39,10 +39,7 @@ pub trait Lane:
     + SubAssign
 {
     /// One truth of each robot.
-    type Mask: Copy
-        + BitAnd<Output = Self::Mask>
-        + BitOr<Output = Self::Mask>
-        + Not<Output = Self::Mask>;
+    type Mask: Copy + BitAnd<Output = Self::Mask> + BitOr<Output = Self::Mask> + Not<Output = Self::Mask>;
 
     /// How the numbers lie in memory.
     type Cell;

@@ -180,11 +180,7 @@ fn points(c: &Constants, start: &Start<f64>) -> [Point; POINTS] {
     let rim = |end: f64, third: u32| {
         let angle = lowest + std::f64::consts::TAU * f64::from(third) / 3.0;
         let arm = Vec3::new(c.body_radius * angle.cos(), c.body_radius * angle.sin(), end);
-        Point {
-            gap: height(arm),
-            rows: AXES.map(|axis| Row::of_body(c, rotation, arm, axis)),
-            impulses: [0.0; 3],
-        }
+        Point { gap: height(arm), rows: AXES.map(|axis| Row::of_body(c, rotation, arm, axis)), impulses: [0.0; 3] }
     };
     std::array::from_fn(|k| match k {
         0..3 => wheel(k),
@@ -211,10 +207,7 @@ impl Point {
         for v in [&mut *now, &mut *free] {
             normal.push(c, pressed - self.impulses[0], v);
         }
-        let stick = [
-            self.impulses[1] - x.speed(now) * x.inverse,
-            self.impulses[2] - y.speed(now) * y.inverse,
-        ];
+        let stick = [self.impulses[1] - x.speed(now) * x.inverse, self.impulses[2] - y.speed(now) * y.inverse];
         let held = in_disc(stick, friction * pressed);
         for v in [now, free] {
             x.push(c, held[0] - self.impulses[1], v);

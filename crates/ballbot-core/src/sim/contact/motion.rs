@@ -106,7 +106,8 @@ impl ContactMotion {
         let drive = u.cross(&normal).normalize();
         // The wheel turns with the body, but about its axle −u with its own spin.
         let wheel_rate = body * rate - u * (m.wheel_spins[i] + Vector3::from(c.u[i]).dot(&rate));
-        let rim = Vector3::from(m.body_velocity) + (body * rate).cross(&center) - wheel_rate.cross(&normal) * c.wheel_radius;
+        let rim =
+            Vector3::from(m.body_velocity) + (body * rate).cross(&center) - wheel_rate.cross(&normal) * c.wheel_radius;
         let ball = Vector3::from(m.ball_velocity) + Vector3::from(m.ball_rate).cross(&normal) * c.ball_radius;
         (rim - ball).dot(&drive)
     }

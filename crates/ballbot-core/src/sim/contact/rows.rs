@@ -86,10 +86,7 @@ impl<L: Lane> Rows<L> {
     /// Velocity of the ball's lowest point, x and y.
     #[inline(always)]
     pub fn floor_slip(&self, c: &Constants, v: &Velocities<L>) -> [L; 2] {
-        [
-            v.ball_rate.y.mul_add_all(-c.ball_radius, v.ball.x),
-            v.ball_rate.x.mul_add_all(c.ball_radius, v.ball.y),
-        ]
+        [v.ball_rate.y.mul_add_all(-c.ball_radius, v.ball.x), v.ball_rate.x.mul_add_all(c.ball_radius, v.ball.y)]
     }
 
     #[inline(always)]

@@ -79,7 +79,8 @@ impl<L: Lane> Delassus<L> {
             dd[i][i] = drive.dot(rows.drive_arms[i]) + own_spin + (linear + c.ball_turning);
             for j in 0..3 {
                 if j > i {
-                    nn[i][j] = rows.normals[i].dot(rows.normals[j]).mul_add_all(linear, normal.dot(rows.normal_arms[j]));
+                    nn[i][j] =
+                        rows.normals[i].dot(rows.normals[j]).mul_add_all(linear, normal.dot(rows.normal_arms[j]));
                     nn[j][i] = nn[i][j];
                     let moved = rows.drives[i].dot(rows.drives[j]).mul_add_all(linear, drive.dot(rows.drive_arms[j]));
                     dd[i][j] = rows.turns[i].dot(rows.turns[j]).mul_add_all(c.ball_turning, moved);

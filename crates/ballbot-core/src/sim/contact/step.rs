@@ -5,9 +5,7 @@ use super::fallen;
 use super::memory::{Memory, Torques};
 use super::rows::{PerRow, Rows, Velocities, encoder_rate};
 use super::solve::{Delassus, Friction, JointFriction, SWEEPS};
-use crate::lanes::{
-    EIGHT, Eight, Lane, Quat, Rotation, Scalar, Vec3, Wide, run_one,
-};
+use crate::lanes::{EIGHT, Eight, Lane, Quat, Rotation, Scalar, Vec3, Wide, run_one};
 use crate::sim::friction::stribeck;
 use fearless_simd::Simd;
 
@@ -181,7 +179,8 @@ pub fn load_impulses<L: Lane>(token: L::Token, memory: &Memory<L::Cell>) -> PerR
 #[inline(always)]
 pub fn friction<L: Lane>(c: &Constants, rows: &Rows<L>, v: &Velocities<L>) -> Friction<L> {
     let like = v.ball.x;
-    let mut out = Friction { wheels: [like.splat(c.wheel_dynamic_friction); 3], floor: like.splat(c.floor_dynamic_friction) };
+    let mut out =
+        Friction { wheels: [like.splat(c.wheel_dynamic_friction); 3], floor: like.splat(c.floor_dynamic_friction) };
     let scale = c.critical_velocity_inverse * c.critical_velocity_inverse;
     if c.wheel_static_friction > c.wheel_dynamic_friction {
         for i in 0..3 {

@@ -259,6 +259,9 @@ impl Model for RigidMotion {
             self.memory.push[i] += impulse[i];
             self.memory.push[3 + i] += turning[i];
         }
+        if *impulse == Vector3::zeros() {
+            return;
+        }
         // Loads under a push are not those of the step before it.
         self.memory.wheel_forces.iter_mut().for_each(|force| force.steady = false);
     }

@@ -101,12 +101,13 @@ fn closing(dt: f64) -> SpringCoefficients<Real> {
     SpringCoefficients::new((std::f64::consts::TAU * dt).recip(), -1.0)
 }
 
-/// The force over the last step, of `dt`, which began with `start`; a wheel's usual load is `usual` (N).
-pub fn force(joint: &GenericJoint, start: &Start, usual: f64, dt: f64) -> Force {
+/// The force over the step of `dt` that began with `start`, after one with `last`; a wheel's usual load is `usual` (N).
+pub fn force(joint: &GenericJoint, start: &Start, last: &Force, usual: f64, dt: f64) -> Force {
     let load = start.load + (joint.motors[2].impulse + joint.limits[2].impulse) / dt;
     // The rows act on the wheel, their first body; the ball feels the opposite.
     let traction = start.traction - joint.motors[0].impulse / dt;
-    // Twice the force at the start is all that the row along z can add up to.
-    let reached = start.load > 0.0 && load > 1.9 * start.load;
-    Force { load, traction, steady: load > 0.01 * usual && load < 10.0 * usual && !reached }
+    // Twice the load at the start is all that the row along z can add up to, so a load that has just dropped or doubled
+    // is no start.
+    let lasting = load > 0.5 * last.load && load < 1.9 * last.load;
+    Force { load, traction, steady: load > 0.01 * usual && load < 10.0 * usual && lasting }
 }

@@ -30,7 +30,8 @@ impl RigidMotion {
         let dt = self.settings.dt;
         let usual = self.params.static_wheel_load();
         for (i, start) in starts.iter().enumerate() {
-            self.memory.wheel_forces[i] = rows::force(self.world.drive(&self.handles, i), start, usual, dt);
+            let last = self.memory.wheel_forces[i];
+            self.memory.wheel_forces[i] = rows::force(self.world.drive(&self.handles, i), start, &last, usual, dt);
         }
         self.memory.floor_force = self.world.floor_force(&self.handles, dt).into();
         self.memory.steps += 1;
