@@ -22,7 +22,9 @@ impl EmptyInfos {
         self.next = (self.next + 1) % GENERATIONS;
         dicts.resize_with(n, || PyDict::new(py).unbind());
         for dict in dicts.iter_mut() {
-            if dict.get_refcnt(py) > 1 || !dict.bind(py).is_empty() {
+            // SAFETY: a live object, and the GIL is held.
+            let owners = unsafe { pyo3::ffi::Py_REFCNT(dict.as_ptr()) };
+            if owners > 1 || !dict.bind(py).is_empty() {
                 *dict = PyDict::new(py).unbind();
             }
         }

@@ -20,7 +20,7 @@ ALGORITHMS = ("PPO", "SAC")
 class Evaluation:
     """When and on how many episodes the policy is evaluated during training."""
 
-    every_timesteps: int = 81_920
+    every_timesteps: int = 122_880
     episodes: int = 50
 
 
@@ -31,7 +31,7 @@ class TrainConfig:
     env_id: str = BALANCE
     algorithm: str = "PPO"
     total_timesteps: int = 700_000
-    num_envs: int = 64
+    num_envs: int = 128
     num_threads: int | None = None
     torch_threads: int = 1
     env: dict[str, Any] = dataclasses.field(default_factory=dict)
