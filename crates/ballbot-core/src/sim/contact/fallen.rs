@@ -5,7 +5,8 @@
 
 use super::constants::Constants;
 use super::memory::{Memory, Torques};
-use super::rows::{PerRow, Rows, Velocities, allowance};
+use super::quantities::{PerRow, Velocities};
+use super::rows::{Rows, allowance};
 use super::solve::{Delassus, Friction, JointFriction, in_disc};
 use super::step::{self, Start};
 use crate::lanes::{Lane, Rotation, Scalar, Vec3};
@@ -52,7 +53,7 @@ pub fn step(c: &Constants, memory: &mut Memory<f64>, torques: &Torques<f64>) {
         delassus: Delassus::new::<true>(c, &start.rows),
         friction: step::friction(c, &start.rows, &start.velocities),
         joint_friction: JointFriction::load(c, Scalar, memory),
-        impulses: step::load_impulses(Scalar, memory),
+        impulses: memory.impulses(Scalar),
         free,
     };
     let on_floor = fallen.solve(&mut points(c, &start), &mut BallOnBody::new(c, &start));

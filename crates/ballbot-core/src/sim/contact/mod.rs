@@ -7,9 +7,11 @@
 //! (semi-implicit Euler). A bot on the floor and a ball against the body are solved by further sweeps (`fallen`).
 
 mod constants;
+mod exchange;
 mod fallen;
 mod memory;
 mod motion;
+mod quantities;
 mod rows;
 mod solve;
 mod step;

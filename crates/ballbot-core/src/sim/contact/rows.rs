@@ -4,6 +4,7 @@
 //! where its inertia is diagonal. Drive and normal impulses are those on the bot; the ball feels the opposite.
 
 use super::constants::Constants;
+use super::quantities::{PerRow, Velocities};
 use crate::lanes::{Lane, Rotation, Vec3};
 
 /// Below this a wheel's axle points at the ball and there is no drive direction, which no wheel in contact comes near.
@@ -11,26 +12,6 @@ const NO_DRIVE: f64 = 1e-3;
 
 /// Speed at which an overlap opens at most, m/s: a robot thrown deep into the floor is not to be shot out of it.
 const FASTEST_RECOVERY: f64 = 1.0;
-
-/// Velocities of everything that moves; see [`super::Memory`] for the frames.
-#[derive(Clone, Copy)]
-pub struct Velocities<L> {
-    pub ball: Vec3<L>,
-    pub ball_rate: Vec3<L>,
-    pub body: Vec3<L>,
-    pub body_rate: Vec3<L>,
-    pub spins: [L; 3],
-}
-
-/// One number of each row: an impulse, or the velocity that it is to bring to zero.
-#[derive(Clone, Copy)]
-pub struct PerRow<L> {
-    /// Normal, x, y.
-    pub floor: [L; 3],
-    pub normals: [L; 3],
-    pub drives: [L; 3],
-    pub joints: [L; 3],
-}
 
 /// The rows of one step.
 pub struct Rows<L> {

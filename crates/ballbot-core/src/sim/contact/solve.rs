@@ -2,7 +2,8 @@
 
 use super::constants::Constants;
 use super::memory::Memory;
-use super::rows::{PerRow, Rows};
+use super::quantities::PerRow;
+use super::rows::Rows;
 use crate::lanes::{Lane, Vec3};
 
 /// Sweeps of one step; they start from the last step's impulses.

@@ -3,24 +3,12 @@
 use super::constants::Constants;
 use super::fallen;
 use super::memory::{Memory, Torques};
-use super::rows::{PerRow, Rows, Velocities, encoder_rate};
+use super::quantities::{PerRow, Pose, Velocities};
+use super::rows::{Rows, encoder_rate};
 use super::solve::{Delassus, Friction, JointFriction, SWEEPS};
-use crate::lanes::{EIGHT, Eight, Lane, Quat, Rotation, Scalar, Vec3, Wide, run_one};
+use crate::lanes::{EIGHT, Eight, Lane, Rotation, Scalar, Vec3, Wide, run_one};
 use crate::sim::friction::stribeck;
 use fearless_simd::Simd;
-
-/// Squared speeds and rates from which arithmetic would overflow soon.
-const BEYOND_MEANING: f64 = 1e30;
-
-/// Where the robot is.
-pub struct Pose<L> {
-    pub ball: Vec3<L>,
-    pub ball_quaternion: Quat<L>,
-    /// CoM.
-    pub body: Vec3<L>,
-    pub body_quaternion: Quat<L>,
-    pub wheel_angles: [L; 3],
-}
 
 /// Advances one robot by `steps` time steps under constant torques.
 pub fn advance(c: &Constants, memory: &mut Memory<f64>, torques: &Torques<f64>, steps: usize) {
@@ -94,10 +82,10 @@ pub struct Start<L> {
 impl<L: Lane> Start<L> {
     #[inline(always)]
     pub fn new(c: &Constants, token: L::Token, memory: &Memory<L::Cell>) -> Self {
-        let pose = load_pose::<L>(token, memory);
+        let pose = memory.pose::<L>(token);
         let rotation = pose.body_quaternion.rotation();
         let rows = Rows::new(c, &rotation, pose.ball, pose.body);
-        Self { velocities: load_velocities(token, memory), rows, rotation, pose }
+        Self { velocities: memory.velocities(token), rows, rotation, pose }
     }
 }
 
@@ -113,7 +101,7 @@ fn step_on_ball<L: Lane, const JOINTS: bool>(
     let friction = friction(c, &start.rows, &start.velocities);
     let free = free_velocities(c, token, memory, start, torques);
     let delassus = Delassus::new::<JOINTS>(c, &start.rows);
-    let mut impulses = load_impulses(token, memory);
+    let mut impulses = memory.impulses(token);
     let mut residuals = start.rows.residuals(c, &free);
     delassus.add_effect::<JOINTS>(&impulses, &mut residuals);
     for _ in 0..SWEEPS {
@@ -134,44 +122,12 @@ pub fn finish<L: Lane, const JOINTS: bool>(
 ) {
     start.rows.apply::<JOINTS>(c, &impulses, &mut velocities);
     let pose = moved(c, &start.pose, &velocities);
-    store(memory, token, &pose, &velocities, &impulses);
+    memory.take(token, &pose, &velocities, &impulses);
     on_floor.store(&mut memory.bot_on_floor);
     (L::load(token, &memory.steps) + 1.0).store(&mut memory.steps);
     let zero = on_floor.zero();
     for cell in &mut memory.push {
         zero.store(cell);
-    }
-}
-
-#[inline(always)]
-fn load_pose<L: Lane>(token: L::Token, memory: &Memory<L::Cell>) -> Pose<L> {
-    Pose {
-        ball: Vec3::load(token, &memory.ball_position),
-        ball_quaternion: Quat::load(token, &memory.ball_quaternion),
-        body: Vec3::load(token, &memory.body_position),
-        body_quaternion: Quat::load(token, &memory.body_quaternion),
-        wheel_angles: load3(token, &memory.wheel_angles),
-    }
-}
-
-#[inline(always)]
-fn load_velocities<L: Lane>(token: L::Token, memory: &Memory<L::Cell>) -> Velocities<L> {
-    Velocities {
-        ball: Vec3::load(token, &memory.ball_velocity),
-        ball_rate: Vec3::load(token, &memory.ball_rate),
-        body: Vec3::load(token, &memory.body_velocity),
-        body_rate: Vec3::load(token, &memory.body_rate),
-        spins: load3(token, &memory.wheel_spins),
-    }
-}
-
-#[inline(always)]
-pub fn load_impulses<L: Lane>(token: L::Token, memory: &Memory<L::Cell>) -> PerRow<L> {
-    PerRow {
-        floor: load3(token, &memory.floor_impulse),
-        normals: load3(token, &memory.normal_impulses),
-        drives: load3(token, &memory.drive_impulses),
-        joints: load3(token, &memory.joint_impulses),
     }
 }
 
@@ -263,100 +219,4 @@ fn moved<L: Lane>(c: &Constants, pose: &Pose<L>, v: &Velocities<L>) -> Pose<L> {
             encoder_rate(c, v, 2).mul_add_all(c.sim_dt, pose.wheel_angles[2]),
         ],
     }
-}
-
-/// Writes what the step led to; a robot whose velocities are beyond meaning stays where it was and is marked.
-#[inline(always)]
-fn store<L: Lane>(
-    memory: &mut Memory<L::Cell>,
-    token: L::Token,
-    pose: &Pose<L>,
-    v: &Velocities<L>,
-    impulses: &PerRow<L>,
-) {
-    let spins = Vec3::new(v.spins[0], v.spins[1], v.spins[2]);
-    let size = v.ball.norm_squared()
-        + v.ball_rate.norm_squared()
-        + v.body.norm_squared()
-        + v.body_rate.norm_squared()
-        + spins.norm_squared();
-    let finite = size.lt(size.splat(BEYOND_MEANING));
-    if !L::any(!finite) {
-        write(memory, pose, v, impulses);
-        return;
-    }
-    let (old_pose, old) = (load_pose::<L>(token, memory), load_velocities(token, memory));
-    let old_impulses = load_impulses(token, memory);
-    let marked = L::load(token, &memory.diverged);
-    L::select(finite, marked, size.splat(1.0)).store(&mut memory.diverged);
-    let pose = Pose {
-        ball: Vec3::select(finite, pose.ball, old_pose.ball),
-        ball_quaternion: Quat::select(finite, pose.ball_quaternion, old_pose.ball_quaternion),
-        body: Vec3::select(finite, pose.body, old_pose.body),
-        body_quaternion: Quat::select(finite, pose.body_quaternion, old_pose.body_quaternion),
-        wheel_angles: select3(finite, pose.wheel_angles, old_pose.wheel_angles),
-    };
-    write(memory, &pose, &Velocities::select(finite, v, &old), &PerRow::select(finite, *impulses, old_impulses));
-}
-
-#[inline(always)]
-fn load3<L: Lane>(token: L::Token, [a, b, c]: &[L::Cell; 3]) -> [L; 3] {
-    [L::load(token, a), L::load(token, b), L::load(token, c)]
-}
-
-#[inline(always)]
-fn store3<L: Lane>([a, b, c]: [L; 3], cells: &mut [L::Cell; 3]) {
-    a.store(&mut cells[0]);
-    b.store(&mut cells[1]);
-    c.store(&mut cells[2]);
-}
-
-#[inline(always)]
-fn select3<L: Lane>(mask: L::Mask, yes: [L; 3], no: [L; 3]) -> [L; 3] {
-    [L::select(mask, yes[0], no[0]), L::select(mask, yes[1], no[1]), L::select(mask, yes[2], no[2])]
-}
-
-impl<L: Lane> PerRow<L> {
-    /// `yes` where `mask` is true, `no` elsewhere.
-    #[inline(always)]
-    pub fn select(mask: L::Mask, yes: Self, no: Self) -> Self {
-        Self {
-            floor: select3(mask, yes.floor, no.floor),
-            normals: select3(mask, yes.normals, no.normals),
-            drives: select3(mask, yes.drives, no.drives),
-            joints: select3(mask, yes.joints, no.joints),
-        }
-    }
-}
-
-impl<L: Lane> Velocities<L> {
-    /// `yes` where `mask` is true, `no` elsewhere.
-    #[inline(always)]
-    pub fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
-        Self {
-            ball: Vec3::select(mask, yes.ball, no.ball),
-            ball_rate: Vec3::select(mask, yes.ball_rate, no.ball_rate),
-            body: Vec3::select(mask, yes.body, no.body),
-            body_rate: Vec3::select(mask, yes.body_rate, no.body_rate),
-            spins: select3(mask, yes.spins, no.spins),
-        }
-    }
-}
-
-#[inline(always)]
-fn write<L: Lane>(memory: &mut Memory<L::Cell>, pose: &Pose<L>, v: &Velocities<L>, impulses: &PerRow<L>) {
-    pose.ball.store(&mut memory.ball_position);
-    pose.ball_quaternion.store(&mut memory.ball_quaternion);
-    pose.body.store(&mut memory.body_position);
-    pose.body_quaternion.store(&mut memory.body_quaternion);
-    store3(pose.wheel_angles, &mut memory.wheel_angles);
-    v.ball.store(&mut memory.ball_velocity);
-    v.ball_rate.store(&mut memory.ball_rate);
-    v.body.store(&mut memory.body_velocity);
-    v.body_rate.store(&mut memory.body_rate);
-    store3(v.spins, &mut memory.wheel_spins);
-    store3(impulses.floor, &mut memory.floor_impulse);
-    store3(impulses.normals, &mut memory.normal_impulses);
-    store3(impulses.drives, &mut memory.drive_impulses);
-    store3(impulses.joints, &mut memory.joint_impulses);
 }

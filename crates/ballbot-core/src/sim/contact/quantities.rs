@@ -1,0 +1,90 @@
+//! What a robot is made of in numbers: where its parts are, how they move, what acts on its contact rows.
+
+use crate::lanes::{Lane, Quat, Vec3};
+
+/// Where the robot is.
+pub struct Pose<L> {
+    pub ball: Vec3<L>,
+    pub ball_quaternion: Quat<L>,
+    /// CoM.
+    pub body: Vec3<L>,
+    pub body_quaternion: Quat<L>,
+    pub wheel_angles: [L; 3],
+}
+
+/// Velocities of everything that moves; see [`super::Memory`] for the frames.
+#[derive(Clone, Copy)]
+pub struct Velocities<L> {
+    pub ball: Vec3<L>,
+    pub ball_rate: Vec3<L>,
+    pub body: Vec3<L>,
+    pub body_rate: Vec3<L>,
+    pub spins: [L; 3],
+}
+
+/// One number of each row: an impulse, or the velocity that it is to bring to zero.
+#[derive(Clone, Copy)]
+pub struct PerRow<L> {
+    /// Normal, x, y.
+    pub floor: [L; 3],
+    pub normals: [L; 3],
+    pub drives: [L; 3],
+    pub joints: [L; 3],
+}
+
+impl<L: Lane> PerRow<L> {
+    /// `yes` where `mask` is true, `no` elsewhere.
+    #[inline(always)]
+    pub fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
+        Self {
+            floor: select3(mask, yes.floor, no.floor),
+            normals: select3(mask, yes.normals, no.normals),
+            drives: select3(mask, yes.drives, no.drives),
+            joints: select3(mask, yes.joints, no.joints),
+        }
+    }
+}
+
+impl<L: Lane> Velocities<L> {
+    /// `yes` where `mask` is true, `no` elsewhere.
+    #[inline(always)]
+    pub fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
+        Self {
+            ball: Vec3::select(mask, yes.ball, no.ball),
+            ball_rate: Vec3::select(mask, yes.ball_rate, no.ball_rate),
+            body: Vec3::select(mask, yes.body, no.body),
+            body_rate: Vec3::select(mask, yes.body_rate, no.body_rate),
+            spins: select3(mask, yes.spins, no.spins),
+        }
+    }
+
+    /// Sum of the squares of all speeds and rates.
+    #[inline(always)]
+    pub fn norm_squared(&self) -> L {
+        let [a, b, c] = self.spins;
+        self.ball.norm_squared()
+            + self.ball_rate.norm_squared()
+            + self.body.norm_squared()
+            + self.body_rate.norm_squared()
+            + Vec3::new(a, b, c).norm_squared()
+    }
+}
+
+impl<L: Lane> Pose<L> {
+    /// `yes` where `mask` is true, `no` elsewhere.
+    #[inline(always)]
+    pub fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
+        Self {
+            ball: Vec3::select(mask, yes.ball, no.ball),
+            ball_quaternion: Quat::select(mask, yes.ball_quaternion, no.ball_quaternion),
+            body: Vec3::select(mask, yes.body, no.body),
+            body_quaternion: Quat::select(mask, yes.body_quaternion, no.body_quaternion),
+            wheel_angles: select3(mask, yes.wheel_angles, no.wheel_angles),
+        }
+    }
+}
+
+#[inline(always)]
+fn select3<L: Lane>(mask: L::Mask, yes: [L; 3], no: [L; 3]) -> [L; 3] {
+    [L::select(mask, yes[0], no[0]), L::select(mask, yes[1], no[1]), L::select(mask, yes[2], no[2])]
+}
