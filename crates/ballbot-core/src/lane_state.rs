@@ -76,7 +76,11 @@ impl LaneState<f64> {
         if self.within_bounds() {
             return None;
         }
-        let broken = self.bounded().into_iter().zip(BOUNDS).find(|(square, (_, limit, _))| !(*square <= limit * limit));
+        let broken = self
+            .bounded()
+            .into_iter()
+            .zip(BOUNDS)
+            .find(|(square, (_, limit, _))| square.is_nan() || *square > limit * limit);
         broken.map(|(square, (name, limit, unit))| format!("{name} = {} {unit}, limit {limit} {unit}", square.sqrt()))
     }
 }

@@ -160,7 +160,7 @@ impl Ballbot {
         let limit = self.params().max_wheel_torque;
         for (i, &torque) in wheel_torques.iter().enumerate() {
             // Not `check`, which would put its words together at every step.
-            if !(torque.abs() <= limit) {
+            if torque.is_nan() || torque.abs() > limit {
                 return Err(Error::OutOfRange {
                     name: format!("wheel_torques[{i}]"),
                     value: torque,

@@ -242,8 +242,9 @@ impl PyBatch {
         PyArray1::from_slice(py, &self.final_observations).reshape([self.batch.len(), OBSERVATION_LEN])
     }
 
-    /// Infos of the last step as Stable-Baselines3 wants them: a dict for each environment, empty unless its episode
-    /// ended. No dict is one that a caller still holds or wrote into.
+    /// Infos of the last step as Stable-Baselines3 wants them, one for each environment.
+    ///
+    /// An info is empty unless its episode ended. No dict is one that a caller still holds or wrote into.
     fn infos<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let infos = self.infos.list(py, self.batch.len())?;
         for (i, outcome) in self.outcomes.iter().enumerate().filter(|(_, outcome)| outcome.done()) {
@@ -260,8 +261,9 @@ impl PyBatch {
         Ok(infos)
     }
 
-    /// Whether the last step of each environment is a success if it ends there, and why it was terminated: an index into
-    /// `TERMINATIONS`.
+    /// Whether the last step of each environment is a success if it ends there, and why it was terminated.
+    ///
+    /// The reasons are indices into `TERMINATIONS`.
     fn endings<'py>(&self, py: Python<'py>) -> Endings<'py> {
         let success = PyArray1::from_iter(py, self.outcomes.iter().map(|o| o.success));
         let reasons = PyArray1::from_iter(py, self.outcomes.iter().map(|o| o.terminated.map_or(0, |t| t as u8)));

@@ -22,7 +22,7 @@ def add_to(commands: Any) -> None:
         help="a controller, a policy file or a run; repeat to compare several",
     )
     command.add_argument("--episodes", type=int, default=100, help="how many episodes (default 100)")
-    command.add_argument("--model", help="rigid, contact, spatial or planar (default: that of the policies, else rigid)")
+    command.add_argument("--model", help="rigid, contact, spatial or planar (default: the policies' own, else rigid)")
     command.add_argument("--seed", type=int, default=1000, help="seed of the first start (default 1000)")
     command.add_argument("--json", action="store_true", help="print JSON instead of a table")
     command.set_defaults(carry_out=run)

@@ -368,14 +368,15 @@ fn pieces<'a>(
     environments: usize,
     buffers: GroupBuffers<'a>,
 ) -> impl Iterator<Item = (&'a mut [Box<dyn Group>], GroupBuffers<'a>)> {
+    let GroupBuffers { actions, observations, final_observations, rewards, terminated, truncated, outcomes } = buffers;
     all.chunks_mut(groups)
-        .zip(buffers.actions.chunks(environments * ACTION_LEN))
-        .zip(buffers.observations.chunks_mut(environments * OBSERVATION_LEN))
-        .zip(buffers.final_observations.chunks_mut(environments * OBSERVATION_LEN))
-        .zip(buffers.rewards.chunks_mut(environments))
-        .zip(buffers.terminated.chunks_mut(environments))
-        .zip(buffers.truncated.chunks_mut(environments))
-        .zip(buffers.outcomes.chunks_mut(environments))
+        .zip(actions.chunks(environments * ACTION_LEN))
+        .zip(observations.chunks_mut(environments * OBSERVATION_LEN))
+        .zip(final_observations.chunks_mut(environments * OBSERVATION_LEN))
+        .zip(rewards.chunks_mut(environments))
+        .zip(terminated.chunks_mut(environments))
+        .zip(truncated.chunks_mut(environments))
+        .zip(outcomes.chunks_mut(environments))
         .map(
             |(
                 ((((((piece, actions), observations), final_observations), rewards), terminated), truncated),

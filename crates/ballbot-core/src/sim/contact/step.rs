@@ -174,9 +174,9 @@ pub fn free_velocities<L: Lane>(
     let mut spin_momentum = reaction;
     let torques = Vec3::load(token, torques);
     let wheel = [torques.x, torques.y, torques.z];
-    for i in 0..3 {
+    for (i, torque) in wheel.into_iter().enumerate() {
         let u = Vec3::splat(like, &c.u[i]);
-        reaction = reaction.plus(u, wheel[i]);
+        reaction = reaction.plus(u, torque);
         spin_momentum = spin_momentum.plus(u, before.spins[i] * c.wheel_inertia);
     }
     // Euler's equations at the middle of the step: an explicit step would pump energy into a tumbling body.
