@@ -9,7 +9,7 @@ INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/
 RUST_SOURCES := $(shell find crates assets/robots -name '*.rs' -o -name '*.toml')
 SEED ?= 0
 
-.PHONY: help setup train test lint docs bench bench-core format clean
+.PHONY: help setup train test lint docs bench bench-core instructions format clean
 
 help:
 	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
@@ -17,6 +17,7 @@ help:
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
 	@echo "make docs    documentation of the Rust core, in target/doc"
 	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
+	@echo "make instructions  compare each model's instruction counts with the kept ones (needs valgrind); ACCEPT=1 keeps new ones"
 	@echo "make format  format Rust and Python"
 	@echo "make clean   delete everything that was built"
 
@@ -48,6 +49,9 @@ bench: $(BENCH_INSTALLED)
 
 bench-core:
 	cargo bench --locked
+
+instructions:
+	$(PYTHON) tools/instructions.py $(if $(ACCEPT),--accept)
 
 format: $(INSTALLED)
 	cargo fmt --all

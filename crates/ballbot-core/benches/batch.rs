@@ -1,62 +1,30 @@
-//! Steps of whole batches, resets included: `cargo bench -p ballbot-core --bench batch`. An element is one environment's
-//! control step (five model steps).
+//! Steps of whole batches, resets included, and what the core could do at most:
+//! `cargo bench -p ballbot-core --bench batch`.
+//!
+//! An element of a batch is one environment's control step, which is five model steps. An element of the peak is a
+//! floating-point operation, a fused multiply-add being two: a step of the contact model has as many as the test
+//! `a_step_takes_as_many_operations_as_documented` counts, so that a batch of it reaches 5 · that · (elements/s) of them.
+
+mod runner;
 
 use ballbot_core::ModelKind;
-use ballbot_core::env::{ACTION_LEN, Autoreset, BalanceConfig, Batch, OBSERVATION_LEN, Outcome, StepBuffers};
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, f64x8};
+use runner::Runner;
+use std::hint::black_box;
 use std::time::Duration;
-
-/// A batch with somewhere to write to.
-struct Runner {
-    batch: Batch,
-    actions: Vec<f32>,
-    observations: Vec<f32>,
-    final_observations: Vec<f32>,
-    rewards: Vec<f32>,
-    terminated: Vec<bool>,
-    truncated: Vec<bool>,
-    outcomes: Vec<Outcome>,
-}
-
-impl Runner {
-    /// `threads` as for [`Batch::new`].
-    fn new(model: ModelKind, n: usize, threads: Option<usize>) -> Self {
-        let config = BalanceConfig { model, ..BalanceConfig::default() };
-        let mut batch = Batch::new(&config, n, Autoreset::NextStep, threads, 0).expect("the default task is valid");
-        let mut observations = vec![0.0; n * OBSERVATION_LEN];
-        batch.reset(None, &mut observations).expect("the buffer fits");
-        Self {
-            batch,
-            // Each robot drifts its own way until it falls and is reset.
-            actions: (0..n * ACTION_LEN).map(|i| 0.05 * (i as f32).sin()).collect(),
-            final_observations: observations.clone(),
-            observations,
-            rewards: vec![0.0; n],
-            terminated: vec![false; n],
-            truncated: vec![false; n],
-            outcomes: vec![Outcome::default(); n],
-        }
-    }
-
-    fn step(&mut self) {
-        let mut buffers = StepBuffers {
-            observations: &mut self.observations,
-            rewards: &mut self.rewards,
-            terminated: &mut self.terminated,
-            truncated: &mut self.truncated,
-            final_observations: &mut self.final_observations,
-            outcomes: &mut self.outcomes,
-        };
-        self.batch.step(&self.actions, &mut buffers).expect("actions are finite and buffers fit");
-    }
-}
 
 fn batches(criterion: &mut Criterion) {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let mut group = criterion.benchmark_group("batch");
     group.sampling_mode(SamplingMode::Flat);
-    for model in [ModelKind::Spatial, ModelKind::Rigid] {
-        for n in [1, 64, 1024] {
+    for (model, sizes) in [
+        (ModelKind::Spatial, &[1, 64, 1024][..]),
+        (ModelKind::Contact, &[1, 64, 1024, 16384]),
+        (ModelKind::Rigid, &[1, 64, 1024]),
+    ] {
+        for &n in sizes {
             group.throughput(Throughput::Elements(n as u64));
             // One environment is never on more than one thread.
             for threads in [1, cores].into_iter().take(if n > 1 && cores > 1 { 2 } else { 1 }) {
@@ -68,12 +36,78 @@ fn batches(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// Multiply-adds of each chain in one run.
+const LINKS: usize = 1000;
+
+/// `CHAINS` chains of multiply-adds of eight numbers, none of which waits for another.
+#[inline(always)]
+fn chains<S: Simd, const CHAINS: usize>(simd: S, factor: f64, term: f64) -> [f64; 8] {
+    let (factor, term) = (f64x8::splat(simd, factor), f64x8::splat(simd, term));
+    // Equal chains would be computed once.
+    let mut sums: [f64x8<S>; CHAINS] = std::array::from_fn(|i| f64x8::splat(simd, i as f64));
+    for _ in 0..LINKS {
+        for sum in &mut sums {
+            *sum = sum.mul_add_precise(factor, term);
+        }
+    }
+    let mut total = term;
+    for sum in sums {
+        total += sum;
+    }
+    let mut out = [0.0; 8];
+    total.store_array(&mut out);
+    out
+}
+
+/// Runs as many chains as hide an addition's latency and yet fit the registers; how many they are.
+fn run_chains(factor: f64, term: f64) -> usize {
+    let level = Level::new();
+    #[cfg(target_arch = "x86_64")]
+    if let Some(simd) = level.as_avx512() {
+        simd.vectorize(
+            #[inline(always)]
+            || black_box(chains::<_, 16>(simd, factor, term)),
+        );
+        return 16;
+    } else if let Some(simd) = level.as_avx2() {
+        simd.vectorize(
+            #[inline(always)]
+            || black_box(chains::<_, 6>(simd, factor, term)),
+        );
+        return 6;
+    }
+    #[cfg(target_arch = "aarch64")]
+    if let Some(simd) = level.as_neon() {
+        simd.vectorize(
+            #[inline(always)]
+            || black_box(chains::<_, 6>(simd, factor, term)),
+        );
+        return 6;
+    }
+    let _ = level;
+    0
+}
+
+/// Multiply-adds of one core in lanes: what the contact model's flops are a share of.
+fn peak(criterion: &mut Criterion) {
+    // Towards term / (1 − factor), neither overflowing nor denormal.
+    let (factor, term) = (black_box(0.5), black_box(1.0));
+    let chains = run_chains(factor, term);
+    if chains == 0 {
+        return;
+    }
+    let mut group = criterion.benchmark_group("peak");
+    group.throughput(Throughput::Elements((2 * 8 * chains * LINKS) as u64));
+    group.bench_function("fused multiply-adds/1 threads", |b| b.iter(|| run_chains(factor, term)));
+    group.finish();
+}
+
 criterion_group! {
     name = benches;
     config = Criterion::default()
         .sample_size(20)
         .warm_up_time(Duration::from_secs(1))
         .measurement_time(Duration::from_secs(3));
-    targets = batches
+    targets = peak, batches
 }
 criterion_main!(benches);

@@ -1,5 +1,8 @@
 //! One time step, and many.
 
+#[cfg(test)]
+mod flops;
+
 use super::constants::Constants;
 use super::fallen;
 use super::memory::{Memory, Torques};

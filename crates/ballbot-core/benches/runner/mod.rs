@@ -1,0 +1,56 @@
+//! A batch with somewhere to write to, for the benchmarks.
+
+use ballbot_core::ModelKind;
+use ballbot_core::env::{ACTION_LEN, Autoreset, BalanceConfig, Batch, OBSERVATION_LEN, Outcome, StepBuffers};
+
+pub struct Runner {
+    batch: Batch,
+    actions: Vec<f32>,
+    observations: Vec<f32>,
+    final_observations: Vec<f32>,
+    rewards: Vec<f32>,
+    /// Whether the last step ended each episode.
+    pub terminated: Vec<bool>,
+    truncated: Vec<bool>,
+    outcomes: Vec<Outcome>,
+}
+
+impl Runner {
+    /// `threads` as for [`Batch::new`].
+    pub fn new(model: ModelKind, n: usize, threads: Option<usize>) -> Self {
+        let config = BalanceConfig { model, ..BalanceConfig::default() };
+        let mut batch = Batch::new(&config, n, Autoreset::NextStep, threads, 0).expect("the default task is valid");
+        let mut observations = vec![0.0; n * OBSERVATION_LEN];
+        batch.reset(None, &mut observations).expect("the buffer fits");
+        Self {
+            batch,
+            // Each robot drifts its own way until it falls and is reset.
+            actions: (0..n * ACTION_LEN).map(|i| 0.05 * (i as f32).sin()).collect(),
+            final_observations: observations.clone(),
+            observations,
+            rewards: vec![0.0; n],
+            terminated: vec![false; n],
+            truncated: vec![false; n],
+            outcomes: vec![Outcome::default(); n],
+        }
+    }
+
+    /// One control step of all environments.
+    pub fn step(&mut self) {
+        let mut buffers = StepBuffers {
+            observations: &mut self.observations,
+            rewards: &mut self.rewards,
+            terminated: &mut self.terminated,
+            truncated: &mut self.truncated,
+            final_observations: &mut self.final_observations,
+            outcomes: &mut self.outcomes,
+        };
+        self.batch.step(&self.actions, &mut buffers).expect("actions are finite and buffers fit");
+    }
+
+    /// Starts all environments anew.
+    #[allow(dead_code, reason = "not every benchmark resets")]
+    pub fn reset(&mut self) {
+        self.batch.reset(None, &mut self.observations).expect("the buffer fits");
+    }
+}

@@ -1,0 +1,223 @@
+//! Counts the floating-point operations of a step, so that what the documentation says of them stays true.
+
+use super::super::ContactMotion;
+use super::super::solve::{Delassus, JointFriction};
+use super::{Start, free_velocities, friction, load_impulses, step};
+use crate::lanes::{Lane, Scalar};
+use crate::model::Model;
+use crate::params::Params;
+use crate::state::{State, attitude};
+use nalgebra::{Vector2, Vector3};
+use std::cell::RefCell;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+/// Flops of a step as documented: no joint friction, rolling without slip on the floor.
+const DOCUMENTED: usize = 2304;
+
+/// How far the count may be from what is documented, as a share of it.
+const TOLERANCE: f64 = 0.03;
+
+/// Operations by kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Operations {
+    additions: usize,
+    multiplications: usize,
+    fused: usize,
+    divisions: usize,
+    roots: usize,
+    /// Comparisons, selections, extrema and magnitudes; no flops by custom.
+    choices: usize,
+    /// Sign changes, which processors fold into what follows; no flops by custom.
+    negations: usize,
+}
+
+impl Operations {
+    /// A fused multiply-add counts as two.
+    fn flops(&self) -> usize {
+        self.additions + self.multiplications + 2 * self.fused + self.divisions + self.roots
+    }
+}
+
+thread_local! {
+    static DONE: RefCell<Operations> = RefCell::default();
+}
+
+fn count(kind: impl FnOnce(&mut Operations) -> &mut usize) {
+    DONE.with_borrow_mut(|done| *kind(done) += 1);
+}
+
+/// An `f64` that counts what is done with it.
+#[derive(Clone, Copy)]
+struct Counted(f64);
+
+macro_rules! counted {
+    ($trait:ident, $method:ident, $kind:ident) => {
+        impl $trait for Counted {
+            type Output = Self;
+            fn $method(self, other: Self) -> Self {
+                count(|done| &mut done.$kind);
+                Self(self.0.$method(other.0))
+            }
+        }
+        impl $trait<f64> for Counted {
+            type Output = Self;
+            fn $method(self, other: f64) -> Self {
+                $trait::$method(self, Self(other))
+            }
+        }
+    };
+}
+counted!(Add, add, additions);
+counted!(Sub, sub, additions);
+counted!(Mul, mul, multiplications);
+counted!(Div, div, divisions);
+
+impl Neg for Counted {
+    type Output = Self;
+    fn neg(self) -> Self {
+        count(|done| &mut done.negations);
+        Self(-self.0)
+    }
+}
+
+impl AddAssign for Counted {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl SubAssign for Counted {
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl Lane for Counted {
+    type Mask = bool;
+    type Cell = f64;
+    type Token = Scalar;
+
+    fn load(_: Scalar, cell: &f64) -> Self {
+        Self(*cell)
+    }
+
+    fn store(self, cell: &mut f64) {
+        *cell = self.0;
+    }
+
+    fn splat(self, value: f64) -> Self {
+        Self(value)
+    }
+
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        count(|done| &mut done.fused);
+        Self(f64::mul_add(self.0, factor.0, term.0))
+    }
+
+    fn sqrt(self) -> Self {
+        count(|done| &mut done.roots);
+        Self(self.0.sqrt())
+    }
+
+    fn abs(self) -> Self {
+        count(|done| &mut done.choices);
+        Self(self.0.abs())
+    }
+
+    fn max(self, other: Self) -> Self {
+        count(|done| &mut done.choices);
+        Self(Lane::max(self.0, other.0))
+    }
+
+    fn min(self, other: Self) -> Self {
+        count(|done| &mut done.choices);
+        Self(Lane::min(self.0, other.0))
+    }
+
+    fn lt(self, other: Self) -> bool {
+        count(|done| &mut done.choices);
+        self.0 < other.0
+    }
+
+    fn le(self, other: Self) -> bool {
+        count(|done| &mut done.choices);
+        self.0 <= other.0
+    }
+
+    fn select(mask: bool, yes: Self, no: Self) -> Self {
+        count(|done| &mut done.choices);
+        if mask { yes } else { no }
+    }
+
+    fn any(mask: bool) -> bool {
+        mask
+    }
+}
+
+/// Of the motors, N·m.
+const TORQUES: [f64; 3] = [0.02, -0.01, 0.01];
+
+/// A robot that leans, rolls and turns.
+fn moving(params: &Params) -> ContactMotion {
+    let mut motion = ContactMotion::new(params, 0.002);
+    let body = attitude(Vector2::new(0.03, -0.05), 0.6);
+    motion.place(&State::rolling(params, Vector2::new(0.1, -0.05), 0.2, body, Vector3::new(0.2, -0.1, 0.3)));
+    for _ in 0..50 {
+        motion.step(&TORQUES);
+    }
+    motion
+}
+
+/// Operations of one step; the counted robot moves as it does uncounted, to the last bit.
+fn operations(params: &Params) -> Operations {
+    let mut motion = moving(params);
+    let mut counted = motion.memory().clone();
+    motion.step(&TORQUES);
+    DONE.set(Operations::default());
+    assert!(step::<Counted>(motion.constants(), Scalar, &mut counted, &TORQUES), "the robot has fallen");
+    assert_eq!(&counted, motion.memory());
+    DONE.take()
+}
+
+#[test]
+fn a_step_takes_as_many_operations_as_documented() {
+    let params = Params::paper();
+    let counted = operations(&params);
+    println!("a step: {} flops, {counted:?}", counted.flops());
+    let sticky = Params { wheel_viscous_friction: 1e-4, wheel_coulomb_friction: 1e-3, ..params };
+    let with_joints = operations(&sticky);
+    println!("with joint friction: {} flops, {with_joints:?}", with_joints.flops());
+    assert!(with_joints.flops() > counted.flops());
+    let error = counted.flops() as f64 / DOCUMENTED as f64 - 1.0;
+    assert!(error.abs() < TOLERANCE, "{} flops a step, documented are {DOCUMENTED}", counted.flops());
+}
+
+#[test]
+fn a_sweep_takes_as_many_operations_as_by_hand() {
+    let motion = moving(&Params::paper());
+    let (c, memory) = (motion.constants(), motion.memory());
+    let start = Start::<Counted>::new(c, Scalar, memory);
+    let friction = friction(c, &start.rows, &start.velocities);
+    let joint_friction = JointFriction::load(c, Scalar, memory);
+    let free = free_velocities(c, Scalar, memory, &start, &TORQUES);
+    let mut residuals = start.rows.residuals(c, &free);
+    let mut impulses = load_impulses(Scalar, memory);
+    let delassus = Delassus::new::<false>(c, &start.rows);
+    DONE.set(Operations::default());
+    delassus.sweep::<false>(&friction, &joint_friction, &mut impulses, &mut residuals);
+    let by_hand = Operations {
+        // The change of each of nine impulses.
+        additions: 9,
+        // The limits of the floor's and the wheels' friction, and two squares to see whether the floor's is reached.
+        multiplications: 4 + 2,
+        // Each row's own impulse, its effect on those it is coupled with, and the floor's friction squared.
+        fused: 9 + (3 * 7 + 3 * 9 + 3 * 9) + 1,
+        divisions: 0,
+        roots: 0,
+        // Extrema of four normals and, twice, of three drives; whether the floor slips.
+        choices: 4 + 2 * 3 + 1,
+        // Of six residuals and three limits; the floor's constants are negative themselves.
+        negations: 6 + 3,
+    };
+    assert_eq!(DONE.take(), by_hand);
+}
