@@ -2,7 +2,7 @@
 
 use super::super::ContactMotion;
 use super::super::solve::{Delassus, JointFriction};
-use super::{Start, free_velocities, friction, load_impulses, step};
+use super::{Start, free_velocities, friction, step};
 use crate::lanes::{Lane, Scalar};
 use crate::model::Model;
 use crate::params::Params;
@@ -201,7 +201,7 @@ fn a_sweep_takes_as_many_operations_as_by_hand() {
     let joint_friction = JointFriction::load(c, Scalar, memory);
     let free = free_velocities(c, Scalar, memory, &start, &TORQUES);
     let mut residuals = start.rows.residuals(c, &free);
-    let mut impulses = load_impulses(Scalar, memory);
+    let mut impulses = memory.impulses(Scalar);
     let delassus = Delassus::new::<false>(c, &start.rows);
     DONE.set(Operations::default());
     delassus.sweep::<false>(&friction, &joint_friction, &mut impulses, &mut residuals);
