@@ -13,6 +13,8 @@ mod motion;
 mod rows;
 mod solve;
 mod step;
+#[cfg(test)]
+mod tests;
 
 pub use constants::Constants;
 pub use memory::Memory;
