@@ -5,9 +5,14 @@ use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::{Contacts, Model, Params};
 use nalgebra::Vector3;
 
-/// Both after 40 ms, and their mean wheel tractions and floor forces over the last 20 ms.
-#[allow(clippy::type_complexity)]
-fn slip_both(params: &Params, sim_dt: f64, torques: [f64; 3]) -> [(Box<dyn Model>, Vector3<f64>, Vector3<f64>); 2] {
+/// A robot after 40 ms, and its mean forces over the last 20 ms.
+struct Slipped {
+    robot: Box<dyn Model>,
+    tractions: Vector3<f64>,
+    floor: Vector3<f64>,
+}
+
+fn slip_both(params: &Params, sim_dt: f64, torques: [f64; 3]) -> [Slipped; 2] {
     [Simulation::Rigid, Simulation::Contact].map(|simulation| {
         let mut robot = simulation.robot(params, sim_dt);
         robot.reset(&leaning(params, 2.0)).unwrap();
@@ -19,23 +24,22 @@ fn slip_both(params: &Params, sim_dt: f64, torques: [f64; 3]) -> [(Box<dyn Model
             tractions += Vector3::from(robot.contacts().wheel_tractions) / steps as f64;
             floor += robot.contacts().floor_force / steps as f64;
         }
-        (robot, tractions, floor)
+        Slipped { robot, tractions, floor }
     })
 }
 
 /// How far the velocities of the two are apart, as shares of what they are: wheels, ball, its rate, the body's rate; and
 /// the means of tractions and floor force, N.
-fn apart(both: &[(Box<dyn Model>, Vector3<f64>, Vector3<f64>); 2]) -> [f64; 6] {
-    let [(rigid, rigid_tractions, rigid_floor), (contact, tractions, floor)] = both;
-    let (r, c) = (rigid.state(), contact.state());
+fn apart([rigid, contact]: &[Slipped; 2]) -> [f64; 6] {
+    let (r, c) = (rigid.robot.state(), contact.robot.state());
     let share = |a: Vector3<f64>, b: Vector3<f64>| (a - b).norm() / b.norm();
     [
         share(c.wheel_speeds.into(), r.wheel_speeds.into()),
         share(c.ball_velocity, r.ball_velocity),
         share(c.ball_angular_velocity, r.ball_angular_velocity),
         share(c.body_angular_velocity, r.body_angular_velocity),
-        (tractions - rigid_tractions).amax(),
-        (floor - rigid_floor).amax(),
+        (contact.tractions - rigid.tractions).amax(),
+        (contact.floor - rigid.floor).amax(),
     ]
 }
 
@@ -52,7 +56,7 @@ fn agree(label: &str, params: &Params, torques: [f64; 3], usual: [f64; 2], fine:
         let [shares, forces] = [&off[..4], &off[4..]].map(|off| off.iter().copied().fold(0.0, f64::max));
         close(&format!("{label}, {sim_dt} s: velocities"), shares, 0.0, share);
         close(&format!("{label}, {sim_dt} s: forces"), forces, 0.0, force);
-        let [rigid, contact] = [&both[0].0, &both[1].0].map(|robot| robot.contacts());
+        let [rigid, contact] = both.map(|slipped| slipped.robot.contacts());
         let slip = |c: &Contacts| Vector3::from(c.wheel_slip_speeds).amax().max(c.floor_slip_velocity.norm());
         assert!(slip(&rigid) > 0.05 && slip(&contact) > 0.05, "{label}: nothing slips");
     }
