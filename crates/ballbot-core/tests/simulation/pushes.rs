@@ -4,12 +4,13 @@ use super::{Simulation, com_velocity, for_both, run};
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::models::SpatialMotion;
 use ballbot_core::{Model, Params, State};
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 fn a_push_changes_the_momentum_by_its_impulse(simulation: Simulation) {
     let params = Params::paper();
     let mut robot = simulation.robot(&params, 1e-3);
-    let mut state = State::upright(&params);
+    let mut state = State::tilted(&params, Vector2::new(0.4, -0.7), 1.1);
+    let attitude = state.body_quaternion;
     // In the air, clear of the ball, so that nothing else acts.
     state.ball_position.z = 1.0;
     state.body_position.z = 2.0;
@@ -30,7 +31,7 @@ fn a_push_changes_the_momentum_by_its_impulse(simulation: Simulation) {
     let spin = Vector3::from(state.wheel_speeds) - wheels.u * state.body_angular_velocity;
     let angular = Vector3::from(params.body_inertia).component_mul(&state.body_angular_velocity)
         - wheels.u.transpose() * spin * params.wheel_inertia;
-    let expected = (point - com).cross(&impulse);
+    let expected = (point - com).cross(&attitude.inverse_transform_vector(&impulse));
     println!("angular {:e}", (angular - expected).norm() / expected.norm());
     assert!((angular - expected).norm() < 1e-12 * expected.norm(), "{angular}, expected {expected}");
 }

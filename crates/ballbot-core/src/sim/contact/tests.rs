@@ -1,7 +1,9 @@
 //! Eight robots in lanes are eight robots alone, to the last bit, with every instruction set of this machine.
 
+use super::solve::Delassus;
+use super::step::Start;
 use super::*;
-use crate::lanes::{EIGHT, Eight};
+use crate::lanes::{EIGHT, Eight, Scalar};
 use crate::model::{JointDynamics, Model};
 use crate::params::Params;
 use crate::state::State;
@@ -176,6 +178,9 @@ fn assert_eventful(expected: &[Vec<Memory<f64>>; EIGHT], falling: bool) {
     for (i, alone) in expected.iter().enumerate() {
         assert_eq!(alone[STEPS - 1].diverged, if i == DIVERGING { 1.0 } else { 0.0 }, "lane {i}");
     }
+    // What diverges stays where it was.
+    let [before, after] = [99, 100].map(|step| &expected[DIVERGING][step]);
+    assert_same("diverged", &Memory { steps: after.steps, diverged: 1.0, ..before.clone() }, after);
     assert!(expected[FRICTION][10].joint_impulses != [0.0; 3]);
     assert_eq!(expected[RESET][STEPS - 1].steps, 250.0);
     let slip = |m: &Memory<f64>| Vector3::from(m.wheel_spins).amax();
@@ -211,4 +216,65 @@ fn many_steps_at_once_are_as_many_single_ones() {
         advance(&constants, &mut singly, &[0.02, -0.01, 0.03], 1);
     }
     assert_same("200 steps", &once, &singly);
+}
+
+/// A robot that spins, slips and has a ball 3 mm and a tenth of a radian out of place.
+fn displaced() -> ContactMotion {
+    let params = params();
+    let mut state = State::tilted(&params, Vector2::new(0.3, -0.2), 0.8);
+    state.ball_position += Vector3::new(2e-3, -1e-3, 3e-3);
+    state.body_position.z += 5e-3;
+    state.ball_velocity = Vector3::new(0.3, -0.2, 0.1);
+    state.ball_angular_velocity = Vector3::new(2.0, 1.0, -3.0);
+    state.body_velocity = Vector3::new(-0.1, 0.4, 0.2);
+    state.body_angular_velocity = Vector3::new(1.5, -2.5, 4.0);
+    state.wheel_speeds = [10.0, -20.0, 5.0];
+    let mut robot = ContactMotion::new(&params, 1e-3);
+    robot.place(&state);
+    robot
+}
+
+#[test]
+fn rows_measure_the_slip_of_the_surfaces() {
+    let robot = displaced();
+    let start = Start::<f64>::new(robot.constants(), Scalar, robot.memory());
+    for (i, expected) in robot.contacts().wheel_slip_speeds.into_iter().enumerate() {
+        let found = start.rows.slip_speed(robot.constants(), &start.velocities, i);
+        println!("wheel {i}: {found}, expected {expected}");
+        assert!((found - expected).abs() < 1e-13, "wheel {i}: {found} m/s, expected {expected}");
+    }
+}
+
+/// The Delassus matrix says of each impulse what the rows measure once it has acted.
+#[test]
+fn impulses_do_to_the_rows_what_the_solver_counts_on() {
+    let robot = displaced();
+    let c = robot.constants();
+    let start = Start::<f64>::new(c, Scalar, robot.memory());
+    let before = start.rows.residuals(c, &start.velocities);
+    let delassus = Delassus::new::<true>(c, &start.rows);
+    for row in 0..12 {
+        let mut impulse = before;
+        let rows = [&mut impulse.floor, &mut impulse.normals, &mut impulse.drives, &mut impulse.joints];
+        for (k, cell) in rows.into_iter().flatten().enumerate() {
+            *cell = if k == row { 1.0 } else { 0.0 };
+        }
+        let mut velocities = start.velocities;
+        start.rows.apply::<true>(c, &impulse, &mut velocities);
+        let after = start.rows.residuals(c, &velocities);
+        let mut expected = before;
+        delassus.add_effect::<true>(&impulse, &mut expected);
+        let blocks = [
+            (after.floor, expected.floor),
+            (after.normals, expected.normals),
+            (after.drives, expected.drives),
+            (after.joints, expected.joints),
+        ];
+        for (after, expected) in blocks {
+            for (a, e) in after.into_iter().zip(expected) {
+                // Wheels are light: a unit impulse on a joint changes its rate by 7000 rad/s.
+                assert!((a - e).abs() < 1e-11, "impulse {row}: {after:?}, expected {expected:?}");
+            }
+        }
+    }
 }
