@@ -3,7 +3,7 @@
 use super::Lane;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
-/// e^(−x) for x ≥ 0 to 1e-14 relative; e^(−64) for all larger x.
+/// e^(−x) for x ≥ 0 to 4e-14 relative; e^(−64) for all larger x.
 #[inline(always)]
 pub fn exp_of_negative<L: Lane>(x: L) -> L {
     const HALVINGS: i32 = 7;

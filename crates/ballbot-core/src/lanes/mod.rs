@@ -8,6 +8,8 @@ mod cells;
 mod dispatch;
 mod math;
 mod scalar;
+#[cfg(test)]
+mod tests;
 mod vec3;
 mod wide;
 

@@ -15,6 +15,8 @@ mod quantities;
 mod rows;
 mod solve;
 mod step;
+#[cfg(test)]
+mod tests;
 
 pub use constants::Constants;
 pub use memory::Memory;

@@ -227,7 +227,8 @@ impl<L: Lane> Delassus<L> {
                 let stick = impulses.joints[k] - r.joints[k] / own;
                 let dry = stick.min(joint_friction.dry).max(-joint_friction.dry);
                 let softness = joint_friction.viscous * own;
-                let new = (softness / (softness + 1.0)).mul_add(stick - dry, dry);
+                // Zero is added for its sign: beside a robot with friction, one without keeps its plain zero.
+                let new = (softness / (softness + 1.0)).mul_add(stick - dry, dry) + 0.0;
                 let change = new - impulses.joints[k];
                 impulses.joints[k] = new;
                 self.add_joint(k, change, r);

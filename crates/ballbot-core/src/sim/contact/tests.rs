@@ -1,0 +1,280 @@
+//! Eight robots in lanes are eight robots alone, to the last bit, with every instruction set of this machine.
+
+use super::solve::Delassus;
+use super::step::Start;
+use super::*;
+use crate::lanes::{EIGHT, Eight, Scalar};
+use crate::model::{JointDynamics, Model};
+use crate::params::Params;
+use crate::state::State;
+use fearless_simd::{Level, Simd};
+use nalgebra::{Vector2, Vector3};
+
+const STEPS: usize = 500;
+/// A lane with nothing but zeros, whose signs are bits too, and one in the air.
+const AT_REST: usize = 0;
+const LIFTED: usize = 1;
+/// The lanes whose robots do what neighbours must not feel.
+const FRICTION: usize = 2;
+const FALLING: usize = 3;
+const DIVERGING: usize = 4;
+const PUSHED: usize = 5;
+const RESET: usize = 6;
+const SLIPPING: usize = 7;
+
+/// Static friction above dynamic friction, so that its law is in the run.
+fn params() -> Params {
+    Params {
+        wheel_static_friction: 0.6,
+        wheel_dynamic_friction: 0.4,
+        floor_static_friction: 0.5,
+        floor_dynamic_friction: 0.3,
+        ..Params::paper()
+    }
+}
+
+/// What a robot of its lane starts with; a calm one is not pushed, has no joint friction and does not fall.
+fn start(i: usize, calm: bool) -> Memory<f64> {
+    let params = params();
+    let mut robot = ContactMotion::new(&params, 1e-3);
+    let angle = i as f64;
+    let degrees: f64 = match i {
+        AT_REST => 0.0,
+        FALLING if !calm => 40.0,
+        _ => 0.3 + 0.2 * angle,
+    };
+    let tilt = Vector2::new(angle.cos(), angle.sin()) * degrees.to_radians();
+    if i == FRICTION && !calm {
+        robot.set_joint_dynamics(JointDynamics { viscous_friction: 1e-3, coulomb_friction: 5e-3 });
+    }
+    let mut start = State::tilted(&params, tilt, 0.5 * angle);
+    if i == LIFTED {
+        start.ball_position.z += 0.02;
+        start.body_position.z += 0.02;
+    }
+    robot.reset(&start).expect("above the floor");
+    robot.memory().clone()
+}
+
+fn push(memory: &mut Memory<f64>, impulse: f64) {
+    memory.push = [impulse, -0.5 * impulse, 0.2 * impulse, 0.1 * impulse, 0.0, 0.05 * impulse];
+}
+
+/// Torques of a robot in a step: changing, and for some beyond what friction carries.
+fn torques(i: usize, step: usize) -> [f64; 3] {
+    let size = match i {
+        AT_REST => return [0.0; 3],
+        SLIPPING if step > 250 => 0.8,
+        _ => 0.02,
+    };
+    [0, 1, 2].map(|k| size * ((i * 7 + k * 3 + step / 20) as f64).sin())
+}
+
+/// Lanes in which no event happens.
+type Calm = [bool; EIGHT];
+
+/// What happens to a lane's robot before a step, besides its torques.
+fn event(i: usize, step: usize, calm: bool, memory: &mut Memory<f64>) {
+    match (i, step) {
+        _ if calm => (),
+        (DIVERGING, 100) => push(memory, 1e200),
+        (PUSHED, 0) => push(memory, 0.05),
+        (PUSHED, 200) => push(memory, 1.5),
+        (RESET, 250) => *memory = start(1, true),
+        _ => (),
+    }
+}
+
+fn alone(i: usize, calm: bool) -> Vec<Memory<f64>> {
+    let constants = Constants::new(&params(), 1e-3);
+    let mut memory = start(i, calm);
+    let step = |k| {
+        event(i, k, calm, &mut memory);
+        advance(&constants, &mut memory, &torques(i, k), 1);
+        memory.clone()
+    };
+    (0..STEPS).map(step).collect()
+}
+
+#[inline(always)]
+fn side_by_side<S: Simd>(simd: S, calm: Calm) -> Vec<Memory<Eight>> {
+    let constants = Constants::new(&params(), 1e-3);
+    let mut robots = Memory::<Eight>::default();
+    for (i, &calm) in calm.iter().enumerate() {
+        robots.set_lane(i, &start(i, calm));
+    }
+    let mut out = Vec::new();
+    for k in 0..STEPS {
+        let mut all = [Eight::default(); 3];
+        for (i, &calm) in calm.iter().enumerate() {
+            let mut one = robots.lane(i);
+            event(i, k, calm, &mut one);
+            robots.set_lane(i, &one);
+            for (eight, torque) in all.iter_mut().zip(torques(i, k)) {
+                eight.0[i] = torque;
+            }
+        }
+        simd.vectorize(
+            #[inline(always)]
+            || advance_wide(simd, &constants, &mut robots, &all, 1),
+        );
+        out.push(robots.clone());
+    }
+    out
+}
+
+/// The run with every instruction set that this machine has.
+fn runs(calm: Calm) -> Vec<(&'static str, Vec<Memory<Eight>>)> {
+    let level = Level::new();
+    let mut out = Vec::new();
+    #[cfg(target_arch = "x86_64")]
+    {
+        if let Some(simd) = level.as_avx512() {
+            out.push(("AVX-512", side_by_side(simd, calm)));
+        }
+        if let Some(simd) = level.as_avx2() {
+            out.push(("AVX2", side_by_side(simd, calm)));
+        }
+    }
+    #[cfg(target_arch = "aarch64")]
+    if let Some(simd) = level.as_neon() {
+        out.push(("NEON", side_by_side(simd, calm)));
+    }
+    println!("{level:?}: {:?}", out.iter().map(|(name, _)| name).collect::<Vec<_>>());
+    out
+}
+
+/// All its numbers, bit by bit.
+fn bits(memory: &Memory<f64>) -> Vec<u64> {
+    crate::snapshot::encode(memory).chunks(8).map(|b| b.iter().fold(0, |bits, b| bits << 8 | u64::from(*b))).collect()
+}
+
+#[track_caller]
+fn assert_same(label: &str, found: &Memory<f64>, expected: &Memory<f64>) {
+    assert!(bits(found) == bits(expected), "{label}:\n{found:?}\n{expected:?}");
+}
+
+#[test]
+fn robots_in_lanes_are_robots_alone() {
+    // Near the floor all eight are stepped one by one, so once with a fall and once without.
+    for falling in [true, false] {
+        let mut calm = [false; EIGHT];
+        calm[FALLING] = !falling;
+        let expected = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| alone(i, calm[i]));
+        for (name, run) in runs(calm) {
+            for (k, robots) in run.iter().enumerate() {
+                for (i, alone) in expected.iter().enumerate() {
+                    assert_same(&format!("{name}, lane {i}, step {k}"), &robots.lane(i), &alone[k]);
+                }
+            }
+        }
+        assert_eventful(&expected, falling);
+    }
+}
+
+/// That a run has in it what it is for.
+fn assert_eventful(expected: &[Vec<Memory<f64>>; EIGHT], falling: bool) {
+    assert_eq!(expected[FALLING][STEPS - 1].bot_on_floor > 0.0, falling);
+    for (i, alone) in expected.iter().enumerate() {
+        assert_eq!(alone[STEPS - 1].diverged, if i == DIVERGING { 1.0 } else { 0.0 }, "lane {i}");
+    }
+    // What diverges stays where it was.
+    let [before, after] = [99, 100].map(|step| &expected[DIVERGING][step]);
+    assert_same("diverged", &Memory { steps: after.steps, diverged: 1.0, ..before.clone() }, after);
+    assert!(expected[FRICTION][10].joint_impulses != [0.0; 3]);
+    assert_eq!(expected[RESET][STEPS - 1].steps, 250.0);
+    let slip = |m: &Memory<f64>| Vector3::from(m.wheel_spins).amax();
+    assert!(slip(&expected[SLIPPING][STEPS - 1]) > 20.0, "nothing slips");
+}
+
+/// A robot that falls, diverges, is pushed, reset or has joint friction leaves its neighbours as they are, to the last bit.
+#[test]
+fn eventful_lanes_leave_their_neighbours_alone() {
+    let calm = runs([true; EIGHT]);
+    for eventful in [FRICTION, FALLING, DIVERGING, PUSHED, RESET] {
+        let mut only = [true; EIGHT];
+        only[eventful] = false;
+        for ((name, found), (_, expected)) in runs(only).iter().zip(&calm) {
+            for (k, (found, expected)) in found.iter().zip(expected).enumerate() {
+                for i in (0..EIGHT).filter(|&i| i != eventful) {
+                    let label = format!("{name}, lane {i} beside {eventful}, step {k}");
+                    assert_same(&label, &found.lane(i), &expected.lane(i));
+                }
+            }
+            let last = STEPS - 1;
+            assert!(bits(&found[last].lane(eventful)) != bits(&expected[last].lane(eventful)), "{eventful} is calm");
+        }
+    }
+}
+
+#[test]
+fn many_steps_at_once_are_as_many_single_ones() {
+    let constants = Constants::new(&params(), 1e-3);
+    let (mut once, mut singly) = (start(1, false), start(1, false));
+    advance(&constants, &mut once, &[0.02, -0.01, 0.03], 200);
+    for _ in 0..200 {
+        advance(&constants, &mut singly, &[0.02, -0.01, 0.03], 1);
+    }
+    assert_same("200 steps", &once, &singly);
+}
+
+/// A robot that spins, slips and has a ball 3 mm and a tenth of a radian out of place.
+fn displaced() -> ContactMotion {
+    let params = params();
+    let mut state = State::tilted(&params, Vector2::new(0.3, -0.2), 0.8);
+    state.ball_position += Vector3::new(2e-3, -1e-3, 3e-3);
+    state.body_position.z += 5e-3;
+    state.ball_velocity = Vector3::new(0.3, -0.2, 0.1);
+    state.ball_angular_velocity = Vector3::new(2.0, 1.0, -3.0);
+    state.body_velocity = Vector3::new(-0.1, 0.4, 0.2);
+    state.body_angular_velocity = Vector3::new(1.5, -2.5, 4.0);
+    state.wheel_speeds = [10.0, -20.0, 5.0];
+    let mut robot = ContactMotion::new(&params, 1e-3);
+    robot.place(&state);
+    robot
+}
+
+#[test]
+fn rows_measure_the_slip_of_the_surfaces() {
+    let robot = displaced();
+    let start = Start::<f64>::new(robot.constants(), Scalar, robot.memory());
+    for (i, expected) in robot.contacts().wheel_slip_speeds.into_iter().enumerate() {
+        let found = start.rows.slip_speed(robot.constants(), &start.velocities, i);
+        println!("wheel {i}: {found}, expected {expected}");
+        assert!((found - expected).abs() < 1e-13, "wheel {i}: {found} m/s, expected {expected}");
+    }
+}
+
+/// The Delassus matrix says of each impulse what the rows measure once it has acted.
+#[test]
+fn impulses_do_to_the_rows_what_the_solver_counts_on() {
+    let robot = displaced();
+    let c = robot.constants();
+    let start = Start::<f64>::new(c, Scalar, robot.memory());
+    let before = start.rows.residuals(c, &start.velocities);
+    let delassus = Delassus::new::<true>(c, &start.rows);
+    for row in 0..12 {
+        let mut impulse = before;
+        let rows = [&mut impulse.floor, &mut impulse.normals, &mut impulse.drives, &mut impulse.joints];
+        for (k, cell) in rows.into_iter().flatten().enumerate() {
+            *cell = if k == row { 1.0 } else { 0.0 };
+        }
+        let mut velocities = start.velocities;
+        start.rows.apply::<true>(c, &impulse, &mut velocities);
+        let after = start.rows.residuals(c, &velocities);
+        let mut expected = before;
+        delassus.add_effect::<true>(&impulse, &mut expected);
+        let blocks = [
+            (after.floor, expected.floor),
+            (after.normals, expected.normals),
+            (after.drives, expected.drives),
+            (after.joints, expected.joints),
+        ];
+        for (after, expected) in blocks {
+            for (a, e) in after.into_iter().zip(expected) {
+                // Wheels are light: a unit impulse on a joint changes its rate by 7000 rad/s.
+                assert!((a - e).abs() < 1e-11, "impulse {row}: {after:?}, expected {expected:?}");
+            }
+        }
+    }
+}
