@@ -1,6 +1,6 @@
 //! [`State`] of one robot or of eight, for computations that are written over lanes.
 
-use crate::lanes::{Lane, Quat, Vec3};
+use crate::lanes::{Lane, Quat, Vec3, run_one};
 use crate::state::State;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
@@ -73,7 +73,11 @@ impl<L: Lane> LaneState<L> {
 impl LaneState<f64> {
     /// The first bound that the state breaks, NaN included.
     pub fn out_of_bounds(&self) -> Option<String> {
-        if self.within_bounds() {
+        let within = run_one(
+            #[inline(always)]
+            || self.within_bounds(),
+        );
+        if within {
             return None;
         }
         let broken = self

@@ -8,7 +8,7 @@ use super::judge::{Episode, Judge, Robot, Verdict};
 use super::{ACTION_LEN, OBSERVATION_LEN};
 use crate::error::Result;
 use crate::lane_state::LaneState;
-use crate::lanes::{EIGHT, Eight, Kernel, Lane, Scalar, Wide, run_eight};
+use crate::lanes::{EIGHT, Eight, Kernel, Lane, Scalar, Wide, run_eight, run_one};
 use crate::sim::contact::{Constants, ContactMotion, Memory, advance, advance_wide};
 use crate::state::State;
 use fearless_simd::Simd;
@@ -79,6 +79,7 @@ impl Block {
         self.observe(i, observation);
     }
 
+    #[inline(always)]
     fn state(&self, i: usize) -> LaneState<f64> {
         let c = self.motion.constants();
         self.robots.lane(i).state(Scalar, c.com_height, &c.u)
@@ -165,7 +166,12 @@ impl Group for Block {
     }
 
     fn observe(&self, i: usize, observation: &mut [f32]) {
-        write_observation(&self.judge.observe(&self.state(i), &self.episodes.lane(i).last_action), observation);
+        let last_action = self.episodes.lane(i).last_action;
+        let sensed = run_one(
+            #[inline(always)]
+            || self.judge.observe(&self.state(i), &last_action),
+        );
+        write_observation(&sensed, observation);
     }
 
     fn seed(&mut self, i: usize, seed: u64) {

@@ -6,7 +6,7 @@ use super::judge::{Episode, Judge, Robot, Verdict};
 use super::reward::RewardTerms;
 use crate::error::{Error, Result};
 use crate::lane_state::LaneState;
-use crate::lanes::Scalar;
+use crate::lanes::{Scalar, run_one};
 use crate::robot::Ballbot;
 use crate::snapshot;
 use crate::state::State;
@@ -177,7 +177,10 @@ impl Environment {
             healthy: intact && self.robot.healthy(),
             on_floor: self.robot.bot_on_floor(),
         };
-        self.judge.judge(Scalar, &robot, action, &mut self.episode, &mut self.verdict);
+        run_one(
+            #[inline(always)]
+            || self.judge.judge(Scalar, &robot, action, &mut self.episode, &mut self.verdict),
+        );
         write_observation(&self.verdict.observation, observation);
         let v = &self.verdict;
         let outcome = Outcome::new(v.reward, v.termination, v.truncated, v.success);
@@ -198,7 +201,11 @@ impl Environment {
     /// If `observation` is not of length [`OBSERVATION_LEN`].
     pub fn observe(&self, observation: &mut [f32]) {
         let state = LaneState::from(&self.robot.state());
-        write_observation(&self.judge.observe(&state, &self.episode.last_action), observation);
+        let sensed = run_one(
+            #[inline(always)]
+            || self.judge.observe(&state, &self.episode.last_action),
+        );
+        write_observation(&sensed, observation);
     }
 
     /// The terms of the last step's reward.

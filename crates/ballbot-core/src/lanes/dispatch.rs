@@ -48,11 +48,10 @@ pub fn run_eight<K: Kernel>(kernel: K) {
 }
 
 /// Runs a computation on one robot where fused multiply-adds are instructions, if the processor has them.
-pub fn run_one(kernel: impl FnOnce()) {
+pub fn run_one<R>(kernel: impl FnOnce() -> R) -> R {
     #[cfg(target_arch = "x86_64")]
     if let Some(simd) = Level::new().as_avx2() {
-        simd.vectorize(kernel);
-        return;
+        return simd.vectorize(kernel);
     }
-    kernel();
+    kernel()
 }

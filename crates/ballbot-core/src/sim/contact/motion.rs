@@ -6,7 +6,7 @@ use super::step::advance;
 use crate::energy::mechanical_energy;
 use crate::error::Result;
 use crate::kinematics::Omniwheels;
-use crate::lanes::Scalar;
+use crate::lanes::{Scalar, run_one};
 use crate::model::{JointDynamics, Model};
 use crate::params::Params;
 use crate::sim::outline::Outline;
@@ -141,7 +141,11 @@ impl Model for ContactMotion {
     }
 
     fn state(&self) -> State {
-        self.memory.state::<f64>(Scalar, self.constants.com_height, &self.constants.u).into()
+        let (c, memory) = (&self.constants, &self.memory);
+        run_one(
+            #[inline(always)]
+            || memory.state::<f64>(Scalar, c.com_height, &c.u).into(),
+        )
     }
 
     fn contacts(&self) -> Contacts {
