@@ -22,7 +22,7 @@ def describe(command: str) -> dict[str, Any]:
         "processor": _processor(),
         "cores": len(cores()),
         "memory_gib": _memory_gib(),
-        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        "system": f"{platform.system()} {platform.release().split('-')[0]} {platform.machine()}",
         "load_before": list(os.getloadavg()) if hasattr(os, "getloadavg") else None,
         "versions": {"ballbot-rs": bb.__version__, "python": platform.python_version(), "rustc": _rustc()}
         | {package: _version(package) for package in _PACKAGES},

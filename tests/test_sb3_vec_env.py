@@ -1,8 +1,10 @@
 """`BallbotVecEnv` against the contract of Stable-Baselines3's `VecEnv`."""
 
 import copy
+import gc
 import multiprocessing
 import pickle
+import weakref
 
 import numpy as np
 import pytest
@@ -98,6 +100,24 @@ def test_an_info_that_is_held_or_written_into_does_not_come_back():
         infos[1]["mine"] = step
         infos[2]["nobody holds it"] = step
         alias = infos[1]
+
+
+def test_an_environment_that_an_info_refers_to_is_collected():
+    env = BallbotVecEnv(num_envs=2, model="contact", seed=0)
+    env.reset()
+    *_, infos = env.step(np.zeros((2, 3), dtype=np.float32))
+    infos[0]["env"] = env
+    gone = weakref.ref(env)
+    del env, infos
+    gc.collect()
+    assert gone() is None
+
+
+def test_infos_of_a_list_that_is_held_do_not_come_back():
+    env = BallbotVecEnv(num_envs=3, model="contact", seed=0)
+    env.reset()
+    lists = [env.step(np.zeros((3, 3), dtype=np.float32))[3] for _ in range(8)]
+    assert len({id(info) for infos in lists for info in infos}) == 24
 
 
 def test_arrays_and_infos_are_never_reused():

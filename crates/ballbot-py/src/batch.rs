@@ -16,6 +16,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
+use pyo3::{PyTraverseError, PyVisit};
 
 /// Name, unit and bound of every row of an observation.
 pub(crate) fn observation_rows() -> Vec<(&'static str, &'static str, f32)> {
@@ -138,6 +139,14 @@ impl PyBatch {
             infos: EmptyInfos::default(),
             batch,
         })
+    }
+
+    fn __traverse__(&self, visit: PyVisit<'_>) -> Result<(), PyTraverseError> {
+        self.infos.traverse(&visit)
+    }
+
+    fn __clear__(&mut self) {
+        self.infos.clear();
     }
 
     #[getter]

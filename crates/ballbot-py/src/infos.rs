@@ -2,6 +2,7 @@
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
+use pyo3::{PyTraverseError, PyVisit};
 
 /// How many steps a caller may look back at before dicts are made anew: the step before the last is still in the caller's
 /// hands while the next one runs, and a callback may hold one more.
@@ -16,6 +17,16 @@ pub(crate) struct EmptyInfos {
 }
 
 impl EmptyInfos {
+    /// Shows the garbage collector what callers may have tied to us.
+    pub(crate) fn traverse(&self, visit: &PyVisit<'_>) -> Result<(), PyTraverseError> {
+        self.generations.iter().flatten().try_for_each(|dict| visit.call(dict))
+    }
+
+    /// Lets go of all dicts.
+    pub(crate) fn clear(&mut self) {
+        self.generations.iter_mut().for_each(Vec::clear);
+    }
+
     /// `n` empty dicts that nobody else refers to, in a new list.
     pub(crate) fn list<'py>(&mut self, py: Python<'py>, n: usize) -> PyResult<Bound<'py, PyList>> {
         let dicts = &mut self.generations[self.next];

@@ -113,8 +113,8 @@ const WORTH_WAKING: f64 = 50e-6;
 const PIECES_PER_THREAD: usize = 8;
 
 impl Batch {
-    /// `num_envs` environments on `num_threads` threads (as many as there are cores if `None`, never more than there are
-    /// environments).
+    /// `num_envs` environments on up to `num_threads` threads: as many as there are cores if `None`, never more than there
+    /// are environments (eights of them in the contact model), and fewer where waking one would not pay.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] for zero environments or threads; what [`Environment::new`] finds.

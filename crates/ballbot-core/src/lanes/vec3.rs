@@ -25,6 +25,12 @@ impl<L: Lane> Vec3<L> {
         Self::new(L::load(token, &cells[0]), L::load(token, &cells[1]), L::load(token, &cells[2]))
     }
 
+    /// From three cells that are not in one array.
+    #[inline(always)]
+    pub fn load_parts(token: L::Token, [x, y, z]: [&L::Cell; 3]) -> Self {
+        Self::new(L::load(token, x), L::load(token, y), L::load(token, z))
+    }
+
     /// Into three cells.
     #[inline(always)]
     pub fn store(self, cells: &mut [L::Cell; 3]) {

@@ -45,12 +45,21 @@ impl<S: Simd> Lane for Wide<S> {
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        SimdBase::max(self, other)
+        // Elsewhere than on x86 the instruction has other ideas of NaN and of zeros.
+        if cfg!(target_arch = "x86_64") {
+            SimdBase::max(self, other)
+        } else {
+            Self::select(other.lt(self), self, other)
+        }
     }
 
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        SimdBase::min(self, other)
+        if cfg!(target_arch = "x86_64") {
+            SimdBase::min(self, other)
+        } else {
+            Self::select(self.lt(other), self, other)
+        }
     }
 
     #[inline(always)]

@@ -67,16 +67,20 @@ fn slipping_wheel_spins_up_at_the_closed_form_rate(simulation: Simulation) {
     let mut robot = simulation.robot(&params, 1e-3);
     let torque = 0.6;
     let spin = |state: &State| state.wheel_speeds[0] - (wheels.u * state.body_angular_velocity)[0];
-    run(robot.as_mut(), [torque; 3], 20);
-    let before = spin(&robot.state());
-    let mut friction = 0.0;
-    for _ in 0..20 {
-        // In `rigid`, the load of one step limits the friction of the next; in `contact`, its own.
-        let load = |robot: &dyn ballbot_core::Model| robot.contacts().wheel_normal_forces[0];
-        let last = load(robot.as_ref());
+    // In `rigid`, a load that follows the load limits the friction of the next step; in `contact`, the load itself.
+    let mut bearing = params.static_wheel_load();
+    let (mut before, mut friction) = (0.0, 0.0);
+    for step in 0..40 {
+        if step == 20 {
+            before = spin(&robot.state());
+        }
         robot.step(&[torque; 3]);
-        friction += params.wheel_dynamic_friction * simulation.pick(last, load(robot.as_ref())) / 20.0;
-        assert!(robot.contacts().wheel_slip_speeds[0] > 0.0);
+        let load = robot.contacts().wheel_normal_forces[0];
+        if step >= 20 {
+            friction += params.wheel_dynamic_friction * simulation.pick(bearing, load) / 20.0;
+            assert!(robot.contacts().wheel_slip_speeds[0] > 0.0);
+        }
+        bearing += 0.5 * (load - bearing);
     }
     let found = (spin(&robot.state()) - before) / 0.02;
     let expected = (torque - friction * params.wheel_radius) / params.wheel_inertia;
@@ -101,9 +105,26 @@ fn static_friction_holds_what_dynamic_friction_does_not(simulation: Simulation) 
     assert!(slip(torque, 10.0) > 0.1, "a slipping wheel is caught");
 }
 
+/// Friction bounded by the load of the step before alone would swing the loads farther at every step.
+fn wheels_that_slip_keep_their_loads(simulation: Simulation) {
+    let params = Params::paper();
+    for sim_dt in [2e-3, 1e-3] {
+        let mut robot = simulation.robot(&params, sim_dt);
+        run(robot.as_mut(), [0.0; 3], 20);
+        run(robot.as_mut(), [1.0; 3], 60);
+        let contacts = robot.contacts();
+        for (load, slip) in contacts.wheel_normal_forces.into_iter().zip(contacts.wheel_slip_speeds) {
+            assert!(slip > 5.0, "the wheels do not slip: {contacts:?}");
+            let error = load / params.static_wheel_load() - 1.0;
+            assert!(error.abs() < 5e-3, "at {sim_dt} s: {load} N, off by {error:e}");
+        }
+    }
+}
+
 for_both!(
     floor_friction_is_the_same_in_all_directions,
     wheels_slip_at_the_coulomb_limit_whatever_the_yaw,
     slipping_wheel_spins_up_at_the_closed_form_rate,
     static_friction_holds_what_dynamic_friction_does_not,
+    wheels_that_slip_keep_their_loads,
 );

@@ -25,7 +25,7 @@ const OUT_OF_PLACE: f64 = 0.02;
 
 /// Robots that need the contacts of this module in this step.
 #[inline(always)]
-pub fn near<L: Lane>(c: &Constants, start: &Start<L>) -> L::Mask {
+pub fn near<L: Lane>(c: &Constants, start: &Start<L>, token: L::Token, push: &[L::Cell; 6]) -> L::Mask {
     let (pose, v) = (&start.pose, &start.velocities);
     let zero = pose.ball.x.zero();
     let up = start.rotation.rows[2];
@@ -35,8 +35,15 @@ pub fn near<L: Lane>(c: &Constants, start: &Start<L>) -> L::Mask {
     let cylinder = (up.z * c.body_bottom).min(up.z * c.body_top) - rim;
     let lowest = pose.body.z + (wheels - c.wheel_radius).min(cylinder);
     let (speed, rate) = (v.body, v.body_rate);
+    let [fx, fy, fz, tx, ty, tz] = push;
+    let force = Vec3::<L>::load_parts(token, [fx, fy, fz]);
+    let turning = Vec3::<L>::load_parts(token, [tx, ty, tz]);
+    let pushed = (force.x.abs() + force.y.abs() + force.z.abs()) * c.body_mass_inverse;
+    let lightest = c.body_inertia_inverse.iter().copied().fold(0.0, f64::max);
+    let turned = (turning.x.abs() + turning.y.abs() + turning.z.abs()) * (lightest * c.reach);
     let fastest = (rate.x.abs() + rate.y.abs() + rate.z.abs())
         .mul_add_all(c.reach, speed.x.abs() + speed.y.abs() + speed.z.abs());
+    let fastest = fastest + (pushed + turned);
     let offset = start.rows.ball_in_body + Vec3::splat(zero, &[0.0, 0.0, c.com_height]);
     let limit = OUT_OF_PLACE * c.ball_radius;
     lowest.lt(fastest.mul_add_all(c.sim_dt, zero.splat(NEAR))) | zero.splat(limit * limit).lt(offset.norm_squared())
@@ -77,6 +84,7 @@ impl Fallen<'_> {
     #[inline(always)]
     fn solve(&mut self, points: &mut [Point; POINTS], ball: &mut BallOnBody) -> bool {
         let c = self.c;
+        let mut bearing = self.impulses.normals;
         for _ in 0..SWEEPS {
             let mut now = self.free;
             self.rows.apply::<true>(c, &self.impulses, &mut now);
@@ -85,7 +93,13 @@ impl Fallen<'_> {
             }
             ball.sweep(c, [&mut now, &mut self.free]);
             let mut residuals = self.rows.residuals(c, &now);
-            self.delassus.sweep::<true>(&self.friction, &self.joint_friction, &mut self.impulses, &mut residuals);
+            self.delassus.sweep::<true>(
+                &self.friction,
+                &self.joint_friction,
+                &mut bearing,
+                &mut self.impulses,
+                &mut residuals,
+            );
         }
         points.iter().any(|point| point.impulses[0] > 0.0 || point.gap <= 0.0)
     }

@@ -84,7 +84,8 @@ impl<L: Lane> Pose<L> {
     }
 }
 
+/// `yes` where `mask` is true, `no` elsewhere.
 #[inline(always)]
-fn select3<L: Lane>(mask: L::Mask, yes: [L; 3], no: [L; 3]) -> [L; 3] {
+pub fn select3<L: Lane>(mask: L::Mask, yes: [L; 3], no: [L; 3]) -> [L; 3] {
     [L::select(mask, yes[0], no[0]), L::select(mask, yes[1], no[1]), L::select(mask, yes[2], no[2])]
 }

@@ -6,8 +6,19 @@ use super::quantities::PerRow;
 use super::rows::Rows;
 use crate::lanes::{Lane, Vec3};
 
-/// Sweeps of one step; they start from the last step's impulses.
+/// Sweeps of one step at least; they start from the last step's impulses.
 pub const SWEEPS: usize = 4;
+
+/// Sweeps of one step at most: impacts, hard pushes and wheels that begin to slip take more.
+pub const MOST_SWEEPS: usize = 60;
+
+/// Change of the wheels' impulses in a sweep that calls for another, as a share of the static load's.
+const SETTLED: f64 = 2e-3;
+
+/// How fast the load that bounds a wheel's friction follows the load, in a sweep. Friction of slipping wheels pushes ball
+/// and body sideways and so changes the loads of the others by more than itself: bounded by the load at once, it would
+/// swing from sweep to sweep, and farther each time.
+const BEARING: f64 = 0.33;
 
 /// Friction coefficients in this step.
 #[derive(Clone, Copy)]
@@ -196,12 +207,25 @@ impl<L: Lane> Delassus<L> {
         }
     }
 
+    /// Robots of which the wheels' impulses changed much from one sweep to the next.
+    #[inline(always)]
+    pub fn unsettled(c: &Constants, old: &PerRow<L>, new: &PerRow<L>) -> L::Mask {
+        let mut change = new.floor[0].zero();
+        for k in 0..3 {
+            let (normal, drive) = (new.normals[k] - old.normals[k], new.drives[k] - old.drives[k]);
+            change = normal.mul_add(normal, drive.mul_add(drive, change));
+        }
+        let limit = SETTLED * c.static_wheel_load * c.sim_dt;
+        change.splat(limit * limit).lt(change)
+    }
+
     /// Improves the impulses of all rows once, each within what its contact can do, and keeps the residuals up to date.
     #[inline(always)]
     pub fn sweep<const JOINTS: bool>(
         &self,
         friction: &Friction<L>,
         joint_friction: &JointFriction<L>,
+        bearing: &mut [L; 3],
         impulses: &mut PerRow<L>,
         r: &mut PerRow<L>,
     ) {
@@ -214,7 +238,8 @@ impl<L: Lane> Delassus<L> {
             self.add_normal::<JOINTS>(k, change, r);
         }
         for k in 0..3 {
-            let limit = friction.wheels[k] * impulses.normals[k];
+            bearing[k] = (impulses.normals[k] - bearing[k]).mul_add_all(BEARING, bearing[k]);
+            let limit = friction.wheels[k] * bearing[k];
             let stick = r.drives[k].neg_mul_add(self.drive_inverse[k], impulses.drives[k]);
             let new = stick.min(limit).max(-limit);
             let change = new - impulses.drives[k];

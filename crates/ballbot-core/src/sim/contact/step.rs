@@ -6,9 +6,9 @@ mod flops;
 use super::constants::Constants;
 use super::fallen;
 use super::memory::{Memory, Torques};
-use super::quantities::{PerRow, Pose, Velocities};
+use super::quantities::{PerRow, Pose, Velocities, select3};
 use super::rows::{Rows, encoder_rate};
-use super::solve::{Delassus, Friction, JointFriction, SWEEPS};
+use super::solve::{Delassus, Friction, JointFriction, MOST_SWEEPS, SWEEPS};
 use crate::lanes::{EIGHT, Eight, Lane, Rotation, Scalar, Vec3, Wide, run_one};
 use crate::sim::friction::stribeck;
 use fearless_simd::Simd;
@@ -62,7 +62,7 @@ fn one_by_one(c: &Constants, memory: &mut Memory<Eight>, torques: &Torques<Eight
 #[inline(always)]
 fn step<L: Lane>(c: &Constants, token: L::Token, memory: &mut Memory<L::Cell>, torques: &Torques<L::Cell>) -> bool {
     let start = Start::new(c, token, memory);
-    if L::any(fallen::near(c, &start)) {
+    if L::any(fallen::near(c, &start, token, &memory.push)) {
         return false;
     }
     let joint_friction = JointFriction::load(c, token, memory);
@@ -107,8 +107,24 @@ fn step_on_ball<L: Lane, const JOINTS: bool>(
     let mut impulses = memory.impulses(token);
     let mut residuals = start.rows.residuals(c, &free);
     delassus.add_effect::<JOINTS>(&impulses, &mut residuals);
+    let mut bearing = impulses.normals;
+    let mut old = impulses;
     for _ in 0..SWEEPS {
-        delassus.sweep::<JOINTS>(&friction, joint_friction, &mut impulses, &mut residuals);
+        old = impulses;
+        delassus.sweep::<JOINTS>(&friction, joint_friction, &mut bearing, &mut impulses, &mut residuals);
+    }
+    let mut open = Delassus::unsettled(c, &old, &impulses);
+    let mut sweeps = SWEEPS;
+    while L::any(open) && sweeps < MOST_SWEEPS {
+        // Robots that have settled keep what they have, whatever their neighbours need.
+        let (old, old_residuals, old_bearing) = (impulses, residuals, bearing);
+        delassus.sweep::<JOINTS>(&friction, joint_friction, &mut bearing, &mut impulses, &mut residuals);
+        let still = Delassus::unsettled(c, &old, &impulses);
+        impulses = PerRow::select(open, &impulses, &old);
+        residuals = PerRow::select(open, &residuals, &old_residuals);
+        bearing = select3(open, bearing, old_bearing);
+        open = open & still;
+        sweeps += 1;
     }
     finish::<L, JOINTS>(c, token, memory, start, (free, impulses), free.ball.x.zero());
 }

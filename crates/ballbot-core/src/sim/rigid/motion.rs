@@ -164,7 +164,7 @@ impl RigidMotion {
         let on_floor = ball.z - self.params.ball_radius <= TOUCHING;
         [0, 1, 2].map(|i| {
             let load = if self.contact(i).gap <= TOUCHING { usual } else { 0.0 };
-            Force { load, traction: 0.0, steady: load > 0.0 && on_floor }
+            Force { load, bearing: load, traction: 0.0, steady: load > 0.0 && on_floor }
         })
     }
 }

@@ -19,10 +19,17 @@ const PREDICTION: f64 = 0.002;
 /// Keeps the limit on the side where it acts whatever the rounding, m.
 const CERTAINLY: f64 = 1e-9;
 
+/// How fast the load that bounds friction follows the load, in a step. Friction of slipping wheels pushes ball and body
+/// sideways and so changes the loads of the others: bounded by the last load itself, it would swing from step to step, and
+/// farther each time.
+const BEARING: f64 = 0.5;
+
 /// What one step leaves to the next, N.
 #[derive(Clone, Copy, Default, Serialize, Deserialize)]
 pub struct Force {
     pub load: f64,
+    /// The load that bounds the next step's friction. It follows the load by a share a step ([`BEARING`]).
+    pub bearing: f64,
     /// On the ball along the drive direction.
     pub traction: f64,
     /// Whether the load is steady enough to start the next step from.
@@ -109,5 +116,6 @@ pub fn force(joint: &GenericJoint, start: &Start, last: &Force, usual: f64, dt: 
     // Twice the load at the start is all that the row along z can add up to, so a load that has just dropped or doubled
     // is no start.
     let lasting = load > 0.5 * last.load && load < 1.9 * last.load;
-    Force { load, traction, steady: load > 0.01 * usual && load < 10.0 * usual && lasting }
+    let bearing = if last.steady { last.bearing + BEARING * (load - last.bearing) } else { load };
+    Force { load, bearing, traction, steady: load > 0.01 * usual && load < 10.0 * usual && lasting }
 }

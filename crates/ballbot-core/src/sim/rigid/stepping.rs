@@ -44,7 +44,7 @@ impl RigidMotion {
         let friction = stribeck(p.wheel_static_friction, p.wheel_dynamic_friction, slip);
         let last = self.memory.wheel_forces[i];
         let (joint, poses) = self.world.drive_mut(&self.handles, i);
-        rows::anchor(joint, contact, poses, &last, friction * last.load, self.settings.dt)
+        rows::anchor(joint, contact, poses, &last, friction * last.bearing, self.settings.dt)
     }
 
     fn set_sweeps(&mut self) {
