@@ -237,9 +237,9 @@ impl<L: Lane> Delassus<L> {
             impulses.normals[k] = new;
             self.add_normal::<JOINTS>(k, change, r);
         }
-        for k in 0..3 {
-            bearing[k] = (impulses.normals[k] - bearing[k]).mul_add_all(BEARING, bearing[k]);
-            let limit = friction.wheels[k] * bearing[k];
+        for (k, bearing) in bearing.iter_mut().enumerate() {
+            *bearing = (impulses.normals[k] - *bearing).mul_add_all(BEARING, *bearing);
+            let limit = friction.wheels[k] * *bearing;
             let stick = r.drives[k].neg_mul_add(self.drive_inverse[k], impulses.drives[k]);
             let new = stick.min(limit).max(-limit);
             let change = new - impulses.drives[k];
