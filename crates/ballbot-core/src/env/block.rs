@@ -40,8 +40,7 @@ impl Block {
     /// What [`Environment::new`] finds.
     pub fn new(config: &BalanceConfig, used: usize, seed: u64) -> Result<Self> {
         let single = Environment::new(config, seed)?;
-        let mut motion = ContactMotion::new(&config.params, config.sim_dt);
-        motion.place(&State::upright(&config.params));
+        let motion = ContactMotion::new(&config.params, config.sim_dt);
         let mut robots = Memory::default();
         for i in 0..EIGHT {
             robots.set_lane(i, motion.memory());
@@ -82,7 +81,7 @@ impl Block {
     #[inline(always)]
     fn state(&self, i: usize) -> LaneState<f64> {
         let c = self.motion.constants();
-        self.robots.lane(i).state(Scalar, c.com_height, &c.u)
+        self.robots.lane(i).state(Scalar, c)
     }
 
     /// Keeps lanes that are no environment from falling.
@@ -259,7 +258,7 @@ fn conclude<L: Lane>(
 ) {
     let diverged = L::load(token, &robots.diverged);
     let robot = Robot {
-        state: robots.state(token, constants.com_height, &constants.u),
+        state: robots.state(token, constants),
         healthy: diverged.le(diverged.zero()),
         on_floor: diverged.zero().lt(L::load(token, &robots.bot_on_floor)),
     };

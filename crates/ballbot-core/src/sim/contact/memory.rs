@@ -1,7 +1,9 @@
 //! What a robot carries from one step to the next.
 
+use super::constants::Constants;
+use super::rows::encoder_rate;
 use crate::lane_state::LaneState;
-use crate::lanes::{Lane, Quat, Vec3, cells};
+use crate::lanes::{Lane, Vec3, cells};
 use serde::{Deserialize, Serialize};
 
 /// Torques of the three motors, N·m.
@@ -47,36 +49,25 @@ cells! {
 }
 
 impl<T> Memory<T> {
-    /// The state, with the body at its frame's origin instead of its CoM, which is `com_height` above it, and the rates
-    /// of the wheels against the body. `u` are the rows u_i.
+    /// The state: the body at its frame's origin instead of its CoM, the wheels' rates against the body.
     #[inline(always)]
-    pub fn state<L: Lane<Cell = T>>(&self, token: L::Token, com_height: f64, u: &[[f64; 3]; 3]) -> LaneState<L> {
-        let body_quaternion = Quat::<L>::load(token, &self.body_quaternion);
-        let rotation = body_quaternion.rotation();
-        let rate = Vec3::load(token, &self.body_rate);
-        let like = rate.x;
-        let position = Vec3::load(token, &self.body_position);
-        let velocity = Vec3::load(token, &self.body_velocity);
+    pub fn state<L: Lane<Cell = T>>(&self, token: L::Token, c: &Constants) -> LaneState<L> {
+        let (pose, v) = (self.pose::<L>(token), self.velocities::<L>(token));
+        let rotation = pose.body_quaternion.rotation();
         let mast = Vec3::new(rotation.rows[0].z, rotation.rows[1].z, rotation.rows[2].z);
         // Ω × e3
-        let turning = rotation.apply(Vec3::new(rate.y, -rate.x, like.zero()));
-        let spins = Vec3::<L>::load(token, &self.wheel_spins);
-        let angles = Vec3::<L>::load(token, &self.wheel_angles);
+        let turning = rotation.apply(Vec3::new(v.body_rate.y, -v.body_rate.x, v.body_rate.x.zero()));
         LaneState {
-            ball_position: Vec3::load(token, &self.ball_position),
-            ball_quaternion: Quat::load(token, &self.ball_quaternion),
-            ball_velocity: Vec3::load(token, &self.ball_velocity),
-            ball_angular_velocity: Vec3::load(token, &self.ball_rate),
-            body_position: position.plus_all(mast, -com_height),
-            body_quaternion,
-            body_velocity: velocity.plus_all(turning, -com_height),
-            body_angular_velocity: rate,
-            wheel_angles: [angles.x, angles.y, angles.z],
-            wheel_speeds: [
-                Vec3::splat(like, &u[0]).dot(rate) + spins.x,
-                Vec3::splat(like, &u[1]).dot(rate) + spins.y,
-                Vec3::splat(like, &u[2]).dot(rate) + spins.z,
-            ],
+            ball_position: pose.ball,
+            ball_quaternion: pose.ball_quaternion,
+            ball_velocity: v.ball,
+            ball_angular_velocity: v.ball_rate,
+            body_position: pose.body.plus_all(mast, -c.com_height),
+            body_quaternion: pose.body_quaternion,
+            body_velocity: v.body.plus_all(turning, -c.com_height),
+            body_angular_velocity: v.body_rate,
+            wheel_angles: pose.wheel_angles,
+            wheel_speeds: [encoder_rate(c, &v, 0), encoder_rate(c, &v, 1), encoder_rate(c, &v, 2)],
         }
     }
 }

@@ -13,16 +13,15 @@ use crate::sim::outline::Outline;
 use crate::snapshot;
 use crate::state::{Contacts, State, wxyz};
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
-use std::sync::Arc;
 
 /// How far a contact may be open for its first impulses to count on the robot's weight, m.
 const TOUCHING: f64 = 1e-4;
 
 /// A ballbot on a flat floor, in contact wherever it touches.
 pub struct ContactMotion {
-    params: Arc<Params>,
+    params: Params,
     wheels: Omniwheels,
-    constants: Arc<Constants>,
+    constants: Constants,
     memory: Memory<f64>,
 }
 
@@ -31,9 +30,9 @@ impl ContactMotion {
     pub fn new(params: &Params, sim_dt: f64) -> Self {
         let mut motion = Self {
             wheels: Omniwheels::new(params),
-            constants: Arc::new(Constants::new(params, sim_dt)),
+            constants: Constants::new(params, sim_dt),
             memory: Memory::default(),
-            params: Arc::new(params.clone()),
+            params: params.clone(),
         };
         motion.set_joint_dynamics(JointDynamics::of(params));
         motion.place(&State::upright(params));
@@ -41,7 +40,7 @@ impl ContactMotion {
     }
 
     /// Constants of its robot and time step.
-    pub fn constants(&self) -> &Arc<Constants> {
+    pub fn constants(&self) -> &Constants {
         &self.constants
     }
 
@@ -144,7 +143,7 @@ impl Model for ContactMotion {
         let (c, memory) = (&self.constants, &self.memory);
         run_one(
             #[inline(always)]
-            || memory.state::<f64>(Scalar, c.com_height, &c.u).into(),
+            || memory.state::<f64>(Scalar, c).into(),
         )
     }
 
