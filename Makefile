@@ -3,19 +3,23 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+PLOT_INSTALLED := $(VENV)/.plot-installed
+VERIFY_INSTALLED := $(VENV)/.verify-installed
 BENCH_INSTALLED := $(VENV)/.bench-installed
 INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet \
 	--disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable
 RUST_SOURCES := $(shell find crates assets/robots -name '*.rs' -o -name '*.toml')
 SEED ?= 0
 
-.PHONY: help setup train test lint docs bench bench-core instructions format clean
+.PHONY: help setup train test lint docs paper verify bench bench-core instructions format clean
 
 help:
 	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
 	@echo "make test    all tests, Rust and Python"
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
 	@echo "make docs    documentation of the Rust core, in target/doc"
+	@echo "make paper   repeat the paper's experiments, report in docs/paper.md"
+	@echo "make verify  check closed forms and other engines, report in docs/verification.md"
 	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
 	@echo "make instructions  compare each model's instruction counts with the kept ones (needs valgrind); ACCEPT=1 keeps new ones"
 	@echo "make format  format Rust and Python"
@@ -44,6 +48,12 @@ lint: $(INSTALLED)
 docs:
 	cargo doc --locked --no-deps --package ballbot-core
 
+paper: $(PLOT_INSTALLED)
+	$(BIN)/python -m verification.paper
+
+verify: $(VERIFY_INSTALLED)
+	$(BIN)/python -m verification
+
 bench: $(BENCH_INSTALLED)
 	$(BIN)/python -m benchmarks
 
@@ -66,6 +76,14 @@ $(INSTALLED): pyproject.toml constraints.txt Cargo.toml Cargo.lock $(RUST_SOURCE
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt maturin
 	$(INSTALL) '.[train,dev]'
+	@touch $@
+
+$(PLOT_INSTALLED): $(INSTALLED)
+	$(INSTALL) '.[plot]'
+	@touch $@
+
+$(VERIFY_INSTALLED): $(INSTALLED)
+	$(INSTALL) '.[verify]'
 	@touch $@
 
 $(BENCH_INSTALLED): $(INSTALLED)

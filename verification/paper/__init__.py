@@ -1,0 +1,1 @@
+"""The paper's experiments, repeated: printed beside found, and why they differ."""
