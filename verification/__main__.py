@@ -5,13 +5,12 @@ import sys
 
 from verification import closed_forms
 from verification.page import DOCS, section
-from verification.topic import Topic
 
 _HEAD = """# Verification
 
-Every number here is made by `make verify`, which fails if a claim does not hold. One machine, one run; the motion itself is the
-same to the last bit wherever it runs on the same kind of processor. Symbols and frames: [conventions.md](conventions.md). Equations:
-[derivations.md](derivations.md). The paper's own experiments: [paper.md](paper.md).
+Every number here is made by `make verify`, which fails if a claim does not hold; it all comes from one run. Symbols and
+frames are those of [conventions.md](conventions.md), equations those of [derivations.md](derivations.md); the paper's own
+experiments are in [paper.md](paper.md).
 """
 
 
