@@ -17,3 +17,51 @@ def unstable_pole(params: bb.Params) -> float:
     rest, torque = np.zeros(5), np.zeros(3)
     slope = model.accelerations(tilted, rest, torque) - model.accelerations(upright, rest, torque)
     return float(np.sqrt(slope[2] / angle))
+
+
+def steady_lean(params: bb.Params, tilt: float, absolute_wheel_spin: bool = True) -> tuple[float, float]:
+    """Acceleration (m/s²) and virtual torque (N·m) of a robot that keeps a tilt towards its direction of travel."""
+    p = params
+    mass, wheels = p.ball_mass + p.body_mass, 1.5 * np.cos(p.wheel_zenith) ** 2 * p.wheel_inertia
+    pull = p.body_mass * p.gravity * p.body_com_height * np.sin(tilt)
+    held = p.body_mass * p.body_com_height * np.cos(tilt) + mass * p.ball_radius + p.ball_inertia / p.ball_radius
+    if absolute_wheel_spin:
+        held -= wheels / p.wheel_radius
+    acceleration = pull / held
+    rolling = mass + p.ball_inertia / p.ball_radius**2 + wheels / p.wheel_radius**2
+    return float(acceleration), float(p.wheel_radius * rolling * acceleration)
+
+
+def leaning(params: bb.Params, tilt: float, azimuth: float, yaw: float, torque: float) -> tuple[bb.State, Array]:
+    """A robot at rest that leans towards `azimuth`, and the wheel torques that amount to a virtual torque that way.
+
+    A virtual wheel turns, as the wheels do, with the gear ratio times the ball's rate relative to the body: the wheels
+    do the same work about the axis of the ball's rotation if their torques along u_i add up to its torque.
+    """
+    axis = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    state = bb.State.upright(params, tilt * axis[:2], yaw)
+    seen = matrix(state.body_quaternion).T @ axis
+    return state, np.linalg.solve(wheel_directions(params).T, torque * seen)
+
+
+def wheel_directions(params: bb.Params) -> Array:
+    """u_i = p_i × d_i in its rows, body frame: the axis about which each wheel turns the ball."""
+    sin, cos = np.sin(params.wheel_zenith), np.cos(params.wheel_zenith)
+    return np.array([[-cos * np.cos(b), -cos * np.sin(b), sin] for b in params.wheel_azimuths])
+
+
+def matrix(quaternion: Array) -> Array:
+    """Rotation matrix of a quaternion `[w, x, y, z]`."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def turn(axis: Array, angle: float) -> Array:
+    """Rotation matrix about a unit vector."""
+    return matrix(np.array([np.cos(0.5 * angle), *(np.sin(0.5 * angle) * axis)]))

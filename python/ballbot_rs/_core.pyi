@@ -470,6 +470,24 @@ class Lqr:
     @property
     def control_dt(self) -> float:
         """Time between two calls, in seconds."""
+    def deviation(
+        self,
+        state: State,
+        *,
+        position: npt.ArrayLike | None = None,
+        velocity: npt.ArrayLike | None = None,
+        yaw: float = 0.0,
+    ) -> _Array:
+        """What the regulator multiplies and weighs (10), in the heading frame, m, rad, m/s, rad/s.
+
+        Position error (x, y), tilt (x, y), yaw error, then their rates.
+        """
+    @property
+    def gain(self) -> _Array:
+        """K (3×10): the torques are −K x of the deviation x, before they are limited."""
+    @property
+    def cost(self) -> _Array:
+        """P (10×10): the sum of xᵀQx + uᵀRu over all steps from the deviation x is xᵀPx."""
     @property
     def residual(self) -> float:
         """Relative residual of the Riccati equation."""

@@ -1,7 +1,8 @@
 r"""Fall of the upright robot.
 
-A small tilt grows from rest as $\theta_0\cosh\lambda t$. With the wheels counted by their absolute spin, the linearised
-robot of Table II has $\lambda = 6.09174451\ \mathrm{s}^{-1}$: one number that every error of the dynamics enters.
+A small tilt grows from rest as $\theta_0\cosh\lambda t$. With the wheels counted by their absolute spin, the
+linearised robot of Table II has $\lambda = 6.09174451\ \mathrm{s}^{-1}$: one number that every error of the dynamics
+enters.
 """
 
 from typing import TYPE_CHECKING

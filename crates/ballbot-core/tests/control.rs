@@ -76,9 +76,14 @@ fn no_gain_nearby_costs_less() {
 fn linear_model_is_the_slope_of_the_spatial_model() {
     let params =
         Params { ball_viscous_friction: 3.0, wheel_viscous_friction: 1e-3, wheel_zenith: 0.6, ..Params::paper() };
-    let model = SpatialModel::new(&params, true, false);
+    let model = SpatialModel::new(&params, true, true);
+    // Angular momentum of the upright robot about the vertical is zero: J_k s + J_z Ω − 3 J_w sin α (ψ̇ − Ω sin α) = 0
+    // with ψ̇ = k sin α (s − Ω).
+    let (sin, k) = (params.wheel_zenith.sin(), params.gear_ratio());
+    let wheels = 3.0 * params.wheel_inertia * sin * sin;
+    let ball_spin = -(params.body_inertia[2] + wheels * (k + 1.0)) / (params.ball_inertia - wheels * k);
     let accelerations = |x: DVector<f64>| {
-        let velocity = Vector6::new(x[5], x[6], x[7], x[8], x[9], 0.0);
+        let velocity = Vector6::new(x[5], x[6], x[7], x[8], x[9], x[9] * ball_spin);
         let torques = Vector3::new(x[10], x[11], x[12]);
         model.accelerations(&attitude(Vector2::new(x[2], x[3]), x[4]), &velocity, &torques)
     };

@@ -1,11 +1,11 @@
 //! `Pid` and `Lqr`.
 
-use crate::convert::{array, numbers};
+use crate::convert::{array, matrix, numbers};
 use crate::errors::{call, to_python};
 use crate::params::or_paper;
 use crate::state::PyState;
 use ballbot_core::control::{Controller, Lqr, LqrWeights, Pid, PidGains, Setpoint, default_max_torque};
-use numpy::PyArray1;
+use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -163,6 +163,33 @@ impl PyLqr {
     #[getter]
     fn control_dt(&self) -> f64 {
         self.0.control_dt()
+    }
+
+    /// What the regulator multiplies and weighs: (x, y) position error, tilt (x, y), yaw error, and their rates, in the
+    /// heading frame (10).
+    #[pyo3(signature = (state, *, position=None, velocity=None, yaw=0.0))]
+    fn deviation<'py>(
+        &self,
+        py: Python<'py>,
+        state: &PyState,
+        position: Argument<'_, 'py>,
+        velocity: Argument<'_, 'py>,
+        yaw: f64,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let setpoint = setpoint(position, velocity, yaw, None)?;
+        Ok(array(py, Lqr::deviation(&state.0, &setpoint).as_slice()))
+    }
+
+    /// K (3 by 10): the torques are -K x of the deviation x.
+    #[getter]
+    fn gain<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        matrix(py, &self.0.regulator().gain)
+    }
+
+    /// P (10 by 10): the sum of x'Qx + u'Ru over all steps from the deviation x is x'Px.
+    #[getter]
+    fn cost<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        matrix(py, &self.0.regulator().cost)
     }
 
     /// Relative residual of the Riccati equation.

@@ -1,8 +1,10 @@
 //! Array-likes in, NumPy arrays out.
 
-use nalgebra::Vector3;
+use nalgebra::{DMatrix, Vector3};
+use numpy::ndarray::Array2;
 use numpy::{
-    AllowTypeChange, Element, PyArray1, PyArrayDescrMethods, PyArrayLikeDyn, PyUntypedArray, PyUntypedArrayMethods,
+    AllowTypeChange, Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayLikeDyn, PyUntypedArray,
+    PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -74,4 +76,9 @@ pub(crate) fn vector_or(name: &str, value: Option<&Bound<'_, PyAny>>, default: V
 /// A fresh one-dimensional array.
 pub(crate) fn array<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, PyArray1<f64>> {
     PyArray1::from_slice(py, values)
+}
+
+/// A fresh two-dimensional array, C order.
+pub(crate) fn matrix<'py>(py: Python<'py>, values: &DMatrix<f64>) -> Bound<'py, PyArray2<f64>> {
+    PyArray2::from_owned_array(py, Array2::from_shape_fn(values.shape(), |at| values[at]))
 }

@@ -1,13 +1,13 @@
 //! The closed-form models and the torque maps.
 
-use crate::convert::{array, elements, numbers, vector};
+use crate::convert::{array, elements, matrix, numbers, vector};
 use crate::errors::to_python;
 use crate::params::PyParams;
 use crate::state::PyContacts;
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::models::{PlanarModel, SpatialModel};
 use ballbot_core::{check_finite, unit_quaternion};
-use nalgebra::{UnitQuaternion, Vector2, Vector3, Vector6};
+use nalgebra::{DMatrix, UnitQuaternion, Vector2, Vector3, Vector6};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
@@ -135,10 +135,9 @@ impl PyPlanarModel {
     }
 
     /// A (4×4) and B (4) of x = (position, tilt, their rates) about rest upright.
-    fn linearize<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray2<f64>>, Array<'py>)> {
+    fn linearize<'py>(&self, py: Python<'py>) -> (Bound<'py, PyArray2<f64>>, Array<'py>) {
         let (a, b) = self.0.linearize();
-        let rows: Vec<Vec<f64>> = a.row_iter().map(|row| row.iter().copied().collect()).collect();
-        Ok((PyArray2::from_vec2(py, &rows)?, array(py, b.as_slice())))
+        (matrix(py, &DMatrix::from_column_slice(a.nrows(), a.ncols(), a.as_slice())), array(py, b.as_slice()))
     }
 }
 

@@ -4,10 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib as mpl
-
-mpl.use("agg")
-
-from matplotlib import pyplot as plt
+from cycler import cycler
 from matplotlib.figure import Figure
 
 INK, GRID, PAPER = "#212529", "#dee2e6", "#ffffff"
@@ -22,7 +19,7 @@ _STYLE = {
     "axes.facecolor": PAPER,
     "axes.grid": True,
     "axes.labelcolor": INK,
-    "axes.prop_cycle": mpl.cycler(color=list(COLOURS)),
+    "axes.prop_cycle": cycler(color=COLOURS),
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlesize": 10.5,
@@ -47,12 +44,12 @@ _STYLE = {
 def figure(width: float = 8.0, height: float = 3.2) -> Figure:
     """An empty figure of a size in inches, in the project's style."""
     mpl.rcParams.update(_STYLE)
-    return plt.figure(figsize=(width, height))
+    fig: Figure = Figure(figsize=(width, height))
+    return fig
 
 
 def save(fig: Figure, path: Path, dpi: int = 150) -> None:
-    """Writes and closes the figure; the suffix of `path` chooses SVG, PDF or PNG."""
+    """Writes the figure; the suffix of `path` chooses SVG, PDF or PNG."""
     path.parent.mkdir(parents=True, exist_ok=True)
     undated: dict[str, None] = {"Date": None, "Creator": None} if path.suffix == ".svg" else {}
     fig.savefig(path, dpi=dpi, metadata=undated or None)
-    plt.close(fig)

@@ -1,0 +1,64 @@
+r"""What the regulator costs.
+
+From a deviation $x_0$ the linear-quadratic regulator promises the cost $\sum_k x_k^\top Q x_k + u_k^\top R u_k = x_0^\top P x_0$ (twice
+the cost in the convention that puts ½ before the sum), with $P$ from the Riccati equation. Here the sum is taken along the
+motion of the nonlinear robot, over 20 s: it must approach the promise as the deviation becomes small, and no gain
+nearby may do better.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import ballbot_rs as bb
+from verification.claim import Claim
+from verification.topic import Findings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_DT, _SECONDS = 0.005, 20.0
+#: The regulator's defaults: deviations that cost the same.
+_DEVIATIONS = np.array([0.15, 0.15, 0.1, 0.1, 0.5, 0.4, 0.4, 1.0, 1.0, 2.0])
+_TORQUE = 0.2
+_LIMITS = {"spatial": 1e-5, "contact": 1e-2, "rigid": 1e-2}
+_TILTS = np.radians([0.01, 0.1, 0.5, 1.0, 2.0])
+
+
+def run() -> Findings:
+    """Sums the cost in each model from tilts of several sizes."""
+    claims, ratios = [], {}
+    for model, limit in _LIMITS.items():
+        ratios[model] = np.array([cost(model, tilt) for tilt in _TILTS])
+        claims.append(Claim(f"cost over $x_0^\\top P x_0$ from {np.degrees(_TILTS[1]):g} deg, `{model}`", ratios[model][1], 1.0, limit))
+    least = min(cost("spatial", _TILTS[1], change) for change in (0.98, 1.02))
+    claims.append(Claim("gains 2 % off cost less by", max(0.0, ratios["spatial"][1] - least), 0.0, 0.0, absolute=True))
+
+    def draw(fig: "Figure") -> None:
+        from ballbot_rs.plotting.style import MODEL_COLOURS
+
+        ax = fig.subplots()
+        for model, ratio in ratios.items():
+            ax.loglog(np.degrees(_TILTS), np.abs(ratio - 1.0), "o-", color=MODEL_COLOURS[model], label=model)
+        ax.set(xlabel="initial tilt (deg)", ylabel="|cost / $x_0^T P x_0$ − 1|")
+        ax.legend()
+
+    return Findings(claims, draw, size=(6.0, 3.0))
+
+
+def cost(model: str, tilt: float, change: float = 1.0) -> float:
+    """Cost of a recovery over what the regulator promises; `change` multiplies its gains."""
+    params = bb.Params.paper()
+    robot, regulator = bb.Ballbot(params, model=model, sim_dt=1e-3), bb.Lqr(params, control_dt=_DT)
+    robot.reset(tilt=tilt * np.array([0.8, -0.6]), yaw=0.3)
+    gain, start = change * regulator.gain, regulator.deviation(robot.state)
+    # A heading error and a position error as large, so that all parts of the cost take part.
+    yaw, position = 0.3 + tilt, tilt * np.array([0.1, 0.05])
+    start = regulator.deviation(robot.state, position=position, yaw=yaw)
+    total = 0.0
+    for _ in range(round(_SECONDS / _DT)):
+        x = regulator.deviation(robot.state, position=position, yaw=yaw)
+        torques = -gain @ x
+        total += float(np.sum((x / _DEVIATIONS) ** 2) + np.sum((torques / _TORQUE) ** 2))
+        robot.step(torques, steps=round(_DT / robot.sim_dt))
+    return total / float(start @ regulator.cost @ start)
