@@ -1,8 +1,35 @@
 """This simulator against closed forms: one file a closed form, the analytic solution beside the engine's."""
 
-from verification.closed_forms import flight, friction_limit, growth, holdable_tilt, incline, sliding_ball, tumbling, regulator_cost, energy_ledger
+from verification.closed_forms import (
+    convergence,
+    determinism,
+    energy_ledger,
+    flight,
+    friction_limit,
+    growth,
+    holdable_tilt,
+    incline,
+    momentum_kept,
+    regulator_cost,
+    sliding_ball,
+    tumbling,
+)
 from verification.topic import Topic
 
 TOPICS = [
-    Topic.of(module) for module in (growth, sliding_ball, incline, friction_limit, holdable_tilt, flight, tumbling, regulator_cost, energy_ledger)
+    Topic.of(module)
+    for module in (
+        growth,
+        sliding_ball,
+        incline,
+        holdable_tilt,
+        friction_limit,
+        flight,
+        tumbling,
+        momentum_kept,
+        energy_ledger,
+        regulator_cost,
+        convergence,
+        determinism,
+    )
 ]

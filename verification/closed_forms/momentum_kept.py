@@ -1,0 +1,56 @@
+r"""Momentum with friction off.
+
+On a floor without friction nothing outside the robot acts horizontally: its horizontal momentum, and its angular
+momentum about the vertical, stay what they are while it topples and its motors turn ball and body against each other,
+wheels slipping or not. A step turns the body by the rate at its end; what that leaves is of first order and halves
+with the step.
+"""
+
+import numpy as np
+
+import ballbot_rs as bb
+from verification import momentum
+from verification.claim import Claim
+from verification.robots import Array
+from verification.topic import Findings
+
+_SECONDS, _VELOCITY = 0.4, np.array([0.3, -0.2, 0.0])
+_TORQUES = np.array([0.3, 0.1, 0.2])
+_NAMES = ("horizontal momentum", "angular momentum about the vertical")
+#: Drift of each as a share of what ball and body exchange.
+_LIMITS = {"contact": (1e-12, 2e-2), "rigid": (2e-2, 2e-2)}
+
+
+def run() -> Findings:
+    """Lets the robot topple on ice in each simulation."""
+    claims = []
+    for model, limits in _LIMITS.items():
+        usual, finer = (np.abs(topple(model, dt)).max(axis=0) for dt in (1e-3, 5e-4))
+        for name, drift, halved, limit in zip(_NAMES, usual, finer, limits, strict=True):
+            claims.append(Claim(f"{name}, drift, `{model}`", drift, 0.0, limit, absolute=True))
+            if drift > 1e-12:
+                claims.append(Claim(f"the same at 2 kHz over that at 1 kHz, `{model}`", halved / drift, 0.5, 0.1))
+    return Findings(claims)
+
+
+def topple(model: str, sim_dt: float) -> Array:
+    """Drifts of both after each step (steps, 2), as shares of the momenta that ball and body exchange."""
+    params = bb.Params.paper().replace(floor_static_friction=0.0, floor_dynamic_friction=0.0)
+    robot = bb.Ballbot(params, model=model, sim_dt=sim_dt)
+    start = bb.State.upright(params, tilt=(0.2, -0.1), yaw=0.4)
+    robot.reset(start.replace(ball_velocity=_VELOCITY, body_velocity=_VELOCITY))
+    first = robot.state
+    linear, angular = momentum.linear(params, first)[:2], momentum.about_vertical(params, first)
+    drifts, exchanged = [], []
+    for _ in range(round(_SECONDS / sim_dt)):
+        robot.step(_TORQUES)
+        state = robot.state
+        drifts.append(
+            [
+                float(np.linalg.norm(momentum.linear(params, state)[:2] - linear)),
+                momentum.about_vertical(params, state) - angular,
+            ]
+        )
+        ball = params.ball_mass * (state.ball_velocity - _VELOCITY)[:2]
+        exchanged.append([float(np.linalg.norm(ball)), params.ball_inertia * abs(state.ball_angular_velocity[2])])
+    return np.asarray(np.array(drifts) / np.max(exchanged, axis=0))
