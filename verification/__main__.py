@@ -1,10 +1,12 @@
 """Runs every verification and writes docs/verification.md; the exit code tells whether all claims hold."""
 
 import argparse
+import platform
 import sys
+from importlib import metadata
 
 from verification import closed_forms
-from verification.page import DOCS, section
+from verification.page import DOCS, anchor, section, table
 
 _HEAD = """# Verification
 
@@ -30,7 +32,7 @@ def main() -> int:
     if unknown := [name for name in names if name not in known]:
         parser.error(f"no topic {', '.join(unknown)}; there are: {', '.join(known)}")
 
-    parts, failed, count = [_HEAD], 0, 0
+    parts, contents, failed, count = [], [], 0, 0
     for title, (text, topics) in chapters.items():
         parts.append(f"## {title}\n\n{text or ''}")
         for topic in topics:
@@ -38,13 +40,27 @@ def main() -> int:
                 continue
             markdown, findings = section(topic, "verification")
             parts.append(markdown)
-            count += len(findings.claims)
-            failed += sum(not claim.holds for claim in findings.claims)
+            claims = len(findings.claims)
+            holding = sum(claim.holds for claim in findings.claims)
+            count, failed = count + claims, failed + claims - holding
+            contents.append([f"[{topic.title}](#{anchor(topic.title)})", f"{holding} of {claims}"])
     if not names:
+        parts = [_HEAD, versions(), table(["topic", "claims that hold"], contents), *parts]
         (DOCS / "verification.md").write_text("\n\n".join(part.strip() for part in parts) + "\n", encoding="utf-8")
         print(f"wrote {DOCS / 'verification.md'}")
     print(f"{count - failed} of {count} claims hold")
     return 1 if failed else 0
+
+
+def versions() -> str:
+    """What ran, in a line."""
+    names = ["ballbot-rs", "numpy", "pin", "mujoco", "pybullet"]
+    found = {name: metadata.version(name) for name in names if any(metadata.distributions(name=name))}
+    return (
+        f"Python {platform.python_version()}, "
+        + ", ".join(f"{name} {version}" for name, version in found.items())
+        + "."
+    )
 
 
 if __name__ == "__main__":

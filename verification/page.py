@@ -39,9 +39,9 @@ def claims_table(claims: Sequence[Claim]) -> str:
             else (f"{claim.error:.1e}", f"{claim.limit:.0e}")
         )
         verdict = "" if claim.holds else " **fails**"
-        found, expected = f"{number(claim.found)} {claim.unit}", f"{number(claim.expected)} {claim.unit}"
+        found, expected = (f"{number(value, 9)} {claim.unit}" for value in (claim.found, claim.expected))
         rows.append([claim.what, found, expected, error + verdict, limit])
-    return table(["", "found", "expected", "error", "limit"], rows)
+    return table(["claim", "found", "expected", "error", "limit"], rows)
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -50,11 +50,14 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(cell.strip() for cell in line) + " |" for line in lines)
 
 
-def number(value: float) -> str:
-    """With as many digits as mean something to a reader."""
-    if value == 0.0:
-        return "0"
-    return f"{value:.6g}" if 1e-3 <= abs(value) < 1e6 else f"{value:.2e}"
+def anchor(title: str) -> str:
+    """What a heading is linked by."""
+    return "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c in "-_")
+
+
+def number(value: float, digits: int = 6) -> str:
+    """With `digits` significant digits, or three with an exponent where that is shorter."""
+    return f"{value:.{digits}g}" if value == 0.0 or 1e-3 <= abs(value) < 1e6 else f"{value:.2e}"
 
 
 def summary(claims: Sequence[Claim]) -> str:

@@ -30,6 +30,7 @@ _ORDERS = {
     "contact": (_EULER, 1.0, 0.1),
     "rigid": (_EULER, 1.0, 0.1),
 }
+_LINES = {"planar": "s-", "spatial": "o--", "contact": "s-", "rigid": "o--"}
 
 
 def run() -> Findings:
@@ -47,7 +48,7 @@ def run() -> Findings:
         ax = fig.subplots()
         for model, (steps, order, _) in _ORDERS.items():
             colour = MODEL_COLOURS[model]
-            ax.loglog(steps * 1e3, errors[model], "o-", color=colour, label=f"{model} (order {order:.0f})")
+            ax.loglog(steps * 1e3, errors[model], _LINES[model], color=colour, label=f"{model} (order {order:.0f})")
             ax.loglog(steps * 1e3, errors[model][0] * (steps / steps[0]) ** order, ":", color=colour)
         ax.set(xlabel="time step (ms)", ylabel="error after 0.4 s")
         ax.legend()

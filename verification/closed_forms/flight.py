@@ -54,7 +54,7 @@ def run() -> Findings:
         ax.plot(times, exact * 1e3, color=INK, linewidth=4, alpha=0.25, label="closed form")
         for (model, heights), dashes in zip(paths.items(), ("-", "--"), strict=True):
             ax.plot(times, heights * 1e3, dashes, color=MODEL_COLOURS[model], label=model)
-        ax.set(xlabel="time (s)", ylabel="height of the ball above the floor (mm)")
+        ax.set(xlabel="time (s)", ylabel="height of the ball (mm)")
         ax.legend()
 
     return Findings(claims, draw, size=(6.0, 3.0))
