@@ -1,12 +1,28 @@
-"""What `help` shows of the Rust classes is what the stub says."""
+"""What the documentation says is there: stubs match the runtime, links lead to files and names, derived limits hold."""
 
 import ast
 import inspect
+import re
 from pathlib import Path
 
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
 import ballbot_rs._core as core
 
 STUB = ast.parse((Path(core.__file__).parent / "_core.pyi").read_text(encoding="utf-8"))
+ROOT = Path(__file__).parent.parent
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+
+#: `[text](target)` and `![text](target)`.
+LINK = re.compile(r"!?\[([^\]]*)\]\(([^)\s]+)\)")
+MATH = re.compile(r"\$\$.+?\$\$|\$[^$\n]+\$", flags=re.DOTALL)
+#: What makes a name exist in a file of Rust or Python.
+DEFINITION = (
+    r"(?:\b(?:fn|struct|enum|trait|const|static|type|mod|impl(?:<[^>]*>)?(?:\s+\w+\s+for)?|def|class)\s+{name}\b"
+    r"|^\s*(?:pub(?:\([a-z]+\))?\s+)?{name}\s*(?::|,$|\s=\s))"
+)
 
 
 def documented(nodes, owner, prefix=""):
@@ -24,3 +40,108 @@ def test_docstrings_of_stub_and_runtime_are_equal():
         assert inspect.getdoc(found) == expected, name
         compared += 1
     assert compared > 60
+
+
+def without_code(text):
+    return re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+
+
+def anchors(text):
+    """Anchors that GitHub gives the headings of a page."""
+    titles = re.findall(r"^#+ (.+)$", without_code(text), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def missing_names(text, source):
+    """Parts of `Type::member` that `source` does not define."""
+    lines = "\n".join(line.split("//")[0] for line in source.splitlines())
+    parts = re.split(r"::|\.", text)
+    return [p for p in parts if not re.search(DEFINITION.format(name=re.escape(p)), lines, flags=re.MULTILINE)]
+
+
+def broken_links(page, text):
+    for label, target in LINK.findall(without_code(text)):
+        path, _, fragment = target.partition("#")
+        if re.match(r"[a-z]+:", target):
+            continue
+        file = (page.parent / path).resolve() if path else page
+        if not file.exists():
+            yield f"{target}: no such file"
+        elif fragment and fragment not in anchors(text if file == page else file.read_text(encoding="utf-8")):
+            yield f"{target}: no such heading"
+        elif file.suffix in (".rs", ".py", ".pyi"):
+            name = re.fullmatch(r"`([\w:.]+)`", label)
+            if not name:
+                yield f"[{label}]({target}): the text must be the name of something in the file, in backticks"
+            elif missing := missing_names(name[1], file.read_text(encoding="utf-8")):
+                yield f"[{label}]({target}): the file does not define {', '.join(missing)}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_to_files_and_to_names_in_them(page):
+    assert list(broken_links(page, page.read_text(encoding="utf-8"))) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ("[a](docs/nothing.md)", "no such file"),
+        ("[a](docs/conventions.md#nothing)", "no such heading"),
+        ("[`State::tilted`](crates/ballbot-core/src/energy.rs)", "does not define State, tilted"),
+        ("[`State::frobnicate`](crates/ballbot-core/src/state.rs)", "does not define frobnicate"),
+        ("[the state](crates/ballbot-core/src/state.rs)", "in backticks"),
+    ],
+)
+def test_a_broken_link_is_found(line, complaint):
+    (found,) = broken_links(ROOT / "README.md", line)
+    assert complaint in found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_math_survives_markdown(page):
+    """Markdown may take backslashes before punctuation, and free-standing `_` and `*`, before math is rendered."""
+    prose = re.sub(r"`[^`\n]*`", "", without_code(page.read_text(encoding="utf-8")))
+    for formula in MATH.findall(prose):
+        assert not re.search(r"\\[!-/:-@\[-`{-~]", formula), f"escaped punctuation in {formula}"
+        assert not re.search(r"(?<![A-Za-z0-9])_(?=[A-Za-z0-9])|\*", formula), f"emphasis in {formula}"
+        assert formula.count("{") == formula.count("}"), f"unbalanced braces in {formula}"
+    assert prose.count("$") == sum(formula.count("$") for formula in MATH.findall(prose)), "unbalanced $"
+
+
+PAPER = bb.Params.paper()
+MODEL = bb.SpatialModel(PAPER, ball_spins_about_vertical=True)
+REST = np.zeros(6)
+
+
+def holds(tilt, heading, friction):
+    """Whether the robot can keep a tilt without turning, no wheel beyond its friction."""
+    attitude = bb.State.upright(PAPER, (-tilt, 0.0), heading).body_quaternion
+    free = MODEL.accelerations(attitude, REST, np.zeros(3))
+    response = np.stack([MODEL.accelerations(attitude, REST, torques) - free for torques in np.eye(3)], axis=1)
+    torques = np.linalg.solve(response[2:5], -free[2:5])
+    contacts = MODEL.contacts(attitude, REST, torques)
+    return np.all(np.abs(contacts.wheel_tractions) <= friction * contacts.wheel_normal_forces)
+
+
+@pytest.mark.parametrize(("friction", "expected"), [(1.0, 29.7), (1.1, 31.6)])
+def test_largest_tilt_that_can_be_held(friction, expected):
+    def largest(heading):
+        tilts = np.radians(np.arange(expected - 1.0, 90.0, 0.02))
+        return np.degrees(next(tilt for tilt in tilts if not holds(tilt, heading, friction)))
+
+    found = min(largest(heading) for heading in np.radians(np.arange(0.0, 120.0, 2.0)))
+    assert found == pytest.approx(expected, abs=0.05)
+
+
+def test_torque_at_which_a_wheel_of_the_upright_robot_slips():
+    upright = [1.0, 0.0, 0.0, 0.0]
+    load = MODEL.contacts(upright, REST, np.zeros(3)).wheel_normal_forces
+    scales = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False):
+        torques = bb.virtual_to_wheel_torques(PAPER, (np.cos(angle), np.sin(angle), 0.0))
+        contacts = MODEL.contacts(upright, REST, torques / np.abs(torques).max())
+        slope = np.abs(contacts.wheel_tractions) - (contacts.wheel_normal_forces - load)
+        scales.append(np.min(load[slope > 0.0] / slope[slope > 0.0]))
+    assert min(scales) == pytest.approx(0.281, abs=5e-4)
+    # Far below what the loads at rest would allow, with the dynamic coefficient of 1.
+    assert load * PAPER.wheel_radius == pytest.approx([0.515] * 3, abs=5e-4)
