@@ -298,7 +298,7 @@ class Ballbot:
     def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
         """Gives the body an impulse (inertial frame, N·s) at `point` (body frame, m; None is its CoM).
 
-        The rigid model spreads it over its next time step.
+        The models `contact` and `rigid` spread it over their next time step.
         """
     def set_joint_dynamics(self, viscous_friction: float | None = None, coulomb_friction: float | None = None) -> None:
         """Changes the wheel joints' viscous (N·m/(rad/s)) or dry (N·m) friction; it outlives a reset."""
@@ -310,7 +310,7 @@ class Ballbot:
         """The present state."""
     @property
     def contacts(self) -> Contacts:
-        """Contact forces of the last step; the rigid model knows none before its first."""
+        """Contact forces of the last step; `contact` and `rigid` know none before their first."""
     @property
     def energy(self) -> float:
         """Kinetic plus potential energy, J; the latter is zero with the body's CoM at the ball centre's height."""

@@ -2,7 +2,7 @@ r"""The energy ledger.
 
 Whatever the motors put in must be found again: in the kinetic and potential energy, or lost to friction.
 
-$$E_1 - E_0 = \int \sum_i\tau_i\dot\psi_i\,dt - \int \sum_i |f_i s_i|\,dt - \int |F\cdot v_s|\,dt
+$$E_1 - E_0 = \int \sum_i\tau_i\dot\psi_i\ dt - \int \sum_i |f_i s_i|\ dt - \int |F\cdot v_s|\ dt
 - \int \bigl(B_{vk}|v|^2 + B_{vm}|\dot\psi|^2\bigr)dt$$
 
 On the right: the work of the motors, what the slipping wheels lose (traction times slip), what the slipping ball

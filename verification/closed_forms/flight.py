@@ -1,9 +1,9 @@
 r"""Free fall, touchdown and rest.
 
 Lifted by $h$ and let go, the robot falls as $h - \tfrac12 g t^2$, touches at $\sqrt{2h/g}$ and, since no contact
-gives energy back, stays. Until it rests, the floor must have taken its momentum: $\int (F_z - M g)\,dt =
-M\sqrt{2gh}$, and the energy that is gone is $M g h$. A step moves by the velocity at its end, so the fall runs ahead
-of the closed form by $\tfrac12 g t\,\Delta t$: 0.7 mm here, half a step in time.
+gives energy back, stays. Until it rests, the floor must have taken its momentum:
+$\int (F_z - M g)\ dt = M\sqrt{2gh}$, and the energy that is gone is $M g h$. A step moves by the velocity at its end,
+so the fall runs ahead of the closed form by $\tfrac12 g t\ \Delta t$: 0.7 mm here, half a step in time.
 """
 
 from typing import TYPE_CHECKING

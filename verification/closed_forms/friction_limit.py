@@ -1,12 +1,12 @@
 r"""Stick and slip: the torque at which the wheels break loose, whatever the heading.
 
 Three equal wheel torques turn the ball under the upright body; every load stays $N = M_b g/(3\cos\alpha)$. The
-angular momenta of wheels, body and ball about the vertical give the traction of a wheel that grips, with $s =
-\sin\alpha$ and $R = r_k + r_w$,
+angular momenta of wheels, body and ball about the vertical give the traction of a wheel that grips, with
+$s = \sin\alpha$ and $R = r_k + r_w$,
 
 $$\frac f\tau = \frac{r_w/J_w + 3s^2R/J_z}{r_w^2/J_w + 3s^2 r_k^2/J_k + 3s^2R^2/J_z},$$
 
-so that it breaks loose at $\tau = \mu N\,(f/\tau)^{-1}$. An engine with isotropic contact friction, or with a
+so that it breaks loose at $\tau = \mu N\ (f/\tau)^{-1}$. An engine with isotropic contact friction, or with a
 friction pyramid that turns with the world, fails here: its limit depends on the heading. The limit is found by trying
 torques; a wheel counts as slipping above 1 mm/s after 30 ms, which takes an excess of 0.05 %.
 """

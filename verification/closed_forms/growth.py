@@ -1,8 +1,11 @@
 r"""Fall of the upright robot.
 
-A small tilt grows from rest as $\theta_0\cosh\lambda t$. With the wheels counted by their absolute spin, the
-linearised robot of Table II has $\lambda = 6.09174451\ \mathrm{s}^{-1}$: one number that every error of the dynamics
-enters.
+A small tilt follows $\theta = a e^{\lambda t} + b e^{-\lambda t}$. With the wheels counted by their absolute spin,
+the linearised robot of Table II has $\lambda = 6.09174451\ \mathrm{s}^{-1}$: one number that every error of the
+dynamics enters. The rate is read from three tilts, $\cosh\lambda h = (\theta_{t-h} + \theta_{t+h})/2\theta_t$, which
+holds whatever $a$ and $b$ are: a step that moves by the velocity at its end starts half a step ahead, and a fit of
+$\cosh\lambda t$ would mix that into the rate. What is left at 1 kHz is the scheme's own
+$(\lambda\Delta t)^2/24 = 1.5\cdot 10^{-6}$ in `contact`.
 """
 
 from typing import TYPE_CHECKING
@@ -19,7 +22,7 @@ if TYPE_CHECKING:
 
 _TILT = 1e-6
 _SAMPLE, _SECONDS = 0.01, 1.0
-_LIMITS = {"spatial": 1e-7, "contact": 1e-6, "rigid": 2e-4}
+_LIMITS = {"spatial": 1e-7, "contact": 2e-6, "rigid": 2e-4}
 
 
 def run() -> Findings:
@@ -60,11 +63,6 @@ def fall(params: bb.Params, model: str, times: Array) -> Array:
 
 
 def growth_rate(times: Array, tilts: Array) -> float:
-    """λ of cosh λt from the tilts at 0.6 s and at the end, by Newton's method from the pure exponential."""
-    at = int(np.argmin(np.abs(times - 0.6)))
-    (a, b), growth = (times[at], times[-1]), tilts[-1] / tilts[at]
-    rate = np.log(growth) / (b - a)
-    for _ in range(20):
-        ratio = np.cosh(rate * b) / np.cosh(rate * a)
-        rate -= (ratio - growth) / (ratio * (b * np.tanh(rate * b) - a * np.tanh(rate * a)))
-    return float(rate)
+    """λ from the tilts at 0.6, 0.8 and 1 s."""
+    before, at, after = (tilts[int(np.argmin(np.abs(times - t)))] for t in (0.6, 0.8, 1.0))
+    return float(np.arccosh((before + after) / (2.0 * at)) / 0.2)

@@ -1,10 +1,10 @@
 r"""The largest tilt that the wheels' friction lets the robot hold.
 
 A robot that keeps its tilt $\theta$ accelerates with the $a$ of the topic before. Its wheels must pass the tractions
-$f_i = (\tau_i - J_w\dot\sigma_i)/r_w$ with $\dot\sigma_i = k\,u_i\cdot R^\top\dot\omega_k$ under the loads that carry
+$f_i = (\tau_i - J_w\dot\sigma_i)/r_w$ with $\dot\sigma_i = k\ u_i\cdot R^\top\dot\omega_k$ under the loads that carry
 the body,
 
-$$\sum_i N_i p_i - \sum_i f_i d_i = R^\top M_b\,(\mathbf a + g\,e_3),$$
+$$\sum_i N_i p_i - \sum_i f_i d_i = R^\top M_b\ (\mathbf a + g\ e_3),$$
 
 three equations for three loads. The largest tilt is where the first $|f_i|$ reaches $\mu N_i$; the worst azimuth
 counts. The paper speaks of 30° (section III-A): that is a wheel friction of 1.
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 #: Wheel friction and the tilt (deg) that an independent computation found for it.
 _KNOWN = {0.5: 17.3, 0.6: 20.2, 0.8: 25.5, 1.0: 29.8, 1.1: 31.7}
-_AZIMUTHS = np.radians(np.arange(0.0, 120.0, 10.0))
+_AZIMUTHS = np.radians(np.arange(0.0, 120.0, 2.5))
 _LIMITS = {"contact": 2e-3, "rigid": 5e-3}
 
 

@@ -6,7 +6,7 @@ torque from the equations of ball and body,
 $$a = \frac{M_b g l \sin\theta}{M_b l\cos\theta + (M_k + M_b) r_k + J_k/r_k - \bar J_w/r_w}, \qquad
 \tau = r_w\Bigl(M_k + M_b + \frac{J_k}{r_k^2} + \frac{\bar J_w}{r_w^2}\Bigr) a,$$
 
-with $\bar J_w = \tfrac32\cos^2\!\alpha\,J_w$ and $\tau$ the virtual torque. The term $\bar J_w/r_w$ is the angular
+with $\bar J_w = \tfrac32\cos^2\alpha\ J_w$ and $\tau$ the virtual torque. The term $\bar J_w/r_w$ is the angular
 momentum that the wheels take up as they spin; the paper's planar model counts their spin relative to the body and has
 no such term. Nothing controls the robot: the torque alone holds the (unstable) balance, so that $v = a t$ is a test
 of everything at once.

@@ -1,9 +1,9 @@
 r"""What the regulator costs.
 
-From a deviation $x_0$ the linear-quadratic regulator promises the cost $\sum_k x_k^\top Q x_k + u_k^\top R u_k =
-x_0^\top P x_0$ (twice the cost in the convention that puts ½ before the sum), with $P$ from the Riccati equation.
-Here the sum is taken along the motion of the nonlinear robot, over 20 s: it must approach the promise as the
-deviation becomes small, and no gain nearby may do better.
+From a deviation $x_0$ the linear-quadratic regulator promises the cost
+$\sum_k x_k^\top Q x_k + u_k^\top R u_k = x_0^\top P x_0$ (twice the cost in the convention that puts ½ before the
+sum), with $P$ from the Riccati equation. Here the sum is taken along the motion of the nonlinear robot, over 20 s: it
+must approach the promise as the deviation becomes small, and no gain nearby may do better.
 """
 
 from typing import TYPE_CHECKING

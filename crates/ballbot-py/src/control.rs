@@ -165,8 +165,9 @@ impl PyLqr {
         self.0.control_dt()
     }
 
-    /// What the regulator multiplies and weighs: (x, y) position error, tilt (x, y), yaw error, and their rates, in the
-    /// heading frame (10).
+    /// What the regulator multiplies and weighs (10), in the heading frame, m, rad, m/s, rad/s.
+    ///
+    /// Position error (x, y), tilt (x, y), yaw error, then their rates.
     #[pyo3(signature = (state, *, position=None, velocity=None, yaw=0.0))]
     fn deviation<'py>(
         &self,
@@ -180,13 +181,13 @@ impl PyLqr {
         Ok(array(py, Lqr::deviation(&state.0, &setpoint).as_slice()))
     }
 
-    /// K (3 by 10): the torques are -K x of the deviation x.
+    /// K (3×10): the torques are −K x of the deviation x, before they are limited.
     #[getter]
     fn gain<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
         matrix(py, &self.0.regulator().gain)
     }
 
-    /// P (10 by 10): the sum of x'Qx + u'Ru over all steps from the deviation x is x'Px.
+    /// P (10×10): the sum of xᵀQx + uᵀRu over all steps from the deviation x is xᵀPx.
     #[getter]
     fn cost<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
         matrix(py, &self.0.regulator().cost)

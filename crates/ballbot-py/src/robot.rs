@@ -77,7 +77,7 @@ impl PyBallbot {
 
     /// Gives the body an impulse (inertial frame, N·s) at `point` (body frame, m; None is its CoM).
     ///
-    /// The rigid model spreads it over its next time step.
+    /// The models `contact` and `rigid` spread it over their next time step.
     #[pyo3(signature = (impulse, point=None))]
     fn push(&mut self, impulse: &Bound<'_, PyAny>, point: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let impulse = vector("impulse", impulse)?;
@@ -108,7 +108,7 @@ impl PyBallbot {
         PyState(self.0.state())
     }
 
-    /// Contact forces of the last step; the rigid model knows none before its first.
+    /// Contact forces of the last step; `contact` and `rigid` know none before their first.
     #[getter]
     fn contacts(&self) -> PyContacts {
         PyContacts { contacts: self.0.contacts(), params: self.0.params().clone() }
