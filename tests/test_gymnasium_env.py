@@ -307,13 +307,6 @@ def test_spec_survives_json():
     np.testing.assert_array_equal(again.reset(seed=1)[0], env.reset(seed=1)[0])
 
 
-@pytest.mark.filterwarnings("ignore:.*render_mode=.*:UserWarning")
-@pytest.mark.parametrize("mode", ["human", "rgb_array"])
-def test_render_modes_are_refused(mode):
-    with pytest.raises(TypeError, match=f"render_mode = '{mode}': this environment has no renderer"):
-        gymnasium.make(BALANCE, render_mode=mode)
-
-
 @pytest.mark.parametrize(
     "convert",
     [

@@ -315,7 +315,6 @@ def test_copies_continue_bit_identically(duplicate):
     assert not np.array_equal(twin.step(actions)[0], env.step(actions)[0]), "the copy is the original"
 
 
-@pytest.mark.filterwarnings("ignore:.*render_mode='rgb_array'.*:UserWarning")
 def test_make_vec_env_of_stable_baselines():
     env = make_vec_env(BALANCE, n_envs=2, seed=12)
     twin = BallbotVecEnv(num_envs=2, seed=12)

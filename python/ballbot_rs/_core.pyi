@@ -9,6 +9,7 @@ import numpy.typing as npt
 from typing_extensions import Self, disjoint_base
 
 __all__ = [
+    "LABELS",
     "MODELS",
     "OBSERVATION",
     "PAPER_BALL_VISCOUS_FRICTION",
@@ -21,6 +22,7 @@ __all__ = [
     "Params",
     "Pid",
     "PlanarModel",
+    "Renderer",
     "SpatialModel",
     "State",
     "UrdfError",
@@ -34,6 +36,7 @@ PAPER_BALL_VISCOUS_FRICTION: float
 MODELS: list[str]
 OBSERVATION: list[tuple[str, str, float]]
 TERMINATIONS: list[str | None]
+LABELS: list[str]
 
 _Array = npt.NDArray[np.float64]
 _Model = Literal["planar", "spatial", "contact", "rigid"]
@@ -557,3 +560,52 @@ class Batch:
     ) -> None: ...
     def snapshot(self, index: int) -> bytes: ...
     def restore(self, index: int, snapshot: bytes) -> None: ...
+
+@final
+class Renderer:
+    """Takes pictures of a robot without GPU or display, by rays.
+
+    Args:
+        params: the robot, or the name of a preset; None is `Params.paper()`.
+        urdf: (bot, ball), two files whose visual shapes are shown in place of shapes made from `params`.
+        width, height: of the picture, pixels.
+        samples: colour samples a pixel, 1, 2 or 4.
+        camera: `target` (three, m), `distance` (m), `azimuth` (rad, counter-clockwise from x), `elevation` (rad),
+            `field_of_view` (vertical, rad) and `follows` (the ball; then `target` is relative to its point of
+            contact) change the default, which follows the robot.
+
+    Raises:
+        ValueError: a number out of range. TypeError: an unknown camera setting.
+        UrdfError, OSError: a file that cannot be read.
+    """
+
+    def __new__(
+        cls,
+        params: Params | str | None = None,
+        *,
+        urdf: tuple[str | PathLike[str], str | PathLike[str]] | None = None,
+        width: int = 640,
+        height: int = 480,
+        samples: int = 1,
+        camera: dict[str, Any] | None = None,
+    ) -> Self: ...
+    def render(
+        self, state: State, contacts: Contacts | None = None, arrows: npt.ArrayLike | None = None
+    ) -> npt.NDArray[np.uint8]:
+        """The robot in a state, shape (height, width, 3), uint8.
+
+        `contacts` adds arrows: loads (blue) and tractions (green) of the wheels, the floor's horizontal force (red).
+        `arrows` adds others, (from, to) in m, inertial frame: shape (n, 2, 3).
+        """
+    def depth(self, state: State) -> npt.NDArray[np.float32]:
+        """Distances along the camera's axis, shape (height, width), float32, m; infinite in the sky."""
+    def labels(self, state: State) -> npt.NDArray[np.uint8]:
+        """What each pixel shows, shape (height, width), uint8: `LABELS[value]` names it."""
+    def render_batch(self, states: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+        """Robots in states (rows as `State.to_array`, shape (n, 32)): shape (n, height, width, 3), uint8."""
+    @property
+    def width(self) -> int:
+        """Of the picture, pixels."""
+    @property
+    def height(self) -> int:
+        """Of the picture, pixels."""

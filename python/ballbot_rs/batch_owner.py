@@ -25,15 +25,6 @@ def action_space() -> spaces.Space[FloatArray]:
     return cast("spaces.Space[FloatArray]", spaces.Box(-1.0, 1.0, (3,), dtype=np.float32))
 
 
-def refuse_renderer(render_mode: str | None) -> None:
-    """Raises TypeError for any render mode: the environments have no renderer.
-
-    A TypeError is what Stable-Baselines3's `make_vec_env` takes as "make it without one".
-    """
-    if render_mode is not None:
-        raise TypeError(f"render_mode = '{render_mode}': this environment has no renderer, it must be None")
-
-
 #: Options of the task, fixed once an environment is made.
 OPTIONS = (
     *("params", "model", "sim_dt", "control_dt", "max_episode_steps", "max_wheel_torque", "setpoint", "reward"),
@@ -72,6 +63,7 @@ class BatchOwner:
     def __getstate__(self) -> dict[str, Any]:
         state = self.__dict__.copy()
         batch = state.pop("_batch")
+        state.pop("_renderer", None)
         state["_snapshots"] = [batch.snapshot(i) for i in range(batch.num_envs)]
         return state
 

@@ -14,15 +14,15 @@ from ballbot_rs.batch_owner import (
     check_options,
     check_seed,
     observation_space,
-    refuse_renderer,
 )
 from ballbot_rs.registration import MAX_EPISODE_STEPS
+from ballbot_rs.rendering import RENDER_MODES, Frames, Rendered, warn_without_mode
 
 #: More steps than an episode can have: 248 days at the default control rate.
 NEVER: Final = 2**31
 
 
-class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
+class BalanceEnv(BatchOwner, Rendered, gymnasium.Env[FloatArray, FloatArray]):
     """Keep a ballbot upright with its ball at the setpoint.
 
     ## Action space
@@ -62,23 +62,30 @@ class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
     All keyword, SI units and radians: `params` (parameters, or the name of a preset), `model` ("rigid", "contact",
     "spatial" or "planar"), `sim_dt` (0.002), `control_dt` (0.01, a whole multiple of `sim_dt`), `max_wheel_torque`,
     `setpoint`, `reset_tilt`, `reset_yaw`, `reset_ball_speed`, `reset_tilt_rate`, `fall_tilt`, `success_window`,
-    `success_tilt`, `success_radius`, `reward`.
+    `success_tilt`, `success_radius`, `reward`. `render_mode="rgb_array"` lets `render()` give frames (Gymnasium makes
+    "human" of it); `render_options` are the arguments of `Renderer` (`width`, `height`, `samples`, `camera`, `urdf`).
 
     Raises:
         ValueError: a number is out of range, or a name is not known; the message has the value and the limit.
         TypeError: an argument is not known.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012
 
     def __init__(
-        self, *, render_mode: str | None = None, max_episode_steps: int | None = MAX_EPISODE_STEPS, **options: Any
+        self,
+        *,
+        render_mode: str | None = None,
+        render_options: dict[str, Any] | None = None,
+        max_episode_steps: int | None = MAX_EPISODE_STEPS,
+        **options: Any,
     ) -> None:
-        refuse_renderer(render_mode)
         self.observation_space = observation_space()
         self.action_space = action_space()
         options["max_episode_steps"] = NEVER if max_episode_steps is None else max_episode_steps
         self._make_batch(1, "disabled", 1, None, options)
+        self._set_render(render_mode, self._batch.params, render_options)
+        self.metadata = {**type(self).metadata, "render_fps": round(1.0 / self._batch.control_dt)}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -111,6 +118,13 @@ class BalanceEnv(BatchOwner, gymnasium.Env[FloatArray, FloatArray]):
         if termination is not None:
             info["termination"] = termination
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
+
+    def render(self) -> Frames | None:  # type: ignore[override]
+        """The present state as a picture, shape (height, width, 3), uint8; None without a render mode."""
+        if self.render_mode is None:
+            warn_without_mode()
+            return None
+        return self._frames(self._batch.states())[0]
 
     @property
     def state(self) -> State:

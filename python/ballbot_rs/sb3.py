@@ -18,17 +18,18 @@ from ballbot_rs.batch_owner import (
     refuse_option,
 )
 from ballbot_rs.registration import BALANCE, MAX_EPISODE_STEPS, check_id
+from ballbot_rs.rendering import Rendered
 
 
 class EnvView:
     """One environment of a `BallbotVecEnv`, as `get_attr`, `set_attr` and `env_method` see it."""
 
-    render_mode: str | None = None
     spec: None = None
 
     def __init__(self, owner: "BallbotVecEnv", index: int) -> None:
         self._owner = owner
         self._index = index
+        self.render_mode = owner.render_mode
 
     @property
     def observation_space(self) -> gymnasium.Space[Any]:
@@ -68,7 +69,7 @@ class EnvView:
         return self._owner._batch.reward_terms(self._index)
 
 
-class BallbotVecEnv(BatchOwner, VecEnv):
+class BallbotVecEnv(BatchOwner, Rendered, VecEnv):
     """`num_envs` balance environments for Stable-Baselines3, stepped at once in Rust.
 
     Task, spaces and options as in `BalanceEnv`. Finished episodes are reset within the step; their infos have
@@ -83,6 +84,8 @@ class BallbotVecEnv(BatchOwner, VecEnv):
         max_episode_steps: steps after which an episode is truncated.
         stagger: whether the first episodes are shortened by different amounts, so that robots that never fall are
             not all truncated on the same step.
+        render_mode: None, or "rgb_array" for frames by `get_images()` and `render()`.
+        render_options: arguments of `Renderer`.
         options: as in `BalanceEnv`.
 
     Raises:
@@ -99,6 +102,8 @@ class BallbotVecEnv(BatchOwner, VecEnv):
         seed: int | None = None,
         max_episode_steps: int = MAX_EPISODE_STEPS,
         stagger: bool = False,
+        render_mode: str | None = None,
+        render_options: dict[str, Any] | None = None,
         **options: Any,
     ) -> None:
         check_id(env_id)
@@ -106,6 +111,7 @@ class BallbotVecEnv(BatchOwner, VecEnv):
         self._make_batch(num_envs, "same_step", num_threads, seed, options)
         self._stagger = stagger
         self._actions: npt.NDArray[Any] | None = None
+        self._set_render(render_mode, self._batch.params, render_options)
         self._views = [EnvView(self, i) for i in range(num_envs)]
         super().__init__(num_envs, observation_space(), action_space())
         metadata: dict[str, Any] = self.metadata
@@ -175,8 +181,10 @@ class BallbotVecEnv(BatchOwner, VecEnv):
         return [False for _ in self._chosen(indices)]
 
     def get_images(self) -> Sequence[npt.NDArray[np.uint8] | None]:
-        """None for each environment: there is no renderer."""
-        return [None] * self.num_envs
+        """A picture of each robot, shape (height, width, 3), uint8; None for each without a render mode."""
+        if self.render_mode is None:
+            return [None] * self.num_envs
+        return list(self._frames(self._batch.states()))
 
     @property
     def states(self) -> npt.NDArray[np.float64]:

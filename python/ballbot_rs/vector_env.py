@@ -17,9 +17,9 @@ from ballbot_rs.batch_owner import (
     check_seed,
     observation_space,
     refuse_option,
-    refuse_renderer,
 )
 from ballbot_rs.registration import MAX_EPISODE_STEPS
+from ballbot_rs.rendering import RENDER_MODES, Frames, Rendered, warn_without_mode
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -34,7 +34,7 @@ def _autoreset_name(mode: str | AutoresetMode) -> str:
     return str(mode).lower().replace("-", "_")
 
 
-class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray[Any]]):
+class BalanceVectorEnv(BatchOwner, Rendered, VectorEnv[FloatArray, FloatArray, npt.NDArray[Any]]):
     """`num_envs` balance environments; task, spaces and arguments as in `BalanceEnv`.
 
     Environment i, reset with seed s, is bit-identical to a `BalanceEnv` reset with seed s + i, for any `num_threads`.
@@ -42,7 +42,8 @@ class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray
     Args:
         num_envs: number of robots.
         max_episode_steps: steps after which an episode is truncated.
-        render_mode: must be None.
+        render_mode: None, or "rgb_array" for frames by `render()`.
+        render_options: arguments of `Renderer`.
         autoreset_mode: "next_step" (Gymnasium's default), "same_step" or "disabled", or the enum.
         num_threads: threads that step the robots; None takes all cores.
         seed: seeds the first reset if that gets no seed.
@@ -52,7 +53,11 @@ class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray
     `_is_success`, `_termination`); with "same_step" they are in `final_info`, beside `final_obs`.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 100,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
 
     def __init__(
         self,
@@ -60,18 +65,20 @@ class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray
         *,
         max_episode_steps: int = MAX_EPISODE_STEPS,
         render_mode: str | None = None,
+        render_options: dict[str, Any] | None = None,
         autoreset_mode: str | AutoresetMode = "next_step",
         num_threads: int | None = None,
         seed: int | None = None,
         **options: Any,
     ) -> None:
-        refuse_renderer(render_mode)
         autoreset = _autoreset_name(autoreset_mode)
         options["max_episode_steps"] = max_episode_steps
         self._make_batch(num_envs, autoreset, num_threads, seed, options)
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode[autoreset.upper()]
-        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
+        self._set_render(render_mode, self._batch.params, render_options)
+        rate = round(1.0 / self._batch.control_dt)
+        self.metadata = {**type(self).metadata, "render_fps": rate, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space = observation_space()
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -131,6 +138,13 @@ class BalanceVectorEnv(BatchOwner, VectorEnv[FloatArray, FloatArray, npt.NDArray
             last[~ended] = 0.0
             info = {"final_obs": last, "_final_obs": ended, "final_info": info, "_final_info": ended.copy()}
         return observations, rewards, terminated, truncated, info
+
+    def render(self) -> tuple[Frames, ...] | None:  # type: ignore[override]
+        """A picture of each robot, shape (height, width, 3), uint8; None without a render mode."""
+        if self.render_mode is None:
+            warn_without_mode()
+            return None
+        return tuple(self._frames(self._batch.states()))
 
     def _endings(self, ended: BoolArray) -> dict[str, Any]:
         is_success, reasons = self._batch.endings()

@@ -28,6 +28,7 @@ mod lanes;
 mod model;
 pub mod models;
 mod params;
+pub mod render;
 mod robot;
 pub mod sim;
 mod snapshot;

@@ -7,6 +7,7 @@ mod errors;
 mod infos;
 mod models;
 mod params;
+mod render;
 mod robot;
 mod state;
 
@@ -20,6 +21,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("PAPER_BALL_VISCOUS_FRICTION", ballbot_core::PAPER_BALL_VISCOUS_FRICTION)?;
     module.add("MODELS", ballbot_core::ModelKind::ALL.map(ballbot_core::ModelKind::name))?;
     module.add("OBSERVATION", batch::observation_rows())?;
+    module.add("LABELS", ballbot_core::render::Label::NAMES)?;
     module.add("TERMINATIONS", batch::terminations())?;
     module.add("DivergedError", py.get_type::<errors::DivergedError>())?;
     module.add("UrdfError", py.get_type::<errors::UrdfError>())?;
@@ -32,6 +34,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<control::PyPid>()?;
     module.add_class::<control::PyLqr>()?;
     module.add_class::<batch::PyBatch>()?;
+    module.add_class::<render::PyRenderer>()?;
     module.add_function(wrap_pyfunction!(models::virtual_to_wheel_torques, module)?)?;
     module.add_function(wrap_pyfunction!(models::wheel_to_virtual_torques, module)?)?;
     Ok(())

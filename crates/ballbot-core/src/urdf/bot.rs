@@ -10,6 +10,8 @@ use std::slice;
 
 /// What the bot's URDF says, in the terms of [`crate::Params`].
 pub(super) struct Bot {
+    /// Of the ball centre over the root frame's origin, m.
+    pub ball_height: f64,
     mass: f64,
     inertia: [f64; 3],
     com_height: f64,
@@ -35,9 +37,9 @@ impl Bot {
         // The models add the wheels' spin by themselves.
         let spin: Matrix3<f64> = wheels.iter().map(|w| w.axle * w.axle.transpose() * w.axial_inertia).sum();
         let inertia = principal_moments(&(total.inertia - spin))?;
-        let Placement { zenith, azimuths, .. } = placement;
+        let Placement { zenith, azimuths, ball_height, .. } = placement;
         let [wheel, ..] = wheels;
-        Ok(Self { mass: total.mass, inertia, com_height, zenith, azimuths, wheel })
+        Ok(Self { ball_height, mass: total.mass, inertia, com_height, zenith, azimuths, wheel })
     }
 
     /// Names and values of the parameters that the bot determines.

@@ -19,7 +19,10 @@ mod mass;
 mod placement;
 mod shape;
 mod tree;
+mod visual;
 mod wheel;
+
+pub use visual::{Visual, VisualLink, VisualShape, visuals_from_urdf};
 
 use crate::error::{Error, Result};
 use crate::params::Params;
@@ -37,8 +40,17 @@ const TOLERANCE: f64 = 1e-6;
 /// # Errors
 /// [`Error::Io`] for a file that cannot be read; those of [`params_from_urdf_text`], naming the file.
 pub fn params_from_urdf(bot: &Path, ball: &Path) -> Result<Params> {
-    let read = |path: &Path| fs::read_to_string(path).map_err(|source| Error::Io { path: path.into(), source });
-    read_params((&bot.display().to_string(), &read(bot)?), (&ball.display().to_string(), &read(ball)?))
+    read_params((&bot.display().to_string(), &read_file(bot)?), (&ball.display().to_string(), &read_file(ball)?))
+}
+
+fn read_file(path: &Path) -> Result<String> {
+    fs::read_to_string(path).map_err(|source| Error::Io { path: path.into(), source })
+}
+
+/// Why the file named `label` is refused.
+fn refuse(label: &str) -> impl Fn(String) -> Error {
+    let file = label.to_owned();
+    move |reason| Error::Urdf { file: file.clone(), reason }
 }
 
 /// Parameters of the ballbot described by the texts `bot` and `ball`.
@@ -52,10 +64,6 @@ pub fn params_from_urdf_text(bot: &str, ball: &str) -> Result<Params> {
 
 /// Parameters from the (label, text) of both URDFs.
 fn read_params((bot_label, bot): (&str, &str), (ball_label, ball): (&str, &str)) -> Result<Params> {
-    let refuse = |label: &str| {
-        let file = label.to_owned();
-        move |reason| Error::Urdf { file, reason }
-    };
     let ball = ball::Ball::read(ball).map_err(refuse(ball_label))?;
     let bot = bot::Bot::read(bot, ball.radius).map_err(refuse(bot_label))?;
     let mut fields: Vec<(&str, &[f64])> = vec![

@@ -4,7 +4,7 @@ use super::Checked;
 use super::mass::RigidMass;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use std::collections::HashMap;
-use urdf_rs::{Joint, JointType, Link, Pose};
+use urdf_rs::{Joint, JointType, Link, Material, Pose};
 
 /// Deepest nesting of XML elements read. A URDF needs six levels; the XML reader recurses.
 const MAX_DEPTH: usize = 64;
@@ -17,6 +17,8 @@ pub(super) struct Tree {
     pub joints: Vec<Joint>,
     /// Frame of each link in the root frame.
     pub poses: Vec<Isometry3<f64>>,
+    /// Materials that visuals name.
+    pub materials: Vec<Material>,
     /// The child link of each joint.
     pub children: Vec<usize>,
     /// The joint that turns each link, none for links fixed to the root.
@@ -28,7 +30,7 @@ impl Tree {
     pub fn read(text: &str) -> Checked<Self> {
         check_depth(text)?;
         let urdf = urdf_rs::read_from_string(text).map_err(|e| format!("not a readable URDF: {e}"))?;
-        let (links, joints) = (urdf.links, urdf.joints);
+        let (links, joints, materials) = (urdf.links, urdf.joints, urdf.materials);
         let edges = edges(&links, &joints)?;
         let root = root(&links, &edges)?;
         let mut hanging = vec![Vec::new(); links.len()];
@@ -52,7 +54,7 @@ impl Tree {
             return Err(format!("link '{}' does not hang on the root: its joints form a loop", links[link].name));
         }
         let children = edges.into_iter().map(|(_, child)| child).collect();
-        Ok(Self { links, joints, poses, children, turned_by })
+        Ok(Self { links, joints, poses, materials, children, turned_by })
     }
 
     /// Joints that turn, in document order.

@@ -1,0 +1,80 @@
+//! How a robot looks that comes with URDFs: their visual shapes, marked where rotation would not show.
+
+use super::paint::{Colour, Paint, srgb};
+use super::scene::{Link, Part, Scene};
+use super::shape::Shape;
+use crate::error::{Error, Result};
+use crate::params::Params;
+use crate::urdf::{Visual, VisualLink, VisualShape, visuals_from_urdf};
+use nalgebra::Vector3;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// Most triangles of one mesh: a light one has thousands.
+const MAX_TRIANGLES: usize = 2_000_000;
+
+impl Scene {
+    /// The robot of two URDFs as their visual elements show it.
+    ///
+    /// # Errors
+    /// As [`visuals_from_urdf`]; [`Error::Io`] and [`Error::Decode`] for a mesh that cannot be read. Meshes are STL.
+    pub fn from_urdf(bot: &Path, ball: &Path) -> Result<Self> {
+        let params: Params = crate::urdf::params_from_urdf(bot, ball)?;
+        let parts = visuals_from_urdf(bot, ball)?.iter().map(part).collect::<Result<Vec<_>>>()?;
+        Ok(Self::new(&params, parts))
+    }
+}
+
+fn part(visual: &Visual) -> Result<Part> {
+    let (link, default) = match visual.link {
+        VisualLink::Ball => (Link::Ball, srgb(0xd9480f)),
+        VisualLink::Body => (Link::Body, srgb(0xced4da)),
+        VisualLink::Wheel(i) => (Link::Wheel(i), srgb(0x495057)),
+    };
+    let colour = visual.colour.map_or(default, |[r, g, b]| {
+        let byte = |x: f64| (x * 255.0).round() as u32;
+        srgb((byte(r) << 16) | (byte(g) << 8) | byte(b))
+    });
+    Ok(Part {
+        link,
+        position: visual.pose.translation.vector,
+        attitude: visual.pose.rotation,
+        shape: shape(&visual.shape)?,
+        paint: paint(link, &visual.shape, colour),
+    })
+}
+
+fn paint(link: Link, shape: &VisualShape, colour: Colour) -> Paint {
+    let lighter = colour.lerp(&Colour::repeat(1.0), 0.75);
+    match (link, shape) {
+        (Link::Ball, _) => Paint::Octants(colour, lighter),
+        (Link::Wheel(_), VisualShape::Cylinder(..)) => {
+            let second = colour.lerp(&Colour::repeat(1.0), 0.2);
+            Paint::Sectors { count: 12, first: colour, second, mark: srgb(0xf2c037) }
+        }
+        _ => Paint::Plain(colour),
+    }
+}
+
+fn shape(shape: &VisualShape) -> Result<Shape> {
+    Ok(match shape {
+        VisualShape::Sphere(radius) => Shape::Sphere { radius: *radius },
+        VisualShape::Cylinder(radius, length) => Shape::Cylinder { radius: *radius, half_length: 0.5 * length },
+        VisualShape::Cuboid(size) => Shape::Cuboid { half_extents: size * 0.5 },
+        VisualShape::Mesh(path, scale) => mesh(path, scale)?,
+    })
+}
+
+fn mesh(path: &Path, scale: &Vector3<f64>) -> Result<Shape> {
+    let refuse = |reason: String| Error::Decode { what: path.display().to_string(), reason };
+    let file = File::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
+    let stl = stl_io::read_stl(&mut BufReader::new(file)).map_err(|e| refuse(format!("not a readable STL: {e}")))?;
+    if stl.faces.len() > MAX_TRIANGLES {
+        return Err(refuse(format!("{} triangles, limit {MAX_TRIANGLES}", stl.faces.len())));
+    }
+    let point = |p: &stl_io::Vertex| Vector3::new(p[0], p[1], p[2]).cast::<f64>().component_mul(scale);
+    let points: Vec<_> = stl.vertices.iter().map(point).collect();
+    let triangles: Vec<_> = stl.faces.iter().map(|face| face.vertices.map(|i| i as u32)).collect();
+    Shape::mesh(&points, &triangles).map_err(|e| refuse(e.to_string()))
+}

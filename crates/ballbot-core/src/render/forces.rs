@@ -1,0 +1,33 @@
+//! Arrows for the forces at the contacts.
+
+use super::paint::srgb;
+use super::picture::Arrow;
+use crate::kinematics::Omniwheels;
+use crate::params::Params;
+use crate::state::{Contacts, State};
+use nalgebra::Vector3;
+
+/// Length of an arrow for a force, m/N: a robot's weight on the floor is about half a ball high.
+const SCALE: f64 = 0.006;
+
+/// What the wheels and the floor do to the ball: loads in blue, tractions in green, the floor's horizontal force in red.
+pub fn force_arrows(params: &Params, state: &State, contacts: &Contacts) -> Vec<Arrow> {
+    let wheels = Omniwheels::new(params);
+    let mut arrows = Vec::with_capacity(7);
+    for i in 0..3 {
+        let (p, d) = (wheels.contact_directions[i], wheels.drive_directions[i]);
+        let out = |v| state.body_quaternion * v;
+        let contact = state.body_position + out(p * params.ball_radius);
+        // A load ends where it presses, or the ball would hide it.
+        let load = out(p) * (contacts.wheel_normal_forces[i] * SCALE);
+        arrows.push(Arrow { from: contact + load, to: contact, colour: srgb(0x1971c2) });
+        let traction = out(d) * (contacts.wheel_tractions[i] * SCALE);
+        arrows.push(Arrow { from: contact, to: contact + traction, colour: srgb(0x2f9e44) });
+    }
+    let lowest = state.ball_position - Vector3::z() * params.ball_radius;
+    // Its vertical part is inside the ball.
+    let force = contacts.floor_force.xy().push(0.0) * SCALE;
+    let above = Vector3::z() * (0.02 * params.ball_radius);
+    arrows.push(Arrow { from: lowest + above, to: lowest + above + force, colour: srgb(0xe03131) });
+    arrows
+}

@@ -1,0 +1,84 @@
+//! Colours, and the markings that make rotation visible.
+
+use nalgebra::Vector3;
+use std::f64::consts::TAU;
+
+/// Red, green and blue, linear, in [0, 1].
+pub type Colour = Vector3<f64>;
+
+/// How a part is coloured, in the part's own frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Paint {
+    /// One colour.
+    Plain(Colour),
+    /// The eight octants about the origin, in turn.
+    Octants(Colour, Colour),
+    /// Sectors about z, in turn, and a narrow one of a third colour where the angle is zero.
+    Sectors {
+        /// How many; even.
+        count: u32,
+        /// The first colour.
+        first: Colour,
+        /// The second.
+        second: Colour,
+        /// Of the mark.
+        mark: Colour,
+    },
+}
+
+impl Paint {
+    /// The colour at a point of the part.
+    pub(super) fn at(&self, point: &Vector3<f64>) -> Colour {
+        match self {
+            Self::Plain(colour) => *colour,
+            Self::Octants(first, second) => {
+                if (point.x * point.y * point.z) < 0.0 {
+                    *first
+                } else {
+                    *second
+                }
+            }
+            Self::Sectors { count, first, second, mark } => {
+                let turn = point.y.atan2(point.x).rem_euclid(TAU) / TAU;
+                let sector = turn * f64::from(*count);
+                match () {
+                    () if sector < 1.0 => *mark,
+                    () if (sector as u32).is_multiple_of(2) => *first,
+                    () => *second,
+                }
+            }
+        }
+    }
+}
+
+/// Linear colour of sRGB bytes as they are written in style sheets.
+pub fn srgb(hex: u32) -> Colour {
+    let channel = |shift: u32| {
+        let value = f64::from((hex >> shift) & 0xff) / 255.0;
+        if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+    };
+    Colour::new(channel(16), channel(8), channel(0))
+}
+
+/// sRGB bytes of linear light, by table: the power is the most expensive part of a pixel otherwise.
+pub(super) struct Display {
+    table: Vec<u8>,
+}
+
+impl Display {
+    const STEPS: usize = 4096;
+
+    pub fn new() -> Self {
+        let encode = |i: usize| {
+            let value = i as f64 / Self::STEPS as f64;
+            let encoded = if value <= 0.003_130_8 { value * 12.92 } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 };
+            (encoded * 255.0).round() as u8
+        };
+        Self { table: (0..=Self::STEPS).map(encode).collect() }
+    }
+
+    pub fn bytes(&self, colour: &Colour) -> [u8; 3] {
+        let byte = |value: f64| self.table[(value.clamp(0.0, 1.0) * Self::STEPS as f64 + 0.5) as usize];
+        [byte(colour.x), byte(colour.y), byte(colour.z)]
+    }
+}

@@ -1,0 +1,257 @@
+//! The picture: every pixel's ray, in tiles, on all cores.
+
+use super::camera::{Camera, View};
+use super::paint::{Colour, Display, Paint};
+use super::scene::{Label, Link, Part, Placed, Scene};
+use super::shading::Light;
+use super::shape::Shape;
+use crate::error::{Error, Result, check, finite};
+use crate::state::State;
+use nalgebra::{UnitQuaternion, Vector3};
+use rayon::prelude::*;
+
+/// Edge of a tile, pixels: parts that a tile cannot see are dropped for all its pixels at once.
+const TILE: usize = 16;
+/// Largest picture, pixels along an edge.
+const MAX_EDGE: usize = 8192;
+
+/// An arrow in the inertial frame: a force, a push.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrow {
+    /// Where it begins, m.
+    pub from: Vector3<f64>,
+    /// Where it points, m.
+    pub to: Vector3<f64>,
+    /// Its colour.
+    pub colour: Colour,
+}
+
+/// What [`Renderer::render`] writes; each slice is row by row from the top, `height` × `width` × channels.
+#[derive(Default)]
+pub struct Picture<'a> {
+    /// Red, green, blue.
+    pub rgb: Option<&'a mut [u8]>,
+    /// Distance along the camera's axis, m; infinite in the sky.
+    pub depth: Option<&'a mut [f32]>,
+    /// [`Label`]s.
+    pub labels: Option<&'a mut [u8]>,
+}
+
+/// Takes pictures of a scene.
+pub struct Renderer {
+    scene: Scene,
+    width: usize,
+    height: usize,
+    samples: usize,
+    camera: Camera,
+    display: Display,
+}
+
+impl Renderer {
+    /// A renderer of pictures of `width` by `height` pixels, with 1, 2 or 4 colour samples a pixel.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] naming the number and its limit.
+    pub fn new(scene: Scene, width: usize, height: usize, samples: usize, camera: Camera) -> Result<Self> {
+        for (name, edge) in [("width", width), ("height", height)] {
+            check(name, edge as f64, format!("between 1 and {MAX_EDGE} pixels"), |_| (1..=MAX_EDGE).contains(&edge))?;
+        }
+        check("samples", samples as f64, "1, 2 or 4 a pixel", |_| matches!(samples, 1 | 2 | 4))?;
+        camera.validate()?;
+        Ok(Self { scene, width, height, samples, camera, display: Display::new() })
+    }
+
+    /// Width and height, pixels.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// The camera.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// Moves the camera.
+    ///
+    /// # Errors
+    /// As [`Camera::validate`].
+    pub fn set_camera(&mut self, camera: Camera) -> Result<()> {
+        camera.validate()?;
+        self.camera = camera;
+        Ok(())
+    }
+
+    /// Takes a picture. Depth and labels are those of a pixel's centre.
+    ///
+    /// # Errors
+    /// [`Error::Length`] for a slice of the wrong length, [`Error::OutOfRange`] for a state or an arrow that is not finite.
+    pub fn render(&self, state: &State, arrows: &[Arrow], picture: Picture<'_>) -> Result<()> {
+        state.validate()?;
+        let mut arrow_parts = Vec::with_capacity(2 * arrows.len());
+        for arrow in arrows {
+            arrow.parts(&mut arrow_parts)?;
+        }
+        let pixels = self.width * self.height;
+        let lengths = [
+            ("rgb", picture.rgb.as_ref().map(|s| s.len()), 3 * pixels),
+            ("depth", picture.depth.as_ref().map(|s| s.len()), pixels),
+            ("labels", picture.labels.as_ref().map(|s| s.len()), pixels),
+        ];
+        for (name, found, expected) in lengths {
+            if let Some(found) = found.filter(|&found| found != expected) {
+                return Err(Error::Length { name: name.into(), found, expected });
+            }
+        }
+        let parts = self.scene.placed(state, &arrow_parts);
+        let view = self.camera.placed(&state.ball_position, self.width, self.height);
+        let shot = Shot { parts: &parts, light: Light::new(&parts), view, renderer: self };
+        // Bands of tiles: each writes its own rows of each slice.
+        let band = TILE * self.width;
+        let bands = self.height.div_ceil(TILE);
+        let mut rgb = split(picture.rgb, 3 * band, bands);
+        let mut depth = split(picture.depth, band, bands);
+        let mut labels = split(picture.labels, band, bands);
+        rgb.par_iter_mut().zip(&mut depth).zip(&mut labels).enumerate().for_each(|(i, ((rgb, depth), labels))| {
+            shot.band(i * TILE, rgb.as_deref_mut(), depth.as_deref_mut(), labels.as_deref_mut());
+        });
+        Ok(())
+    }
+}
+
+/// A slice in chunks, or as many times nothing.
+fn split<T>(slice: Option<&mut [T]>, chunk: usize, chunks: usize) -> Vec<Option<&mut [T]>> {
+    match slice {
+        Some(slice) => slice.chunks_mut(chunk).map(Some).collect(),
+        None => (0..chunks).map(|_| None).collect(),
+    }
+}
+
+impl Arrow {
+    fn parts(&self, parts: &mut Vec<Part>) -> Result<()> {
+        finite("arrow", &[self.from.as_slice(), self.to.as_slice(), self.colour.as_slice()].concat())?;
+        let along = self.to - self.from;
+        let length = along.norm();
+        if length < 1e-6 {
+            return Ok(());
+        }
+        let attitude = UnitQuaternion::rotation_between(&Vector3::z(), &along)
+            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+        let head = (0.35 * length).min(0.05);
+        let mut part = |from: f64, to: f64, shape: Shape| {
+            let position = self.from + along * (0.5 * (from + to) / length);
+            parts.push(Part { link: Link::Inertial, position, attitude, shape, paint: Paint::Plain(self.colour) });
+        };
+        part(0.0, length - head, Shape::Cylinder { radius: 0.2 * head, half_length: 0.5 * (length - head) });
+        part(length - head, length, Shape::Cone { radius: 0.5 * head, half_length: 0.5 * head });
+        Ok(())
+    }
+}
+
+/// Where the samples of a pixel are: on no common row or column.
+const SAMPLES: [&[(f64, f64)]; 3] =
+    [&[(0.5, 0.5)], &[(0.25, 0.75), (0.75, 0.25)], &[(0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625)]];
+
+/// One picture being taken.
+struct Shot<'a> {
+    parts: &'a [Placed<'a>],
+    light: Light,
+    view: View,
+    renderer: &'a Renderer,
+}
+
+/// What a ray meets first.
+struct Seen {
+    colour: Colour,
+    depth: f64,
+    label: Label,
+}
+
+impl Shot<'_> {
+    /// Rows from `top` on.
+    fn band(
+        &self,
+        top: usize,
+        mut rgb: Option<&mut [u8]>,
+        mut depth: Option<&mut [f32]>,
+        mut labels: Option<&mut [u8]>,
+    ) {
+        let (width, height) = self.renderer.size();
+        let rows = TILE.min(height - top);
+        let mut near = Vec::with_capacity(self.parts.len());
+        for left in (0..width).step_by(TILE) {
+            let columns = TILE.min(width - left);
+            self.seen_from_tile(left, top, columns, rows, &mut near);
+            for row in 0..rows {
+                for column in left..left + columns {
+                    let (x, y) = (column as f64, (top + row) as f64);
+                    let at = row * width + column;
+                    if let Some(rgb) = &mut rgb {
+                        let offsets = SAMPLES[self.renderer.samples.trailing_zeros() as usize];
+                        let sum = offsets.iter().fold(Colour::zeros(), |sum, (dx, dy)| {
+                            sum + self.look(&self.view.ray(x + dx, y + dy), &near, true).colour
+                        });
+                        let bytes = self.renderer.display.bytes(&(sum / offsets.len() as f64));
+                        rgb[3 * at..3 * at + 3].copy_from_slice(&bytes);
+                    }
+                    if depth.is_some() || labels.is_some() {
+                        let seen = self.look(&self.view.ray(x + 0.5, y + 0.5), &near, false);
+                        if let Some(depth) = &mut depth {
+                            depth[at] = seen.depth as f32;
+                        }
+                        if let Some(labels) = &mut labels {
+                            labels[at] = seen.label as u8;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Parts whose sphere reaches into the cone around a tile.
+    fn seen_from_tile(&self, left: usize, top: usize, columns: usize, rows: usize, near: &mut Vec<usize>) {
+        let (x, y) = (left as f64 + 0.5 * columns as f64, top as f64 + 0.5 * rows as f64);
+        let axis = self.view.ray(x, y);
+        let corner = self.view.ray(left as f64, top as f64);
+        let opposite = self.view.ray((left + columns) as f64, (top + rows) as f64);
+        let axis = axis.normalize();
+        let spread = axis.angle(&corner).max(axis.angle(&opposite));
+        near.clear();
+        for (i, part) in self.parts.iter().enumerate() {
+            let to = part.centre - self.view.position;
+            let distance = to.norm();
+            let angle = if distance <= part.radius { 0.0 } else { axis.angle(&to) - (part.radius / distance).asin() };
+            if angle <= spread {
+                near.push(i);
+            }
+        }
+    }
+
+    fn look(&self, direction: &Vector3<f64>, near: &[usize], shaded: bool) -> Seen {
+        let origin = &self.view.position;
+        let length_squared = direction.norm_squared();
+        let mut limit = if direction.z < 0.0 && origin.z > 0.0 { -origin.z / direction.z } else { f64::INFINITY };
+        let mut first = None;
+        for &i in near {
+            let part = &self.parts[i];
+            if part.near(origin, direction, length_squared)
+                && let Some(hit) = part.cast(origin, direction, limit)
+            {
+                limit = hit.distance;
+                first = Some((part, hit));
+            }
+        }
+        // Rays are 1 deep: a distance along them is a depth.
+        let (label, colour): (_, &dyn Fn() -> Colour) = match &first {
+            Some((part, hit)) => (part.label, &|| {
+                let point = origin + direction * hit.distance;
+                self.light.surface(&part.colour(&point), &point, &hit.normal, direction, self.parts)
+            }),
+            None if limit.is_finite() => (Label::Floor, &|| {
+                let point = origin + direction * limit;
+                self.light.floor(&point, direction, limit, &self.view, self.parts)
+            }),
+            None => (Label::Sky, &|| self.light.sky(direction)),
+        };
+        Seen { colour: if shaded { colour() } else { Colour::zeros() }, depth: limit, label }
+    }
+}

@@ -1,0 +1,183 @@
+//! What there is to see, and where it is in a state.
+
+use super::paint::Paint;
+use super::shape::{Hit, Shape};
+use crate::kinematics::Omniwheels;
+use crate::params::Params;
+use crate::state::State;
+use nalgebra::{Matrix3, UnitQuaternion, UnitVector3, Vector3};
+
+/// What a part moves with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Link {
+    /// The ball; parts are placed in its frame.
+    Ball,
+    /// The body; parts are placed in the body frame.
+    Body,
+    /// A wheel; parts are placed in the body frame at wheel angle zero, and turn about its axle.
+    Wheel(usize),
+    /// Nothing: placed in the inertial frame.
+    Inertial,
+}
+
+/// Labels of a segmentation image: what a pixel shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Label {
+    /// Nothing but sky.
+    Sky = 0,
+    /// The floor.
+    Floor = 1,
+    /// The ball.
+    Ball = 2,
+    /// The body.
+    Body = 3,
+    /// Wheel 0; wheels 1 and 2 follow.
+    Wheel0 = 4,
+    /// Wheel 1.
+    Wheel1 = 5,
+    /// Wheel 2.
+    Wheel2 = 6,
+    /// An arrow.
+    Arrow = 7,
+}
+
+impl Label {
+    /// Name of each label, at its number.
+    pub const NAMES: [&'static str; 8] = ["sky", "floor", "ball", "body", "wheel_0", "wheel_1", "wheel_2", "arrow"];
+}
+
+impl Link {
+    fn label(self) -> Label {
+        match self {
+            Self::Ball => Label::Ball,
+            Self::Body => Label::Body,
+            Self::Wheel(0) => Label::Wheel0,
+            Self::Wheel(1) => Label::Wheel1,
+            Self::Wheel(_) => Label::Wheel2,
+            Self::Inertial => Label::Arrow,
+        }
+    }
+}
+
+/// A painted shape that moves with a link.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// What it moves with.
+    pub link: Link,
+    /// Origin of the shape, m.
+    pub position: Vector3<f64>,
+    /// Attitude of the shape.
+    pub attitude: UnitQuaternion<f64>,
+    /// What rays hit.
+    pub shape: Shape,
+    /// Its colours.
+    pub paint: Paint,
+}
+
+/// The parts of a robot.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    pub(super) parts: Vec<Part>,
+    ball_radius: f64,
+    wheel_centers: [Vector3<f64>; 3],
+    axles: [UnitVector3<f64>; 3],
+}
+
+impl Scene {
+    /// A scene of parts about a robot's ball, body and wheels.
+    pub fn new(params: &Params, parts: Vec<Part>) -> Self {
+        let wheels = Omniwheels::new(params);
+        let axle = |i: usize| UnitVector3::new_normalize(-wheels.u.row(i).transpose());
+        Self {
+            parts,
+            ball_radius: params.ball_radius,
+            wheel_centers: wheels.contact_directions.map(|p| p * (params.ball_radius + params.wheel_radius)),
+            axles: [0, 1, 2].map(axle),
+        }
+    }
+
+    /// Height of the upright robot, m.
+    pub fn height(&self) -> f64 {
+        let top = |part: &Part| {
+            let (centre, radius) = part.shape.bounding_sphere();
+            let reach = match &part.shape {
+                // The sphere around something flat says little about its height.
+                Shape::Cylinder { half_length, .. } if part.attitude.angle() < 1e-6 => *half_length,
+                Shape::Cuboid { half_extents } if part.attitude.angle() < 1e-6 => half_extents.z,
+                _ => radius,
+            };
+            (part.position + part.attitude * centre).z + reach
+        };
+        self.parts.iter().map(top).fold(self.ball_radius, f64::max) + self.ball_radius
+    }
+
+    /// Every part where it is in `state`.
+    pub(super) fn placed<'a>(&'a self, state: &State, arrows: &'a [Part]) -> Vec<Placed<'a>> {
+        let place = |part: &'a Part| {
+            let (origin, attitude) = match part.link {
+                Link::Ball => (state.ball_position, state.ball_quaternion),
+                Link::Body => (state.body_position, state.body_quaternion),
+                Link::Wheel(i) => {
+                    let turn = UnitQuaternion::from_axis_angle(&self.axles[i], state.wheel_angles[i]);
+                    let center = self.wheel_centers[i];
+                    let origin = state.body_position + state.body_quaternion * (center - turn * center);
+                    (origin, state.body_quaternion * turn)
+                }
+                Link::Inertial => (Vector3::zeros(), UnitQuaternion::identity()),
+            };
+            Placed::new(part, origin + attitude * part.position, attitude * part.attitude)
+        };
+        self.parts.iter().chain(arrows).map(place).collect()
+    }
+}
+
+/// A part in place.
+pub(super) struct Placed<'a> {
+    pub part: &'a Part,
+    pub label: Label,
+    position: Vector3<f64>,
+    /// Part to inertial, and back.
+    rotation: Matrix3<f64>,
+    inverse: Matrix3<f64>,
+    /// Of a sphere around it.
+    pub centre: Vector3<f64>,
+    pub radius: f64,
+}
+
+impl<'a> Placed<'a> {
+    fn new(part: &'a Part, position: Vector3<f64>, attitude: UnitQuaternion<f64>) -> Self {
+        let rotation = attitude.to_rotation_matrix().into_inner();
+        let (centre, radius) = part.shape.bounding_sphere();
+        Self {
+            part,
+            label: part.link.label(),
+            position,
+            rotation,
+            inverse: rotation.transpose(),
+            centre: position + rotation * centre,
+            radius,
+        }
+    }
+
+    /// Whether the line of a ray passes its sphere, ahead of the origin.
+    #[inline]
+    pub fn near(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, length_squared: f64) -> bool {
+        let to = self.centre - origin;
+        let along = to.dot(direction);
+        let miss = to.norm_squared() * length_squared - along * along;
+        miss <= self.radius * self.radius * length_squared && along + self.radius * length_squared.sqrt() > 0.0
+    }
+
+    /// First hit within `limit`; its normal is in the inertial frame.
+    pub fn cast(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<Hit> {
+        let (origin, direction) = (self.inverse * (origin - self.position), self.inverse * direction);
+        let hit = self.part.shape.cast(&origin, &direction, limit)?;
+        Some(Hit { normal: self.rotation * hit.normal, ..hit })
+    }
+
+    /// Colour at a point of the inertial frame.
+    pub fn colour(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.part.paint.at(&(self.inverse * (point - self.position)))
+    }
+}

@@ -1,0 +1,129 @@
+//! What a URDF shows: its visual shapes, where the simulated robot has them.
+
+use super::bot::Bot;
+use super::tree::{Tree, pose};
+use super::{Checked, read_file, refuse};
+use crate::error::Result;
+use crate::params::Params;
+use nalgebra::{Isometry3, Translation3, Vector3};
+use std::path::{Path, PathBuf};
+use urdf_rs::Geometry;
+
+/// What a visual moves with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VisualLink {
+    /// The ball; the visual is placed in its frame, whose origin is its centre.
+    Ball,
+    /// The body; the visual is placed in the body frame.
+    Body,
+    /// Wheel 0, 1 or 2; the visual is placed in the body frame at wheel angle zero.
+    Wheel(usize),
+}
+
+/// A shape about its own origin. Lengths in m.
+#[derive(Clone, Debug, PartialEq)]
+pub enum VisualShape {
+    /// Radius.
+    Sphere(f64),
+    /// Radius and length, the axis along z.
+    Cylinder(f64, f64),
+    /// Edges.
+    Cuboid(Vector3<f64>),
+    /// A file of triangles, and the factors that make its coordinates metres.
+    Mesh(PathBuf, Vector3<f64>),
+}
+
+/// A visual element of a link.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Visual {
+    /// What it moves with.
+    pub link: VisualLink,
+    /// Where it is.
+    pub pose: Isometry3<f64>,
+    /// Its shape.
+    pub shape: VisualShape,
+    /// Red, green, blue in [0, 1], as written (sRGB); none for a visual without colour.
+    pub colour: Option<[f64; 3]>,
+}
+
+/// The visual elements of the ballbot described by the files `bot` and `ball`.
+///
+/// # Errors
+/// As [`super::params_from_urdf`]; [`crate::Error::Urdf`] for a visual that is no sphere, cylinder, box or mesh, has a
+/// size that is not positive, or a mesh without a file beside the URDF.
+pub fn visuals_from_urdf(bot: &Path, ball: &Path) -> Result<Vec<Visual>> {
+    let params: Params = super::params_from_urdf(bot, ball)?;
+    let (bot_text, ball_text) = (read_file(bot)?, read_file(ball)?);
+    let bot_label = bot.display().to_string();
+    let of_ball = |text: &str| -> Checked<Vec<Visual>> {
+        let tree = Tree::read(text)?;
+        let centre = tree.masses()?.into_iter().flatten().next().map_or_else(Vector3::zeros, |body| body.centre.coords);
+        let links: Vec<usize> = (0..tree.links.len()).collect();
+        visuals(&tree, &links, VisualLink::Ball, -centre, ball)
+    };
+    let of_bot = |text: &str| -> Checked<Vec<Visual>> {
+        let tree = Tree::read(text)?;
+        let shift = Vector3::z() * -Bot::read(text, params.ball_radius)?.ball_height;
+        let mut found = visuals(&tree, &tree.turned_by(None), VisualLink::Body, shift, bot)?;
+        for (i, joint) in tree.turning_joints().into_iter().enumerate() {
+            found.extend(visuals(&tree, &tree.turned_by(Some(joint)), VisualLink::Wheel(i), shift, bot)?);
+        }
+        Ok(found)
+    };
+    let mut found = of_ball(&ball_text).map_err(refuse(&ball.display().to_string()))?;
+    found.extend(of_bot(&bot_text).map_err(refuse(&bot_label))?);
+    Ok(found)
+}
+
+fn visuals(tree: &Tree, links: &[usize], of: VisualLink, shift: Vector3<f64>, file: &Path) -> Checked<Vec<Visual>> {
+    let mut found = Vec::new();
+    for &link in links {
+        for visual in &tree.links[link].visual {
+            let what = format!("a visual of link '{}'", tree.links[link].name);
+            let local = pose(&what, &visual.origin)?;
+            let material = visual.material.as_ref();
+            let own = material.and_then(|m| m.color.as_ref());
+            let named = || tree.materials.iter().find(|m| Some(&m.name) == material.map(|m| &m.name));
+            let colour = own.or_else(|| named().and_then(|m| m.color.as_ref()));
+            let colour = colour.map(|c| [c.rgba[0], c.rgba[1], c.rgba[2]].map(|x| x.clamp(0.0, 1.0)));
+            found.push(Visual {
+                link: of,
+                pose: Translation3::from(shift) * tree.poses[link] * local,
+                shape: shape(&what, &visual.geometry, file)?,
+                colour,
+            });
+        }
+    }
+    Ok(found)
+}
+
+fn shape(what: &str, geometry: &Geometry, file: &Path) -> Checked<VisualShape> {
+    let positive = |name: &str, values: &[f64]| match values.iter().find(|v| !(v.is_finite() && **v > 0.0)) {
+        Some(value) => Err(format!("{what}: {name} = {value} is out of range: it must be > 0")),
+        None => Ok(()),
+    };
+    match geometry {
+        Geometry::Sphere { radius } => {
+            positive("radius", &[*radius])?;
+            Ok(VisualShape::Sphere(*radius))
+        }
+        Geometry::Cylinder { radius, length } => {
+            positive("radius and length", &[*radius, *length])?;
+            Ok(VisualShape::Cylinder(*radius, *length))
+        }
+        Geometry::Box { size } => {
+            positive("size", &**size)?;
+            Ok(VisualShape::Cuboid(Vector3::from(**size)))
+        }
+        Geometry::Mesh { filename, scale } => {
+            let scale = scale.map_or_else(|| Vector3::repeat(1.0), |s| Vector3::from(*s));
+            positive("scale", scale.as_slice())?;
+            let relative = filename.strip_prefix("file://").unwrap_or(filename);
+            if relative.contains("://") {
+                return Err(format!("{what}: mesh '{filename}' must be a path relative to the URDF"));
+            }
+            Ok(VisualShape::Mesh(file.parent().unwrap_or(Path::new("")).join(relative), scale))
+        }
+        Geometry::Capsule { .. } => Err(format!("{what} is a capsule: use a sphere, a cylinder, a box or a mesh")),
+    }
+}

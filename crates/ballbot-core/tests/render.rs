@@ -1,0 +1,281 @@
+//! Pictures: geometry against closed forms and against parry's own queries, and what must change when something moves.
+
+use ballbot_core::render::{Arrow, Camera, Label, Link, Paint, Part, Picture, Renderer, Scene, Shape, srgb};
+use ballbot_core::{Params, State};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use parry3d_f64::math::Vector;
+use parry3d_f64::query::Ray;
+use parry3d_f64::shape::SharedShape;
+use std::path::Path;
+
+const WIDTH: usize = 160;
+const HEIGHT: usize = 120;
+
+struct Shot {
+    rgb: Vec<u8>,
+    depth: Vec<f32>,
+    labels: Vec<u8>,
+}
+
+impl Shot {
+    fn of(renderer: &Renderer, state: &State, arrows: &[Arrow]) -> Self {
+        let (width, height) = renderer.size();
+        let pixels = width * height;
+        let mut shot = Self { rgb: vec![0; 3 * pixels], depth: vec![0.0; pixels], labels: vec![0; pixels] };
+        let picture =
+            Picture { rgb: Some(&mut shot.rgb), depth: Some(&mut shot.depth), labels: Some(&mut shot.labels) };
+        renderer.render(state, arrows, picture).unwrap();
+        shot
+    }
+
+    fn count(&self, label: Label) -> usize {
+        self.labels.iter().filter(|&&l| l == label as u8).count()
+    }
+
+    /// Mean column of the pixels with a label.
+    fn column(&self, label: Label) -> f64 {
+        let columns = self.labels.iter().enumerate().filter(|(_, l)| **l == label as u8).map(|(i, _)| i % WIDTH);
+        columns.sum::<usize>() as f64 / self.count(label) as f64
+    }
+
+    /// Pixels whose colour differs from another's, by label.
+    fn changed(&self, other: &Self) -> Vec<u8> {
+        let pairs = self.rgb.chunks(3).zip(other.rgb.chunks(3)).zip(&self.labels);
+        pairs.filter(|((a, b), _)| a != b).map(|(_, label)| *label).collect()
+    }
+}
+
+fn camera(azimuth: f64) -> Camera {
+    Camera { azimuth, ..Camera::following(0.7) }
+}
+
+fn renderer(camera: Camera) -> Renderer {
+    Renderer::new(Scene::of(&Params::paper()), WIDTH, HEIGHT, 1, camera).unwrap()
+}
+
+/// A scene of one part in the inertial frame.
+fn lone(shape: Shape, position: Vector3<f64>, attitude: UnitQuaternion<f64>) -> Scene {
+    let paint = Paint::Plain(srgb(0xffffff));
+    Scene::new(&Params::paper(), vec![Part { link: Link::Inertial, position, attitude, shape, paint }])
+}
+
+#[test]
+fn depth_is_the_distance_along_the_axis_to_floor_and_sphere() {
+    let radius = 0.2;
+    let at = Vector3::new(0.1, -0.2, 0.5);
+    let scene = lone(Shape::Sphere { radius }, at, UnitQuaternion::identity());
+    let looking = Camera { target: at, elevation: 0.5, follows: false, ..camera(0.7) };
+    let renderer = Renderer::new(scene, WIDTH + 1, HEIGHT + 1, 1, looking).unwrap();
+    let shot = Shot::of(&renderer, &State::upright(&Params::paper()), &[]);
+    // An odd number of pixels has one in the middle, whose ray is the axis.
+    let centre = shot.depth[(HEIGHT / 2) * (WIDTH + 1) + WIDTH / 2];
+    assert!((f64::from(centre) - (looking.distance - radius)).abs() < 1e-6, "{centre}");
+    // The sphere's outline is an ellipse of this area (a cone about the axis, seen head on, is a circle).
+    let tan = radius / (looking.distance.powi(2) - radius * radius).sqrt();
+    let pixel = 2.0 * (0.5 * looking.field_of_view).tan() / (HEIGHT + 1) as f64;
+    let area = std::f64::consts::PI * (tan / pixel).powi(2);
+    let found = shot.count(Label::Arrow) as f64;
+    assert!((found / area - 1.0).abs() < 0.02, "{found} pixels, expected {area}");
+    // The middle of the lowest row sees the floor at this depth.
+    let below = 0.5 * looking.field_of_view;
+    let slope = (below.tan() - 0.5 * pixel).atan();
+    let height = at.z + looking.distance * looking.elevation.sin();
+    let expected = height / (looking.elevation + slope).sin() * slope.cos();
+    let floor = f64::from(shot.depth[HEIGHT * (WIDTH + 1) + WIDTH / 2]);
+    assert!((floor - expected).abs() < 1e-5, "{floor}, expected {expected}");
+}
+
+#[test]
+fn rays_meet_shapes_where_parry_meets_them() {
+    let half = Vector3::new(0.1, 0.2, 0.15);
+    let shapes = [
+        (Shape::Sphere { radius: 0.2 }, SharedShape::ball(0.2)),
+        (Shape::Cylinder { radius: 0.1, half_length: 0.2 }, SharedShape::cylinder(0.2, 0.1)),
+        (Shape::Cone { radius: 0.15, half_length: 0.2 }, SharedShape::cone(0.2, 0.15)),
+        (Shape::Cuboid { half_extents: half }, SharedShape::cuboid(half.x, half.y, half.z)),
+    ];
+    let attitude = UnitQuaternion::from_euler_angles(0.3, -0.5, 0.9);
+    let at = Vector3::new(0.0, 0.0, 0.6);
+    for (shape, theirs) in shapes {
+        // Cylinders and cones of parry have y for their axis.
+        let round = matches!(shape, Shape::Cylinder { .. } | Shape::Cone { .. });
+        let onto_y = UnitQuaternion::from_euler_angles(std::f64::consts::FRAC_PI_2 * f64::from(round), 0.0, 0.0);
+        let looking = Camera { target: at, follows: false, elevation: 0.4, ..camera(0.3) };
+        let renderer = Renderer::new(lone(shape.clone(), at, attitude), WIDTH, HEIGHT, 1, looking).unwrap();
+        let shot = Shot::of(&renderer, &State::upright(&Params::paper()), &[]);
+        let (mut met, mut missed) = (0, 0);
+        for (row, column) in (0..HEIGHT).flat_map(|row| (0..WIDTH).map(move |column| (row, column))) {
+            let (origin, direction) = ray(&looking, row, column);
+            let into = |v: Vector3<f64>| {
+                let v = (attitude * onto_y).inverse() * v;
+                Vector::new(v.x, v.y, v.z)
+            };
+            let expected = theirs.cast_local_ray(&Ray::new(into(origin - at), into(direction)), 1e3, true);
+            let index = row * WIDTH + column;
+            let found = (shot.labels[index] == Label::Arrow as u8).then(|| f64::from(shot.depth[index]));
+            match (found, expected) {
+                (Some(found), Some(expected)) => {
+                    met += 1;
+                    assert!((found - expected).abs() < 2e-4, "{shape:?} at {row}, {column}: {found}, parry {expected}");
+                }
+                (None, None) => (),
+                _ => missed += 1,
+            }
+        }
+        assert!(met > 500, "{shape:?} is met by {met} rays");
+        // Rounding may decide about a ray along an edge.
+        assert!(missed <= 3, "{shape:?}: {missed} rays meet it here or there alone");
+    }
+}
+
+/// The ray of a pixel's centre, 1 deep, from the definition of the camera.
+fn ray(camera: &Camera, row: usize, column: usize) -> (Vector3<f64>, Vector3<f64>) {
+    let (sin, cos) = camera.elevation.sin_cos();
+    let out = Vector3::new(cos * camera.azimuth.cos(), cos * camera.azimuth.sin(), sin);
+    let right = Vector3::z().cross(&out).normalize();
+    let up = out.cross(&right);
+    let pixel = 2.0 * (0.5 * camera.field_of_view).tan() / HEIGHT as f64;
+    let (x, y) = (column as f64 + 0.5 - 0.5 * WIDTH as f64, row as f64 + 0.5 - 0.5 * HEIGHT as f64);
+    (camera.target + out * camera.distance, -out + right * (x * pixel) - up * (y * pixel))
+}
+
+#[test]
+fn meshes_are_seen_as_the_shapes_that_they_triangulate() {
+    let half = Vector3::new(0.1, 0.2, 0.15);
+    let corners: Vec<_> = (0..8)
+        .map(|i| half.component_mul(&Vector3::from_fn(|k, _| if i >> k & 1 == 1 { 1.0 } else { -1.0 })))
+        .collect();
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles: Vec<_> = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    let mesh = Shape::mesh(&corners, &triangles).unwrap();
+    let attitude = UnitQuaternion::from_euler_angles(0.4, 0.2, 0.1);
+    let shot = |shape: Shape| {
+        let scene = lone(shape, Vector3::new(0.0, 0.0, 0.4), attitude);
+        Shot::of(&Renderer::new(scene, WIDTH, HEIGHT, 1, camera(0.2)).unwrap(), &State::upright(&Params::paper()), &[])
+    };
+    let (mesh, cuboid) = (shot(mesh), shot(Shape::Cuboid { half_extents: half }));
+    let changed = mesh.changed(&cuboid).len();
+    assert!(cuboid.count(Label::Arrow) > 500 && changed <= 5, "{changed} pixels differ");
+    assert!(Shape::mesh(&corners, &[[0, 1, 8]]).unwrap_err().to_string().contains("index 8"));
+    assert!(Shape::mesh(&corners, &[]).is_err());
+}
+
+#[test]
+fn a_tilted_robot_leans_in_the_picture() {
+    let params = Params::paper();
+    // Seen from −y, x points to the right.
+    let renderer = renderer(camera(-std::f64::consts::FRAC_PI_2));
+    let columns = [-0.3, 0.0, 0.3].map(|tilt| {
+        let shot = Shot::of(&renderer, &State::tilted(&params, Vector2::new(0.0, tilt), 0.0), &[]);
+        (shot.column(Label::Body), shot.column(Label::Ball))
+    });
+    let [left, upright, right] = columns.map(|(body, ball)| body - ball);
+    assert!(upright.abs() < 1.0, "{upright} columns apart");
+    assert!(left < -8.0 && right > 8.0, "leans by {left} and {right} columns");
+}
+
+#[test]
+fn what_turns_changes_where_it_is() {
+    let params = Params::paper();
+    let renderer = renderer(camera(0.4));
+    let still = State::upright(&params);
+    let before = Shot::of(&renderer, &still, &[]);
+    let wheel = State { wheel_angles: [0.8, 0.0, 0.0], ..still.clone() };
+    let changed = before.changed(&Shot::of(&renderer, &wheel, &[]));
+    assert!(changed.len() > 20 && changed.iter().all(|l| *l == Label::Wheel0 as u8), "{changed:?}");
+    let rolled = State { ball_quaternion: UnitQuaternion::from_euler_angles(0.5, 0.0, 0.0), ..still };
+    let changed = before.changed(&Shot::of(&renderer, &rolled, &[]));
+    assert!(changed.len() > 100 && changed.iter().all(|l| *l == Label::Ball as u8), "{changed:?}");
+}
+
+#[test]
+fn every_part_is_seen_from_somewhere_and_arrows_when_they_are_there() {
+    let params = Params::paper();
+    let mut seen = [0; 8];
+    let arrow = Arrow { from: Vector3::new(0.4, 0.0, 0.4), to: Vector3::new(0.2, 0.0, 0.4), colour: srgb(0xe03131) };
+    for azimuth in [0.0, 2.0, 4.0] {
+        let low = Camera { elevation: 0.1, ..camera(azimuth) };
+        let shot = Shot::of(&renderer(low), &State::upright(&params), &[arrow]);
+        for label in shot.labels {
+            seen[usize::from(label)] += 1;
+        }
+    }
+    assert!(seen.iter().all(|&count| count > 20), "{seen:?}");
+}
+
+#[test]
+fn the_robot_throws_its_shadow_on_the_floor() {
+    let params = Params::paper();
+    let renderer = renderer(camera(0.4));
+    let near = State::upright(&params);
+    let mut lifted = near.clone();
+    lifted.ball_position.z += 50.0;
+    lifted.body_position.z += 50.0;
+    let (with, without) = (Shot::of(&renderer, &near, &[]), Shot::of(&renderer, &lifted, &[]));
+    let sum = |shot: &Shot, i: usize| shot.rgb[3 * i..3 * i + 3].iter().map(|&c| u32::from(c)).sum::<u32>();
+    let floor = |i: &usize| [&with, &without].iter().all(|shot| shot.labels[*i] == Label::Floor as u8);
+    let pixels: Vec<_> = (0..WIDTH * HEIGHT).filter(floor).collect();
+    let darker = pixels.iter().filter(|&&i| sum(&with, i) + 60 < sum(&without, i)).count();
+    let lighter = pixels.iter().filter(|&&i| sum(&with, i) > sum(&without, i)).count();
+    assert!(darker > 200, "{darker} pixels in the shadow");
+    assert_eq!(lighter, 0, "a robot gives no light");
+}
+
+#[test]
+fn pictures_are_equal_to_the_last_bit_on_any_number_of_threads() {
+    let params = Params::paper();
+    let state = State::tilted(&params, Vector2::new(0.1, 0.2), 0.4);
+    let shot = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| Shot::of(&renderer(camera(0.4)), &state, &[]))
+    };
+    let first = shot(1);
+    for threads in [1, 2, 3] {
+        let other = shot(threads);
+        assert!(first.rgb == other.rgb && first.depth == other.depth && first.labels == other.labels);
+    }
+}
+
+#[test]
+fn more_samples_leave_areas_and_soften_edges() {
+    let state = State::upright(&Params::paper());
+    let shot = |samples| {
+        let renderer = Renderer::new(Scene::of(&Params::paper()), WIDTH, HEIGHT, samples, camera(0.4)).unwrap();
+        Shot::of(&renderer, &state, &[])
+    };
+    let (one, four) = (shot(1), shot(4));
+    assert_eq!(one.labels, four.labels);
+    let differing = one.changed(&four).len();
+    assert!((200..WIDTH * HEIGHT / 2).contains(&differing), "{differing} pixels differ");
+}
+
+#[test]
+fn the_shipped_urdfs_are_seen() {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
+    let scene = Scene::from_urdf(&assets.join("bot.urdf"), &assets.join("ball.urdf")).unwrap();
+    assert!((0.6..0.9).contains(&scene.height()), "{} m high", scene.height());
+    let renderer = Renderer::new(scene, WIDTH, HEIGHT, 1, camera(0.4)).unwrap();
+    let shot = Shot::of(&renderer, &State::upright(&Params::paper()), &[]);
+    for label in [Label::Ball, Label::Body, Label::Wheel0, Label::Floor] {
+        assert!(shot.count(label) > 50, "{label:?} is not seen");
+    }
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_its_name() {
+    let scene = || Scene::of(&Params::paper());
+    let refused = |renderer: Result<Renderer, ballbot_core::Error>| renderer.err().unwrap().to_string();
+    let ok = camera(0.0);
+    assert!(refused(Renderer::new(scene(), 0, 10, 1, ok)).contains("width"));
+    assert!(refused(Renderer::new(scene(), 10, 9000, 1, ok)).contains("height"));
+    assert!(refused(Renderer::new(scene(), 10, 10, 3, ok)).contains("samples"));
+    assert!(refused(Renderer::new(scene(), 10, 10, 1, Camera { distance: f64::NAN, ..ok })).contains("distance"));
+    assert!(refused(Renderer::new(scene(), 10, 10, 1, Camera { field_of_view: 4.0, ..ok })).contains("field of view"));
+    let renderer = Renderer::new(scene(), 10, 10, 1, ok).unwrap();
+    let state = State::upright(&Params::paper());
+    let mut short = [0; 10];
+    let picture = Picture { rgb: Some(&mut short), ..Picture::default() };
+    assert!(renderer.render(&state, &[], picture).unwrap_err().to_string().contains("rgb"));
+    let lost = State { ball_position: Vector3::repeat(f64::NAN), ..state };
+    assert!(renderer.render(&lost, &[], Picture::default()).is_err());
+}

@@ -1,0 +1,47 @@
+"""Frames for the front ends: what every environment that can show itself shares."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._core import Params, Renderer
+
+Frames = npt.NDArray[np.uint8]
+
+#: What the environments make themselves; Gymnasium makes "human" and "rgb_array_list" of it.
+RENDER_MODES: Final = ("rgb_array",)
+
+
+class Rendered:
+    """Has a render mode and, with one, a renderer; a copy or an unpickled one makes its own at its first frame."""
+
+    render_mode: str | None
+    _renderer: Renderer | None = None
+
+    def _set_render(
+        self, render_mode: str | None, params: Params, render_options: Mapping[str, Any] | None
+    ) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise ValueError(f"render_mode = '{render_mode}': expected None or {', '.join(map(repr, RENDER_MODES))}")
+        self.render_mode = render_mode
+        self._render_arguments = (params, dict(render_options or {}))
+        if render_mode is not None:
+            self._renderer = self._make_renderer()
+
+    def _make_renderer(self) -> Renderer:
+        params, options = self._render_arguments
+        return Renderer(None if "urdf" in options else params, **options)
+
+    def _frames(self, states: npt.ArrayLike) -> Frames:
+        """Pictures of states, shape (n, height, width, 3)."""
+        if self._renderer is None:
+            self._renderer = self._make_renderer()
+        return self._renderer.render_batch(states)
+
+
+def warn_without_mode() -> None:
+    """What `render` says where no mode was chosen."""
+    gymnasium.logger.warn("render() without a render_mode shows nothing: make the environment with 'rgb_array'")
