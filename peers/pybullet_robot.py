@@ -8,8 +8,8 @@ import pybullet
 from pybullet_utils import bullet_client
 
 import ballbot_rs as bb
-from benchmarks.robot import SIM_DT, Array, Robot
-from benchmarks.rotations import matrix, roll_pitch_yaw
+from peers.robot import SIM_DT, Array, Robot
+from peers.rotations import matrix, roll_pitch_yaw
 
 #: Iterations of Bullet's sequential-impulse solver; half as many make the growth rate's error ten times as large.
 SOLVER_ITERATIONS = 10
@@ -52,16 +52,15 @@ def urdfs(robot: Robot) -> tuple[str, str]:
 class PybulletRobot:
     """One robot in its own physics server, in this process."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, sim_dt: float = SIM_DT, iterations: int = SOLVER_ITERATIONS) -> None:
         p = robot.params
+        self.sim_dt = sim_dt
         self._com = robot.body.com
         self._joints = [0, 1, 2]
         self._bullet = bullet = bullet_client.BulletClient(connection_mode=pybullet.DIRECT)
         bullet.setGravity(0.0, 0.0, -p.gravity)
         # The row across the drive has no length, and a cone would let it use up the limit of both.
-        bullet.setPhysicsEngineParameter(
-            numSolverIterations=SOLVER_ITERATIONS, enableConeFriction=0, enableFileCaching=0
-        )
+        bullet.setPhysicsEngineParameter(numSolverIterations=iterations, enableConeFriction=0, enableFileCaching=0)
         self._substeps = 0
         self._set_substeps(1)
         floor = bullet.createMultiBody(0.0, bullet.createCollisionShape(bullet.GEOM_PLANE))
@@ -88,7 +87,7 @@ class PybulletRobot:
     def _set_substeps(self, substeps: int) -> None:
         if substeps != self._substeps:
             self._substeps = substeps
-            self._bullet.setPhysicsEngineParameter(fixedTimeStep=SIM_DT * substeps, numSubSteps=substeps)
+            self._bullet.setPhysicsEngineParameter(fixedTimeStep=self.sim_dt * substeps, numSubSteps=substeps)
 
     def reset(self, state: bb.State) -> None:
         """Starts anew from `state`."""
@@ -129,6 +128,21 @@ class PybulletRobot:
         velocity = bullet.getBaseVelocity(self._ball)[0][:2]
         speeds = np.array([joint[1] for joint in bullet.getJointStates(self._body, self._joints)])
         return attitude, rate, speeds, np.array(position), np.array(velocity)
+
+    def state(self) -> bb.State:
+        """The present state."""
+        bullet = self._bullet
+        position, (x, y, z, w) = bullet.getBasePositionAndOrientation(self._ball)
+        velocity, ball_rate = bullet.getBaseVelocity(self._ball)
+        attitude, rate, speeds, _, _ = self.sense()
+        arm = matrix(attitude) @ self._com
+        com = np.array(bullet.getBasePositionAndOrientation(self._body)[0])
+        com_velocity, turning = (np.array(v) for v in bullet.getBaseVelocity(self._body))
+        angles = [joint[0] for joint in bullet.getJointStates(self._body, self._joints)]
+        return bb.State(
+            position, velocity, ball_rate, attitude, rate, speeds, ball_quaternion=[w, x, y, z], wheel_angles=angles,
+            body_position=com - arm, body_velocity=com_velocity - np.cross(turning, arm),
+        )  # fmt: skip
 
     def wheel_loads(self) -> Array:
         """Normal force of each wheel on the ball in the last step, (3,), N; steps must be made one by one."""
