@@ -9,6 +9,7 @@ from benchmarks.ours import known_models, make_env
 from benchmarks.worker import in_child
 from peers import probes
 from peers.any_robot import AnyRobot, make_peer
+from peers.installed import missing
 from peers.our_robot import OurRobot
 from peers.robot import SIM_DT, SUBSTEPS, make_robot
 
@@ -24,7 +25,7 @@ def measure(quick: bool) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for engine in [*(f"ours:{model}" for model in known_models()), "mujoco", "pybullet"]:
         print(f"accuracy: {engine}", flush=True)
-        reason = None if engine.startswith("ours:") else simulators.missing(engine)
+        reason = None if engine.startswith("ours:") else missing(engine)
         try:
             row = (
                 {"reason": reason}

@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import importlib
 import itertools
 from collections.abc import Callable
 from functools import partial
@@ -26,15 +25,6 @@ class Running:
 
     run: Run
     close: Callable[[], None]
-
-
-def missing(package: str) -> str | None:
-    """Why a package cannot be used, or None."""
-    try:
-        importlib.import_module(package)
-    except Exception as error:  # a broken wheel raises what it likes
-        return f"not available: {error}"
-    return None
 
 
 def environment(simulator: str, num_envs: int, num_threads: int) -> Running:

@@ -1,5 +1,6 @@
 """The same robot in other engines."""
 
+from verification.engines import urdf
 from verification.topic import Topic
 
-TOPICS: list[Topic] = []
+TOPICS = [Topic.of(module) for module in (urdf,)]
