@@ -27,9 +27,9 @@ def advance(robot: AnyRobot, torques: Array, seconds: float) -> None:
         left -= steps
 
 
-def growth(robot: AnyRobot, params: bb.Params, yaw: float, azimuth: float) -> float:
+def growth(robot: AnyRobot, params: bb.Params, yaw: float, azimuth: float, tilt: float = _TILT) -> float:
     """Growth rate of a tilt from rest, which follows cosh, 1/s."""
-    robot.reset(bb.State.upright(params, _TILT * np.array([np.cos(azimuth), np.sin(azimuth)]), yaw))
+    robot.reset(bb.State.upright(params, tilt * np.array([np.cos(azimuth), np.sin(azimuth)]), yaw))
     (a, b), tilts = _READ_AT, []
     for duration in (a, b - a):
         advance(robot, np.zeros(3), duration)
