@@ -2,7 +2,7 @@ r"""Where engines differ, the closed form decides.
 
 Four experiments whose outcome is known, at many headings, since no direction of the floor is special:
 
-- a tilt of $10^{-4}$ rad grows at the pole of the linearised robot, $\lambda = 6.09174451\ \mathrm{s}^{-1}$;
+- a tilt of $3\cdot 10^{-4}$ rad grows at the pole of the linearised robot, $\lambda = 6.09174451\ \mathrm{s}^{-1}$;
 - each wheel of the robot at rest carries $M_b g/(3\cos\alpha)$;
 - a wheel driven far beyond its grip pushes with $\mu M_b g/(3\cos\alpha)$, as the load of three wheels that turn
   the robot on the spot is that at rest;
@@ -44,12 +44,12 @@ if TYPE_CHECKING:
 _HEADINGS, _AZIMUTHS = 24, 4
 #: The callback of the robot without slip is slow.
 _FEWER = {ROLLING: (6, 2)}
-_TILT = 1e-4
+_TILT = 3e-4
 _FALL, _FALL_SECONDS = np.radians(1.0), 0.6
 #: Limits of growth rate, load, grip and energy, relative.
 _LIMITS = {
-    SPATIAL: (1e-6, 1e-9, None, 1e-9),
-    ROLLING: (1e-6, 1e-9, None, 1e-9),
+    SPATIAL: (1e-5, 1e-9, None, 1e-9),
+    ROLLING: (1e-5, 1e-9, None, 1e-9),
     CONTACT: (2e-4, 1e-6, 1e-3, None),
     RIGID: (2e-4, 1e-3, 5e-3, None),
 }
@@ -109,6 +109,7 @@ def run() -> Findings:
     return Findings(claims, draw, "\n\n".join([absent(found), table(head, rows), _explain(measured)]), size=(8.5, 3.8))
 
 
+_OURS = (SPATIAL, CONTACT, RIGID)
 _WHAT = ("growth rate, any heading", "load at rest", "limit of grip, any heading", "energy in a fall")
 
 
@@ -127,12 +128,18 @@ def _explain(measured: dict[str, Measured]) -> str:
         sentences.append(
             "Stock MuJoCo lays a contact's friction directions by the world's axes: as the robot turns, its wheels "
             "hold where they should roll. Turned to the wheels, the growth rate is right at every heading; the grip is "
-            "not, as MuJoCo's convex contacts let the load of a slipping contact grow with the slip."
+            "not, as the load of MuJoCo's convex contacts rises with the slip until the wheels hop. `impratio` does "
+            "not help there, and `noslip_iterations` spoil the growth rate."
         )
     if BULLET in measured:
         sentences.append(
             "Bullet splits a wheel's friction over two rows, both along its drive, each with a limit of its own, so "
             "that the grip varies with the heading."
+        )
+    if len(measured) > len(_OURS):
+        sentences.append(
+            "What the peers' growth rates still lack comes from a jolt while their contacts take the load: the larger "
+            "the tilt, the smaller its share."
         )
     sentences.append(
         "All that step by semi-implicit Euler miss alike: their positions are half a step ahead of their velocities, "

@@ -20,9 +20,10 @@ class MujocoRolling:
     They keep the nine velocity constraints J(q)v = 0: no motion of the ball's lowest point, none between wheel and ball
     along the normal and the drive direction. With MuJoCo's M, bias b and Jacobians,
     λ = (J M⁻¹ Jᵀ)⁻¹ (−J̇v − J M⁻¹(τ − b)). Nothing of our equations of motion is in it.
+    If not `touching`, ball and bot fly past each other and the floor.
     """
 
-    def __init__(self, params: bb.Params, sim_dt: float) -> None:
+    def __init__(self, params: bb.Params, sim_dt: float, touching: bool = True) -> None:
         bot, ball = mujoco.MjSpec.from_file(str(BOT)), mujoco.MjSpec.from_file(str(BALL))
         for spec, link in ((bot, "body"), (ball, "ball")):
             spec.compiler.fusestatic = False
@@ -31,7 +32,7 @@ class MujocoRolling:
         bot.option.timestep, bot.option.gravity = sim_dt, [0.0, 0.0, -params.gravity]
         bot.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
         bot.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
-        self.sim_dt = sim_dt
+        self.sim_dt, self._touching = sim_dt, touching
         self.model = bot.compile()
         self.data, self._scratch = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._ball, self._body = self.model.body("ball/ball").id, self.model.body("body").id
@@ -52,6 +53,10 @@ class MujocoRolling:
     def step(self, torques: Array, steps: int) -> None:
         """Advances by time steps under wheel torques (3, N·m)."""
         self._torques = np.asarray(torques)
+        if not self._touching:
+            self.data.qfrc_applied[6:9] = self._torques
+            mujoco.mj_step(self.model, self.data, nstep=steps)
+            return
         mujoco.set_mjcb_control(self._apply)
         try:
             mujoco.mj_step(self.model, self.data, nstep=steps)

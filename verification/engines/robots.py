@@ -11,7 +11,7 @@ from peers.our_robot import OurRobot
 from peers.robot import make_robot
 
 SIM_DT = 1e-3
-#: Of Bullet's solver; more change nothing that is shown.
+#: Of Bullet's solver: growth and loads have converged long before, the limit of grip never does.
 _BULLET_ITERATIONS = 50
 
 SPATIAL, CONTACT, RIGID = "spatial", "contact", "rigid"
