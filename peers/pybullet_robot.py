@@ -1,5 +1,8 @@
 """The robot in PyBullet: one robot in one physics server."""
 
+import ctypes
+import os
+import sys
 import tempfile
 from pathlib import Path
 
@@ -49,6 +52,21 @@ def urdfs(robot: Robot) -> tuple[str, str]:
     return f'<robot name="ball">{ball}</robot>', f'<robot name="bot">{body}</robot>'
 
 
+def connect() -> bullet_client.BulletClient:
+    """A physics server of its own, without the line that Bullet prints from C for each."""
+    flush = ctypes.CDLL(None).fflush
+    sys.stdout.flush()
+    kept = os.dup(1)
+    with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        try:
+            return bullet_client.BulletClient(connection_mode=pybullet.DIRECT)
+        finally:
+            flush(None)
+            os.dup2(kept, 1)
+            os.close(kept)
+
+
 class PybulletRobot:
     """One robot in its own physics server, in this process."""
 
@@ -57,7 +75,7 @@ class PybulletRobot:
         self.sim_dt = sim_dt
         self._com = robot.body.com
         self._joints = [0, 1, 2]
-        self._bullet = bullet = bullet_client.BulletClient(connection_mode=pybullet.DIRECT)
+        self._bullet = bullet = connect()
         bullet.setGravity(0.0, 0.0, -p.gravity)
         # The row across the drive has no length, and a cone would let it use up the limit of both.
         bullet.setPhysicsEngineParameter(numSolverIterations=iterations, enableConeFriction=0, enableFileCaching=0)

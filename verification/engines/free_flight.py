@@ -25,7 +25,7 @@ _SECONDS, _SAMPLES = 0.5, 50
 _TORQUES = np.array([0.01, 0.02, -0.03])
 _STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
 #: Of each part of the state, relative to its size: at the smallest step, and extrapolated from the two smallest.
-_LIMITS = {CONTACT: (2e-3, 2e-6), RIGID: (2e-3, 2e-6)}
+_LIMITS = {CONTACT: (1e-3, 1e-6), RIGID: (1e-3, 1e-6)}
 _PARTS = {"origin": slice(0, 3), "attitude": slice(3, 7), "rate": slice(7, 10), "wheel speeds": slice(10, 13)}
 
 
@@ -70,10 +70,13 @@ def run() -> Findings:
         for axis, name in enumerate("xyz"):
             left.annotate(rf"$\Omega_{name}$", (times[-1], rates[-1][axis]), xytext=(4, 0), textcoords="offset points")
         for model, found in errors.items():
-            right.loglog(1e3 * np.array(_STEPS), found[:-1], "o-", color=COLOURS[model], label=model)
+            marker = {"marker": "o", "markersize": 9 if model == CONTACT else 4, "fillstyle": "none"}
+            right.loglog(1e3 * np.array(_STEPS), found[:-1], color=COLOURS[model], label=model, **marker)
             right.axhline(found[-1], color=COLOURS[model], linestyle=":", label=f"{model}, extrapolated")
         left.set(xlabel="time (s)", ylabel="rate, body frame (rad/s)")
         right.set(xlabel="step (ms)", ylabel="largest relative difference")
+        right.set_xticks([1e3 * step for step in _STEPS], [f"{1e3 * step:g}" for step in _STEPS])
+        right.minorticks_off()
         right.legend()
 
     return Findings(claims, draw)

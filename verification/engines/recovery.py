@@ -50,8 +50,11 @@ def run() -> Findings:
         if name in runs:
             tilt, _, _ = runs[name].strays(runs[SPATIAL])
             claims.append(Claim(f"{name}: RMS tilt apart from `spatial`", tilt, 0.0, limit, "deg", absolute=True))
+    if ROLLING in runs:
+        apart = float(np.abs(runs[ROLLING].loads - runs[SPATIAL].loads).max())
+        claims.append(Claim(f"{ROLLING}: largest wheel load apart", apart, 0.0, 1e-6, "N", absolute=True))
 
     def draw(fig: "Figure") -> None:
         trajectories.draw(fig, runs)
 
-    return Findings(claims, draw, f"{absent(found)}\n\n{trajectories.strays_table(runs)}", size=(9.5, 3.6))
+    return Findings(claims, draw, absent(found) + trajectories.strays_table(runs), size=(9.5, 3.6))

@@ -46,8 +46,8 @@ def engines() -> list[Engine]:
 
 
 def absent(found: list[Engine]) -> str:
-    """A sentence on each engine that is not there."""
-    return "\n".join(f"{engine.name} is {engine.reason}." for engine in found if engine.reason)
+    """A paragraph on the engines that are not there; empty if all are."""
+    return "".join(f"{engine.name} is {engine.reason}\n\n" for engine in found if engine.reason)
 
 
 def _ours(model: str, params: bb.Params) -> AnyRobot:

@@ -47,8 +47,11 @@ def run() -> Findings:
     halved, _, _ = Trajectory(robot, start, law, _SECONDS).strays(runs[SPATIAL])
     whole, _, _ = runs[CONTACT].strays(runs[SPATIAL])
     claims.append(Claim(f"{CONTACT}: the same over that with half the step", whole / halved, 2.0, 0.02))
+    if ROLLING in runs:
+        apart = float(np.abs(runs[ROLLING].loads - runs[SPATIAL].loads).max())
+        claims.append(Claim(f"{ROLLING}: largest wheel load apart", apart, 0.0, 1e-6, "N", absolute=True))
 
     def draw(fig: "Figure") -> None:
         trajectories.draw(fig, runs)
 
-    return Findings(claims, draw, f"{absent(found)}\n\n{trajectories.strays_table(runs)}", size=(9.5, 3.6))
+    return Findings(claims, draw, absent(found) + trajectories.strays_table(runs), size=(9.5, 3.6))

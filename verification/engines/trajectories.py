@@ -23,20 +23,21 @@ Law = Callable[[bb.State, float], Array]
 
 
 class Trajectory:
-    """Tilt components (rad), ball positions (m) and yaws (rad) at every control step, until a fall."""
+    """Tilt components (rad), ball positions (m), yaws (rad) at every control step, loads (N) after it."""
 
     def __init__(self, robot: AnyRobot, start: bb.State, law: Law, seconds: float) -> None:
         robot.reset(start)
         samples = round(seconds / CONTROL_DT) + 1
         self.times = CONTROL_DT * np.arange(samples)
         self.tilts, self.positions = np.full((samples, 2), np.nan), np.full((samples, 2), np.nan)
-        self.yaws = np.full(samples, np.nan)
+        self.yaws, self.loads = np.full(samples, np.nan), np.full((samples, 3), np.nan)
         for k, time in enumerate(self.times):
             state = robot.state()
             self.tilts[k], self.positions[k], self.yaws[k] = state.tilt_components, state.ball_position[:2], state.yaw
             if state.tilt > _FALLEN:
                 break
             robot.step(law(state, float(time)), round(CONTROL_DT / robot.sim_dt))
+            self.loads[k] = robot.wheel_loads()
         robot.close()
 
     @property

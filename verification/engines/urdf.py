@@ -26,7 +26,7 @@ from peers.rotations import matrix
 from verification.claim import Claim
 from verification.engines import urdf_readers
 from verification.engines.urdf_readers import FreeState, Read
-from verification.page import number, table
+from verification.page import table
 from verification.topic import Findings
 
 if TYPE_CHECKING:
@@ -37,6 +37,12 @@ _READERS = {
     "MuJoCo": ("mujoco", urdf_readers.mujoco),
     "PyBullet": ("pybullet", urdf_readers.pybullet),
 }
+_TOLD = (
+    "Two engines need to be told how to read the file. PyBullet by default computes the inertias anew from the "
+    "collision shapes. MuJoCo by default welds a URDF's first link to the world and drops its mass (`fusestatic`); "
+    "here it is given a free joint through `MjSpec` with `fusestatic` off, and the file is not touched. All three "
+    "keep double precision."
+)
 _STATES = 20
 _LIMIT = 1e-12
 _NAMES = ("$v_x$", "$v_y$", "$v_z$", r"$\Omega_x$", r"$\Omega_y$", r"$\Omega_z$", r"$\psi_0$", r"$\psi_1$", r"$\psi_2$")
@@ -61,12 +67,8 @@ def run() -> Findings:
         rows.append(_row("PyBullet without `URDF_USE_INERTIA_FROM_FILE`", *urdf_readers.pybullet(False).composite()))
     head = ["read from the URDF", "mass (kg)", "CoM height (m)", "I_xx (kg·m²)", "I_yy", "I_zz"]
     notes.append(table(head, rows))
-    notes.append(
-        "Two engines need to be told how to read the file. PyBullet by default computes the inertias anew from the "
-        "collision shapes. MuJoCo by default welds a URDF's first link to the world and drops its mass (`fusestatic`); "
-        "here it is given a free joint through `MjSpec` with `fusestatic` off, and the file is not touched. All three "
-        "keep double precision."
-    )
+    if len(matrices) == len(_READERS):
+        notes.append(_TOLD)
 
     def draw(fig: "Figure") -> None:
         left, right = fig.subplots(1, 2, width_ratios=[1.0, 1.35])
@@ -84,7 +86,8 @@ def run() -> Findings:
             right.semilogy(np.where(error > 0.0, error, np.nan), marker, markersize=4, fillstyle="none", label=engine)
         right.axhline(np.finfo(float).eps, color="#868e96", linewidth=1, linestyle="--")
         right.set(xlabel="entry of $M$, row by row", ylabel="difference, same scale", ylim=(1e-20, 1e-13))
-        right.legend(ncols=3, loc="upper center")
+        if matrices:
+            right.legend(ncols=3, loc="upper center")
 
     return Findings(claims, draw, "\n\n".join(notes))
 
@@ -118,7 +121,7 @@ def _claims(engine: str, bot: Read, params: bb.Params, states: list[FreeState]) 
 
 
 def _row(name: str, mass: float, com: Array, inertia: Array) -> list[str]:
-    return [name, *(number(float(value)) for value in (mass, com[2], *np.diag(inertia)))]
+    return [name, *(f"{value:.8g}" for value in (mass, com[2], *np.diag(inertia)))]
 
 
 def _composite(params: bb.Params) -> tuple[float, Array, Array]:

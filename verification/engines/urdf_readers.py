@@ -141,9 +141,10 @@ def mujoco() -> Read:
 def pybullet(from_file: bool = True) -> Read:
     """Base: rate before velocity, which is that of the body link's centre of mass; both in the body frame."""
     import pybullet as pb
-    from pybullet_utils.bullet_client import BulletClient
 
-    bullet = BulletClient(connection_mode=pb.DIRECT)
+    from peers.pybullet_robot import connect
+
+    bullet = connect()
     bot = bullet.loadURDF(str(BOT), flags=pb.URDF_USE_INERTIA_FROM_FILE if from_file else 0)
     infos = [bullet.getDynamicsInfo(bot, link) for link in (-1, *_WHEELS)]
     com = np.array(infos[0][3])
