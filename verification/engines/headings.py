@@ -2,8 +2,8 @@ r"""Where engines differ, the closed form decides.
 
 Four experiments whose outcome is known, at many headings, since no direction of the floor is special:
 
-- a tilt of $10^{-3}$ rad grows at the pole of the linearised robot, $\lambda = 6.09174451\ \mathrm{s}^{-1}$, to
-  $5\cdot 10^{-5}$, as it reaches one degree;
+- a tilt of $10^{-4}$ rad grows at the pole of the linearised robot, $\lambda = 6.09174451\ \mathrm{s}^{-1}$; peers
+  with contacts start at $10^{-3}$ rad, where the noise of these matters less, and nonlinearity $5\cdot 10^{-5}$;
 - each wheel of the robot at rest carries $M_b g/(3\cos\alpha)$;
 - a wheel driven far beyond its grip pushes with $\mu M_b g/(3\cos\alpha)$, as the load of three wheels that turn
   the robot on the spot is that at rest;
@@ -33,6 +33,7 @@ from verification.engines.robots import (
     SIM_DT,
     SPATIAL,
     STOCK,
+    TURNED,
     Engine,
     absent,
     engines,
@@ -49,12 +50,13 @@ Result = TypeVar("Result")
 _HEADINGS, _AZIMUTHS = 24, 4
 #: The callback of the robot without slip is slow.
 _FEWER = {ROLLING: (6, 2)}
-_TILT = 1e-3
+_TILT = 1e-4
+_LARGER = {TURNED: 1e-3, STOCK: 1e-3, BULLET: 1e-3}
 _FALL, _FALL_SECONDS = np.radians(1.0), 0.6
 #: Limits of growth rate, load, grip and energy, relative.
 _LIMITS = {
-    SPATIAL: (1e-4, 1e-9, None, 1e-9),
-    ROLLING: (1e-4, 1e-9, None, 1e-9),
+    SPATIAL: (1e-6, 1e-9, None, 1e-9),
+    ROLLING: (1e-6, 1e-9, None, 1e-9),
     CONTACT: (2e-4, 1e-6, 1e-3, None),
     RIGID: (2e-4, 1e-3, 5e-3, None),
 }
@@ -67,6 +69,7 @@ class Measured:
         model = make_robot(params)
         headings, azimuths = _FEWER.get(engine.name, (_HEADINGS, _AZIMUTHS))
         self.yaws = np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False)
+        tilt = _LARGER.get(engine.name, _TILT)
         # Off the axes, where symmetry might hide an error.
         towards = 0.2 + 2.0 * np.pi * np.arange(azimuths) / azimuths
 
@@ -79,7 +82,7 @@ class Measured:
                 robot.close()
 
         def growth(yaw: float, azimuth: float) -> float:
-            return fresh(lambda robot: probes.growth(robot, params, yaw, azimuth, _TILT))
+            return fresh(lambda robot: probes.growth(robot, params, yaw, azimuth, tilt))
 
         def grip(yaw: float) -> float:
             return fresh(lambda robot: probes.slip_limit(robot, model, yaw))
@@ -129,7 +132,6 @@ def run() -> Findings:
     return Findings(claims, draw, absent(found) + table(head, rows) + "\n\n" + _explain(measured), size=(8.5, 3.8))
 
 
-_OURS = (SPATIAL, CONTACT, RIGID)
 _WHAT = ("growth rate, any heading", "load at rest", "limit of grip, any heading", "energy in a fall")
 
 
@@ -156,14 +158,9 @@ def _explain(measured: dict[str, Measured]) -> str:
             "Bullet splits a wheel's friction over two rows, both along its drive, each with a limit of its own, so "
             "that the grip varies with the heading."
         )
-    if len(measured) > len(_OURS):
-        sentences.append(
-            "What the peers' growth rates still lack is noise of their contacts, whose share is the larger the smaller "
-            "the tilt is."
-        )
     sentences.append(
-        "All that step by semi-implicit Euler miss alike: their positions are half a step ahead of their velocities, "
-        "an error that is proportional to the step and does not accumulate, as `contact` shows with half the step."
+        r"All that step by semi-implicit Euler miss energy alike: their positions are half a step $h$ ahead of their "
+        r"velocities, which is $\lambda h = 0.006$ of the kinetic energy in a fall, and half of it with half the step."
     )
     return " ".join(sentences)
 
