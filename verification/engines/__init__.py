@@ -1,4 +1,4 @@
-"""The same robot in Pinocchio, MuJoCo and PyBullet: as they read it, as they move it, and who is right where they differ.
+"""The same robot in Pinocchio, MuJoCo and PyBullet: as they read it, as they move it, and who is right.
 
 An engine that is not installed is left out, with the reason.
 """
