@@ -1,54 +1,14 @@
 """The balance task as a Gymnasium environment on one robot of a peer, for SB3's `DummyVecEnv` and `SubprocVecEnv`."""
 
-from typing import Any, Protocol
+from typing import Any
 
 import gymnasium
 import numpy as np
 
-import ballbot_rs as bb
 from ballbot_rs.batch_owner import action_space, observation_space
 from benchmarks import task
-from benchmarks.robot import SUBSTEPS, Array, Robot, make_robot
-
-
-class AnyRobot(Protocol):
-    """One robot in an engine."""
-
-    def reset(self, state: bb.State) -> None:
-        """Starts anew from `state`."""
-
-    def step(self, torques: Array, steps: int) -> None:
-        """Advances by time steps under wheel torques (3, N·m)."""
-
-    def sense(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Attitude (4), body rate (3), wheel speeds (3), ball position and velocity (2 each)."""
-
-    def wheel_loads(self) -> Array:
-        """Normal forces (3, N)."""
-
-    def close(self) -> None:
-        """Frees the engine."""
-
-
-class PeerRobot(AnyRobot, Protocol):
-    """One robot in a peer's engine, which can be started without a `State`."""
-
-    def reset_raw(
-        self, attitude: Array, rate: Array, speeds: Array, position: Array, velocity: Array, ball_rate: Array
-    ) -> None:
-        """Starts anew; arguments as the fields of `ballbot_rs.State`."""
-
-
-def make_peer(engine: str, robot: Robot | None = None) -> PeerRobot:
-    """One robot in "mujoco" or "pybullet"."""
-    robot = make_robot() if robot is None else robot
-    if engine == "mujoco":
-        from benchmarks.mujoco_robot import MujocoRobot
-
-        return MujocoRobot(robot)
-    from benchmarks.pybullet_robot import PybulletRobot
-
-    return PybulletRobot(robot)
+from peers.any_robot import make_peer
+from peers.robot import SUBSTEPS, make_robot
 
 
 class PeerEnv(gymnasium.Env[task.Floats, task.Floats]):

@@ -10,6 +10,7 @@ from benchmarks import simulators
 from benchmarks.ours import known_models
 from benchmarks.throughput import PEERS
 from benchmarks.worker import in_child
+from peers.installed import missing
 
 
 def measure(quick: bool) -> list[dict[str, Any]]:
@@ -21,7 +22,7 @@ def measure(quick: bool) -> list[dict[str, Any]]:
     for name, robots in plan:
         print(f"memory: {name}", flush=True)
         row: dict[str, Any] = {"simulator": name, "robots": robots}
-        reason = simulators.missing(PEERS[name][0]) if name in PEERS else None
+        reason = missing(PEERS[name][0]) if name in PEERS else None
         try:
             row |= {"reason": reason} if reason else in_child("memory:measure_here", pinned=True, **row)
         except Exception as error:

@@ -10,8 +10,8 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 
 from ballbot_rs.batch_owner import action_space, observation_space
 from benchmarks import task
-from benchmarks.mujoco_robot import BALL_VELOCITY, BODY_QUATERNION, BODY_RATE, WHEEL_SPEEDS, mjcf
-from benchmarks.robot import SUBSTEPS, make_robot
+from peers.mujoco_robot import BALL_VELOCITY, BODY_QUATERNION, BODY_RATE, WHEEL_SPEEDS, mjcf
+from peers.robot import SUBSTEPS, make_robot
 
 
 class MujocoBatch:

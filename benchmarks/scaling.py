@@ -3,9 +3,9 @@
 from typing import Any
 
 from benchmarks import ours, task
-from benchmarks.robot import SIM_DT, SUBSTEPS
 from benchmarks.timing import Run, interleave, timed
 from benchmarks.worker import cores, in_child
+from peers.robot import SIM_DT, SUBSTEPS
 
 #: Robots where something else grows.
 MANY = 1024

@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import importlib
 import itertools
 from collections.abc import Callable
 from functools import partial
@@ -13,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks import ours, task
-from benchmarks.robot import SIM_DT
 from benchmarks.timing import Run, timed
+from peers.robot import SIM_DT
 
 #: Time steps in one call of a raw run, and calls before its robots are put upright again: 0.2 s, none falls.
 RAW_SUBSTEPS, RAW_CALLS = 25, 4
@@ -26,15 +25,6 @@ class Running:
 
     run: Run
     close: Callable[[], None]
-
-
-def missing(package: str) -> str | None:
-    """Why a package cannot be used, or None."""
-    try:
-        importlib.import_module(package)
-    except Exception as error:  # a broken wheel raises what it likes
-        return f"not available: {error}"
-    return None
 
 
 def environment(simulator: str, num_envs: int, num_threads: int) -> Running:
@@ -101,8 +91,8 @@ def _mujoco_physics(num_envs: int, num_threads: int) -> Running:
 
 
 def _pybullet_physics(num_envs: int) -> Running:
-    from benchmarks.pybullet_robot import PybulletRobot
-    from benchmarks.robot import make_robot
+    from peers.pybullet_robot import PybulletRobot
+    from peers.robot import make_robot
 
     robot, rng = make_robot(), np.random.default_rng(0)
     robots = [PybulletRobot(robot) for _ in range(num_envs)]

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import OBSERVATION
-from benchmarks.robot import Array, Robot
-from benchmarks.rotations import attitude, to_body
+from peers.robot import Array, Robot
+from peers.rotations import attitude, to_body
 
 Floats = npt.NDArray[np.float32]
 

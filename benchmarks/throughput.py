@@ -6,6 +6,7 @@ from benchmarks import simulators
 from benchmarks.ours import known_models
 from benchmarks.timing import interleave
 from benchmarks.worker import cores, in_child
+from peers.installed import missing
 
 #: Peers by name, the package that each needs, and whether one process steps all of its robots.
 PEERS = {
@@ -25,7 +26,7 @@ def measure(quick: bool) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     peers = []
     for name, (package, _) in PEERS.items():
-        if reason := simulators.missing(package):
+        if reason := missing(package):
             rows.append({"simulator": name, "reason": reason})
         else:
             peers.append(name)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks.robot import Array
+from peers.robot import Array
 
 
 def matrix(quaternion: Array) -> Array:

@@ -1,5 +1,8 @@
 """The robot in PyBullet: one robot in one physics server."""
 
+import ctypes
+import os
+import sys
 import tempfile
 from pathlib import Path
 
@@ -8,8 +11,8 @@ import pybullet
 from pybullet_utils import bullet_client
 
 import ballbot_rs as bb
-from benchmarks.robot import SIM_DT, Array, Robot
-from benchmarks.rotations import matrix, roll_pitch_yaw
+from peers.robot import SIM_DT, Array, Robot
+from peers.rotations import matrix, roll_pitch_yaw
 
 #: Iterations of Bullet's sequential-impulse solver; half as many make the growth rate's error ten times as large.
 SOLVER_ITERATIONS = 10
@@ -49,19 +52,33 @@ def urdfs(robot: Robot) -> tuple[str, str]:
     return f'<robot name="ball">{ball}</robot>', f'<robot name="bot">{body}</robot>'
 
 
+def connect() -> bullet_client.BulletClient:
+    """A physics server of its own, without the line that Bullet prints from C for each."""
+    flush = ctypes.CDLL(None).fflush
+    sys.stdout.flush()
+    kept = os.dup(1)
+    with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        try:
+            return bullet_client.BulletClient(connection_mode=pybullet.DIRECT)
+        finally:
+            flush(None)
+            os.dup2(kept, 1)
+            os.close(kept)
+
+
 class PybulletRobot:
     """One robot in its own physics server, in this process."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, sim_dt: float = SIM_DT, iterations: int = SOLVER_ITERATIONS) -> None:
         p = robot.params
+        self.sim_dt = sim_dt
         self._com = robot.body.com
         self._joints = [0, 1, 2]
-        self._bullet = bullet = bullet_client.BulletClient(connection_mode=pybullet.DIRECT)
+        self._bullet = bullet = connect()
         bullet.setGravity(0.0, 0.0, -p.gravity)
         # The row across the drive has no length, and a cone would let it use up the limit of both.
-        bullet.setPhysicsEngineParameter(
-            numSolverIterations=SOLVER_ITERATIONS, enableConeFriction=0, enableFileCaching=0
-        )
+        bullet.setPhysicsEngineParameter(numSolverIterations=iterations, enableConeFriction=0, enableFileCaching=0)
         self._substeps = 0
         self._set_substeps(1)
         floor = bullet.createMultiBody(0.0, bullet.createCollisionShape(bullet.GEOM_PLANE))
@@ -88,7 +105,7 @@ class PybulletRobot:
     def _set_substeps(self, substeps: int) -> None:
         if substeps != self._substeps:
             self._substeps = substeps
-            self._bullet.setPhysicsEngineParameter(fixedTimeStep=SIM_DT * substeps, numSubSteps=substeps)
+            self._bullet.setPhysicsEngineParameter(fixedTimeStep=self.sim_dt * substeps, numSubSteps=substeps)
 
     def reset(self, state: bb.State) -> None:
         """Starts anew from `state`."""
@@ -129,6 +146,21 @@ class PybulletRobot:
         velocity = bullet.getBaseVelocity(self._ball)[0][:2]
         speeds = np.array([joint[1] for joint in bullet.getJointStates(self._body, self._joints)])
         return attitude, rate, speeds, np.array(position), np.array(velocity)
+
+    def state(self) -> bb.State:
+        """The present state."""
+        bullet = self._bullet
+        position, (x, y, z, w) = bullet.getBasePositionAndOrientation(self._ball)
+        velocity, ball_rate = bullet.getBaseVelocity(self._ball)
+        attitude, rate, speeds, _, _ = self.sense()
+        arm = matrix(attitude) @ self._com
+        com = np.array(bullet.getBasePositionAndOrientation(self._body)[0])
+        com_velocity, turning = (np.array(v) for v in bullet.getBaseVelocity(self._body))
+        angles = [joint[0] for joint in bullet.getJointStates(self._body, self._joints)]
+        return bb.State(
+            position, velocity, ball_rate, attitude, rate, speeds, ball_quaternion=[w, x, y, z], wheel_angles=angles,
+            body_position=com - arm, body_velocity=com_velocity - np.cross(turning, arm),
+        )  # fmt: skip
 
     def wheel_loads(self) -> Array:
         """Normal force of each wheel on the ball in the last step, (3,), N; steps must be made one by one."""

@@ -1,0 +1,91 @@
+"""Small experiments whose outcome a closed form gives, on any engine's robot."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+import ballbot_rs as bb
+from peers.any_robot import AnyRobot
+from peers.our_robot import OurRobot
+from peers.robot import SUBSTEPS, Array, Robot
+from peers.rotations import matrix
+
+#: A tilt that stays small, rad, and when it is read, s.
+_TILT, _READ_AT = 1e-3, (0.3, 0.6)
+#: Torque on one wheel, N·m, far below slip, and for how long, s.
+_TORQUE, _PUSHED = 0.1, 0.02
+#: Torque on each wheel, N·m, twice what slips, and for how long it is measured, s.
+_SLIPPING, _SLIPS = 1.0, 0.01
+
+
+def advance(robot: AnyRobot, torques: Array, seconds: float) -> None:
+    """Steps for `seconds` under wheel torques (3, N·m), as often as actions do."""
+    left = round(seconds / robot.sim_dt)
+    while left:
+        steps = min(left, SUBSTEPS)
+        robot.step(torques, steps)
+        left -= steps
+
+
+def growth(robot: AnyRobot, params: bb.Params, yaw: float, azimuth: float, tilt: float = _TILT) -> float:
+    """Growth rate of a tilt from rest, which follows cosh, 1/s."""
+    robot.reset(bb.State.upright(params, tilt * np.array([np.cos(azimuth), np.sin(azimuth)]), yaw))
+    (a, b), tilts = _READ_AT, []
+    for duration in (a, b - a):
+        advance(robot, np.zeros(3), duration)
+        mast = matrix(np.asarray(robot.sense()[0]))[:, 2]
+        tilts.append(float(np.hypot(mast[0], mast[1])))
+    return _root(lambda rate: np.cosh(rate * b) / np.cosh(rate * a) - tilts[1] / tilts[0], 0.0, 60.0)
+
+
+def _root(rising: Callable[[float], float], low: float, high: float) -> float:
+    """Where a rising function crosses zero, by bisection; an end if it does not."""
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if rising(middle) < 0.0 else (low, middle)
+    return 0.5 * (low + high)
+
+
+def drive(robot: AnyRobot, params: bb.Params, yaw: float, wheel: int) -> tuple[float, float]:
+    """How a ball starts to move when one wheel is driven: angle to the exact motion (deg) and share of its speed."""
+    start, exact = bb.State.upright(params, yaw=yaw), OurRobot("spatial", params, robot.sim_dt)
+    torques = np.zeros(3)
+    torques[wheel] = _TORQUE
+    velocities = []
+    pair: tuple[AnyRobot, AnyRobot] = (robot, exact)
+    for one in pair:
+        one.reset(start)
+        # Contacts of the rigid engines take their load first.
+        advance(one, np.zeros(3), _PUSHED)
+        advance(one, torques, _PUSHED)
+        velocities.append(np.array(one.sense()[4]))
+    found, expected = velocities
+    cross, dot = found[0] * expected[1] - found[1] * expected[0], found @ expected
+    return float(np.degrees(abs(np.arctan2(cross, dot)))), float(np.hypot(*found) / np.hypot(*expected))
+
+
+def slip_limit(robot: AnyRobot, model: Robot, yaw: float) -> float:
+    """Mean traction of slipping wheels over load times friction coefficient: 1 is Coulomb's."""
+    p = model.params
+    robot.reset(bb.State.upright(p, yaw=yaw))
+    advance(robot, np.zeros(3), _PUSHED)
+    torques, spins = np.full(3, _SLIPPING), []
+    for _ in range(2):
+        advance(robot, torques, _SLIPS)
+        _, rate, speeds, _, _ = robot.sense()
+        spins.append(np.asarray(speeds) + model.axles @ np.asarray(rate))
+    spun_up = p.wheel_inertia * (spins[1] - spins[0]) / _SLIPS
+    return float(np.mean(torques - spun_up) / (p.wheel_radius * p.wheel_dynamic_friction * resting_load(p)))
+
+
+def resting_load(params: bb.Params) -> float:
+    """Load of each wheel of the robot upright at rest, M_b g/(3 cos α), N."""
+    return float(params.body_mass * params.gravity / (3.0 * np.cos(params.wheel_zenith)))
+
+
+def wheel_loads(robot: AnyRobot, params: bb.Params) -> Array:
+    """Loads of the wheels (3, N) of the robot upright at rest, after 0.3 s."""
+    robot.reset(bb.State.upright(params))
+    for _ in range(round(0.3 / robot.sim_dt)):
+        robot.step(np.zeros(3), 1)
+    return np.asarray(robot.wheel_loads())

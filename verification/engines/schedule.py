@@ -1,0 +1,57 @@
+r"""The same torques in open loop.
+
+Nothing steers here: from rest upright each wheel follows its own gentle sine, up to 10 mN·m, held over 5 ms. Nothing
+hides an error either, as any early difference grows by $\cosh(6.09\cdot 0.8) = 65$ in these 0.8 s.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import ballbot_rs as bb
+from peers.our_robot import OurRobot
+from verification.claim import Claim
+from verification.engines import trajectories
+from verification.engines.robots import CONTACT, RIGID, ROLLING, SIM_DT, SPATIAL, absent, engines
+from verification.engines.trajectories import Trajectory
+from verification.topic import Findings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from verification.robots import Array
+
+_SECONDS = 0.8
+_YAW = 0.5
+_TORQUE, _FREQUENCIES, _PHASES = 0.01, np.array([1.1, 1.7, 2.3]), np.array([0.0, 1.0, 2.0])
+_LIMITS = {ROLLING: 1e-9, CONTACT: 0.02, RIGID: 0.02}
+
+
+def run() -> Findings:
+    """Runs all engines."""
+    params, found = bb.Params.paper(), engines()
+    start = bb.State.upright(params, yaw=_YAW)
+
+    def law(_state: bb.State, time: float) -> "Array":
+        return np.asarray(_TORQUE * np.sin(2.0 * np.pi * _FREQUENCIES * time + _PHASES))
+
+    runs = {e.name: Trajectory(e.make(params), start, law, _SECONDS) for e in found if not e.reason}
+    claims = []
+    for name, limit in _LIMITS.items():
+        if name in runs:
+            tilt, _, _ = runs[name].strays(runs[SPATIAL])
+            what = f"{name}: RMS tilt apart from `spatial` over {_SECONDS} s"
+            claims.append(Claim(what, tilt, 0.0, limit, "deg", absolute=True))
+
+    robot = OurRobot(CONTACT, params, 0.5 * SIM_DT)
+    halved, _, _ = Trajectory(robot, start, law, _SECONDS).strays(runs[SPATIAL])
+    whole, _, _ = runs[CONTACT].strays(runs[SPATIAL])
+    claims.append(Claim(f"{CONTACT}: the same over that with half the step", whole / halved, 2.0, 0.02))
+    if ROLLING in runs:
+        apart = float(np.abs(runs[ROLLING].loads - runs[SPATIAL].loads).max())
+        claims.append(Claim(f"{ROLLING}: largest wheel load apart", apart, 0.0, 1e-6, "N", absolute=True))
+
+    def draw(fig: "Figure") -> None:
+        trajectories.draw(fig, runs)
+
+    return Findings(claims, draw, absent(found) + trajectories.strays_table(runs), size=(9.5, 3.6))
