@@ -3,7 +3,8 @@
 import numpy as np
 
 import ballbot_rs as bb
-from verification.robots import Array, matrix, turn, wheel_directions
+from peers.rotations import matrix
+from verification.robots import Array, turn, wheel_directions
 
 
 def rotation(params: bb.Params, state: bb.State, back: float = 0.0) -> tuple[Array, float]:

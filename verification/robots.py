@@ -4,6 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 import ballbot_rs as bb
+from peers.rotations import matrix
 
 Array = npt.NDArray[np.float64]
 
@@ -48,18 +49,6 @@ def wheel_directions(params: bb.Params) -> Array:
     """u_i = p_i × d_i in its rows, body frame: the axis about which each wheel turns the ball."""
     sin, cos = np.sin(params.wheel_zenith), np.cos(params.wheel_zenith)
     return np.array([[-cos * np.cos(b), -cos * np.sin(b), sin] for b in params.wheel_azimuths])
-
-
-def matrix(quaternion: Array) -> Array:
-    """Rotation matrix of a quaternion `[w, x, y, z]`."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def turn(axis: Array, angle: float) -> Array:

@@ -119,12 +119,13 @@ class BalanceEnv(BatchOwner, Rendered, gymnasium.Env[FloatArray, FloatArray]):
             info["termination"] = termination
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 
-    def render(self) -> Frames | None:  # type: ignore[override]
+    def render(self) -> Frames | None:
         """The present state as a picture, shape (height, width, 3), uint8; None without a render mode."""
         if self.render_mode is None:
             warn_without_mode()
             return None
-        return self._frames(self._batch.states())[0]
+        frame: Frames = self._frames(self._batch.states())[0]
+        return frame
 
     @property
     def state(self) -> State:
@@ -152,3 +153,7 @@ class BalanceEnv(BatchOwner, Rendered, gymnasium.Env[FloatArray, FloatArray]):
 def without_time_limit(**options: Any) -> BalanceEnv:
     """A `BalanceEnv` for `gymnasium.make`, which itself ends episodes after the number of steps that it is given."""
     return BalanceEnv(max_episode_steps=None, **options)
+
+
+# Gymnasium looks here for the render modes, from which it makes "human".
+without_time_limit.metadata = BalanceEnv.metadata  # type: ignore[attr-defined]

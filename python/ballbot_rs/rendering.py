@@ -21,9 +21,7 @@ class Rendered:
     render_mode: str | None
     _renderer: Renderer | None = None
 
-    def _set_render(
-        self, render_mode: str | None, params: Params, render_options: Mapping[str, Any] | None
-    ) -> None:
+    def _set_render(self, render_mode: str | None, params: Params, render_options: Mapping[str, Any] | None) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"render_mode = '{render_mode}': expected None or {', '.join(map(repr, RENDER_MODES))}")
         self.render_mode = render_mode

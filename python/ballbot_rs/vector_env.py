@@ -139,7 +139,7 @@ class BalanceVectorEnv(BatchOwner, Rendered, VectorEnv[FloatArray, FloatArray, n
             info = {"final_obs": last, "_final_obs": ended, "final_info": info, "_final_info": ended.copy()}
         return observations, rewards, terminated, truncated, info
 
-    def render(self) -> tuple[Frames, ...] | None:  # type: ignore[override]
+    def render(self) -> tuple[Frames, ...] | None:
         """A picture of each robot, shape (height, width, 3), uint8; None without a render mode."""
         if self.render_mode is None:
             warn_without_mode()

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import ballbot_rs as bb
+from peers.rotations import matrix
 from verification.claim import Claim
-from verification.robots import Array, matrix
+from verification.robots import Array
 from verification.topic import Findings
 
 if TYPE_CHECKING:

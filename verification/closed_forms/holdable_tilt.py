@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import ballbot_rs as bb
+from peers.rotations import matrix
 from verification.claim import Claim
-from verification.robots import leaning, matrix, steady_lean, wheel_directions
+from verification.robots import leaning, steady_lean, wheel_directions
 from verification.search import largest
 from verification.topic import Findings
 

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import ballbot_rs as bb
+from peers.rotations import matrix
 from verification import momentum
 from verification.claim import Claim
-from verification.robots import Array, matrix, turn
+from verification.robots import Array, turn
 from verification.topic import Findings
 
 if TYPE_CHECKING:

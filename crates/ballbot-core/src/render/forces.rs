@@ -7,8 +7,8 @@ use crate::params::Params;
 use crate::state::{Contacts, State};
 use nalgebra::Vector3;
 
-/// Length of an arrow for a force, m/N: a robot's weight on the floor is about half a ball high.
-const SCALE: f64 = 0.006;
+/// Length of an arrow for a force, m/N.
+const SCALE: f64 = 0.012;
 
 /// What the wheels and the floor do to the ball: loads in blue, tractions in green, the floor's horizontal force in red.
 pub fn force_arrows(params: &Params, state: &State, contacts: &Contacts) -> Vec<Arrow> {
@@ -18,9 +18,10 @@ pub fn force_arrows(params: &Params, state: &State, contacts: &Contacts) -> Vec<
         let (p, d) = (wheels.contact_directions[i], wheels.drive_directions[i]);
         let out = |v| state.body_quaternion * v;
         let contact = state.body_position + out(p * params.ball_radius);
-        // A load ends where it presses, or the ball would hide it.
+        // A load presses from outside, or the wheel would hide it.
+        let top = contact + out(p) * (2.0 * params.wheel_radius);
         let load = out(p) * (contacts.wheel_normal_forces[i] * SCALE);
-        arrows.push(Arrow { from: contact + load, to: contact, colour: srgb(0x1971c2) });
+        arrows.push(Arrow { from: top + load, to: top, colour: srgb(0x1971c2) });
         let traction = out(d) * (contacts.wheel_tractions[i] * SCALE);
         arrows.push(Arrow { from: contact, to: contact + traction, colour: srgb(0x2f9e44) });
     }
