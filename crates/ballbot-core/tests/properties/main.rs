@@ -1,0 +1,115 @@
+//! What holds for any robot, from any start, under any torques: each a property of mechanics or a promise of the library,
+//! each tried on every model that it applies to.
+//!
+//! Robots differ a hundredfold in mass and sixfold in size, so differences are counted in the robot's own measures: lengths
+//! in heights of its centre of mass, rates in that at which it falls.
+
+mod energy;
+mod finite;
+mod scaling;
+mod snapshots;
+mod symmetry;
+mod yaw;
+
+#[path = "../support/mod.rs"]
+mod support;
+
+use ballbot_core::{Ballbot, ModelKind, Params, State};
+use nalgebra::Vector3;
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use support::{natural_rate, torques, vector};
+
+/// `cases` of them, none kept in a file: a bug that is found becomes a test with its own numbers.
+fn cases(cases: u32) -> ProptestConfig {
+    ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
+}
+
+/// The same cases in every run, where what is allowed is not rounding but was measured.
+fn same_cases(cases: u32) -> ProptestConfig {
+    ProptestConfig { rng_seed: RngSeed::Fixed(1), ..self::cases(cases) }
+}
+
+/// A robot from `start`; none where the model refuses the start, as the floor does to a low body.
+fn robot(kind: ModelKind, params: &Params, start: &State, sim_dt: f64) -> Option<Ballbot> {
+    let mut robot = Ballbot::new(params, kind, sim_dt).expect("robots are built of parts that exist");
+    robot.reset(start).ok().map(|()| robot)
+}
+
+/// Torques of a run: one set after the other, each for `hold` steps, in shares of what makes a wheel slip.
+#[derive(Clone, Debug)]
+struct Drive {
+    shares: Vec<Vector3<f64>>,
+    hold: usize,
+}
+
+impl Drive {
+    fn torques(&self, params: &Params) -> Vec<[f64; 3]> {
+        self.shares.iter().map(|shares| torques(params, shares)).collect()
+    }
+}
+
+/// Up to `most` of the torque that makes a wheel slip, changed every `hold` steps.
+fn any_drive(most: f64, changes: usize, hold: usize) -> impl Strategy<Value = Drive> {
+    prop::collection::vec(vector(most), changes).prop_map(move |shares| Drive { shares, hold })
+}
+
+/// States at each change of the torques.
+fn run(robot: &mut Ballbot, torques: &[[f64; 3]], hold: usize) -> Vec<State> {
+    let step = |torques| {
+        robot.step(torques, hold).expect("a robot on the floor");
+        robot.state()
+    };
+    torques.iter().map(step).collect()
+}
+
+/// As [`run`], up to the first state in which the bot has fallen.
+fn run_on_wheels(robot: &mut Ballbot, torques: &[[f64; 3]], hold: usize) -> Vec<State> {
+    let step = |torques| {
+        robot.step(torques, hold).expect("a robot on its ball");
+        (!robot.bot_on_floor()).then(|| robot.state())
+    };
+    torques.iter().map_while(step).collect()
+}
+
+/// As [`run`], up to the first state in which something slips, has lifted off or fallen.
+fn run_with_grip(robot: &mut Ballbot, torques: &[[f64; 3]], hold: usize) -> Vec<State> {
+    let params = robot.params().clone();
+    let slow = 1e-3 * params.body_com_height * natural_rate(&params);
+    let step = |torques| {
+        robot.step(torques, hold).expect("a robot on the floor");
+        let contacts = robot.contacts();
+        let slip = Vector3::from(contacts.wheel_slip_speeds).amax().max(contacts.floor_slip_velocity.norm());
+        let lifted = contacts.wheel_normal_forces.into_iter().any(|load| load <= 0.0);
+        (slip < slow && !lifted && !robot.bot_on_floor()).then(|| robot.state())
+    };
+    torques.iter().map_while(step).collect()
+}
+
+/// The largest difference of two runs, each state of the one changed by `change` before it is compared.
+fn most_apart(params: &Params, one: &[State], other: &[State], change: impl Fn(&State) -> State) -> f64 {
+    let differences = one.iter().zip(other).map(|(a, b)| apart(params, &change(a), b));
+    // A maximum would let a NaN pass.
+    differences.fold(0.0, |most, d| if d <= most { most } else { d })
+}
+
+/// The largest difference of two states, in the robot's own measures.
+fn apart(params: &Params, a: &State, b: &State) -> f64 {
+    let (length, rate) = (params.body_com_height, natural_rate(params));
+    let speed = length * rate;
+    let wheels = |a: &[f64; 3], b: &[f64; 3]| (Vector3::from(*a) - Vector3::from(*b)).norm() * params.wheel_radius;
+    let differences = [
+        (a.ball_position - b.ball_position).norm() / length,
+        (a.body_position - b.body_position).norm() / length,
+        a.ball_quaternion.angle_to(&b.ball_quaternion) * params.ball_radius / length,
+        a.body_quaternion.angle_to(&b.body_quaternion),
+        (a.ball_velocity - b.ball_velocity).norm() / speed,
+        (a.body_velocity - b.body_velocity).norm() / speed,
+        (a.ball_angular_velocity - b.ball_angular_velocity).norm() * params.ball_radius / speed,
+        (a.body_angular_velocity - b.body_angular_velocity).norm() / rate,
+        wheels(&a.wheel_angles, &b.wheel_angles) / length,
+        wheels(&a.wheel_speeds, &b.wheel_speeds) / speed,
+    ];
+    // A maximum would let a NaN pass.
+    differences.into_iter().fold(0.0, |most, d| if d <= most { most } else { d })
+}
