@@ -54,7 +54,10 @@ fn any_drive(most: f64, changes: usize, hold: usize) -> impl Strategy<Value = Dr
     prop::collection::vec(vector(most), changes).prop_map(move |shares| Drive { shares, hold })
 }
 
-/// States at each change of the torques.
+/// States of a robot under torques that each act for some steps.
+type Run = fn(&mut Ballbot, &[[f64; 3]], usize) -> Vec<State>;
+
+/// At each change of the torques.
 fn run(robot: &mut Ballbot, torques: &[[f64; 3]], hold: usize) -> Vec<State> {
     let step = |torques| {
         robot.step(torques, hold).expect("a robot on the floor");
@@ -63,11 +66,12 @@ fn run(robot: &mut Ballbot, torques: &[[f64; 3]], hold: usize) -> Vec<State> {
     torques.iter().map(step).collect()
 }
 
-/// As [`run`], up to the first state in which the bot has fallen.
-fn run_on_wheels(robot: &mut Ballbot, torques: &[[f64; 3]], hold: usize) -> Vec<State> {
+/// As [`run`], up to the first state that leans so far that the bot might be near the floor.
+fn run_upright(robot: &mut Ballbot, torques: &[[f64; 3]], hold: usize) -> Vec<State> {
     let step = |torques| {
         robot.step(torques, hold).expect("a robot on its ball");
-        (!robot.bot_on_floor()).then(|| robot.state())
+        let state = robot.state();
+        (state.tilt() < 0.25).then_some(state)
     };
     torques.iter().map_while(step).collect()
 }
