@@ -54,43 +54,44 @@ fn any_drive(most: f64, changes: usize, hold: usize) -> impl Strategy<Value = Dr
     prop::collection::vec(vector(most), changes).prop_map(move |shares| Drive { shares, hold })
 }
 
-/// States of a robot under torques that each act for some steps.
+/// States of a robot under torques that each act for some steps, at each change of the torques and up to where it diverges.
 type Run = fn(&mut Ballbot, &[[f64; 3]], usize) -> Vec<State>;
 
-/// At each change of the torques.
 fn run(robot: &mut Ballbot, torques: &[[f64; 3]], hold: usize) -> Vec<State> {
-    let step = |torques| {
-        robot.step(torques, hold).expect("a robot on the floor");
-        robot.state()
-    };
-    torques.iter().map(step).collect()
+    run_while(robot, torques, hold, |_, _| true)
 }
 
 /// As [`run`], up to the first state that leans so far that the bot might be near the floor.
 fn run_upright(robot: &mut Ballbot, torques: &[[f64; 3]], hold: usize) -> Vec<State> {
-    let step = |torques| {
-        robot.step(torques, hold).expect("a robot on its ball");
-        let state = robot.state();
-        (state.tilt() < 0.25).then_some(state)
-    };
-    torques.iter().map_while(step).collect()
+    run_while(robot, torques, hold, |_, state| state.tilt() < 0.25)
 }
 
 /// As [`run`], up to the first state in which something slips, has lifted off or fallen.
 fn run_with_grip(robot: &mut Ballbot, torques: &[[f64; 3]], hold: usize) -> Vec<State> {
-    let params = robot.params().clone();
-    let slow = 1e-3 * params.body_com_height * natural_rate(&params);
-    let step = |torques| {
-        robot.step(torques, hold).expect("a robot on the floor");
+    let slow = 1e-3 * robot.params().body_com_height * natural_rate(robot.params());
+    run_while(robot, torques, hold, |robot, _| {
         let contacts = robot.contacts();
         let slip = Vector3::from(contacts.wheel_slip_speeds).amax().max(contacts.floor_slip_velocity.norm());
         let lifted = contacts.wheel_normal_forces.into_iter().any(|load| load <= 0.0);
-        (slip < slow && !lifted && !robot.bot_on_floor()).then(|| robot.state())
+        slip < slow && !lifted && !contacts.bot_on_floor
+    })
+}
+
+fn run_while(
+    robot: &mut Ballbot,
+    torques: &[[f64; 3]],
+    hold: usize,
+    holds: impl Fn(&Ballbot, &State) -> bool,
+) -> Vec<State> {
+    let step = |torques| {
+        robot.step(torques, hold).ok()?;
+        let state = robot.state();
+        holds(robot, &state).then_some(state)
     };
     torques.iter().map_while(step).collect()
 }
 
-/// The largest difference of two runs, each state of the one changed by `change` before it is compared.
+/// The largest difference of two runs as far as both go, each state of the one changed by `change` before it is compared.
 fn most_apart(params: &Params, one: &[State], other: &[State], change: impl Fn(&State) -> State) -> f64 {
     let differences = one.iter().zip(other).map(|(a, b)| apart(params, &change(a), b));
     // A maximum would let a NaN pass.
