@@ -43,13 +43,11 @@ const LIMIT: f64 = 1e-11;
 
 /// Largest difference, as a share of `scale`.
 fn off(found: &[f64], expected: &[f64], scale: f64) -> f64 {
-    let apart = found.iter().zip(expected).map(|(f, e)| (f - e).abs());
-    // A maximum would let a NaN pass.
-    apart.fold(0.0, |most, a| if a <= most { most } else { a }) / scale
+    support::largest(found.iter().zip(expected).map(|(f, e)| (f - e).abs())) / scale
 }
 
 fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |m, v| m.max(v.abs()))
+    support::largest(values.iter().map(|v| v.abs()))
 }
 
 /// Largest differences between the two derivations: accelerations of the ball, of turning, loads, tractions, floor.

@@ -1,6 +1,6 @@
 //! Without motors a robot only loses energy.
 
-use super::support::{Start, any_robot, any_start, natural_rate, vector, without_losses};
+use super::support::{Start, any_robot, any_start, largest, natural_rate, vector, without_losses};
 use super::{robot, same_cases};
 use ballbot_core::{ModelKind, Params, State};
 use nalgebra::Vector3;
@@ -37,21 +37,19 @@ impl Slip {
 }
 
 /// Largest rise of the energy over its lowest so far within three times the time in which a robot falls, as a share of what
-/// it swings about; none if the floor is in the way of the start. A step turns the robot by `step` of its natural rate.
+/// it swings about; none if the floor is in the way of the start. A step lasts `step` of that time.
 fn rise(kind: ModelKind, params: &Params, start: &State, step: f64) -> Option<f64> {
     let rate = natural_rate(params);
     let mut robot = robot(kind, params, start, step / rate)?;
     let mut lowest = robot.energy();
     let scale = params.body_mass * params.gravity * params.body_com_height + lowest.abs();
-    let mut rise = 0.0;
-    for _ in 0..(3.0 / step) as usize {
+    let rises = (0..(3.0 / step) as usize).map(|_| {
         robot.step(&[0.0; 3], 1).expect("nothing drives it apart");
         let energy = robot.energy();
-        // A maximum would let a NaN pass.
-        rise = if energy - lowest <= rise { rise } else { energy - lowest };
         lowest = lowest.min(energy);
-    }
-    Some(rise / scale)
+        energy - lowest
+    });
+    Some(largest(rises) / scale)
 }
 
 proptest! {
@@ -84,7 +82,8 @@ proptest! {
         }
     }
 
-    /// Rolling, slipping and falling over. Rapier's contacts give way before they hold, and give that back.
+    /// Rolling, slipping and falling over. Rapier's contacts give way before they hold, and give that back. Of thousands of
+    /// other robots the worst exceeded these limits tenfold, by their fall on the floor.
     #[test]
     fn contacts_add_none(params in any_robot(), start in any_start(0.3, 0.5), slip in any_slip()) {
         let slip = Slip { lift: [0.0; 2], ..slip };

@@ -26,12 +26,13 @@ proptest! {
                 robot.push(&impulse, Some(&(point * params.body_com_height))).expect("within the limits of a push");
                 let result = robot.step(torques, drive.hold);
                 let numbers = robot.state().to_array();
+                prop_assert!(numbers.iter().all(|v| v.is_finite()), "{kind}: {numbers:?}");
                 match result {
                     Ok(()) => {
                         let contacts = robot.contacts();
-                        let forces = contacts.wheel_normal_forces.into_iter().chain(contacts.wheel_tractions)
-                            .chain(contacts.wheel_slip_speeds).chain(contacts.floor_force.iter().copied());
-                        prop_assert!(numbers.iter().copied().chain(forces).all(f64::is_finite), "{kind}: {numbers:?}");
+                        let wheels = [contacts.wheel_normal_forces, contacts.wheel_tractions, contacts.wheel_slip_speeds];
+                        let forces = wheels.iter().flatten().chain(&contacts.floor_force);
+                        prop_assert!(forces.copied().all(f64::is_finite), "{kind}: {contacts:?}");
                         prop_assert!(robot.energy().is_finite() && robot.diverged().is_none(), "{kind}");
                     }
                     Err(Error::Diverged { reason, .. }) => {

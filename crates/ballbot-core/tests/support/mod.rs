@@ -163,6 +163,11 @@ pub fn any_start(tilt: f64, speed: f64) -> impl Strategy<Value = Start> {
     )
 }
 
+/// The largest of numbers that are not negative; NaN if one of them is, which a plain maximum would let pass.
+pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(0.0, |most, value| if value > most || value.is_nan() { value } else { most })
+}
+
 /// Torques of the motors as shares of what makes a wheel of the robot at rest slip at a friction coefficient of 1.
 pub fn torques(params: &Params, shares: &Vector3<f64>) -> [f64; 3] {
     (shares * (params.static_wheel_load() * params.wheel_radius))
