@@ -21,7 +21,7 @@ help:
 	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
 	@echo "make instructions  compare each model's instruction counts with the kept ones (needs valgrind); ACCEPT=1 keeps new ones"
 	@echo "make fuzz    feed the URDF reader with broken files for MINUTES=$(MINUTES) (needs cargo-fuzz and a nightly compiler)"
-	@echo "make soak    SOAK_STEPS=$(SOAK_STEPS) steps of rigid, ten times as many of contact, with memory watched"
+	@echo "make soak    SOAK_STEPS=$(SOAK_STEPS) steps of rigid, ten times as many of contact, with memory watched (a quarter of an hour)"
 	@echo "make format  format Rust and Python"
 	@echo "make clean   delete everything that was built"
 
