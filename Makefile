@@ -10,8 +10,10 @@ INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/
 	--disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable
 RUST_SOURCES := $(shell find crates assets/robots -name '*.rs' -o -name '*.toml')
 SEED ?= 0
+MINUTES ?= 5
+SOAK_STEPS ?= 10000000
 
-.PHONY: help setup train test lint docs paper verify bench bench-core instructions format clean
+.PHONY: help setup train test lint docs paper verify bench bench-core instructions fuzz soak format clean
 
 help:
 	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
@@ -22,6 +24,8 @@ help:
 	@echo "make verify  check closed forms and other engines, report in docs/verification.md"
 	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
 	@echo "make instructions  compare each model's instruction counts with the kept ones (needs valgrind); ACCEPT=1 keeps new ones"
+	@echo "make fuzz    feed the URDF reader with broken files for MINUTES=$(MINUTES) (needs cargo-fuzz and a nightly compiler)"
+	@echo "make soak    SOAK_STEPS=$(SOAK_STEPS) steps of rigid, ten times as many of contact, with memory watched (a quarter of an hour)"
 	@echo "make format  format Rust and Python"
 	@echo "make clean   delete everything that was built"
 
@@ -63,12 +67,22 @@ bench-core:
 instructions:
 	$(PYTHON) tools/instructions.py $(if $(ACCEPT),--accept)
 
+fuzz:
+	@cargo fuzz --version >/dev/null 2>&1 || { echo "cargo-fuzz is missing: cargo install cargo-fuzz" >&2; exit 1; }
+	@cargo +nightly --version >/dev/null 2>&1 || { echo "a nightly compiler is missing: rustup toolchain install nightly" >&2; exit 1; }
+	@mkdir -p fuzz/target/corpus
+	cargo +nightly fuzz run --fuzz-dir fuzz urdf fuzz/target/corpus fuzz/corpus/urdf -- -dict=fuzz/urdf.dict \
+		-max_total_time=$$(( 60 * $(MINUTES) )) -max_len=16384 -timeout=10 -rss_limit_mb=2048
+
+soak:
+	BALLBOT_SOAK_STEPS=$(SOAK_STEPS) cargo test --locked --release --test soak -- --nocapture
+
 format: $(INSTALLED)
 	cargo fmt --all
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) target python/ballbot_rs/_core*.so
+	rm -rf $(VENV) target fuzz/target python/ballbot_rs/_core*.so
 
 $(INSTALLED): pyproject.toml constraints.txt Cargo.toml Cargo.lock $(RUST_SOURCES)
 	@PYTHON="$(PYTHON)" sh tools/check_machine.sh

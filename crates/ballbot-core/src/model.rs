@@ -57,7 +57,8 @@ pub trait Model: Send + Sync {
     /// Kinetic energy plus the body's potential energy above the ball centre's resting height plus the ball's, J.
     fn energy(&self) -> f64;
 
-    /// False once a step met numbers that are not finite; the state is then the last one that was.
+    /// False once a step met numbers that are not finite; the state is then the last one that was, but for
+    /// [`crate::sim::RigidMotion`], whose engine keeps parts of what it met.
     fn healthy(&self) -> bool;
 
     /// Checks that the model can represent a state, with the errors of [`Model::reset`].

@@ -4,12 +4,14 @@
 //! relative turning of ball and body seen along u_i = p_i × d_i, times the gear ratio. The map of torques is then fixed
 //! by virtual work, Σ τ_i ψ̇_i = Σ (virtual torque · virtual rate), and eq. (8) as printed can be judged by it.
 
+mod support;
+
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::{Error, Params, attitude, rolling_rate};
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
-use proptest::array::uniform3;
 use proptest::prelude::*;
 use std::f64::consts::TAU;
+use support::{any_attitude, any_robot, vector};
 
 /// The paper's robot with its wheels away from 45 deg, where sine and cosine are told apart.
 fn high_wheels() -> (Params, Omniwheels) {
@@ -18,27 +20,9 @@ fn high_wheels() -> (Params, Omniwheels) {
     (params, wheels)
 }
 
-fn vector(largest: f64) -> impl Strategy<Value = Vector3<f64>> {
-    uniform3(-largest..largest).prop_map(Vector3::from)
-}
-
-fn any_attitude() -> impl Strategy<Value = UnitQuaternion<f64>> {
-    vector(3.0).prop_map(UnitQuaternion::from_scaled_axis)
-}
-
-/// The paper's robot with its wheels anywhere that they are allowed.
-fn any_robot() -> impl Strategy<Value = Params> {
-    (0.2..1.3, 0.0..TAU, any::<bool>(), 0.02..0.2).prop_map(|(zenith, start, clockwise, wheel_radius)| {
-        let gap = if clockwise { -TAU / 3.0 } else { TAU / 3.0 };
-        let params = Params {
-            wheel_zenith: zenith,
-            wheel_azimuths: [start, start + gap, start + 2.0 * gap],
-            wheel_radius,
-            ..Params::paper()
-        };
-        params.validate().expect("wheels 120 degrees apart are allowed");
-        params
-    })
+/// Any robot, its wheels anywhere that they are allowed.
+fn any_wheels() -> impl Strategy<Value = Params> {
+    (any_robot(), 0.2..1.3).prop_map(|(params, zenith)| Params { wheel_zenith: zenith, ..params })
 }
 
 fn close(found: f64, expected: f64, scale: f64) -> bool {
@@ -50,7 +34,7 @@ proptest! {
 
     #[test]
     fn wheel_torques_do_the_work_of_their_virtual_torques(
-        params in any_robot(),
+        params in any_wheels(),
         torques in vector(5.0),
         q in any_attitude(),
         ball in vector(30.0),
@@ -65,7 +49,7 @@ proptest! {
 
     #[test]
     fn virtual_torques_are_passed_on_with_their_power(
-        params in any_robot(),
+        params in any_wheels(),
         wanted in vector(5.0),
         q in any_attitude(),
         ball in vector(30.0),
@@ -85,7 +69,7 @@ proptest! {
 
     #[test]
     fn wheel_and_ball_surfaces_move_together(
-        params in any_robot(),
+        params in any_wheels(),
         q in any_attitude(),
         ball in vector(30.0),
         body in vector(10.0),

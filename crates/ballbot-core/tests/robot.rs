@@ -286,3 +286,22 @@ fn turning_the_ball_uses_the_friction_that_it_should() {
         assert!(share[3] < 1e-3, "{kind}: the floor is loaded by {}", share[3]);
     }
 }
+
+#[test]
+fn a_robot_that_diverged_is_still_where_its_numbers_meant_something() {
+    // Far beyond the bounds within one call: some of these end where squares overflow, but the numbers do not.
+    let params = Params { body_inertia: [0.0583, 0.05, 0.0137], ..Params::paper() };
+    for kind in [ModelKind::Planar, ModelKind::Spatial, ModelKind::Contact] {
+        let mut diverged = 0;
+        for (push, steps) in (0..50).flat_map(|push| (1..=6).map(move |steps| (push, steps))) {
+            let mut robot = Ballbot::new(&params, kind, 0.02).unwrap();
+            robot.reset(&State::upright(&params)).unwrap();
+            let impulse = Vector3::new(1.0, -0.5, 0.2) * 1.2_f64.powi(push);
+            robot.push(&impulse, Some(&Vector3::new(0.3, 0.2, 0.5))).unwrap();
+            diverged += u32::from(robot.step(&[0.0; 3], steps).is_err());
+            let state = robot.state().to_array();
+            assert!(state.iter().all(|v| v.is_finite()), "{kind}, push {push}, after {steps} steps: {state:?}");
+        }
+        assert!(diverged > 100, "{kind}: only {diverged} of 300 diverged");
+    }
+}

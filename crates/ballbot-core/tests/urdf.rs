@@ -423,3 +423,24 @@ fn deeply_nested_text_is_refused() {
     assert!(refusal(&nested, BALL).1.contains("nested more than 64 deep"));
     assert!(refusal(&"<a>".repeat(100_000), BALL).1.contains("nested more than 64 deep"));
 }
+
+/// What the fuzzer starts from: each kept input is a robot or is refused, and the shipped one is the shipped one.
+#[test]
+fn kept_inputs_of_the_fuzzer_are_robots_or_refused() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/urdf");
+    let mut read = 0;
+    for entry in std::fs::read_dir(&folder).unwrap() {
+        let path = entry.unwrap().path();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let (bot, ball) = text.split_once("<!--ball-->").unwrap_or((&text, BALL));
+        match params_from_urdf_text(bot, ball) {
+            Ok(params) => {
+                params.validate().unwrap();
+                read += 1;
+            }
+            Err(Error::Urdf { .. }) => (),
+            Err(other) => panic!("{}: {other:?}", path.display()),
+        }
+    }
+    assert!(read >= 5, "only {read} of the kept inputs are robots");
+}

@@ -28,6 +28,14 @@ const DRY_FRICTION_WIDTH: f64 = 0.05;
 /// How far a state may be from rolling without slip to be accepted, m, m/s and rad/s.
 const NO_SLIP_TOLERANCE: f64 = 1e-6;
 
+/// Numbers far beyond any bound, but short of those whose squares overflow: a quaternion so long would be normalised to zero.
+const BEYOND_MEANING: f64 = 1e100;
+
+/// Whether a step led to numbers that mean something; those that are not finite do not.
+fn sound(coordinates: &[f64]) -> bool {
+    coordinates.iter().all(|v| v.abs() < BEYOND_MEANING)
+}
+
 /// Motor torques less the friction of the wheel joints, N·m.
 fn shaft_torques(dynamics: JointDynamics, torques: &Vector3<f64>, wheel_speeds: &Vector3<f64>) -> Vector3<f64> {
     torques.zip_map(wheel_speeds, |torque, speed| {

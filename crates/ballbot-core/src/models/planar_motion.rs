@@ -2,7 +2,7 @@
 
 use super::planar::Plane;
 use super::rk4::rk4;
-use super::{Motion, PlanarModel, WheelInertia, contact_loads, decode, encode, require_rolling, shaft_torques};
+use super::{Motion, PlanarModel, WheelInertia, contact_loads, decode, encode, require_rolling, shaft_torques, sound};
 use crate::error::Result;
 use crate::kinematics::Omniwheels;
 use crate::model::{JointDynamics, Model};
@@ -136,7 +136,7 @@ impl Model for PlanarMotion {
     fn step(&mut self, wheel_torques: &[f64; 3]) {
         self.wheel_torques = (*wheel_torques).into();
         let next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
-        self.healthy &= next.iter().all(|v| v.is_finite());
+        self.healthy &= sound(next.as_slice());
         if self.healthy {
             self.coordinates = next;
         }

@@ -1,7 +1,7 @@
 //! The spatial model in motion: RK4 over position, attitude and generalised velocity.
 
 use super::rk4::rk4;
-use super::{SpatialModel, decode, encode, require_rolling};
+use super::{SpatialModel, decode, encode, require_rolling, sound};
 use crate::error::Result;
 use crate::model::{JointDynamics, Model};
 use crate::params::Params;
@@ -79,11 +79,11 @@ impl Model for SpatialMotion {
     fn step(&mut self, wheel_torques: &[f64; 3]) {
         self.wheel_torques = (*wheel_torques).into();
         let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
+        self.healthy &= sound(next.as_slice());
         for at in [2, 12] {
             let length = next.fixed_rows::<4>(at).norm();
             next.fixed_rows_mut::<4>(at).unscale_mut(length);
         }
-        self.healthy &= next.iter().all(|v| v.is_finite());
         if self.healthy {
             self.coordinates = next;
         }

@@ -3,7 +3,7 @@
 use super::{Simulation, close, for_both, leaning, run};
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::{Model, Params, State};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 fn toppled_robot_comes_to_lie_on_the_floor(simulation: Simulation) {
     let mut robot = simulation.paper();
@@ -131,6 +131,33 @@ fn fallen_robots_lie_alike() {
         close(&format!("{degrees} deg: tilt"), c.to_degrees(), r.to_degrees(), 0.01);
         // On the side of its body, whose rims are both at the floor.
         close(&format!("{degrees} deg: lying"), c.to_degrees(), 90.0, 0.01);
+    }
+}
+
+/// The floor's friction opposes the slip of what lies on it, along whichever axes it is counted; `contact` alone, since
+/// rapier's friction knows its own axes.
+#[test]
+fn a_fallen_robot_slides_the_same_way_in_all_directions() {
+    // A bot that turns more easily about one axis than about the other, as seen from the point that it slides on.
+    let params = Params { body_inertia: [0.0583, 0.03, 0.0337], ..Params::paper() };
+    let fallen = |yaw: f64| {
+        let mut robot = Simulation::Contact.robot(&params, 1e-3);
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
+        let lean = turn * Vector3::new(0.2, 0.7, 0.0);
+        let mut start = State::tilted(&params, lean.xy(), yaw);
+        start.body_velocity = turn * Vector3::new(1.0, -0.5, 0.0);
+        start.ball_velocity = start.body_velocity;
+        robot.reset(&start).unwrap();
+        run(robot.as_mut(), [0.0; 3], 400);
+        assert!(robot.bot_on_floor());
+        let state = robot.state();
+        (turn.inverse() * state.body_position, turn.inverse() * state.body_quaternion)
+    };
+    let (place, attitude) = fallen(0.0);
+    for yaw in [0.4, 1.0, 2.5] {
+        let (found, turned) = fallen(yaw);
+        close(&format!("yaw {yaw}: place"), (found - place).norm(), 0.0, 1e-9);
+        close(&format!("yaw {yaw}: attitude"), turned.angle_to(&attitude), 0.0, 1e-9);
     }
 }
 

@@ -48,11 +48,12 @@ impl<T> Memory<T> {
         pose: &Pose<L>,
         velocities: &Velocities<L>,
         impulses: &PerRow<L>,
+        on_floor: L,
     ) {
         let size = velocities.norm_squared();
         let sound = size.lt(size.splat(BEYOND_MEANING));
         if !L::any(!sound) {
-            self.write(pose, velocities, impulses);
+            self.write(pose, velocities, impulses, on_floor);
             return;
         }
         let marked = L::load(token, &self.diverged);
@@ -60,11 +61,18 @@ impl<T> Memory<T> {
         let pose = Pose::select(sound, pose, &self.pose(token));
         let velocities = Velocities::select(sound, velocities, &self.velocities(token));
         let impulses = PerRow::select(sound, impulses, &self.impulses(token));
-        self.write(&pose, &velocities, &impulses);
+        let on_floor = L::select(sound, on_floor, L::load(token, &self.bot_on_floor));
+        self.write(&pose, &velocities, &impulses, on_floor);
     }
 
     #[inline(always)]
-    fn write<L: Lane<Cell = T>>(&mut self, pose: &Pose<L>, velocities: &Velocities<L>, impulses: &PerRow<L>) {
+    fn write<L: Lane<Cell = T>>(
+        &mut self,
+        pose: &Pose<L>,
+        velocities: &Velocities<L>,
+        impulses: &PerRow<L>,
+        on_floor: L,
+    ) {
         pose.ball.store(&mut self.ball_position);
         pose.ball_quaternion.store(&mut self.ball_quaternion);
         pose.body.store(&mut self.body_position);
@@ -79,6 +87,7 @@ impl<T> Memory<T> {
         store3(impulses.normals, &mut self.normal_impulses);
         store3(impulses.drives, &mut self.drive_impulses);
         store3(impulses.joints, &mut self.joint_impulses);
+        on_floor.store(&mut self.bot_on_floor);
     }
 }
 

@@ -142,6 +142,13 @@ impl Row {
         Self::new(c, unit(axis), arm, Some((i, along * c.wheel_radius)))
     }
 
+    /// What a unit impulse of another row of the same point, across it, does to this one.
+    #[inline(always)]
+    fn coupling(&self, c: &Constants, other: &Self) -> f64 {
+        let spinning = self.spin.zip(other.spin).map_or(0.0, |((_, a), (_, b))| a * b / c.wheel_inertia);
+        self.arm.scaled_by(&c.body_inertia_inverse).dot(other.arm) + spinning
+    }
+
     #[inline(always)]
     fn speed(&self, v: &Velocities<f64>) -> f64 {
         let spinning = self.spin.map_or(0.0, |(i, share)| share * v.spins[i]);
@@ -176,6 +183,8 @@ struct Point {
     gap: f64,
     /// Normal, x, y; likewise the impulses.
     rows: [Row; 3],
+    /// 1 / (the most that a unit impulse along the floor does to the velocity along it).
+    tangent_inverse: f64,
     impulses: [f64; 3],
 }
 
@@ -186,16 +195,15 @@ const AXES: [usize; 3] = [2, 0, 1];
 fn points(c: &Constants, start: &Start<f64>) -> [Point; POINTS] {
     let rotation = &start.rotation;
     let height = |arm: Vec3<f64>| start.pose.body.z + rotation.rows[2].dot(arm);
-    let wheel = |i: usize| Point {
-        gap: height(vector(&c.wheel_centers[i])) - c.wheel_radius,
-        rows: AXES.map(|axis| Row::of_wheel(c, rotation, i, axis)),
-        impulses: [0.0; 3],
+    let wheel = |i: usize| {
+        let gap = height(vector(&c.wheel_centers[i])) - c.wheel_radius;
+        Point::new(c, gap, AXES.map(|axis| Row::of_wheel(c, rotation, i, axis)))
     };
     let lowest = lowest_direction(rotation);
     let rim = |end: f64, third: u32| {
         let angle = lowest + std::f64::consts::TAU * f64::from(third) / 3.0;
         let arm = Vec3::new(c.body_radius * angle.cos(), c.body_radius * angle.sin(), end);
-        Point { gap: height(arm), rows: AXES.map(|axis| Row::of_body(c, rotation, arm, axis)), impulses: [0.0; 3] }
+        Point::new(c, height(arm), AXES.map(|axis| Row::of_body(c, rotation, arm, axis)))
     };
     std::array::from_fn(|k| match k {
         0..3 => wheel(k),
@@ -212,6 +220,15 @@ fn lowest_direction(rotation: &Rotation<f64>) -> f64 {
 }
 
 impl Point {
+    #[inline(always)]
+    fn new(c: &Constants, gap: f64, rows: [Row; 3]) -> Self {
+        let [_, x, y] = &rows;
+        // The larger eigenvalue of the pair's matrix: one number for both axes, or friction would not oppose the slip.
+        let (xx, yy, xy) = (1.0 / x.inverse, 1.0 / y.inverse, x.coupling(c, y));
+        let largest = 0.5 * (xx + yy) + (0.5 * (xx - yy)).hypot(xy);
+        Self { gap, tangent_inverse: 1.0 / largest, rows, impulses: [0.0; 3] }
+    }
+
     /// Improves the impulses of this point and changes both sets of velocities by them.
     #[inline(always)]
     fn sweep(&mut self, c: &Constants, friction: f64, velocities: [&mut Velocities<f64>; 2]) {
@@ -222,7 +239,10 @@ impl Point {
         for v in [&mut *now, &mut *free] {
             normal.push(c, pressed - self.impulses[0], v);
         }
-        let stick = [self.impulses[1] - x.speed(now) * x.inverse, self.impulses[2] - y.speed(now) * y.inverse];
+        let stick = [
+            self.impulses[1] - x.speed(now) * self.tangent_inverse,
+            self.impulses[2] - y.speed(now) * self.tangent_inverse,
+        ];
         let held = in_disc(stick, friction * pressed);
         for v in [now, free] {
             x.push(c, held[0] - self.impulses[1], v);

@@ -141,8 +141,7 @@ pub fn finish<L: Lane, const JOINTS: bool>(
 ) {
     start.rows.apply::<JOINTS>(c, &impulses, &mut velocities);
     let pose = moved(c, &start.pose, &velocities);
-    memory.take(token, &pose, &velocities, &impulses);
-    on_floor.store(&mut memory.bot_on_floor);
+    memory.take(token, &pose, &velocities, &impulses, on_floor);
     (L::load(token, &memory.steps) + 1.0).store(&mut memory.steps);
     let zero = on_floor.zero();
     for cell in &mut memory.push {

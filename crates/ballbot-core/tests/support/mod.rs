@@ -1,0 +1,176 @@
+//! Robots, states and torques to draw tests from, the same for all of them.
+
+// Every test takes its own share of these.
+#![allow(dead_code)]
+
+use ballbot_core::{Params, State};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use proptest::array::uniform3;
+use proptest::prelude::*;
+use std::f64::consts::{PI, TAU};
+
+/// Each component within ± `largest`.
+pub fn vector(largest: f64) -> impl Strategy<Value = Vector3<f64>> {
+    uniform3(-largest..largest).prop_map(Vector3::from)
+}
+
+/// Any attitude, upside down too.
+pub fn any_attitude() -> impl Strategy<Value = UnitQuaternion<f64>> {
+    vector(3.0).prop_map(UnitQuaternion::from_scaled_axis)
+}
+
+/// Any plausible ballbot: built of a ball, a body link and three wheels, and therefore one that can exist.
+pub fn any_robot() -> impl Strategy<Value = Params> {
+    let parts = (any_frame(), any_joint_friction(), any_contact_friction(), 0.02..0.2);
+    parts.prop_map(|(frame, [drag, viscous, dry], [wheel, floor], critical_velocity)| {
+        let params = Params {
+            // Lost in a second of rolling, at most.
+            ball_viscous_friction: drag * (frame.ball_mass + frame.body_mass),
+            wheel_viscous_friction: viscous * frame.wheel_inertia,
+            // As a share of what makes the wheel slip.
+            wheel_coulomb_friction: 0.2 * dry * frame.static_wheel_load() * frame.wheel_radius,
+            wheel_dynamic_friction: wheel.0,
+            wheel_static_friction: wheel.0 + wheel.1,
+            floor_dynamic_friction: floor.0,
+            floor_static_friction: floor.0 + floor.1,
+            friction_critical_velocity: critical_velocity,
+            ..frame
+        };
+        params.validate().expect("built of parts");
+        params
+    })
+}
+
+/// [`any_robot`] with equal moments of inertia across the mast, or it would look different from each wheel.
+pub fn any_round_robot() -> impl Strategy<Value = Params> {
+    any_robot().prop_map(|params| {
+        let [x, y, z] = params.body_inertia;
+        let params = Params { body_inertia: [0.5 * (x + y), 0.5 * (x + y), z], ..params };
+        params.validate().expect("the mean of two moments is between them");
+        params
+    })
+}
+
+/// [`any_robot`] or a published one.
+pub fn any_or_published_robot() -> impl Strategy<Value = Params> {
+    let published = Params::preset_names().map(|name| Params::preset(name).expect("a preset loads"));
+    prop_oneof![any_robot(), proptest::sample::select(published.to_vec())]
+}
+
+/// Without friction but for that of the contacts.
+pub fn without_losses(params: &Params) -> Params {
+    Params { ball_viscous_friction: 0.0, wheel_viscous_friction: 0.0, wheel_coulomb_friction: 0.0, ..params.clone() }
+}
+
+/// Masses, inertias and geometry.
+fn any_frame() -> impl Strategy<Value = Params> {
+    let ball = (0.05..0.3, 100.0..1000.0, 0.4..0.66);
+    let body = (0.3_f64.ln()..50.0_f64.ln(), 1.2..5.0, uniform3(0.3..1.5));
+    let wheels = (0.2..0.6, 0.01..0.06, 0.4..0.9, 25.0_f64..65.0, 0.0..TAU, any::<bool>());
+    (ball, body, wheels).prop_map(|(ball, body, wheels)| {
+        let (ball_radius, density, ball_gyration) = ball;
+        let ball_mass: f64 = density * 4.0 / 3.0 * PI * ball_radius * ball_radius * ball_radius;
+        let ball_mass = ball_mass.clamp(0.3, 20.0);
+        let (body_mass, height, spread) = body;
+        let (wheel_ratio, wheel_share, wheel_gyration, zenith, start, clockwise) = wheels;
+        let (body_mass, com_height) = (body_mass.exp(), height * ball_radius);
+        let gap = if clockwise { -TAU / 3.0 } else { TAU / 3.0 };
+        let (wheel_radius, wheel_mass) = (wheel_ratio * ball_radius, wheel_share * body_mass);
+        let wheel_inertia = wheel_gyration * wheel_mass * wheel_radius * wheel_radius;
+        let mut params = Params {
+            ball_mass,
+            ball_inertia: ball_gyration * ball_mass * ball_radius * ball_radius,
+            ball_radius,
+            body_mass,
+            body_com_height: com_height,
+            wheel_mass,
+            wheel_inertia,
+            wheel_radius,
+            wheel_zenith: zenith.to_radians(),
+            wheel_azimuths: [start, start + gap, start + 2.0 * gap],
+            max_wheel_torque: 0.5 * body_mass * 9.81 * ball_radius,
+            ..Params::paper()
+        };
+        params.body_inertia = body_inertia(&params, spread.map(|s| s * ball_radius));
+        params
+    })
+}
+
+/// Moments of a body whose link, without the wheels, has its mass spread by `spread` (standard deviation along each axis).
+fn body_inertia(params: &Params, spread: [f64; 3]) -> [f64; 3] {
+    let link = params.body_mass - 3.0 * params.wheel_mass;
+    let (sin, cos) = params.wheel_zenith.sin_cos();
+    let reach = params.ball_radius + params.wheel_radius;
+    // The three wheels together look the same from all sides, seen along the mast: centres, and what is not about axles.
+    let wheels_up = reach * cos - params.body_com_height;
+    let wheels_out = reach * sin;
+    let around = 3.0 * params.wheel_mass * 0.5 * wheels_out * wheels_out;
+    let transverse = 0.5 * params.wheel_inertia;
+    let link_down = 3.0 * params.wheel_mass * wheels_up / link;
+    let along = 3.0 * params.wheel_mass * wheels_up * wheels_up + link * link_down * link_down;
+    let [x, y, z] = spread.map(|s| link * s * s);
+    let across = around + along + transverse * 3.0 * (1.0 - 0.5 * cos * cos);
+    [y + z + across, x + z + across, x + y + 2.0 * around + transverse * 3.0 * (1.0 - sin * sin)]
+}
+
+/// Drag of the ball and of the wheel joints, 1/s, and dry friction; each absent in half of the robots.
+fn any_joint_friction() -> impl Strategy<Value = [f64; 3]> {
+    let some = || prop_oneof![Just(0.0), 0.01..1.0];
+    [some(), some(), some()]
+}
+
+/// Wheel and floor, as dynamic coefficient and what static friction has beyond it.
+fn any_contact_friction() -> impl Strategy<Value = [(f64, f64); 2]> {
+    let pair = || (0.3..1.2, prop_oneof![Just(0.0), 0.0..0.3]);
+    [pair(), pair()]
+}
+
+/// How fast things go on a robot of this size, rad/s: the rate at which it falls.
+pub fn natural_rate(params: &Params) -> f64 {
+    (params.gravity / params.body_com_height).sqrt()
+}
+
+/// How a robot that rolls without slip starts, free of its size.
+#[derive(Clone, Debug)]
+pub struct Start {
+    pub tilt: Vector2<f64>,
+    pub yaw: f64,
+    /// Of the ball, in body heights by the natural rate.
+    pub velocity: Vector2<f64>,
+    /// Of the ball about the vertical, by the natural rate.
+    pub spin: f64,
+    /// Of the body, by the natural rate.
+    pub rate: Vector3<f64>,
+}
+
+impl Start {
+    pub fn of(&self, params: &Params) -> State {
+        let rate = natural_rate(params);
+        State::rolling(
+            params,
+            self.velocity * (params.body_com_height * rate),
+            self.spin * rate,
+            ballbot_core::attitude(self.tilt, self.yaw),
+            self.rate * rate,
+        )
+    }
+}
+
+/// Leaning by up to `tilt` (rad) in each direction, with all velocities up to `speed` of the natural ones.
+pub fn any_start(tilt: f64, speed: f64) -> impl Strategy<Value = Start> {
+    (vector(tilt), -PI..PI, vector(speed), -speed..speed, vector(speed)).prop_map(
+        |(tilt, yaw, velocity, spin, rate)| Start { tilt: tilt.xy(), yaw, velocity: velocity.xy(), spin, rate },
+    )
+}
+
+/// The largest of numbers that are not negative; NaN if one of them is, which a plain maximum would let pass.
+pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(0.0, |most, value| if value > most || value.is_nan() { value } else { most })
+}
+
+/// Torques of the motors as shares of what makes a wheel of the robot at rest slip at a friction coefficient of 1.
+pub fn torques(params: &Params, shares: &Vector3<f64>) -> [f64; 3] {
+    (shares * (params.static_wheel_load() * params.wheel_radius))
+        .map(|t| t.clamp(-params.max_wheel_torque, params.max_wheel_torque))
+        .into()
+}
