@@ -58,13 +58,15 @@ class BalanceEnv(BatchOwner, Rendered, gymnasium.Env[FloatArray, FloatArray]):
     whether an episode that ends with it is a success: not terminated, and over the last 2 s tilt ≤ 1 deg and ball
     within 0.10 m of the setpoint.
 
+    ## Rendering
+    `render_mode="rgb_array"` lets `render()` give frames, without GPU or display; Gymnasium makes "human" of it.
+    `render_options` are the arguments of `Renderer`: `width`, `height`, `samples`, `camera`, `urdf`.
+
     ## Arguments
     All keyword, SI units and radians: `params` (parameters, or the name of a preset), `model` ("rigid", "contact",
     "spatial" or "planar"), `sim_dt` (0.002), `control_dt` (0.01, a whole multiple of `sim_dt`), `max_wheel_torque`,
     `setpoint`, `reset_tilt`, `reset_yaw`, `reset_ball_speed`, `reset_tilt_rate`, `fall_tilt`, `success_window`,
-    `success_tilt`, `success_radius`, `reward`. `render_mode="rgb_array"` lets `render()` give frames (Gymnasium makes
-    "human" of it); `render_options` are the arguments of `Renderer` (`width`, `height`, `samples`, `camera`, `urdf`).
-
+    `success_tilt`, `success_radius`, `reward`.
     Raises:
         ValueError: a number is out of range, or a name is not known; the message has the value and the limit.
         TypeError: an argument is not known.
