@@ -57,9 +57,7 @@ def main() -> int:
 
 
 def _summary(comparisons: list[tuple[Topic, Comparison]]) -> str:
-    rows = [
-        [f"[{c.what}](#{_anchor(topic.title)})", c.where, c.printed, c.ours, c.why] for topic, c in comparisons
-    ]
+    rows = [[f"[{c.what}](#{_anchor(topic.title)})", c.where, c.printed, c.ours, c.why] for topic, c in comparisons]
     return table(["", "paper", "printed", "ours", "why they differ"], rows, align="---")
 
 

@@ -47,7 +47,9 @@ def run() -> Findings:
     nonlinear, linearised, _, other, three_wheels = list(runs)
 
     written = response.closed_loop(response.written_out(VISCOUS_FRICTION), 1.0, rest, 1.0, _DT)
-    fine = analyse(response.closed_loop(response.written_out(VISCOUS_FRICTION), 1.0, rest, 0.5, 0.5 * _DT)[:, 1], 0.5 * _DT)
+    fine = analyse(
+        response.closed_loop(response.written_out(VISCOUS_FRICTION), 1.0, rest, 0.5, 0.5 * _DT)[:, 1], 0.5 * _DT
+    )
     times = np.arange(len(written)) * _DT
     modes = {name: response.linear_tilt(b, times) for name, b in ((linearised, VISCOUS_FRICTION), (other, 7.0))}
     claims = [
@@ -71,10 +73,18 @@ def run() -> Findings:
     finest = analyse(sampled[_SAMPLING[0]][:, 1], _SAMPLING[0])
     continuous = found[three_wheels]
     claims.append(
-        Claim("`planar` and `Pid` at 100 kHz: overshoot, against continuous", finest.overshoot, continuous.overshoot, 2e-3)
+        Claim(
+            "`planar` and `Pid` at 100 kHz: overshoot, against continuous", finest.overshoot, continuous.overshoot, 2e-3
+        )
     )
     claims.append(
-        Claim("`planar` and `Pid` at 100 kHz: settling, against continuous", finest.settling, continuous.settling, 2e-3, "s")
+        Claim(
+            "`planar` and `Pid` at 100 kHz: settling, against continuous",
+            finest.settling,
+            continuous.settling,
+            2e-3,
+            "s",
+        )
     )
 
     rows = [["printed", f"{100 * PRINTED.overshoot:.0f}", f"{PRINTED.settling:.3f}"]]

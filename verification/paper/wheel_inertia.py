@@ -42,7 +42,9 @@ def run() -> Findings:
         Claim("pole as printed", poles["as printed"], eq_2_pole(0.000149), 1e-9, "1/s"),
         Claim("pole, three wheels", poles["three wheels, relative spin"], eq_2_pole(0.75 * 0.000149), 1e-9, "1/s"),
         Claim("pole, absolute spin", poles["three wheels, absolute spin"], _absolute_pole(), 1e-6, "1/s"),
-        Claim("yaw gain of `PlanarModel`, against eq. (7) written out", gains["as printed"], printed, 1e-12, "1/(kg·m²)"),
+        Claim(
+            "yaw gain of `PlanarModel`, against eq. (7) written out", gains["as printed"], printed, 1e-12, "1/(kg·m²)"
+        ),
         Claim(
             "yaw gain of `SpatialModel`, relative spin, against eq. (7)",
             gains["three wheels, relative spin"],

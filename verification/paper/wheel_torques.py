@@ -36,11 +36,19 @@ def run() -> Findings:
         found = float(robot.contacts.wheel_normal_forces[0])
         claims.append(Claim(f"load of a wheel at rest, `{model}`", found, load, 1e-6, "N"))
         claims.append(
-            Claim(f"torque of each wheel at which it slips, `{model}`", slip_torque(params, model), onset(params), 5e-3, "N·m")
+            Claim(
+                f"torque of each wheel at which it slips, `{model}`",
+                slip_torque(params, model),
+                onset(params),
+                5e-3,
+                "N·m",
+            )
         )
         bound = params.wheel_dynamic_friction * load * params.wheel_radius
         expected = (PRINTED_TORQUE - bound) / params.wheel_inertia
-        claims.append(Claim(f"spin-up of a wheel under 5 N·m, `{model}`", spin_up(params, model), expected, limit, "rad/s²"))
+        claims.append(
+            Claim(f"spin-up of a wheel under 5 N·m, `{model}`", spin_up(params, model), expected, limit, "rad/s²")
+        )
     steady = params.wheel_static_friction * load * params.wheel_radius
     compared = Comparison(
         "largest steady wheel torque",
