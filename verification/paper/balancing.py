@@ -1,9 +1,10 @@
 r"""Fig. 4: balancing with the mathematical model.
 
-The same equations and PID, the reference 0. The paper does not print the initial tilt of Fig. 4; ours is 5°, at rest. Two ways
-to start the derivative's filter, on which the first milliseconds depend: from zero, as a block of Simulink does, so that the initial
-tilt is a step and has its kick; and from the initial tilt, as our `Pid` does. On `Ballbot(model="planar")`, `Pid` at 1 kHz follows the
-latter. With the friction of $B_{vk}$, the ball has to lean on against it, and the integral winds the tilt past zero and back.
+The same equations and PID, the reference 0. The paper does not print the initial tilt of Fig. 4; ours is 5°, at rest.
+Two ways to start the derivative's filter, on which the first milliseconds depend: from zero, as a block of Simulink
+does, so that the initial tilt is a step and has its kick; and from the initial tilt, as our `Pid` does. On
+`Ballbot(model="planar")`, `Pid` at 1 kHz follows the latter. With the friction of $B_{vk}$, the ball has to lean on
+against it, and the integral winds the tilt past zero and back.
 """
 
 from typing import TYPE_CHECKING

@@ -1,21 +1,22 @@
 r"""Table III: contacts and friction.
 
-**Friction** has the same parameters in both simulators: static and dynamic coefficient and a critical velocity, and ours have the
-printed values. The law is Stribeck's, $\mu(v) = \mu_d + (\mu_s - \mu_d)\,e^{-(v/v_c)^2}$. The figure has what the contacts really
-do: friction over load, step by step, of wheels that break loose under 0.75 N·m each, and of a ball that slides on the floor at
-0.6 m/s under wheels without friction, at steps of 0.5 ms. In `rigid`, the friction of a step is bounded by a load that follows
-the load of the steps before; where wheels slip and loads swing, their quotient swings with them. At rest the laws differ:
-Simscape's is smooth through zero slip ("smooth stick-slip"), so its contacts creep under any tangential force; ours hold up to
-$\mu_s N$.
+**Friction** has the same parameters in both simulators: static and dynamic coefficient and a critical velocity, and
+ours have the printed values. The law is Stribeck's, $\mu(v) = \mu_d + (\mu_s - \mu_d)\,e^{-(v/v_c)^2}$. The figure
+has what the contacts really do: friction over load, step by step, of wheels that break loose under 0.75 N·m each, and
+of a ball that slides on the floor at 0.6 m/s under wheels without friction, at steps of 0.5 ms. In `rigid`, the
+friction of a step is bounded by a load that follows the load of the steps before; where wheels slip and loads swing,
+their quotient swings with them. At rest the laws differ: Simscape's is smooth through zero slip ("smooth
+stick-slip"), so its contacts creep under any tangential force; ours hold up to $\mu_s N$.
 
 **Stiffness and damping** have no counterpart here. Simscape's block is a penalty method: the normal force is
 $s(d)\,(k\,d + c\,\dot d)$ at a depth $d$, where $s$ rises from 0 to 1 over the transition region
-([reference](https://www.mathworks.com/help/sm/ref/spatialcontactforce.html)). Our contacts are rigid: a row of the solver
-forbids approach, and overlap that is there all the same is removed at a stated rate: in `contact` 100 1/s (at most a fifth of it a
-step), in `rigid` by rapier's softness of 200 Hz and damping ratio 5, 112 1/s at 1 kHz. The table has what the printed numbers would
-do under the static loads, and what ours do. With $c = 10^8$ N/(m/s) on $k = 10^6$ N/m, the printed wheel contact has a time constant
-$c/k$ of 100 s: within any run of the paper it is a dashpot that yields 0.1 µm a second and hardly springs at all, nearer to a rigid
-contact than to a spring. The floor's, 0.1 s and 0.9 mm, is soft.
+([reference](https://www.mathworks.com/help/sm/ref/spatialcontactforce.html)). Our contacts are rigid: a row of the
+solver forbids approach, and overlap that is there all the same is removed at a stated rate: in `contact` 100 1/s (at
+most a fifth of it a step), in `rigid` by rapier's softness of 200 Hz and damping ratio 5, 112 1/s at 1 kHz. The table
+has what the printed numbers would do under the static loads, and what ours do. With $c = 10^8$ N/(m/s) on $k = 10^6$
+N/m, the printed wheel contact has a time constant $c/k$ of 100 s: within any run of the paper it is a dashpot that
+yields 0.1 µm a second and hardly springs at all, nearer to a rigid contact than to a spring. The floor's, 0.1 s and
+0.9 mm, is soft.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -181,7 +182,8 @@ def _normal_contacts(params: bb.Params) -> str:
         "depth in `rigid` (µm)",
     ]
     note = (
-        "The depth of 10.3 µm is below the printed transition region of 100 µm, in which the block gives less than $k\\,d$: "
+        "The depth of 10.3 µm is below the printed transition region of 100 µm, in which the block gives less than "
+        "$k\\,d$: "
         "at rest its wheels would sink deeper than that, over minutes. Ours are depths after 0.3 s at 1 kHz."
     )
     return f"{table(head, rows)}\n\n{note}"
@@ -202,7 +204,7 @@ def recovery_rate(params: bb.Params, model: str) -> float:
         robot.step(np.zeros(3))
         overlaps.append(float(robot.state.ball_position[2] - robot.state.body_position[2]))
     # The first steps also settle the loads.
-    return (1.0 - (overlaps[-1] / overlaps[5]) ** (1.0 / 6.0)) / robot.sim_dt
+    return float(1.0 - (overlaps[-1] / overlaps[5]) ** (1.0 / 6.0)) / robot.sim_dt
 
 
 def depths_at_rest(params: bb.Params, model: str) -> dict[str, float]:
@@ -229,7 +231,8 @@ def _compared(params: bb.Params) -> tuple[Comparison, ...]:
             "stiffness and damping of contacts",
             "Table III",
             f"10⁶, 10⁸ (wheels); 40 000, 4000 (others): {1e3 * depth:.1f} mm into the floor",
-            f"rigid contacts: {1e6 * depths_at_rest(params, 'rigid')['ball on floor']:.0f} µm in `rigid`, none in `contact`",
+            f"rigid contacts: {1e6 * depths_at_rest(params, 'rigid')['ball on floor']:.0f} µm in `rigid`, "
+            "none in `contact`",
             "rows of a solver in place of a penalty method",
         ),
     )

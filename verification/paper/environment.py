@@ -1,8 +1,9 @@
 """Section IV: the environment.
 
-The paper wraps its URDFs in a Python class that senses, actuates and sets joint dynamics, and that class in a Gym environment with
-`reset()`, `step()`, `render()` and `close()`, for Stable-Baselines3, on PyBullet. The table has what does the same here. This
-section runs the environment checkers of Gymnasium and of Stable-Baselines3, and fails with them.
+The paper wraps its URDFs in a Python class that senses, actuates and sets joint dynamics, and that class in a Gym
+environment with `reset()`, `step()`, `render()` and `close()`, for Stable-Baselines3, on PyBullet. The table has what
+does the same here. This section runs the environment checkers of Gymnasium and of Stable-Baselines3, and fails with
+them.
 """
 
 import warnings

@@ -1,9 +1,10 @@
 """Table II: physical properties.
 
-The paper's robot is two URDFs, [bot.urdf](../assets/bot.urdf) and [ball.urdf](../assets/ball.urdf). The paper describes its files
-(Section II-B) but does not print them; ours are written so that their links add up to Table II, which holds the robot above the
-ball as one body: the wheels' masses count, their inertia about their own axles is $J_w$ of eq. (2). Found is what
-`Params.from_urdf` reads, beside the sum of the links that this page computes from the XML by itself.
+The paper's robot is two URDFs, [bot.urdf](../assets/bot.urdf) and [ball.urdf](../assets/ball.urdf). The paper
+describes its files (Section II-B) but does not print them; ours are written so that their links add up to Table II,
+which holds the robot above the ball as one body: the wheels' masses count, their inertia about their own axles is
+$J_w$ of eq. (2). Found is what `Params.from_urdf` reads, beside the sum of the links that this page computes from the
+XML by itself.
 """
 
 import math
@@ -72,7 +73,9 @@ def sum_of_links() -> dict[str, float]:
     axles = {}
     for joint in bot.iter("joint"):
         origin, child, axis = joint.find("origin"), joint.find("child"), joint.find("axis")
-        assert origin is not None and child is not None and axis is not None
+        assert origin is not None
+        assert child is not None
+        assert axis is not None
         rotation = _rotation(_numbers(origin, "rpy"))
         frames[child.attrib["link"]] = (_numbers(origin, "xyz"), rotation)
         axles[child.attrib["link"]] = rotation @ _numbers(axis, "xyz")
@@ -119,7 +122,8 @@ def _links(file: str) -> dict[str, tuple[float, Array, Array]]:
         inertial = link.find("inertial")
         assert inertial is not None
         mass, inertia, origin = inertial.find("mass"), inertial.find("inertia"), inertial.find("origin")
-        assert mass is not None and inertia is not None
+        assert mass is not None
+        assert inertia is not None
         i = {key: float(value) for key, value in inertia.attrib.items()}
         matrix = np.array(
             [[i["ixx"], i["ixy"], i["ixz"]], [i["ixy"], i["iyy"], i["iyz"]], [i["ixz"], i["iyz"], i["izz"]]]

@@ -109,7 +109,7 @@ def analyse(tilts: Array, dt: float) -> Analysis:
 
 
 def sampled_step(control_dt: float, seconds: float = 1.0, friction: float = VISCOUS_FRICTION) -> Array:
-    """Rows (position, tilt, their rates) after a step of 1 rad: `Ballbot(model="planar")` and `Pid`, no torque limit."""
+    """Rows (position, tilt, their rates) after a step of 1 rad: `Ballbot(model="planar")`, `Pid`, no torque limit."""
     limit = 1e5
     params = bb.Params.paper().replace(ball_viscous_friction=friction, max_wheel_torque=limit)
     robot = bb.Ballbot(params, model="planar", sim_dt=min(control_dt, 1e-3))

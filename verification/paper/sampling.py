@@ -1,14 +1,15 @@
 r"""How fast the PID must be sampled.
 
-The paper does not print a sampling rate; its PID runs in Simulink with a derivative filter of $N = 327$ rad/s. Here the sampled loop
-of `Pid` (zero-order hold, filter exact) with the linearised tilt of the robot on which wheels count by their absolute spin: the
-spectral radius of its state matrix over the time between two samples. Above 1 the loop is unstable. Eq. (8) as printed makes the tilt torque
-1.68 times what the PID asks for, and so has less to spare: with it the loop at 100 Hz grows by 31 % a sample, with the consistent map
-by 1 %. At 500 Hz and 1 kHz both are well damped. The points are growth factors measured in `spatial` from a tilt of $10^{-6}$ rad.
+The paper does not print a sampling rate; its PID runs in Simulink with a derivative filter of $N = 327$ rad/s. Here
+the sampled loop of `Pid` (zero-order hold, filter exact) with the linearised tilt of the robot on which wheels count
+by their absolute spin: the spectral radius of its state matrix over the time between two samples. Above 1 the loop is
+unstable. Eq. (8) as printed makes the tilt torque 1.68 times what the PID asks for, and so has less to spare: with it
+the loop at 100 Hz grows by 31 % a sample, with the consistent map by 1 %. At 500 Hz and 1 kHz both are well damped.
+The points are growth factors measured in `spatial` from a tilt of $10^{-6}$ rad.
 
-A growing loop need not fall: with the torque capped at what traction allows, its oscillation is bounded by the cap. And near the limit
-the time step of the simulation counts: `contact` and `rigid` move by semi-implicit Euler, which at 1 ms gives a torque held for 10 ms a
-tenth more effect on the tilt than it has, and so delays the loop less.
+A growing loop need not fall: with the torque capped at what traction allows, its oscillation is bounded by the cap.
+And near the limit the time step of the simulation counts: `contact` and `rigid` move by semi-implicit Euler, which at
+1 ms gives a torque held for 10 ms a tenth more effect on the tilt than it has, and so delays the loop less.
 """
 
 from typing import TYPE_CHECKING
@@ -112,13 +113,13 @@ def _exponential(matrix: Array) -> Array:
 
 
 def growth(params: bb.Params, mapping: str, control_dt: float, model: str = "spatial") -> float:
-    """Factor by which a small tilt about x grows from sample to sample, once the fastest mode or pair of modes leads."""
+    """Factor by which a small tilt about x grows from sample to sample, once the fastest one or two modes lead."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
     robot.reset(tilt=(_TILT, 0.0))
     pid = bb.Pid(params, control_dt, mapping=mapping, max_torque=params.max_wheel_torque)
-    tilts = []
+    tilts: list[float] = []
     while robot.state.tilt < 1e-3 and len(tilts) < 2000:
-        tilts.append(robot.state.tilt_components[0])
+        tilts.append(float(robot.state.tilt_components[0]))
         robot.step(pid(robot.state), steps=round(control_dt / robot.sim_dt))
     x = np.array(tilts[len(tilts) // 2 :])
     x /= np.abs(x).max()

@@ -1,14 +1,14 @@
 r"""Fig. 6: balancing of the simulated robot.
 
-The same PID on $\theta_x$ and $\theta_y$ of the robot with contacts, by `rigid` and `contact`, at 1 kHz, both torque maps. The
-paper does not print the initial tilts of Fig. 6: ours are 4° and 3°, 5° in all, at rest. It does print that both tilts are within
-±2° after 3.16 s. Wheel torques are capped, in proportion, at 0.9 of what traction allows (`Pid`'s default). In the figure, dashed:
-±2°, and 3.16 s; in the panel of the torques, the cap.
+The same PID on $\theta_x$ and $\theta_y$ of the robot with contacts, by `rigid` and `contact`, at 1 kHz, both torque
+maps. The paper does not print the initial tilts of Fig. 6: ours are 4° and 3°, 5° in all, at rest. It does print that
+both tilts are within ±2° after 3.16 s. Wheel torques are capped, in proportion, at 0.9 of what traction allows
+(`Pid`'s default). In the figure, dashed: ±2°, and 3.16 s; in the panel of the torques, the cap.
 
-The ball keeps rolling, for the paper and for us, but not because nothing controls its position. The PID's integral brings
-$\int\theta\,dt$ to zero, and with it the ball's speed: $r_k$ times the first row of eq. (1) plus the second is
-$(r_k M_{11} + M_{12})\,\ddot y + (r_k M_{12} + M_{22})\,\ddot\theta = M_b g l\,\theta$, in which the motors do not appear. What remains
-is left by saturation, during which the integral is held.
+The ball keeps rolling, for the paper and for us, but not because nothing controls its position. The PID's integral
+brings $\int\theta\,dt$ to zero, and with it the ball's speed: $r_k$ times the first row of eq. (1) plus the second is
+$(r_k M_{11} + M_{12})\,\ddot y + (r_k M_{12} + M_{22})\,\ddot\theta = M_b g l\,\theta$, in which the motors do not
+appear. What remains is left by saturation, during which the integral is held.
 """
 
 from typing import TYPE_CHECKING
@@ -146,4 +146,4 @@ def _draw(fig: "Figure", shown: dict[str, Run], cap: float) -> None:
         column[2].set_xlabel("time (s)")
     for ax, label in zip(axes[:, 0], ("tilt (deg)", "ball (mm)", "wheel torque (N·m)"), strict=True):
         ax.set_ylabel(label)
-        ax.legend(loc="center right")
+        ax.legend(loc="lower right" if ax is axes[2, 0] else "center right", fontsize=8)

@@ -1,10 +1,10 @@
 r"""Section III-A: falling above 30°.
 
-The paper says that the robot "falls immediately" once the tilt exceeds 30°, and gives no reason. Traction gives one. To hold a tilt, the
-ball has to accelerate under the body, and the wheels have to pass on what that takes: from the `spatial` model, the torques at which
-the tilt of a robot at rest stays as it is, the loads and tractions that go with them, and the tilt at which the first wheel's
-traction reaches $\mu N$. It depends on the direction of the lean; the worst counts. With the printed wheel friction the limit is 29.7°
-(dynamic, 1.0) to 31.6° (static, 1.1).
+The paper says that the robot "falls immediately" once the tilt exceeds 30°, and gives no reason. Traction gives one.
+To hold a tilt, the ball has to accelerate under the body, and the wheels have to pass on what that takes: from the
+`spatial` model, the torques at which the tilt of a robot at rest stays as it is, the loads and tractions that go with
+them, and the tilt at which the first wheel's traction reaches $\mu N$. It depends on the direction of the lean; the
+worst counts. With the printed wheel friction the limit is 29.7° (dynamic, 1.0) to 31.6° (static, 1.1).
 
 The points are found by bisection in the simulations with the same torques held for 20 ms.
 """
@@ -31,7 +31,8 @@ def run() -> Findings:
     """The limit over friction, and in the simulations at its worst azimuth."""
     frictions = np.linspace(0.3, 1.3, 21)
     limits = {float(mu): limits_of(_robot(float(mu))) for mu in (*frictions, *_MEASURED)}
-    claims, measured = [], {}
+    claims: list[Claim] = []
+    measured: dict[str, list[float]] = {}
     for model in ("contact", "rigid"):
         measured[model] = []
         for mu in _MEASURED:
@@ -88,7 +89,14 @@ def _leaning(tilt: float, azimuth: float) -> Array:
 
 def limits_of(params: bb.Params) -> Array:
     """Largest tilt held at each azimuth, degrees."""
-    return np.degrees([_bisect(lambda tilt, a=azimuth: _grips(params, tilt, a)) for azimuth in _AZIMUTHS])
+    found = []
+    for azimuth in _AZIMUTHS:
+
+        def holds(tilt: float, azimuth: float = float(azimuth)) -> bool:
+            return _grips(params, tilt, azimuth)
+
+        found.append(np.degrees(_bisect(holds)))
+    return np.array(found)
 
 
 def _grips(params: bb.Params, tilt: float, azimuth: float) -> bool:

@@ -1,15 +1,18 @@
 r"""Eqs. (2) and (7): wheel inertia.
 
-The virtual wheel of eq. (2) has the inertia $J_w$ of one omniwheel. Three of them amount to $\tfrac{3}{2}\cos^2\alpha\,J_w$ about a
-horizontal axis. Eq. (7) does count three, $3 J_w\sin^2\alpha$. Both take the spin of the wheels relative to the body; a wheel's
-kinetic energy goes by its absolute spin, which adds the body's own rate along its axle. So there are three robots:
+The virtual wheel of eq. (2) has the inertia $J_w$ of one omniwheel. Three of them amount to
+$\tfrac{3}{2}\cos^2\alpha\,J_w$ about a horizontal axis. Eq. (7) does count three, $3 J_w\sin^2\alpha$. Both take the
+spin of the wheels relative to the body; a wheel's kinetic energy goes by its absolute spin, which adds the body's own
+rate along its axle. So there are three robots:
 
 - as printed: `PlanarModel(params)`;
-- three wheels, relative spin: `PlanarModel(params, "three_wheels")`, and `SpatialModel(params, absolute_wheel_spin=False)`, equal in a plane;
+- three wheels, relative spin: `PlanarModel(params, "three_wheels")`, and `SpatialModel(params,
+  absolute_wheel_spin=False)`, equal in a plane;
 - three wheels, absolute spin: `SpatialModel(params)`, and what the rigid bodies of `contact` and `rigid` do.
 
-For the fall of the upright robot the difference is below one per cent. For yaw it is not: the body's inertia about the mast is no more than
-nine times that of the three wheels geared to it, and eq. (7) is 13 % off what rigid bodies do.
+For the fall of the upright robot the difference is below one per cent. For yaw it is not: the body's inertia about
+the mast is no more than nine times that of the three wheels geared to it, and eq. (7) is 13 % off what rigid bodies
+do.
 """
 
 import numpy as np
@@ -60,8 +63,8 @@ def run() -> Findings:
     rows = [[name, f"±{poles[name]:.5f}", f"{gains[name]:.4f}"] for name in poles]
     head = ["", "poles of the upright robot (1/s)", "yaw gain (rad/s² per N·m)"]
     text = (
-        f"{table(head, rows)}\n\nWithout $B_{{vk}}$; two more poles are zero. Eq. (7) lets the ball spin about the vertical, as a point contact "
-        f"does; with that spin pinned the gain would be {pinned:.2f}. With $B_{{vk}} = 49.849$ the poles as printed are "
+        f"{table(head, rows)}\n\nWithout $B_{{vk}}$; two more poles are zero. Eq. (7) lets the ball spin about "
+        f"the vertical, as a point contact does; with that spin pinned the gain would be {pinned:.2f}. With $B_{{vk}} = 49.849$ the poles as printed are "
         f"{', '.join(f'{pole:.4f}' for pole in _damped_poles(params))} and 0."
     )
     compared = (
@@ -77,7 +80,8 @@ def run() -> Findings:
             "yaw gain",
             "eq. (7)",
             f"{printed:.2f} rad/s² per N·m, by Table II",
-            f"the same from the same assumptions; {gains['three wheels, absolute spin']:.2f} with absolute spins, in `contact` and `rigid`",
+            f"the same from the same assumptions; {gains['three wheels, absolute spin']:.2f} with absolute spins, "
+            "in `contact` and `rigid`",
             "eq. (7) counts the wheels' spin relative to the body",
         ),
     )

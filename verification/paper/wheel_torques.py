@@ -1,12 +1,12 @@
 r"""Fig. 6c: wheel torques of ±5 N·m.
 
-At rest upright each wheel carries $N = M_b g/(3\cos\alpha) = 10.30$ N. A wheel that does not speed up passes on $\tau/r_w$, and
-friction no more than $\mu N$: above $\mu \cdot 0.515$ N·m it slips, whatever the controller. To pass on a steady 5 N·m it would have to
-carry 91 N ($\mu = 1.1$), nine times its share of the weight. What exceeds the bound spins the wheel up, by
-$(\tau - \mu N r_w)/J_w = 30\,000$ rad/s² for 5 N·m.
+At rest upright each wheel carries $N = M_b g/(3\cos\alpha) = 10.30$ N. A wheel that does not speed up passes on
+$\tau/r_w$, and friction no more than $\mu N$: above $\mu \cdot 0.515$ N·m it slips, whatever the controller. To pass
+on a steady 5 N·m it would have to carry 91 N ($\mu = 1.1$), nine times its share of the weight. What exceeds the
+bound spins the wheel up, by $(\tau - \mu N r_w)/J_w = 30\,000$ rad/s² for 5 N·m.
 
-The figure is the 3° incline of the section above with torques up to ±5 N·m in `rigid`: torques, the bound $\mu_d N r_w$ with the loads $N$
-that each wheel has at the time (dashed: at rest), loads, and slip speeds.
+The figure is the 3° incline of the section above with torques up to ±5 N·m in `rigid`: torques, the bound $\mu_d N
+r_w$ with the loads $N$ that each wheel has at the time (dashed: at rest), loads, and slip speeds.
 """
 
 from typing import TYPE_CHECKING
@@ -63,20 +63,23 @@ def run() -> Findings:
         from ballbot_rs.plotting.style import COLOURS, INK
 
         axes = fig.subplots(1, 3)
-        milliseconds = 1e3 * r.times
-        bound = params.wheel_dynamic_friction * params.wheel_radius * r.loads
+        shown = int((r.times < 0.12).sum())
+        milliseconds = 1e3 * r.times[:shown]
+        bound = params.wheel_dynamic_friction * params.wheel_radius * r.loads[:shown]
         for i in range(3):
             colour = COLOURS[i]
-            axes[0].plot(milliseconds, r.torques[:, i], color=colour, linewidth=1.2, label=f"wheel {i + 1}")
-            axes[1].plot(milliseconds, r.loads[:, i], color=colour, linewidth=1.0)
-            axes[2].plot(milliseconds, r.slips[:, i], color=colour, linewidth=1.2)
+            axes[0].plot(milliseconds, r.torques[:shown, i], color=colour, linewidth=1.2, label=f"wheel {i + 1}")
+            axes[1].plot(milliseconds, r.loads[:shown, i], color=colour, linewidth=1.0)
+            axes[2].plot(milliseconds, r.slips[:shown, i], color=colour, linewidth=1.2)
         most = bound.max(axis=1)
-        axes[0].fill_between(milliseconds, -most, most, color=INK, alpha=0.25, linewidth=0, label="± μ N r_w")
+        axes[0].fill_between(
+            milliseconds, -most, most, color=INK, alpha=0.25, linewidth=0, label="± μ N r_w, the largest"
+        )
         axes[0].set(ylabel="wheel torque (N·m)", ylim=(-6.0, 9.5))
         for printed in (-PRINTED_TORQUE, PRINTED_TORQUE):
             axes[0].axhline(printed, color=INK, linestyle="--", linewidth=0.8)
         axes[1].axhline(load, color=INK, linestyle="--", linewidth=0.8)
-        axes[1].set_ylabel("wheel load (N)")
+        axes[1].set(ylabel="wheel load (N), impacts cut off", ylim=(-2.0, 60.0))
         axes[2].set_ylabel("slip speed (m/s)")
         for ax in axes:
             ax.set_xlabel("time (ms)")
