@@ -99,7 +99,8 @@ def run() -> Findings:
         "overshoot, settling time (2 %) of a 57.3° step",
         "Section III-A, Fig. 3",
         "18 %, 0.397 s",
-        f"nonlinear {100 * a.overshoot:.1f} %, {a.settling:.2f} s; linearised {100 * b.overshoot:.1f} %, {b.settling:.2f} s",
+        f"nonlinear {100 * a.overshoot:.1f} %, {a.settling:.2f} s; "
+        f"linearised {100 * b.overshoot:.1f} %, {b.settling:.2f} s",
         "unknown: eqs. (1)-(6) with the printed gains do not give it; "
         f"linearised at B_vk = {_OTHER_FRICTION:g} they give {100 * c.overshoot:.1f} %, {c.settling:.3f} s",
     )

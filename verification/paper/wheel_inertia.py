@@ -64,7 +64,8 @@ def run() -> Findings:
     head = ["", "poles of the upright robot (1/s)", "yaw gain (rad/s² per N·m)"]
     text = (
         f"{table(head, rows)}\n\nWithout $B_{{vk}}$; two more poles are zero. Eq. (7) lets the ball spin about "
-        f"the vertical, as a point contact does; with that spin pinned the gain would be {pinned:.2f}. With $B_{{vk}} = 49.849$ the poles as printed are "
+        f"the vertical, as a point contact does; with that spin pinned the gain would be {pinned:.2f}. "
+        "With $B_{vk} = 49.849$ the poles as printed are "
         f"{', '.join(f'{pole:.4f}' for pole in _damped_poles(params))} and 0."
     )
     compared = (

@@ -5,8 +5,9 @@ $\tau/r_w$, and friction no more than $\mu N$: above $\mu \cdot 0.515$ N·m it s
 on a steady 5 N·m it would have to carry 91 N ($\mu = 1.1$), nine times its share of the weight. What exceeds the
 bound spins the wheel up, by $(\tau - \mu N r_w)/J_w = 30\,000$ rad/s² for 5 N·m.
 
-The figure is the 3° incline of the section above with torques up to ±5 N·m in `rigid`: torques, the bound $\mu_d N
-r_w$ with the loads $N$ that each wheel has at the time (dashed: at rest), loads, and slip speeds.
+The figure is the 3° incline of the section above with torques up to ±5 N·m in `rigid`: torques, beside ± the largest
+bound $\mu_d N r_w$ that any of the wheels has with its load at the time; loads (dashed: at rest); slip speeds. The motors'
+reaction alone unloads wheel 3 in the first instant; after that it passes on nothing.
 """
 
 from typing import TYPE_CHECKING
@@ -68,13 +69,11 @@ def run() -> Findings:
         bound = params.wheel_dynamic_friction * params.wheel_radius * r.loads[:shown]
         for i in range(3):
             colour = COLOURS[i]
-            axes[0].plot(milliseconds, r.torques[:shown, i], color=colour, linewidth=1.2, label=f"wheel {i + 1}")
+            axes[0].plot(milliseconds, r.torques[:shown, i], color=colour, linewidth=1.2)
             axes[1].plot(milliseconds, r.loads[:shown, i], color=colour, linewidth=1.0)
-            axes[2].plot(milliseconds, r.slips[:shown, i], color=colour, linewidth=1.2)
+            axes[2].plot(milliseconds, r.slips[:shown, i], color=colour, linewidth=1.2, label=f"wheel {i + 1}")
         most = bound.max(axis=1)
-        axes[0].fill_between(
-            milliseconds, -most, most, color=INK, alpha=0.25, linewidth=0, label="± μ N r_w, the largest"
-        )
+        axes[0].fill_between(milliseconds, -most, most, color=INK, alpha=0.25, linewidth=0, label="± μ N r_w")
         axes[0].set(ylabel="wheel torque (N·m)", ylim=(-6.0, 9.5))
         for printed in (-PRINTED_TORQUE, PRINTED_TORQUE):
             axes[0].axhline(printed, color=INK, linestyle="--", linewidth=0.8)
@@ -83,7 +82,8 @@ def run() -> Findings:
         axes[2].set_ylabel("slip speed (m/s)")
         for ax in axes:
             ax.set_xlabel("time (ms)")
-        axes[0].legend(ncols=2, loc="upper center", fontsize=8)
+        axes[0].legend(handles=axes[0].collections, loc="upper right", fontsize=8)
+        axes[2].legend(loc="lower left", fontsize=8)
 
     return Findings(claims, draw, compared=(compared,))
 
