@@ -6,8 +6,8 @@ on a steady 5 N·m it would have to carry 91 N ($\mu = 1.1$), nine times its sha
 bound spins the wheel up, by $(\tau - \mu N r_w)/J_w = 30\,000$ rad/s² for 5 N·m.
 
 The figure is the 3° incline of the section above with torques up to ±5 N·m in `rigid`: torques, beside ± the largest
-bound $\mu_d N r_w$ that any of the wheels has with its load at the time; loads (dashed: at rest); slip speeds. The motors'
-reaction alone unloads wheel 3 in the first instant; after that it passes on nothing.
+bound $\mu_d N r_w$ that any of the wheels has with its load at the time; loads (dashed: at rest); slip speeds. The
+motors' reaction lifts wheel 3 off in the first instant; it comes down again, hard, after 60 ms.
 """
 
 from typing import TYPE_CHECKING
