@@ -9,8 +9,8 @@ from verification.page import DOCS, section
 _HEAD = """# Verification
 
 Every number here is made by `make verify`, which fails if a claim does not hold; it all comes from one run. Symbols and
-frames are those of [conventions.md](conventions.md), equations those of [derivations.md](derivations.md); the paper's own
-experiments are in [paper.md](paper.md).
+frames are those of [conventions.md](conventions.md), equations those of [derivations.md](derivations.md); the paper's
+own experiments are in [paper.md](paper.md).
 """
 
 
