@@ -4,23 +4,26 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from ballbot_rs.plotting import style
 from verification.claim import Claim
 from verification.topic import Findings, Topic
 
 DOCS = Path(__file__).parents[1] / "docs"
 
 
-def section(topic: Topic, folder: str, level: int = 3) -> tuple[str, Findings]:
-    """Runs a topic, writes its figure to docs/`folder`, and gives its Markdown."""
+def section(topic: Topic, folder: str, level: int = 3, command: str = "") -> tuple[str, Findings]:
+    """Runs a topic, writes its figure to docs/`folder`, and gives its Markdown; `command` makes the figure alone."""
     began = time.perf_counter()
     findings = topic.run()
     parts = [f"{'#' * level} {topic.title}", topic.text]
     if findings.draw is not None:
+        from ballbot_rs.plotting import style
+
         fig = style.figure(*findings.size)
         findings.draw(fig)
         style.save(fig, DOCS / folder / f"{topic.name}.svg")
         parts.append(f"![{topic.title}]({folder}/{topic.name}.svg)")
+        if command:
+            parts.append(f"Made by `{command}`.")
     if findings.claims:
         parts.append(claims_table(findings.claims))
     if findings.markdown:
@@ -44,9 +47,9 @@ def claims_table(claims: Sequence[Claim]) -> str:
     return table(["claim", "found", "expected", "error", "limit"], rows)
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table; all columns but the first are aligned to the right."""
-    lines = [head, ["---", *["--:"] * (len(head) - 1)], *rows]
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], align: str = "--:") -> str:
+    """A Markdown table; all columns but the first are aligned as `align` says, by default to the right."""
+    lines = [head, ["---", *[align] * (len(head) - 1)], *rows]
     return "\n".join("| " + " | ".join(cell.strip() for cell in line) + " |" for line in lines)
 
 

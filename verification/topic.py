@@ -12,6 +12,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+class Comparison(NamedTuple):
+    """A row of a page's summary: a printed number beside ours, as text, and why they differ."""
+
+    what: str
+    #: Section, equation, table or figure.
+    where: str
+    printed: str
+    ours: str
+    why: str
+
+
 class Findings(NamedTuple):
     """What a topic's `run` gives: claims, how to draw them, and further Markdown to stand below."""
 
@@ -20,6 +31,8 @@ class Findings(NamedTuple):
     markdown: str = ""
     #: Of the figure, inches.
     size: tuple[float, float] = (8.0, 3.2)
+    #: Where the topic repeats what others have printed.
+    compared: tuple[Comparison, ...] = ()
 
 
 @dataclass(frozen=True)
