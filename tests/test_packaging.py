@@ -102,10 +102,11 @@ def test_imports_go_downwards(module):
     own = {name for name in imports_of(module) if name.startswith("ballbot_rs.")}
     if not module.startswith("cli/"):
         assert not any(name.startswith("ballbot_rs.cli") for name in own), "only the command line knows itself"
-    if module in {"batch_owner.py", "registration.py"}:
+    if module in {"batch_owner.py", "registration.py", "rendering.py"}:
         assert own <= {"ballbot_rs._core"}
     if module in {"env.py", "vector_env.py", "sb3.py"}:
-        assert own <= {"ballbot_rs._core", "ballbot_rs.batch_owner", "ballbot_rs.registration"}
+        below = ("_core", "batch_owner", "registration", "rendering")
+        assert own <= {f"ballbot_rs.{name}" for name in below}
 
 
 def test_the_list_of_learning_modules_is_current():

@@ -67,6 +67,7 @@ class BalanceEnv(BatchOwner, Rendered, gymnasium.Env[FloatArray, FloatArray]):
     "spatial" or "planar"), `sim_dt` (0.002), `control_dt` (0.01, a whole multiple of `sim_dt`), `max_wheel_torque`,
     `setpoint`, `reset_tilt`, `reset_yaw`, `reset_ball_speed`, `reset_tilt_rate`, `fall_tilt`, `success_window`,
     `success_tilt`, `success_radius`, `reward`.
+
     Raises:
         ValueError: a number is out of range, or a name is not known; the message has the value and the limit.
         TypeError: an argument is not known.

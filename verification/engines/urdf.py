@@ -7,7 +7,7 @@ $I = \operatorname{diag}(J_b, J_b, J_z) + J_w\sum_i a_i a_i^\top$ about it, wher
 $a_i = -p_i\times d_i$. The bot floats free; with $c = l e_z$, $A = (a_1\ a_2\ a_3)$ and velocities
 $(v, \Omega, \dot\psi)$ in the body frame its mass matrix is
 
-$$M = \begin{pmatrix} M_b & -M_b[c]_\times & 0\\ M_b[c]_\times & I - M_b[c]_\times^2 & J_w A\\
+$$M = \begin{pmatrix} M_b & -M_b[c]_\times & 0\cr M_b[c]_\times & I - M_b[c]_\times^2 & J_w A\cr
 0 & J_w A^\top & J_w\end{pmatrix},$$
 
 and it falls by Euler's equations of a gyrostat,
@@ -78,7 +78,7 @@ def run() -> Findings:
         left.set_xticks(range(9), _NAMES)
         left.set_yticks(range(9), _NAMES)
         left.grid(False)
-        left.set_title(r"$M_{ij}\,(M_{ii}M_{jj})^{-1/2}$ by the formula")
+        left.set_title(r"$M_{ij}\ (M_{ii}M_{jj})^{-1/2}$ by the formula")
         fig.colorbar(image, ax=left, shrink=0.8)
         for (engine, found), marker in zip(matrices.items(), "osx", strict=False):
             error = np.abs((found - expected) / scale).ravel()

@@ -1,7 +1,7 @@
 r"""Table III: contacts and friction.
 
 **Friction** has the same parameters in both simulators: static and dynamic coefficient and a critical velocity, and
-ours have the printed values. The law is Stribeck's, $\mu(v) = \mu_d + (\mu_s - \mu_d)\,e^{-(v/v_c)^2}$. The figure
+ours have the printed values. The law is Stribeck's, $\mu(v) = \mu_d + (\mu_s - \mu_d)\ e^{-(v/v_c)^2}$. The figure
 has what the contacts really do: friction over load, step by step, of wheels that break loose under 0.75 N·m each, and
 of a ball that slides on the floor at 0.6 m/s under wheels without friction, at steps of 0.5 ms. In `rigid`, the
 friction of a step is bounded by a load that follows the load of the steps before; where wheels slip and loads swing,
@@ -9,7 +9,7 @@ their quotient swings with them. At rest the laws differ: Simscape's is smooth t
 stick-slip"), so its contacts creep under any tangential force; ours hold up to $\mu_s N$.
 
 **Stiffness and damping** have no counterpart here. Simscape's block is a penalty method: the normal force is
-$s(d)\,(k\,d + c\,\dot d)$ at a depth $d$, where $s$ rises from 0 to 1 over the transition region
+$s(d)\ (k\ d + c\ \dot d)$ at a depth $d$, where $s$ rises from 0 to 1 over the transition region
 ([reference](https://www.mathworks.com/help/sm/ref/spatialcontactforce.html)). Our contacts are rigid: a row of the
 solver forbids approach, and overlap that is there all the same is removed at a stated rate: in `contact` 100 1/s (at
 most a fifth of it a step), in `rigid` by rapier's softness of 200 Hz and damping ratio 5, 112 1/s at 1 kHz. The table
@@ -183,7 +183,7 @@ def _normal_contacts(params: bb.Params) -> str:
     ]
     note = (
         "The depth of 10.3 µm is below the printed transition region of 100 µm, in which the block gives less than "
-        "$k\\,d$: "
+        "$k\\ d$: "
         "at rest its wheels would sink deeper than that, over minutes. Ours are depths after 0.3 s at 1 kHz."
     )
     return f"{table(head, rows)}\n\n{note}"

@@ -1,18 +1,18 @@
 r"""Section II-A: the recipe for equations of motion, off the plane.
 
-Eq. (1) is derived by writing the Lagrangian with the wheels' spin put in terms of the other coordinates, $\dot\psi(q,
-\dot q)$, and applying Euler and Lagrange to it. In a plane that is right. For the 3D model that Section II-A
-describes, and recommends for fast manoeuvres, the same recipe is wrong: $\dot\psi = (r_k/r_w)\,u\cdot(R^T\omega_k -
-\Omega)$ is not the rate of any function of $q$ once the body turns out of a plane, and a nonholonomic constraint must
-not be put into the Lagrangian before the variation. Here the recipe is carried out numerically: $L$ from the energy
-of `SpatialModel`, whose wheels obey the constraint, its derivatives by differences of fourth order.
-`SpatialModel.accelerations` is Kane's method, which needs no such step.
+Eq. (1) is derived by writing the Lagrangian with the wheels' spin put in terms of the other coordinates,
+$\dot\psi(q, \dot q)$, and applying Euler and Lagrange to it. In a plane that is right. For the 3D model that Section
+II-A describes, and recommends for fast manoeuvres, the same recipe is wrong:
+$\dot\psi = (r_k/r_w)\ u\cdot(R^T\omega_k - \Omega)$ is not the rate of any function of $q$ once the body turns out of
+a plane, and a nonholonomic constraint must not be put into the Lagrangian before the variation. Here the recipe is
+carried out numerically: $L$ from the energy of `SpatialModel`, whose wheels obey the constraint, its derivatives by
+differences of fourth order. `SpatialModel.accelerations` is Kane's method, which needs no such step.
 
 In a plane both agree to rounding; without wheel inertia they do everywhere, so that nothing but the wheels'
-constraint tells them apart. Off the plane they differ, here by up to 2 % of the acceleration, and energy does not show
-it: both conserve it. The simulation `contact`, which knows neither (it has free bodies and contact forces), follows
-Kane's equations, the closer the smaller its step. The figure: left, the difference over how far the motion is from
-planar, for the paper's wheel energy and that of absolute spins; right, the distance of the ball in each from its
+constraint tells them apart. Off the plane they differ, here by up to 2 % of the acceleration, and energy does not
+show it: both conserve it. The simulation `contact`, which knows neither (it has free bodies and contact forces),
+follows Kane's equations, the closer the smaller its step. The figure: left, the difference over how far the motion is
+from planar, for the paper's wheel energy and that of absolute spins; right, the distance of the ball in each from its
 place in `contact` with steps of 0.1 ms, of a robot that falls while it turns.
 """
 

@@ -6,8 +6,8 @@ both tilts are within ±2° after 3.16 s. Wheel torques are capped, in proportio
 (`Pid`'s default). In the figure, dashed: ±2°, and 3.16 s; in the panel of the torques, the cap.
 
 The ball keeps rolling, for the paper and for us, but not because nothing controls its position. The PID's integral
-brings $\int\theta\,dt$ to zero, and with it the ball's speed: $r_k$ times the first row of eq. (1) plus the second is
-$(r_k M_{11} + M_{12})\,\ddot y + (r_k M_{12} + M_{22})\,\ddot\theta = M_b g l\,\theta$, in which the motors do not
+brings $\int\theta\ dt$ to zero, and with it the ball's speed: $r_k$ times the first row of eq. (1) plus the second is
+$(r_k M_{11} + M_{12})\ \ddot y + (r_k M_{12} + M_{22})\ \ddot\theta = M_b g l\ \theta$, in which the motors do not
 appear. What remains is left by saturation, during which the integral is held.
 """
 

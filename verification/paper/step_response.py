@@ -1,7 +1,7 @@
 r"""Fig. 3: step response of the mathematical model.
 
-Eqs. (1)-(6) with $B_{vk} = 49.849$ N/(m/s) under the continuous PID ($k_p = 20.39$, $k_i = 56.57$, $k_d = 1.34$, $N =
-327$), from rest, the reference of the tilt stepped to 57.3° = 1 rad. Integrated by RK4 at 0.2 ms from
+Eqs. (1)-(6) with $B_{vk} = 49.849$ N/(m/s) under the continuous PID ($k_p = 20.39$, $k_i = 56.57$, $k_d = 1.34$,
+$N = 327$), from rest, the reference of the tilt stepped to 57.3° = 1 rad. Integrated by RK4 at 0.2 ms from
 `PlanarModel.accelerations`; checked against the equations written out once more, and the linear case against its
 modes. The printed overshoot and settling time (2 %) are those of neither the nonlinear equations nor their
 linearisation; the linearised model gives them at $B_{vk} = 7$, which may be a coincidence. The derivative's kick,

@@ -1,7 +1,7 @@
 r"""Eqs. (2) and (7): wheel inertia.
 
 The virtual wheel of eq. (2) has the inertia $J_w$ of one omniwheel. Three of them amount to
-$\tfrac{3}{2}\cos^2\alpha\,J_w$ about a horizontal axis. Eq. (7) does count three, $3 J_w\sin^2\alpha$. Both take the
+$\tfrac{3}{2}\cos^2\alpha\ J_w$ about a horizontal axis. Eq. (7) does count three, $3 J_w\sin^2\alpha$. Both take the
 spin of the wheels relative to the body; a wheel's kinetic energy goes by its absolute spin, which adds the body's own
 rate along its axle. So there are three robots:
 

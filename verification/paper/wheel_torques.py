@@ -3,7 +3,7 @@ r"""Fig. 6c: wheel torques of ±5 N·m.
 At rest upright each wheel carries $N = M_b g/(3\cos\alpha) = 10.30$ N. A wheel that does not speed up passes on
 $\tau/r_w$, and friction no more than $\mu N$: above $\mu \cdot 0.515$ N·m it slips, whatever the controller. To pass
 on a steady 5 N·m it would have to carry 91 N ($\mu = 1.1$), nine times its share of the weight. What exceeds the
-bound spins the wheel up, by $(\tau - \mu N r_w)/J_w = 30\,000$ rad/s² for 5 N·m.
+bound spins the wheel up, by $(\tau - \mu N r_w)/J_w = 30000$ rad/s² for 5 N·m.
 
 The figure is the 3° incline of the section above with torques up to ±5 N·m in `rigid`: torques, beside ± the largest
 bound $\mu_d N r_w$ that any of the wheels has with its load at the time; loads (dashed: at rest); slip speeds. The
