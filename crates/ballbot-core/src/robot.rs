@@ -93,6 +93,8 @@ const CHECK_INTERVAL: usize = 64;
 pub struct Ballbot {
     kind: ModelKind,
     model: Box<dyn Model>,
+    /// When and why a step found that it had diverged: it stays so until a reset.
+    lost: Option<(f64, String)>,
 }
 
 impl Ballbot {
@@ -103,7 +105,7 @@ impl Ballbot {
     pub fn new(params: &Params, kind: ModelKind, sim_dt: f64) -> Result<Self> {
         params.validate()?;
         check("sim_dt", sim_dt, format!("within {} to {} s", SIM_DT.start(), SIM_DT.end()), |dt| SIM_DT.contains(&dt))?;
-        Ok(Self { kind, model: kind.build(params, sim_dt)? })
+        Ok(Self { kind, model: kind.build(params, sim_dt)?, lost: None })
     }
 
     /// Which model this is.
@@ -128,7 +130,9 @@ impl Ballbot {
     /// cannot represent (slip in a model without slip, a ball below the floor). The robot is then left as it was.
     pub fn reset(&mut self, state: &State) -> Result<()> {
         self.accepts(state)?;
-        self.model.reset(state)
+        self.model.reset(state)?;
+        self.lost = None;
+        Ok(())
     }
 
     /// Checks that [`Ballbot::reset`] would take a state.
@@ -155,7 +159,7 @@ impl Ballbot {
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a torque that is not finite or beyond the motors' limit, before anything moves;
-    /// [`Error::Diverged`] if the state has left its bounds, within 64 steps of when it did.
+    /// [`Error::Diverged`] if the state has left its bounds, within 64 steps of when it did, and from then on until a reset.
     pub fn step(&mut self, wheel_torques: &[f64; 3], steps: usize) -> Result<()> {
         let limit = self.params().max_wheel_torque;
         for (i, &torque) in wheel_torques.iter().enumerate() {
@@ -168,13 +172,18 @@ impl Ballbot {
                 });
             }
         }
+        if let Some((time, reason)) = &self.lost {
+            return Err(Error::Diverged { time: *time, reason: reason.clone() });
+        }
         let mut left = steps;
         loop {
             // Not after every step: looking at the state costs about as much as a step of the simpler models.
             let some = left.min(CHECK_INTERVAL);
             self.advance(wheel_torques, some);
             if let Some(reason) = self.diverged() {
-                return Err(Error::Diverged { time: self.time(), reason });
+                let time = self.time();
+                self.lost = Some((time, reason.clone()));
+                return Err(Error::Diverged { time, reason });
             }
             left -= some;
             if left == 0 {
@@ -190,9 +199,9 @@ impl Ballbot {
         }
     }
 
-    /// Which bound the present state breaks, if any.
+    /// Which bound the present state breaks, or one did when a step failed, if any.
     pub fn diverged(&self) -> Option<String> {
-        self.diverged_at(&self.state())
+        self.lost.as_ref().map(|(_, reason)| reason.clone()).or_else(|| self.diverged_at(&self.state()))
     }
 
     /// [`Ballbot::diverged`] for callers that have the present state at hand.
@@ -301,7 +310,9 @@ impl Ballbot {
                 theirs.model, theirs.sim_dt, ours.model, ours.sim_dt
             )));
         }
-        self.model.load(&snapshot.model)
+        self.model.load(&snapshot.model)?;
+        self.lost = None;
+        Ok(())
     }
 }
 

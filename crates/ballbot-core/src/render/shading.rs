@@ -16,6 +16,9 @@ const SUN_RAYS: usize = 12;
 /// Apparent radius of the sun, rad: that of a lamp rather than of the sun.
 const SUN_RADIUS: f64 = 0.05;
 
+/// Parts between a point and the sun that are remembered for all rays to it.
+const NEAR: usize = 32;
+
 /// Everything that is the same for all pixels.
 pub(super) struct Light {
     sun: Vector3<f64>,
@@ -121,24 +124,31 @@ impl Light {
         }
         // Off the surface, or it would shade itself.
         let origin = point + normal * 1e-6;
-        let mut near = [0_u8; 64];
+        let mut near: [Option<&Placed<'_>>; NEAR] = [None; NEAR];
         let mut count = 0;
-        for (i, part) in parts.iter().enumerate().take(256) {
+        for part in parts {
             let to = part.centre - origin;
             let along = to.dot(&self.sun);
             let reach = part.radius + SUN_RADIUS * along.max(0.0);
-            if along > -part.radius && to.norm_squared() - along * along < reach * reach && count < near.len() {
-                near[count] = i as u8;
+            if along > -part.radius && to.norm_squared() - along * along < reach * reach {
+                if count < NEAR {
+                    near[count] = Some(part);
+                }
                 count += 1;
             }
         }
-        let near = &near[..count];
-        let hidden = |towards: &Vector3<f64>| {
-            near.iter().any(|&i| parts[usize::from(i)].cast(&origin, towards, f64::INFINITY).is_some())
-        };
-        if near.is_empty() {
+        if count == 0 {
             return 1.0;
         }
+        let hides = |part: &Placed<'_>, towards: &Vector3<f64>| part.cast(&origin, towards, f64::INFINITY).is_some();
+        let hidden = |towards: &Vector3<f64>| {
+            // Too many to remember: try them all.
+            if count > NEAR {
+                parts.iter().any(|part| hides(part, towards))
+            } else {
+                near.iter().flatten().any(|part| hides(part, towards))
+            }
+        };
         // The outermost rays first: where they agree, so do those between.
         let rim = self.towards[SUN_RAYS - 4..].iter().filter(|towards| hidden(towards)).count();
         match rim {
