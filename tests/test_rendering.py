@@ -1,6 +1,7 @@
 """Frames: what is in them, and the contracts of those who ask for them."""
 
 import copy
+import multiprocessing
 import pickle
 from pathlib import Path
 
@@ -90,6 +91,8 @@ def test_the_camera_follows_the_ball_or_stands():
         ({"height": -3}, ValueError, "height = -3"),
         ({"width": 10_000}, ValueError, "8192"),
         ({"samples": 3}, ValueError, "samples"),
+        ({"num_threads": 0}, ValueError, "num_threads"),
+        ({"camera": {"elevation": -0.5}}, ValueError, "camera height"),
         ({"camera": {"zoom": 2.0}}, TypeError, "unknown camera setting 'zoom'"),
         ({"camera": {"distance": float("nan")}}, ValueError, "distance"),
         ({"camera": {"elevation": 2.0}}, ValueError, "elevation"),
@@ -137,6 +140,46 @@ def test_an_unknown_mode_is_refused():
     for make in (bb.BalanceEnv, bb.BalanceVectorEnv):
         with pytest.raises(ValueError, match="render_mode = 'ansi'"):
             make(render_mode="ansi")
+
+
+def test_render_options_are_checked_when_an_environment_is_made():
+    with pytest.raises(TypeError, match="widht"):
+        bb.BalanceEnv(render_options={"widht": 3})
+    shipped = (ROOT / "assets/bot.urdf", ROOT / "assets/ball.urdf")
+    bb.BalanceEnv(render_mode="rgb_array", render_options={"urdf": shipped, **SMALL})
+    with pytest.raises(ValueError, match="ball_radius"):
+        bb.BalanceEnv(params="kugle", max_wheel_torque=1.0, render_mode="rgb_array", render_options={"urdf": shipped})
+
+
+def test_pictures_that_memory_cannot_hold_are_refused():
+    renderer = bb.Renderer(width=8192, height=8192)
+    states = np.broadcast_to(UPRIGHT.to_array(), (100_000, 32))
+    with pytest.raises(MemoryError, match="picture"):
+        renderer.render_batch(states)
+
+
+def frame_elsewhere(env, connection):
+    connection.send(env.render())
+    connection.close()
+
+
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_a_child_process_renders_what_its_parent_has_rendered():
+    """Threads do not survive a fork: waiting for the parent's would take for ever."""
+    made = bb.BalanceEnv(render_mode="rgb_array", render_options=SMALL | {"num_threads": 2})
+    made.reset(seed=0)
+    frame = made.render()
+    context = multiprocessing.get_context("fork")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=frame_elsewhere, args=(made, sender))
+    process.start()
+    sender.close()
+    try:
+        assert receiver.poll(30), "the child process hangs"
+        np.testing.assert_array_equal(receiver.recv(), frame)
+    finally:
+        process.kill()
+        process.join()
 
 
 def test_copies_show_the_same():

@@ -573,6 +573,7 @@ class Renderer:
         camera: `target` (three, m), `distance` (m), `azimuth` (rad, counter-clockwise from x), `elevation` (rad),
             `field_of_view` (vertical, rad) and `follows` (the ball; then `target` is relative to its point of
             contact) change the default, which follows the robot.
+        num_threads: threads that cast rays; None takes all cores. Pictures do not depend on it.
 
     Raises:
         ValueError: a number out of range. TypeError: an unknown camera setting.
@@ -588,6 +589,7 @@ class Renderer:
         height: int = 480,
         samples: int = 1,
         camera: dict[str, Any] | None = None,
+        num_threads: int | None = None,
     ) -> Self: ...
     def render(
         self, state: State, contacts: Contacts | None = None, arrows: npt.ArrayLike | None = None

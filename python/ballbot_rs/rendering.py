@@ -21,23 +21,39 @@ class Rendered:
     render_mode: str | None
     _renderer: Renderer | None = None
 
-    def _set_render(self, render_mode: str | None, params: Params, render_options: Mapping[str, Any] | None) -> None:
+    def _set_render(
+        self,
+        render_mode: str | None,
+        params: Params,
+        render_options: Mapping[str, Any] | None,
+        num_threads: int | None = None,
+    ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"render_mode = '{render_mode}': expected None or {', '.join(map(repr, RENDER_MODES))}")
         self.render_mode = render_mode
-        self._render_arguments = (params, dict(render_options or {}))
-        if render_mode is not None:
+        self._render_arguments = (params, {"num_threads": num_threads, **(render_options or {})})
+        if render_mode is not None or render_options:
             self._renderer = self._make_renderer()
 
     def _make_renderer(self) -> Renderer:
         params, options = self._render_arguments
-        return Renderer(None if "urdf" in options else params, **options)
+        if "urdf" not in options:
+            return Renderer(params, **options)
+        _check_geometry(params, Params.from_urdf(*options["urdf"]))
+        return Renderer(**options)
 
     def _frames(self, states: npt.ArrayLike) -> Frames:
         """Pictures of states, shape (n, height, width, 3)."""
         if self._renderer is None:
             self._renderer = self._make_renderer()
         return self._renderer.render_batch(states)
+
+
+def _check_geometry(params: Params, shown: Params) -> None:
+    for name in ("ball_radius", "wheel_radius", "wheel_zenith", "wheel_azimuths"):
+        ours, theirs = getattr(params, name), getattr(shown, name)
+        if not np.allclose(ours, theirs, rtol=1e-3):
+            raise ValueError(f"the URDFs to be shown are of another robot: {name} = {theirs}, simulated is {ours}")
 
 
 def warn_without_mode() -> None:

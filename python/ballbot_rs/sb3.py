@@ -111,7 +111,7 @@ class BallbotVecEnv(BatchOwner, Rendered, VecEnv):
         self._make_batch(num_envs, "same_step", num_threads, seed, options)
         self._stagger = stagger
         self._actions: npt.NDArray[Any] | None = None
-        self._set_render(render_mode, self._batch.params, render_options)
+        self._set_render(render_mode, self._batch.params, render_options, num_threads)
         self._views = [EnvView(self, i) for i in range(num_envs)]
         super().__init__(num_envs, observation_space(), action_space())
         metadata: dict[str, Any] = self.metadata

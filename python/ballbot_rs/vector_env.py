@@ -76,7 +76,7 @@ class BalanceVectorEnv(BatchOwner, Rendered, VectorEnv[FloatArray, FloatArray, n
         self._make_batch(num_envs, autoreset, num_threads, seed, options)
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode[autoreset.upper()]
-        self._set_render(render_mode, self._batch.params, render_options)
+        self._set_render(render_mode, self._batch.params, render_options, num_threads)
         rate = round(1.0 / self._batch.control_dt)
         self.metadata = {**type(self).metadata, "render_fps": rate, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space = observation_space()

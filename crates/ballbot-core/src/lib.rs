@@ -34,6 +34,7 @@ pub mod sim;
 mod snapshot;
 mod state;
 pub mod urdf;
+mod workers;
 
 pub use energy::mechanical_energy;
 pub use error::{Error, Result, finite as check_finite};

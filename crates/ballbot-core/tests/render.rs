@@ -180,10 +180,10 @@ fn what_turns_changes_where_it_is() {
     let renderer = renderer(camera(0.4));
     let still = State::upright(&params);
     let before = Shot::of(&renderer, &still, &[]);
-    let wheel = State { wheel_angles: [0.8, 0.0, 0.0], ..still.clone() };
+    let wheel = State { wheel_angles: [0.8, 0.0, 0.0], ..still };
     let changed = before.changed(&Shot::of(&renderer, &wheel, &[]));
     assert!(changed.len() > 20 && changed.iter().all(|l| *l == Label::Wheel0 as u8), "{changed:?}");
-    let rolled = State { ball_quaternion: UnitQuaternion::from_euler_angles(0.5, 0.0, 0.0), ..still };
+    let rolled = State { ball_quaternion: UnitQuaternion::from_euler_angles(0.5, 0.0, 0.0), ..State::upright(&params) };
     let changed = before.changed(&Shot::of(&renderer, &rolled, &[]));
     assert!(changed.len() > 100 && changed.iter().all(|l| *l == Label::Ball as u8), "{changed:?}");
 }
@@ -223,16 +223,97 @@ fn the_robot_throws_its_shadow_on_the_floor() {
 
 #[test]
 fn pictures_are_equal_to_the_last_bit_on_any_number_of_threads() {
-    let params = Params::paper();
-    let state = State::tilted(&params, Vector2::new(0.1, 0.2), 0.4);
-    let shot = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| Shot::of(&renderer(camera(0.4)), &state, &[]))
-    };
+    let state = State::tilted(&Params::paper(), Vector2::new(0.1, 0.2), 0.4);
+    let shot = |threads| Shot::of(&renderer(camera(0.4)).with_threads(threads).unwrap(), &state, &[]);
     let first = shot(1);
     for threads in [1, 2, 3] {
         let other = shot(threads);
         assert!(first.rgb == other.rgb && first.depth == other.depth && first.labels == other.labels);
+    }
+    assert!(renderer(camera(0.4)).with_threads(0).is_err());
+}
+
+#[test]
+fn nothing_is_lost_at_the_edges_of_a_wide_picture() {
+    let radius = 0.3;
+    for (at, fov) in [(Vector3::new(0.0, 0.9, 1.4), 2.6), (Vector3::new(0.2, -1.1, 0.6), 2.4)] {
+        let scene = lone(Shape::Sphere { radius }, at, UnitQuaternion::identity());
+        let wide = Camera {
+            target: Vector3::new(0.0, 0.0, 1.0),
+            distance: 0.8,
+            azimuth: 0.0,
+            elevation: 0.1,
+            field_of_view: fov,
+            follows: false,
+        };
+        let renderer = Renderer::new(scene, WIDTH, HEIGHT, 1, wide).unwrap();
+        let shot = Shot::of(&renderer, &State::upright(&Params::paper()), &[]);
+        let mut seen = 0;
+        for (row, column) in (0..HEIGHT).flat_map(|row| (0..WIDTH).map(move |column| (row, column))) {
+            let (origin, direction) = ray(&wide, row, column);
+            let (to, length) = (at - origin, direction.norm());
+            let along = to.dot(&direction) / length;
+            let miss = (to.norm_squared() - along * along).sqrt() / radius;
+            let label = shot.labels[row * WIDTH + column];
+            if along > radius && miss < 0.999 {
+                seen += 1;
+                assert_eq!(label, Label::Arrow as u8, "row {row}, column {column} misses the sphere");
+            }
+        }
+        assert!(seen > 100, "{seen} pixels see the sphere");
+    }
+}
+
+#[test]
+fn the_order_and_the_number_of_parts_do_not_change_shadows() {
+    let far = |i: usize| Arrow {
+        from: Vector3::new(200.0, i as f64, 1.0),
+        to: Vector3::new(200.0, i as f64, 1.1),
+        colour: srgb(0xe03131),
+    };
+    let near = Arrow { from: Vector3::new(0.5, 0.0, 0.5), to: Vector3::new(0.1, 0.6, 0.9), colour: srgb(0xe03131) };
+    let renderer = renderer(camera(0.4));
+    let state = State::upright(&Params::paper());
+    let after: Vec<_> = (0..200).map(far).chain([near]).collect();
+    let before: Vec<_> = [near].into_iter().chain((0..200).map(far)).collect();
+    let shots = [&[near][..], &after, &before].map(|arrows| Shot::of(&renderer, &state, arrows).rgb);
+    assert!(shots[1] == shots[2], "the order of arrows changes the picture");
+    assert!(shots[0] == shots[1], "arrows out of sight change the picture");
+}
+
+#[test]
+fn the_shadow_of_a_rod_has_no_gap() {
+    let rod = |radius| {
+        let flat = UnitQuaternion::from_euler_angles(0.0, std::f64::consts::FRAC_PI_2, 0.0);
+        lone(Shape::Cylinder { radius, half_length: 2.0 }, Vector3::new(0.0, 0.0, 0.6), flat)
+    };
+    let down = Camera {
+        target: Vector3::zeros(),
+        distance: 0.55,
+        elevation: 1.57,
+        azimuth: 0.0,
+        field_of_view: 1.6,
+        follows: false,
+    };
+    let state = State::upright(&Params::paper());
+    let light = |radius: f64| {
+        let renderer = Renderer::new(rod(radius), WIDTH, HEIGHT, 1, down).unwrap();
+        Shot::of(&renderer, &state, &[]).rgb
+    };
+    let (with, without) = (light(0.01), light(1e-9));
+    // Along a line across the shadow, light falls to a minimum and rises again: no lit strip within.
+    let column = WIDTH / 2;
+    for line in [column, column + 7] {
+        let across_rows = |rgb: &[u8], row: usize| f64::from(rgb[3 * (row * WIDTH + line)]);
+        let across_columns = |rgb: &[u8], c: usize| f64::from(rgb[3 * ((HEIGHT / 2) * WIDTH + c)]);
+        let rows: Vec<f64> = (0..HEIGHT).map(|r| across_rows(&with, r) / across_rows(&without, r)).collect();
+        let columns: Vec<f64> = (0..WIDTH).map(|c| across_columns(&with, c) / across_columns(&without, c)).collect();
+        let spread = |v: &[f64]| v.iter().copied().fold(0.0, f64::max) - v.iter().copied().fold(1.0, f64::min);
+        let profile = if spread(&rows) > spread(&columns) { rows } else { columns };
+        let shaded: Vec<usize> = (0..profile.len()).filter(|&i| profile[i] < 0.99).collect();
+        let gaps = (shaded[0]..=shaded[shaded.len() - 1]).filter(|&i| profile[i] > 0.995).count();
+        assert!(shaded.len() > 3, "no shadow: {profile:?}");
+        assert_eq!(gaps, 0, "{profile:?}");
     }
 }
 
@@ -271,11 +352,15 @@ fn what_cannot_be_is_refused_with_its_name() {
     assert!(refused(Renderer::new(scene(), 10, 10, 3, ok)).contains("samples"));
     assert!(refused(Renderer::new(scene(), 10, 10, 1, Camera { distance: f64::NAN, ..ok })).contains("distance"));
     assert!(refused(Renderer::new(scene(), 10, 10, 1, Camera { field_of_view: 4.0, ..ok })).contains("field of view"));
+    let sunk = Camera { elevation: -0.5, ..ok };
+    assert!(refused(Renderer::new(scene(), 10, 10, 1, sunk)).contains("camera height"));
     let renderer = Renderer::new(scene(), 10, 10, 1, ok).unwrap();
     let state = State::upright(&Params::paper());
     let mut short = [0; 10];
     let picture = Picture { rgb: Some(&mut short), ..Picture::default() };
     assert!(renderer.render(&state, &[], picture).unwrap_err().to_string().contains("rgb"));
+    let endless = Arrow { from: Vector3::zeros(), to: Vector3::x() * 1e200, colour: srgb(0) };
+    assert!(renderer.render(&state, &[endless], Picture::default()).unwrap_err().to_string().contains("arrow"));
     let lost = State { ball_position: Vector3::repeat(f64::NAN), ..state };
     assert!(renderer.render(&lost, &[], Picture::default()).is_err());
 }

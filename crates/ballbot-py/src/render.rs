@@ -8,7 +8,7 @@ use ballbot_core::render::{Arrow, Camera, Picture, Renderer, Scene, force_arrows
 use ballbot_core::{Params, State};
 use numpy::{Element, PyArray1, PyArray3, PyArray4, PyArrayMethods};
 use numpy::{PyArray2, ndarray};
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -23,6 +23,7 @@ use std::path::PathBuf;
 ///     camera: `target` (three, m), `distance` (m), `azimuth` (rad, counter-clockwise from x), `elevation` (rad),
 ///         `field_of_view` (vertical, rad) and `follows` (the ball; then `target` is relative to its point of
 ///         contact) change the default, which follows the robot.
+///     num_threads: threads that cast rays; None takes all cores. Pictures do not depend on it.
 ///
 /// Raises:
 ///     ValueError: a number out of range. TypeError: an unknown camera setting.
@@ -57,11 +58,15 @@ fn camera_with(mut camera: Camera, changes: Option<&Bound<'_, PyDict>>) -> PyRes
 /// A fresh array of a picture's rows and columns, filled by `fill` without the GIL.
 fn picture<'py, T: Element + Clone + Default + Send>(
     py: Python<'py>,
-    length: usize,
+    sizes: &[usize],
     fill: impl FnOnce(&mut [T]) -> ballbot_core::Result<()> + Send,
 ) -> PyResult<Bound<'py, PyArray1<T>>> {
+    let too_large = || PyMemoryError::new_err("no memory for a picture, or as many, of this size");
+    let length = sizes.iter().try_fold(1_usize, |product, &n| product.checked_mul(n)).ok_or_else(too_large)?;
     let pixels = py.detach(|| {
-        let mut pixels = vec![T::default(); length];
+        let mut pixels = Vec::new();
+        pixels.try_reserve_exact(length).map_err(|_| too_large())?;
+        pixels.resize(length, T::default());
         call(|| fill(&mut pixels)).map(|()| pixels)
     })?;
     Ok(PyArray1::from_vec(py, pixels))
@@ -70,7 +75,7 @@ fn picture<'py, T: Element + Clone + Default + Send>(
 #[pymethods]
 impl PyRenderer {
     #[new]
-    #[pyo3(signature = (params=None, *, urdf=None, width=640, height=480, samples=1, camera=None))]
+    #[pyo3(signature = (params=None, *, urdf=None, width=640, height=480, samples=1, camera=None, num_threads=None))]
     fn new(
         params: Option<&Bound<'_, PyAny>>,
         urdf: Option<(PathBuf, PathBuf)>,
@@ -78,6 +83,7 @@ impl PyRenderer {
         height: i64,
         samples: i64,
         camera: Option<&Bound<'_, PyDict>>,
+        num_threads: Option<i64>,
     ) -> PyResult<Self> {
         let (params, scene) = match urdf {
             None => {
@@ -98,7 +104,15 @@ impl PyRenderer {
         });
         let (width, height, samples) = (width?, height?, samples?);
         let camera = camera_with(Camera::following(scene.height()), camera)?;
-        call(|| Renderer::new(scene, width, height, samples, camera)).map(|renderer| Self { renderer, params })
+        let num_threads = num_threads.map(|n| usize::try_from(n).unwrap_or(0));
+        let renderer = call(|| {
+            let renderer = Renderer::new(scene, width, height, samples, camera)?;
+            match num_threads {
+                Some(n) => renderer.with_threads(n),
+                None => Ok(renderer),
+            }
+        })?;
+        Ok(Self { renderer, params })
     }
 
     /// The robot in a state, shape (height, width, 3), uint8.
@@ -123,7 +137,7 @@ impl PyRenderer {
             }));
         }
         let (width, height) = self.renderer.size();
-        let rgb = picture(py, 3 * width * height, |rgb| {
+        let rgb = picture(py, &[height, width, 3], |rgb| {
             self.renderer.render(&state.0, &shown, Picture { rgb: Some(rgb), ..Picture::default() })
         })?;
         rgb.reshape([height, width, 3])
@@ -132,7 +146,7 @@ impl PyRenderer {
     /// Distances along the camera's axis, shape (height, width), float32, m; infinite in the sky.
     fn depth<'py>(&self, py: Python<'py>, state: &PyState) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let (width, height) = self.renderer.size();
-        let depth = picture(py, width * height, |depth| {
+        let depth = picture(py, &[height, width], |depth| {
             self.renderer.render(&state.0, &[], Picture { depth: Some(depth), ..Picture::default() })
         })?;
         depth.reshape([height, width])
@@ -141,7 +155,7 @@ impl PyRenderer {
     /// What each pixel shows, shape (height, width), uint8: `LABELS[value]` names it.
     fn labels<'py>(&self, py: Python<'py>, state: &PyState) -> PyResult<Bound<'py, PyArray2<u8>>> {
         let (width, height) = self.renderer.size();
-        let labels = picture(py, width * height, |labels| {
+        let labels = picture(py, &[height, width], |labels| {
             self.renderer.render(&state.0, &[], Picture { labels: Some(labels), ..Picture::default() })
         })?;
         labels.reshape([height, width])
@@ -154,7 +168,7 @@ impl PyRenderer {
         let states = rows.as_chunks::<{ State::LEN }>().0;
         let (width, height) = self.renderer.size();
         let frame = 3 * width * height;
-        let rgb = picture(py, states.len() * frame, |rgb| {
+        let rgb = picture(py, &[states.len(), frame], |rgb| {
             for (row, rgb) in states.iter().zip(rgb.chunks_mut(frame)) {
                 let picture = Picture { rgb: Some(rgb), ..Picture::default() };
                 self.renderer.render(&State::from_array(row), &[], picture)?;

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::lanes::EIGHT;
 use crate::robot::ModelKind;
 use crate::state::State;
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use crate::workers::{Workers, thread_count};
 use std::str::FromStr;
 use std::sync::{Mutex, PoisonError};
 
@@ -74,36 +74,10 @@ pub struct Batch {
     groups: Vec<Box<dyn Group>>,
     width: usize,
     autoreset: Autoreset,
-    workers: Workers,
-}
-
-/// Threads that help the caller's, made when they are first needed. A forked child has none of its parent's threads, so a
-/// pool serves only the process that made it.
-struct Workers {
-    /// The caller's among them.
+    /// Of a step, the caller's among them.
     threads: usize,
-    /// How many others a step is worth waking.
-    helpers: usize,
-    pool: Option<(u32, ThreadPool)>,
-}
-
-impl Workers {
-    fn pool(&mut self) -> Result<&ThreadPool> {
-        let process = std::process::id();
-        if self.pool.as_ref().is_some_and(|(owner, _)| *owner != process) {
-            // Its threads died with the fork: dropping it could wait for them.
-            std::mem::forget(self.pool.take());
-        }
-        if self.pool.is_none() {
-            let pool = ThreadPoolBuilder::new()
-                .num_threads(self.helpers)
-                .thread_name(|i| format!("ballbot-{i}"))
-                .build()
-                .map_err(|e| Error::Inconsistent(format!("cannot start {} threads: {e}", self.helpers)))?;
-            self.pool = Some((process, pool));
-        }
-        Ok(&self.pool.as_ref().expect("just made").1)
-    }
+    /// Others that a step is worth waking.
+    helpers: Workers,
 }
 
 /// What a helping thread must have to do for its waking to pay, s.
@@ -128,10 +102,7 @@ impl Batch {
         if num_envs == 0 {
             return Err(Error::Inconsistent("num_envs = 0, it must be at least 1".into()));
         }
-        if num_threads == Some(0) {
-            return Err(Error::Inconsistent("num_threads = 0, it must be at least 1".into()));
-        }
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let threads = thread_count(num_threads)?;
         let width = if config.model == ModelKind::Contact { EIGHT } else { 1 };
         let group = |first: usize| -> Result<Box<dyn Group>> {
             let seed = seed.wrapping_add(first as u64);
@@ -141,11 +112,11 @@ impl Batch {
             })
         };
         let groups = (0..num_envs).step_by(width).map(group).collect::<Result<Vec<_>>>()?;
-        let threads = num_threads.unwrap_or(cores).min(groups.len());
+        let threads = threads.min(groups.len());
         let seconds = (num_envs * config.substeps()?) as f64 * config.model.step_seconds();
         let helpers = (threads - 1).min((seconds / WORTH_WAKING) as usize);
-        let workers = Workers { threads, helpers, pool: None };
-        Ok(Self { config: config.clone(), len: num_envs, groups, width, autoreset, workers })
+        let helpers = Workers::new(helpers);
+        Ok(Self { config: config.clone(), len: num_envs, groups, width, autoreset, threads, helpers })
     }
 
     /// Number of environments.
@@ -160,7 +131,7 @@ impl Batch {
 
     /// Number of threads that step them.
     pub fn num_threads(&self) -> usize {
-        self.workers.threads
+        self.threads
     }
 
     /// What happens when an episode ends.
@@ -291,27 +262,19 @@ impl Batch {
     /// [`Error::Inconsistent`] with [`Autoreset::Disabled`] where an episode is over. Nothing has moved then.
     pub fn step(&mut self, actions: &[f32], buffers: &mut StepBuffers<'_>) -> Result<()> {
         self.check_step(actions, buffers)?;
-        let (autoreset, width, workers) = (self.autoreset, self.width, &mut self.workers);
-        if workers.helpers == 0 {
+        let (autoreset, width) = (self.autoreset, self.width);
+        if self.helpers.count() == 0 {
             step_groups(&mut self.groups, width, autoreset, whole(actions, buffers));
             return Ok(());
         }
-        let groups = self.groups.len().div_ceil(PIECES_PER_THREAD * (workers.helpers + 1));
+        let groups = self.groups.len().div_ceil(PIECES_PER_THREAD * (self.helpers.count() + 1));
         let pieces = Mutex::new(pieces(&mut self.groups, groups, groups * width, whole(actions, buffers)));
-        let work = || {
+        self.helpers.share(|| {
             let next = || pieces.lock().unwrap_or_else(PoisonError::into_inner).next();
             while let Some((groups, share)) = next() {
                 step_groups(groups, width, autoreset, share);
             }
-        };
-        let helpers = workers.helpers;
-        workers.pool()?.in_place_scope(|scope| {
-            for _ in 0..helpers {
-                scope.spawn(|_| work());
-            }
-            work();
-        });
-        Ok(())
+        })
     }
 
     fn check_step(&self, actions: &[f32], buffers: &StepBuffers<'_>) -> Result<()> {

@@ -45,6 +45,8 @@ impl Camera {
         check("camera azimuth", self.azimuth, "finite", f64::is_finite)?;
         check("camera elevation", self.elevation, "between -1.57 and 1.57 rad", |e| e.abs() <= 1.57)?;
         check("camera field of view", self.field_of_view, "between 0.01 and 3 rad", |f| (0.01..=3.0).contains(&f))?;
+        let height = self.target.z + self.distance * self.elevation.sin();
+        check("camera height", height, "above 0 m, the floor", |h| h > 0.0)?;
         Ok(())
     }
 

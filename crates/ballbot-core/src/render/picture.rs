@@ -7,11 +7,14 @@ use super::shading::Light;
 use super::shape::Shape;
 use crate::error::{Error, Result, check, finite};
 use crate::state::State;
+use crate::workers::{self, Workers, thread_count};
 use nalgebra::{UnitQuaternion, Vector3};
-use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 /// Edge of a tile, pixels: parts that a tile cannot see are dropped for all its pixels at once.
 const TILE: usize = 16;
+/// Where an arrow may begin and end, m.
+const FARTHEST: f64 = 1e6;
 /// Largest picture, pixels along an edge.
 const MAX_EDGE: usize = 8192;
 
@@ -45,10 +48,11 @@ pub struct Renderer {
     samples: usize,
     camera: Camera,
     display: Display,
+    helpers: Mutex<Workers>,
 }
 
 impl Renderer {
-    /// A renderer of pictures of `width` by `height` pixels, with 1, 2 or 4 colour samples a pixel.
+    /// A renderer of pictures of `width` by `height` pixels, with 1, 2 or 4 colour samples a pixel, on all cores.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] naming the number and its limit.
@@ -58,7 +62,17 @@ impl Renderer {
         }
         check("samples", samples as f64, "1, 2 or 4 a pixel", |_| matches!(samples, 1 | 2 | 4))?;
         camera.validate()?;
-        Ok(Self { scene, width, height, samples, camera, display: Display::new() })
+        let helpers = Mutex::new(Workers::new(thread_count(None)? - 1));
+        Ok(Self { scene, width, height, samples, camera, display: Display::new(), helpers })
+    }
+
+    /// The same on a number of threads, the caller's among them; pictures do not depend on it.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for zero threads.
+    pub fn with_threads(self, num_threads: usize) -> Result<Self> {
+        let helpers = Mutex::new(Workers::new(thread_count(Some(num_threads))? - 1));
+        Ok(Self { helpers, ..self })
     }
 
     /// Width and height, pixels.
@@ -108,12 +122,21 @@ impl Renderer {
         // Bands of tiles: each writes its own rows of each slice.
         let band = TILE * self.width;
         let bands = self.height.div_ceil(TILE);
-        let mut rgb = split(picture.rgb, 3 * band, bands);
-        let mut depth = split(picture.depth, band, bands);
-        let mut labels = split(picture.labels, band, bands);
-        rgb.par_iter_mut().zip(&mut depth).zip(&mut labels).enumerate().for_each(|(i, ((rgb, depth), labels))| {
-            shot.band(i * TILE, rgb.as_deref_mut(), depth.as_deref_mut(), labels.as_deref_mut());
-        });
+        let rgb = split(picture.rgb, 3 * band, bands);
+        let depth = split(picture.depth, band, bands);
+        let labels = split(picture.labels, band, bands);
+        let bands = Mutex::new(rgb.into_iter().zip(depth).zip(labels).enumerate());
+        let work = || {
+            let next = || bands.lock().unwrap_or_else(PoisonError::into_inner).next();
+            while let Some((i, ((rgb, depth), labels))) = next() {
+                shot.band(i * TILE, rgb, depth, labels);
+            }
+        };
+        let helpers = self.helpers.lock().unwrap_or_else(PoisonError::into_inner).pool()?;
+        match helpers {
+            None => work(),
+            Some(pool) => workers::share(&pool, work),
+        }
         Ok(())
     }
 }
@@ -128,7 +151,10 @@ fn split<T>(slice: Option<&mut [T]>, chunk: usize, chunks: usize) -> Vec<Option<
 
 impl Arrow {
     fn parts(&self, parts: &mut Vec<Part>) -> Result<()> {
-        finite("arrow", &[self.from.as_slice(), self.to.as_slice(), self.colour.as_slice()].concat())?;
+        finite("arrow", self.colour.as_slice())?;
+        for value in self.from.iter().chain(&self.to) {
+            check("arrow", *value, format!("within ±{FARTHEST} m"), |v| v.abs() <= FARTHEST)?;
+        }
         let along = self.to - self.from;
         let length = along.norm();
         if length < 1e-6 {
@@ -211,10 +237,11 @@ impl Shot<'_> {
     fn seen_from_tile(&self, left: usize, top: usize, columns: usize, rows: usize, near: &mut Vec<usize>) {
         let (x, y) = (left as f64 + 0.5 * columns as f64, top as f64 + 0.5 * rows as f64);
         let axis = self.view.ray(x, y);
-        let corner = self.view.ray(left as f64, top as f64);
-        let opposite = self.view.ray((left + columns) as f64, (top + rows) as f64);
+        let corners = [(left, top), (left + columns, top), (left, top + rows), (left + columns, top + rows)];
         let axis = axis.normalize();
-        let spread = axis.angle(&corner).max(axis.angle(&opposite));
+        // Rounding must not lose a part that just touches the cone.
+        let spread =
+            1e-9 + corners.iter().map(|&(x, y)| axis.angle(&self.view.ray(x as f64, y as f64))).fold(0.0, f64::max);
         near.clear();
         for (i, part) in self.parts.iter().enumerate() {
             let to = part.centre - self.view.position;
@@ -229,7 +256,7 @@ impl Shot<'_> {
     fn look(&self, direction: &Vector3<f64>, near: &[usize], shaded: bool) -> Seen {
         let origin = &self.view.position;
         let length_squared = direction.norm_squared();
-        let mut limit = if direction.z < 0.0 && origin.z > 0.0 { -origin.z / direction.z } else { f64::INFINITY };
+        let mut limit = if direction.z < 0.0 { -origin.z / direction.z } else { f64::INFINITY };
         let mut first = None;
         for &i in near {
             let part = &self.parts[i];

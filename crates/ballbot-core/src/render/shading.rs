@@ -125,7 +125,7 @@ impl Light {
         // Off the surface, or it would shade itself.
         let origin = point + normal * 1e-6;
         let mut near: [Option<&Placed<'_>>; NEAR] = [None; NEAR];
-        let mut count = 0;
+        let (mut count, mut thin) = (0, false);
         for part in parts {
             let to = part.centre - origin;
             let along = to.dot(&self.sun);
@@ -135,6 +135,7 @@ impl Light {
                     near[count] = Some(part);
                 }
                 count += 1;
+                thin |= part.part.shape.inner_radius() < SUN_RADIUS * along;
             }
         }
         if count == 0 {
@@ -149,15 +150,14 @@ impl Light {
                 near.iter().flatten().any(|part| hides(part, towards))
             }
         };
-        // The outermost rays first: where they agree, so do those between.
-        let rim = self.towards[SUN_RAYS - 4..].iter().filter(|towards| hidden(towards)).count();
-        match rim {
-            0 | 4 => 1.0 - (rim / 4) as f64,
-            _ => {
-                let inner = self.towards[..SUN_RAYS - 4].iter().filter(|towards| hidden(towards)).count();
-                1.0 - (rim + inner) as f64 / SUN_RAYS as f64
-            }
+        let count_hidden = |rays: &[Vector3<f64>]| rays.iter().filter(|towards| hidden(towards)).count();
+        let (inner, rim) = self.towards.split_at(SUN_RAYS - 4);
+        // The outermost rays first: where they agree, so do those between, unless something thin is between them.
+        let on_rim = count_hidden(rim);
+        if !thin && (on_rim == 0 || on_rim == rim.len()) {
+            return 1.0 - (on_rim / rim.len()) as f64;
         }
+        1.0 - (on_rim + count_hidden(inner)) as f64 / SUN_RAYS as f64
     }
 }
 

@@ -80,6 +80,17 @@ impl Shape {
         }
     }
 
+    /// Half of how thin it is: the radius of a sphere that fits into it; for a mesh, into the box around it.
+    pub(super) fn inner_radius(&self) -> f64 {
+        match self {
+            Self::Sphere { radius } => *radius,
+            Self::Cylinder { radius, half_length } => radius.min(*half_length),
+            Self::Cuboid { half_extents } => half_extents.min(),
+            Self::Cone { .. } => 0.0,
+            Self::Mesh(mesh) => mesh.local_aabb().half_extents().min_element(),
+        }
+    }
+
     /// First hit from outside within `limit`.
     pub(super) fn cast(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<Hit> {
         let hit = match self {

@@ -120,7 +120,7 @@ fn shape(what: &str, geometry: &Geometry, file: &Path) -> Checked<VisualShape> {
             positive("scale", scale.as_slice())?;
             let relative = filename.strip_prefix("file://").unwrap_or(filename);
             if relative.contains("://") {
-                return Err(format!("{what}: mesh '{filename}' must be a path relative to the URDF"));
+                return Err(format!("{what}: mesh '{filename}' must be a path, from the URDF's folder or absolute"));
             }
             Ok(VisualShape::Mesh(file.parent().unwrap_or(Path::new("")).join(relative), scale))
         }
