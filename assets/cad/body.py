@@ -5,7 +5,7 @@ import math
 import cadquery as cq
 
 from assets.cad.materials import ABS, ALUMINIUM, POLYCARBONATE
-from assets.cad.parameters import BODY, KEEPER, WHEEL
+from assets.cad.parameters import BODY, KEEPER
 from assets.cad.part import Part, part, turned
 
 
@@ -47,8 +47,9 @@ def body() -> list[Part]:
     # A step for the mast's lower end would not be seen: it stands on the base plate, over the socket.
     socket = _disc(BODY.socket_radius, BODY.socket_bottom, BODY.base_bottom)
     mast = _disc(BODY.mast_radius, base_top, BODY.head_bottom, BODY.mast_radius - BODY.mast_wall)
-    cap = _disc(BODY.cap_radius, head_top, head_top + BODY.cap_height).edges(">Z").fillet(0.4 * BODY.cap_radius)
+    cap = _disc(BODY.cap_radius, head_top, head_top + BODY.cap_height).edges(">Z").chamfer(BODY.cap_chamfer)
     hollow = _disc(BODY.cap_radius - BODY.cap_wall, head_top, head_top + BODY.cap_height - BODY.cap_wall)
+    hollow = hollow.edges(">Z").chamfer(BODY.cap_chamfer)
     pillar = _disc(BODY.pillar_radius, base_top, BODY.deck_bottom, BODY.pillar_bore)
     pillar = part("pillar", "body_frame", ALUMINIUM, pillar.translate((_pillar_circle(), 0.0, 0.0)))
     return [
@@ -57,9 +58,6 @@ def body() -> list[Part]:
         part("head plate", "body_plates", POLYCARBONATE, head),
         part("socket", "body_frame", ALUMINIUM, socket),
         part("mast", "body_frame", ALUMINIUM, mast),
-        part("cap", "body_cap", ABS, cap.cut(hollow.edges(">Z").fillet(0.3 * BODY.cap_radius))),
+        part("cap", "body_cap", ABS, cap.cut(hollow)),
         *(pillar.moved(turned(azimuth)) for azimuth in KEEPER.azimuths),
     ]
-
-
-assert len(WHEEL.azimuths) == len(KEEPER.azimuths)

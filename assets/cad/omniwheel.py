@@ -22,21 +22,32 @@ def gap_drop() -> float:
     return below_rim + BALL.radius - math.sqrt(BALL.radius**2 - half_chord**2)
 
 
-def roller(grown: float = 0.0) -> cq.Workplane:
-    """Roller 0: a barrel about the line x = `roller_axle` along y. `grown` makes it the room that it turns in."""
-    arc = math.radians(WHEEL.roller_arc)
-    end, radius = WHEEL.radius * math.sin(arc), WHEEL.radius + grown
-    reach = end + grown
+def _outline(grown: float = 0.0) -> list[tuple[float, float]]:
+    """End, middle and other end of the arc of roller 0 in the wheel's plane."""
+    reach = WHEEL.radius * math.sin(math.radians(WHEEL.roller_arc)) + grown
+    radius = WHEEL.radius + grown
     at_end = math.sqrt(radius**2 - reach**2)
-    profile = (
-        cq.Workplane("XY")
-        .moveTo(WHEEL.roller_axle, -reach)
-        .lineTo(at_end, -reach)
-        .threePointArc((radius, 0.0), (at_end, reach))
-        .lineTo(WHEEL.roller_axle, reach)
-        .close()
-    )
+    return [(at_end, -reach), (radius, 0.0), (at_end, reach)]
+
+
+def _roller() -> cq.Workplane:
+    """Roller 0: a barrel about the line x = `roller_axle` along y."""
+    first, middle, last = _outline()
+    profile = cq.Workplane("XY").moveTo(WHEEL.roller_axle, first[1]).lineTo(*first).threePointArc(middle, last)
+    profile = profile.lineTo(WHEEL.roller_axle, last[1]).close()
     return profile.revolve(360.0, (WHEEL.roller_axle, 0.0), (WHEEL.roller_axle, 1.0))
+
+
+def _slot() -> cq.Workplane:
+    """What is milled out of the rim for roller 0, through all of it."""
+    first, middle, last = _outline(WHEEL.clearance)
+
+    def across(point: tuple[float, float]) -> tuple[float, float]:
+        return (2.0 * WHEEL.roller_axle - point[0], point[1])
+
+    outline = cq.Workplane("XY").moveTo(*first).threePointArc(middle, last).lineTo(*across(last))
+    outline = outline.threePointArc(across(middle), across(first)).close()
+    return outline.extrude(WHEEL.rim_width, both=True)
 
 
 def _pin() -> cq.Workplane:
@@ -60,14 +71,14 @@ def _rim() -> cq.Workplane:
     rim = rim.union(_disc(WHEEL.rim_inner_radius, -web, web)).cut(_disc(WHEEL.hub_radius, -half, half))
     holes = cq.Workplane("XY").polarArray(WHEEL.web_hole_circle, 0.0, 360.0, WHEEL.web_holes)
     rim = rim.cut(holes.circle(WHEEL.web_hole_radius).extrude(half, both=True))
-    for room in _all_around(roller(WHEEL.clearance)) + _all_around(_pin()):
+    for room in _all_around(_slot()) + _all_around(_pin()):
         rim = rim.cut(cq.Workplane(room))
     return rim
 
 
 def wheel() -> list[Part]:
     """All parts of a wheel."""
-    barrel = roller().cut(_pin())
+    barrel = _roller().cut(_pin())
     hub = _disc(WHEEL.hub_radius, *WHEEL.hub).cut(_disc(WHEEL.shaft_radius, *WHEEL.hub))
     return [
         part("rim", "wheel_rim", ALUMINIUM, _rim()),

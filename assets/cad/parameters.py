@@ -32,7 +32,7 @@ class Wheel:
     clearance: float = 0.4
     rim_radius: float = 46.5
     rim_inner_radius: float = 30.0
-    rim_width: float = 9.4
+    rim_width: float = 10.5
     web_width: float = 2.5
     web_holes: int = 5
     web_hole_radius: float = 5.5
@@ -102,6 +102,7 @@ class Body:
     #: A cap over the mast's end.
     cap_radius: float = 32.0
     cap_height: float = 40.0
+    cap_chamfer: float = 8.0
     cap_wall: float = 4.0
 
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
 from assets.cad.part import Part
 
@@ -11,6 +12,8 @@ _HEADER = b"ballbot, metres"
 
 def triangles_of(part: Part, tolerance: float, angle: float) -> np.ndarray:
     """Of one part, (n, 3, 3) in m, none without area."""
+    # Else CadQuery takes the tolerance to be relative to each edge.
+    BRepMesh_IncrementalMesh(part.solid.wrapped, tolerance, False, angle)
     corners, faces = part.solid.tessellate(tolerance, angle)
     # Faces are tessellated one by one: the corners of one edge differ by rounding.
     points = np.round([corner.toTuple() for corner in corners], 3) * 1e-3

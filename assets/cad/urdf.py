@@ -10,22 +10,22 @@ class Look:
     """How a mesh is shown, and how finely it is cut into triangles: mm and rad."""
 
     colour: str
-    tolerance: float = 0.25
-    angle: float = 0.4
+    tolerance: float = 0.4
+    angle: float = 0.6
 
 
 #: Colours are the materials of the URDF.
 LOOKS = {
-    "body_plates": Look("plate", angle=0.25),
-    "body_frame": Look("frame", angle=0.35),
+    "body_plates": Look("plate", angle=1.0),
+    "body_frame": Look("frame"),
     "body_motors": Look("dark"),
-    "body_shafts": Look("steel"),
-    "body_ring": Look("steel", angle=0.15),
+    "body_shafts": Look("steel", angle=0.8),
+    "body_ring": Look("steel"),
     "body_cap": Look("accent"),
-    "wheel_rim": Look("frame", angle=0.35),
+    "wheel_rim": Look("frame", tolerance=0.6, angle=1.0),
     "wheel_hub": Look("accent"),
-    "wheel_rollers": Look("tyre", angle=0.45),
-    "wheel_pins": Look("steel", angle=0.7),
+    "wheel_rollers": Look("tyre"),
+    "wheel_pins": Look("steel", angle=0.8),
 }
 _LINK = re.compile(r'(  <link name="(\w+)">\n)(.*?)(  </link>\n)', flags=re.DOTALL)
 _VISUAL = re.compile(r"    <visual>.*?</visual>\n", flags=re.DOTALL)
