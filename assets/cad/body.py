@@ -41,7 +41,7 @@ def body() -> list[Part]:
     base_top = BODY.base_bottom + BODY.base_thickness
     deck_top = BODY.deck_bottom + BODY.deck_thickness
     head_top = BODY.head_bottom + BODY.head_thickness
-    base = _windows(_disc(BODY.base_radius, BODY.base_bottom, base_top), 46.0, 68.0, 106.0)
+    base = _windows(_disc(BODY.base_radius, BODY.base_bottom, base_top), 50.0, 68.0, 106.0)
     deck = _windows(_disc(BODY.deck_radius, BODY.deck_bottom, deck_top, BODY.mast_radius), 44.0, 42.0, 92.0)
     head = _windows(_disc(BODY.head_radius, BODY.head_bottom, head_top), 22.0, 42.0, 70.0)
     # A step for the mast's lower end would not be seen: it stands on the base plate, over the socket.

@@ -103,7 +103,7 @@ class Body:
     cap_radius: float = 32.0
     cap_height: float = 40.0
     cap_chamfer: float = 8.0
-    cap_wall: float = 4.0
+    cap_wall: float = 3.7
 
 
 BALL: Final = Ball()
