@@ -6,12 +6,13 @@ INSTALLED := $(VENV)/.installed
 PLOT_INSTALLED := $(VENV)/.plot-installed
 VERIFY_INSTALLED := $(VENV)/.verify-installed
 BENCH_INSTALLED := $(VENV)/.bench-installed
+CAD_INSTALLED := $(VENV)/.cad-installed
 INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet \
 	--disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable
 RUST_SOURCES := $(shell find crates assets/robots -name '*.rs' -o -name '*.toml')
 SEED ?= 0
 
-.PHONY: help setup train test lint docs paper verify bench bench-core instructions format clean
+.PHONY: help setup train test lint docs paper verify bench bench-core instructions cad format clean
 
 help:
 	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
@@ -22,6 +23,7 @@ help:
 	@echo "make verify  check closed forms and other engines, report in docs/verification.md"
 	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
 	@echo "make instructions  compare each model's instruction counts with the kept ones (needs valgrind); ACCEPT=1 keeps new ones"
+	@echo "make cad     build the paper's robot as solids, weigh it, write assets/meshes and the visuals of assets/bot.urdf"
 	@echo "make format  format Rust and Python"
 	@echo "make clean   delete everything that was built"
 
@@ -63,6 +65,9 @@ bench-core:
 instructions:
 	$(PYTHON) tools/instructions.py $(if $(ACCEPT),--accept)
 
+cad: $(CAD_INSTALLED)
+	$(BIN)/python -m assets.cad
+
 format: $(INSTALLED)
 	cargo fmt --all
 	$(BIN)/ruff format .
@@ -88,4 +93,8 @@ $(VERIFY_INSTALLED): $(INSTALLED)
 
 $(BENCH_INSTALLED): $(INSTALLED)
 	$(INSTALL) '.[bench]'
+	@touch $@
+
+$(CAD_INSTALLED): $(INSTALLED)
+	$(INSTALL) '.[cad]'
 	@touch $@

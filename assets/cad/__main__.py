@@ -1,12 +1,14 @@
 """Builds the robot, checks it, and writes `assets/meshes/`, the visuals of `bot.urdf` and the record of its masses."""
 
 import json
+import math
 import sys
 from pathlib import Path
 
 import cadquery as cq
 
 from assets.cad import checks, stl, urdf
+from assets.cad.keeper import floor_tilt
 from assets.cad.omniwheel import gap_drop
 from assets.cad.parameters import TABLE_II
 from assets.cad.part import Mass, Part
@@ -101,7 +103,8 @@ def _write_readme(made: Robot, table: str) -> None:
     _, _, after = rest.partition(_END)
     facts = (
         f"Nothing but the wheels is nearer to the ball than {checks.clearance(made.body):.1f} mm. At a gap between two "
-        f"rollers the ball comes {gap_drop():.2f} mm closer to the axle.\n"
+        f"rollers the ball comes {gap_drop():.2f} mm closer to the axle. The ring meets the floor at a tilt of "
+        f"{math.degrees(floor_tilt()):.1f} deg.\n"
     )
     path.write_text(f"{before}{_BEGIN}{table}\n{facts}{_END}{after}", encoding="utf-8")
 

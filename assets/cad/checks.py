@@ -100,7 +100,8 @@ def _touches_of_the_ball(robot: Robot) -> Iterator[str]:
             yield f"the wheel at {azimuth} deg touches the ball with {touching}"
             continue
         contact = next(p for p in parts if p.name == "roller 0")
-        point = cq.Vertex.makeVertex(*(wheel_location(azimuth) * cq.Location(cq.Vector(WHEEL.radius, 0.0, 0.0))).toTuple()[0])
+        rim = wheel_location(azimuth) * cq.Location(cq.Vector(WHEEL.radius, 0.0, 0.0))
+        point = cq.Vertex.makeVertex(*rim.toTuple()[0])
         if contact.solid.distance(point) > _TOUCH or abs(point.distance(_CENTER) - BALL.radius) > _TOUCH:
             yield f"the wheel at {azimuth} deg does not touch the ball where it should"
         if any(p.solid.distance(_CENTER) < BALL.radius - _TOUCH for p in parts):

@@ -5,8 +5,14 @@ import math
 import cadquery as cq
 
 from assets.cad.materials import ALUMINIUM, STEEL
-from assets.cad.parameters import BODY, KEEPER
+from assets.cad.parameters import BALL, BODY, KEEPER
 from assets.cad.part import Part, part, turned
+
+
+def floor_tilt() -> float:
+    """At which the ring meets the floor, rad: the ring's lower outer edge is at this angle below the horizontal."""
+    outer, bottom = KEEPER.ring_inner_radius + KEEPER.ring_thickness, KEEPER.ring_top - KEEPER.ring_height
+    return math.asin(BALL.radius / math.hypot(outer, bottom)) - math.atan2(-bottom, outer)
 
 
 def _claw() -> cq.Workplane:

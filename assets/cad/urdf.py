@@ -1,4 +1,4 @@
-"""Puts the meshes into `bot.urdf` as its visuals. Inertials, collisions and joints stay what they are, to the letter."""
+"""Puts the meshes into `bot.urdf` as its visuals. Inertials, collisions and joints stay as they are, to the letter."""
 
 import re
 from dataclasses import dataclass
