@@ -35,7 +35,7 @@ class Wheel:
     rim_width: float = 10.5
     web_width: float = 2.5
     web_holes: int = 5
-    web_hole_radius: float = 5.5
+    web_hole_radius: float = 5.8
     web_hole_circle: float = 21.5
     hub_radius: float = 9.5
     #: Along the axle, from the side of the motor to the outer one.
@@ -59,7 +59,7 @@ class Drive:
     clamp: tuple[float, float] = (26.0, 38.0)
     clamp_radius: float = 18.5
     post_thickness: float = 5.0
-    post_width: float = 20.0
+    post_width: float = 15.0
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Keeper:
     #: Where the arc begins, from the mast.
     claw_begin: float = 52.0
     ring_inner_radius: float = 87.5
-    ring_thickness: float = 6.3
+    ring_thickness: float = 6.4
     ring_top: float = -74.0
     ring_height: float = 14.0
 
