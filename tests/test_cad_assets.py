@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from assets.cad.materials import PETG, RUBBER
 from assets.cad.parameters import BALL, BODY, KEEPER, TABLE_II, WHEEL
 from ballbot_rs import Params, Renderer, State
 
@@ -101,6 +102,16 @@ def test_recorded_links_add_up_to_the_recorded_table():
     assert tilt == pytest.approx(table["J_b"], rel=1e-4)
     assert ball["mass"] == pytest.approx(table["M_k"], rel=1e-5)
     assert ball["inertia"][0][0] == pytest.approx(table["J_k"], rel=1e-5)
+
+
+def test_the_recorded_ball_is_a_shell_in_a_skin():
+    """No mesh shows it: hollow spheres by their formula."""
+    middle = BALL.radius - BALL.skin
+    layers = [(RUBBER, BALL.radius, middle), (PETG, middle, middle - BALL.shell)]
+    mass = sum(4.0 / 3.0 * math.pi * m.density * (a**3 - b**3) * 1e-9 for m, a, b in layers)
+    inertia = sum(8.0 / 15.0 * math.pi * m.density * (a**5 - b**5) * 1e-15 for m, a, b in layers)
+    assert mass == pytest.approx(RECORD["table_ii"]["M_k"], rel=1e-4)
+    assert inertia == pytest.approx(RECORD["table_ii"]["J_k"], rel=1e-4)
 
 
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
