@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from assets.cad import materials
 from assets.cad.materials import PETG, RUBBER
 from assets.cad.parameters import BALL, BODY, KEEPER, TABLE_II, WHEEL
 from ballbot_rs import Params, Renderer, State
@@ -57,6 +58,8 @@ def test_the_record_names_the_meshes_that_are_there():
     on_disk = {path.stem for path in MESHES}
     shown = {Path(mesh.get("filename")).stem for mesh in ET.parse(BOT).iter("mesh")}
     assert on_disk == shown == set(RECORD["meshes"])
+    densities = {m.name: m.density for m in vars(materials).values() if isinstance(m, materials.Material)}
+    assert all(mesh["density"] == densities[mesh["material"]] for mesh in RECORD["meshes"].values())
 
 
 @pytest.mark.parametrize("name", TABLE_II)

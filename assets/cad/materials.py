@@ -18,6 +18,5 @@ POLYCARBONATE: Final = Material("polycarbonate sheet", 1200.0)
 ABS: Final = Material("ABS", 1050.0)
 PETG: Final = Material("PETG", 1270.0)
 RUBBER: Final = Material("natural rubber, filled", 1150.0)
-POLYURETHANE: Final = Material("polyurethane, cast", 1200.0)
 #: Windings, magnets, steel gears and air: mass over the volume of the envelope.
 GEARMOTOR: Final = Material("gearmotor, effective", 2450.0)
