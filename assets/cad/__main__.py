@@ -52,9 +52,8 @@ def _table(found: dict[str, float]) -> str:
     for name, expected in TABLE_II.items():
         label = name if " " in name else f"${name}$"
         unit = _UNITS.get(name, "kg·m²")
-        rows.append(
-            f"| {label} | {unit} | {expected:.4g} | {found[name]:.4g} | {round(100 * _error(name, found), 1) + 0.0:+.1f} % |"
-        )
+        percent = round(100.0 * _error(name, found), 1) + 0.0
+        rows.append(f"| {label} | {unit} | {expected:.4g} | {found[name]:.4g} | {percent:+.1f} % |")
     return "\n".join(rows) + "\n"
 
 
