@@ -6,6 +6,7 @@ INSTALLED := $(VENV)/.installed
 PLOT_INSTALLED := $(VENV)/.plot-installed
 VERIFY_INSTALLED := $(VENV)/.verify-installed
 BENCH_INSTALLED := $(VENV)/.bench-installed
+CAD_INSTALLED := $(VENV)/.cad-installed
 INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet \
 	--disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable
 RUST_SOURCES := $(shell find crates assets/robots -name '*.rs' -o -name '*.toml')
@@ -13,7 +14,7 @@ SEED ?= 0
 MINUTES ?= 5
 SOAK_STEPS ?= 10000000
 
-.PHONY: help setup train test lint docs paper verify bench bench-core instructions fuzz soak format clean
+.PHONY: help setup train test lint docs paper verify bench bench-core instructions fuzz soak cad format clean
 
 help:
 	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
@@ -26,6 +27,7 @@ help:
 	@echo "make instructions  compare each model's instruction counts with the kept ones (needs valgrind); ACCEPT=1 keeps new ones"
 	@echo "make fuzz    feed the URDF reader with broken files for MINUTES=$(MINUTES) (needs cargo-fuzz and a nightly compiler)"
 	@echo "make soak    SOAK_STEPS=$(SOAK_STEPS) steps of rigid, ten times as many of contact, with memory watched (a quarter of an hour)"
+	@echo "make cad     build the paper's robot as solids, weigh it, write assets/meshes and the visuals of assets/bot.urdf"
 	@echo "make format  format Rust and Python"
 	@echo "make clean   delete everything that was built"
 
@@ -77,6 +79,9 @@ fuzz:
 soak:
 	BALLBOT_SOAK_STEPS=$(SOAK_STEPS) cargo test --locked --release --test soak -- --nocapture
 
+cad: $(CAD_INSTALLED)
+	$(BIN)/python -m assets.cad
+
 format: $(INSTALLED)
 	cargo fmt --all
 	$(BIN)/ruff format .
@@ -102,4 +107,8 @@ $(VERIFY_INSTALLED): $(INSTALLED)
 
 $(BENCH_INSTALLED): $(INSTALLED)
 	$(INSTALL) '.[bench]'
+	@touch $@
+
+$(CAD_INSTALLED): $(INSTALLED)
+	$(INSTALL) '.[cad]'
 	@touch $@

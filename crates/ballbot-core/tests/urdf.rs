@@ -202,14 +202,15 @@ fn wheels_come_in_document_order_of_the_joints() {
 /// The shipped bot with its wheels at another zenith and turned about the mast, joints revolute, the axle along the
 /// wheels' x axis, radii from visual shapes.
 fn rearranged(zenith: f64, turn: f64) -> String {
-    let mut bot = BOT[..BOT.find("  <joint").unwrap()].replace("collision>", "ignored>");
+    let mut bot = BOT[..BOT.find("  <joint").unwrap()].replace("collision>", "visual>");
     let (tensor, turned) = (
         "ixx=\"7.45e-05\" ixy=\"0\" ixz=\"0\" iyy=\"7.45e-05\" iyz=\"0\" izz=\"0.000149\"",
         "ixx=\"0.000149\" ixy=\"0\" ixz=\"0\" iyy=\"7.45e-05\" iyz=\"0\" izz=\"7.45e-05\"",
     );
     bot = bot.replace(tensor, turned);
-    let disc = "<geometry><cylinder radius=\"0.05\"";
-    bot = bot.replace(disc, &format!("<origin xyz=\"0 0 0\" rpy=\"0 {FRAC_PI_2} 0\"/>{disc}"));
+    let (ball, disc) = ("<geometry><sphere radius=\"0.05\"/>", "<geometry><cylinder radius=\"0.05\" length=\"0.02\"/>");
+    assert!(bot.contains(ball));
+    bot = bot.replace(ball, &format!("<origin xyz=\"0 0 0\" rpy=\"0 {FRAC_PI_2} 0\"/>{disc}"));
     for i in 0..3 {
         let azimuth = turn + TAU / 3.0 * f64::from(i);
         let (x, y, z) =
@@ -326,10 +327,7 @@ fn parts_that_are_missing_are_refused() {
     let (wheel, rest) = BOT.split_at(BOT.find("<link name=\"wheel_0\">").unwrap());
     let reason = refusal(&format!("{wheel}{}", cut(rest, "<inertial>", "</inertial>")), BALL).1;
     assert!(reason.contains("wheel 0 (joint 'wheel_joint_0') has mass = 0 kg"), "{reason}");
-    let boxes = BOT
-        .replace("<sphere radius=\"0.05\"/>", "<box size=\"1 1 1\"/>")
-        .replace("<cylinder radius=\"0.05\"", "<capsule radius=\"0.05\"")
-        .replace("<cylinder radius=\"0.016\"", "<capsule radius=\"0.016\"");
+    let boxes = BOT.replace("<sphere radius=\"0.05\"/>", "<box size=\"1 1 1\"/>");
     assert!(refusal(&boxes, BALL).1.contains("wheel 0 (joint 'wheel_joint_0') has no collision or visual sphere"));
     assert!(refusal("<robot name=\"empty\"/>", BALL).1.contains("no links"));
     assert!(refusal("<robot name=\"one\"><link name=\"body\"/></robot>", BALL).1.contains("0 joints are continuous"));
