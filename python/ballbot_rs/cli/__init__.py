@@ -5,20 +5,24 @@ import sys
 from collections.abc import Sequence
 
 from ballbot_rs import __version__
-from ballbot_rs.cli import evaluate, train
+from ballbot_rs.cli import evaluate, export, info, record, train
 
 #: Exit codes: 1 for an error that the message explains, 2 for a wrong command line, 130 for an interrupt.
 FAILED = 1
 INTERRUPTED = 130
 
+DESCRIPTION = "Simulate, train, evaluate and show ballbots."
+EPILOG = "Exit codes: 0 done, 1 an error that the message explains, 2 a wrong command line, 130 interrupted."
+
 
 def parser() -> argparse.ArgumentParser:
     """The command line's grammar."""
-    parser = argparse.ArgumentParser(prog="ballbot", description="Simulate, train and evaluate ballbots.")
+    parser = argparse.ArgumentParser(prog="ballbot", description=DESCRIPTION, epilog=EPILOG)
     parser.add_argument("--version", action="version", version=f"ballbot {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     train.add_to(commands)
-    evaluate.add_to(commands)
+    for command in (evaluate, record, export, info):
+        command.add_to(commands)
     return parser
 
 
