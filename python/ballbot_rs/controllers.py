@@ -124,11 +124,11 @@ def _onnx(path: Path, env_id: str) -> tuple[BatchController, Mapping[str, Any]]:
 
 def _stable_baselines(path: Path, env_id: str) -> tuple[BatchController, Mapping[str, Any]]:
     try:
-        from ballbot_rs.training.policy import load_policy
+        from ballbot_rs.training.policy import act, load_policy
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
             f"a policy file needs {error.name}: install it with `pip install 'ballbot-rs[train]'`",
             name=error.name,
         ) from error
     model, metadata = load_policy(path, env_id)
-    return lambda observations: model.predict(observations, deterministic=True)[0], metadata["env_options"]
+    return lambda observations: act(model, observations), metadata["env_options"]

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 
 from ballbot_rs import __version__
-from ballbot_rs.cli import evaluate, export, info, record, train
+from ballbot_rs.cli import evaluate, export, info, plot, record, report, train
 
 #: Exit codes: 1 for an error that the message explains, 2 for a wrong command line, 130 for an interrupt.
 FAILED = 1
@@ -21,7 +21,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"ballbot {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     train.add_to(commands)
-    for command in (evaluate, record, export, info):
+    for command in (evaluate, report, export, plot, record, info):
         command.add_to(commands)
     return parser
 

@@ -6,9 +6,9 @@ from typing import Any
 
 from ballbot_rs import __version__
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.cli.table import print_table
 from ballbot_rs.evaluation import compare
 from ballbot_rs.registration import TASKS
+from ballbot_rs.reporting.table import print_table
 
 
 def add_to(commands: Any) -> None:
