@@ -33,9 +33,10 @@ def draw(recoveries: Sequence[Recovery]) -> Figure:
     keys = [
         Patch(color=_FELL, label="fell"),
         Patch(color=_UNSETTLED, label=unsettled),
+        Line2D([], [], color=INK, marker="o", fillstyle="none", linestyle="", label="radius: initial tilt"),
         Line2D([], [], color=INK, marker="s", linestyle="", markersize=4, label="wheel"),
     ]
-    fig.legend(handles=keys, loc="outside lower center", ncols=3)
+    fig.legend(handles=keys, loc="outside lower center", ncols=4)
     return fig
 
 
@@ -44,6 +45,7 @@ def _draw_map(ax: Any, recovery: Recovery, longest: float) -> Any:
     width = recovery.tilts[0] * 2
     radii = np.degrees(np.arange(rings + 1) * width)
     edges = (np.arange(sectors + 1) - 0.5) * 2 * np.pi / sectors
+    ax.set_axisbelow(False)
     ax.grid(False)
     for lost, colour in ((~recovery.stood, _FELL), (recovery.stood & ~recovery.recovered, _UNSETTLED)):
         ax.pcolormesh(edges, radii, np.where(lost, 1.0, np.nan), cmap=_plain(colour), rasterized=True)

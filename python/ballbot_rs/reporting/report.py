@@ -1,5 +1,6 @@
 """What the report of a training run shows, from its folder to the file."""
 
+import dataclasses
 import json
 import tempfile
 from collections.abc import Callable, Sequence
@@ -46,6 +47,7 @@ def write(
     """
     try:
         from ballbot_rs.plotting import learning_curve, recovery_map
+        from ballbot_rs.plotting.labels import short
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
             f"a report needs {error.name}: install it with `pip install 'ballbot-rs[plot,video]'`", name=error.name
@@ -54,6 +56,10 @@ def write(
     record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     policy = find(str(folder / "best_model.zip"))
     show = progress or (lambda _: _nowhere)
+    parts = [page.note(f"Training run {folder.resolve().name}, seed {record['seed']}.")]
+    # First, because this is what may turn out not to be installed.
+    if video_seconds > 0:
+        parts.append(page.section("The policy at work", *_video(policy, video_seconds, show("rendering"))))
     names = [policy.name, *BESIDE]
     if results is None and episodes > 0:
         results = compare(names, episodes=episodes, progress=show("comparing"))
@@ -61,11 +67,9 @@ def write(
         recovery.collect(controller, env_options=policy.env_options, progress=show(f"recovery of {controller.name}"))
         for controller in (policy, *map(find, BESIDE))
     ]
-    parts = [page.note(f"Training run {folder.resolve().name}, seed {record['seed']}.")]
-    if video_seconds > 0:
-        parts.append(page.section("The policy at work", *_video(policy, video_seconds, show("rendering"))))
     if results:
-        table = page.table(rows(results))
+        named = [dataclasses.replace(result, controller=short(result.controller)) for result in results]
+        table = page.table(rows(named))
         count = f"{results[0].episodes} episodes each, the same starts for all, model {results[0].model}."
         parts.append(page.section("Beside the classical controllers", table, page.note(f"{count} {LEGEND}")))
     parts += [
