@@ -48,3 +48,13 @@ def test_a_bar_is_shown_on_a_terminal_alone(capsys, monkeypatch):
         with progress.bar("working", quiet) as advance:
             advance(1, 2)
         assert ("working" in capsys.readouterr().err) is not quiet
+
+
+def test_completions_know_every_command(capsys):
+    pytest.importorskip("shtab")
+    with pytest.raises(SystemExit) as ended:
+        main(["--print-completion", "bash"])
+    assert ended.value.code == 0
+    script = capsys.readouterr().out
+    for expected in ("evaluate", "record", "--push-at", "--no-report"):
+        assert expected in script

@@ -1,6 +1,7 @@
 """The `ballbot` command."""
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Sequence
 
@@ -19,6 +20,10 @@ def parser() -> argparse.ArgumentParser:
     """The command line's grammar."""
     parser = argparse.ArgumentParser(prog="ballbot", description=DESCRIPTION, epilog=EPILOG)
     parser.add_argument("--version", action="version", version=f"ballbot {__version__}")
+    with contextlib.suppress(ModuleNotFoundError):
+        import shtab
+
+        shtab.add_argument_to(parser, "--print-completion", help="print a script of completions for a shell")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     train.add_to(commands)
     for command in (evaluate, report, export, plot, record, info):

@@ -38,10 +38,10 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def after_training(folder: Path, results: Sequence[Result], quiet: bool) -> Path | None:
-    """The report that ends a training; without what it needs, says so on standard error and goes on."""
+    """The report that ends a training; where it cannot be, says why on standard error and goes on."""
     try:
         return _write(folder, quiet, results=results, episodes=0)
-    except ModuleNotFoundError as error:
+    except (ModuleNotFoundError, OSError, ValueError) as error:
         print(f"no report: {error}", file=sys.stderr)
         return None
 
