@@ -7,6 +7,8 @@ PLOT_INSTALLED := $(VENV)/.plot-installed
 VERIFY_INSTALLED := $(VENV)/.verify-installed
 BENCH_INSTALLED := $(VENV)/.bench-installed
 CAD_INSTALLED := $(VENV)/.cad-installed
+
+DEMO_INSTALLED := $(VENV)/.demo-installed
 INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet \
 	--disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable
 RUST_SOURCES := $(shell find crates assets/robots -name '*.rs' -o -name '*.toml')
@@ -14,9 +16,10 @@ SEED ?= 0
 MINUTES ?= 5
 SOAK_STEPS ?= 10000000
 
-.PHONY: help setup train test lint docs paper verify bench bench-core instructions fuzz soak cad format clean
+.PHONY: help setup train test lint docs paper verify bench bench-core instructions fuzz soak cad demo format clean
 
 help:
+	@echo "make demo    watch a trained policy balance; installs no PyTorch"
 	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
 	@echo "make test    all tests, Rust and Python"
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
@@ -32,6 +35,9 @@ help:
 	@echo "make clean   delete everything that was built"
 
 setup: $(INSTALLED)
+
+demo: $(DEMO_INSTALLED)
+	$(BIN)/ballbot view --controller assets/policies/balance.onnx
 
 train: $(INSTALLED)
 	$(BIN)/ballbot train balance --seed $(SEED)
@@ -89,12 +95,23 @@ format: $(INSTALLED)
 clean:
 	rm -rf $(VENV) target fuzz/target python/ballbot_rs/_core*.so
 
-$(INSTALLED): pyproject.toml constraints.txt Cargo.toml Cargo.lock $(RUST_SOURCES)
+define PREPARE
 	@PYTHON="$(PYTHON)" sh tools/check_machine.sh
 	@echo "setting up .venv and compiling, which takes a few minutes the first time"
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt maturin
+endef
+
+BUILT_FROM := pyproject.toml constraints.txt Cargo.toml Cargo.lock $(RUST_SOURCES)
+
+$(INSTALLED): $(BUILT_FROM)
+	$(PREPARE)
 	$(INSTALL) '.[train,dev]'
+	@touch $@
+
+$(DEMO_INSTALLED): $(BUILT_FROM)
+	$(PREPARE)
+	$(INSTALL) '.[view,onnx]'
 	@touch $@
 
 $(PLOT_INSTALLED): $(INSTALLED)

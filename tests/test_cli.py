@@ -36,7 +36,10 @@ def test_version(capsys):
     assert run(capsys, "--version") == (0, f"ballbot {__version__}\n", "")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["train", "--help"], ["evaluate", "--help"]])
+HELP = [["--help"], *([name, "--help"] for name in ("train", "evaluate", "report", "export", "plot", "record", "info"))]
+
+
+@pytest.mark.parametrize("arguments", HELP)
 def test_help(capsys, arguments):
     code, out, _ = run(capsys, *arguments)
     assert code == 0
@@ -131,6 +134,7 @@ def test_train_with_the_default_configuration(capsys, tmp_path):
     code, out, err = run(
         capsys,
         "train", "balance", "--timesteps", 8192 * 2, "--run", folder, "--quiet", "--json", "--episodes", 2, "--seed", 3,
+        "--no-report",
     )  # fmt: skip
     assert (code, err) == (0, "")
     report = parse_json(out)
@@ -145,7 +149,7 @@ def test_train_with_the_default_configuration(capsys, tmp_path):
 
 def test_train_resume_and_overwrite(capsys, tmp_path, tiny_config):
     folder = tmp_path / "run"
-    train = ["train", "balance", "--config", tiny_config, "--run", folder, "--quiet", "--episodes", 0]
+    train = ["train", "balance", "--config", tiny_config, "--run", folder, "--quiet", "--episodes", 0, "--no-report"]
     code, out, err = run(capsys, *train)
     assert (code, err) == (0, "")
     assert f"best policy: {folder / 'best_model.zip'}" in out
@@ -154,20 +158,19 @@ def test_train_resume_and_overwrite(capsys, tmp_path, tiny_config):
     assert "holds an earlier run: resume it, overwrite it, or name another" in err
     longer = (folder / "config.toml").read_text(encoding="utf-8").replace("768", "1024")
     (folder / "config.toml").write_text(longer, encoding="utf-8")
-    assert run(capsys, "train", "balance", "--resume", folder, "--quiet", "--episodes", 0)[0] == 0
+    assert run(capsys, "train", "balance", "--resume", folder, "--quiet", "--episodes", 0, "--no-report")[0] == 0
     assert PPO.load(folder / "final_model.zip").num_timesteps == 1024
     assert run(capsys, *train, "--overwrite")[0] == 0
     assert PPO.load(folder / "final_model.zip").num_timesteps == 768
 
 
 def test_train_compares_on_the_environment_that_was_trained_on(capsys, tmp_path, tiny_config):
-    code, out, _ = run(
-        capsys, "train", "balance", "--config", tiny_config, "--run", tmp_path / "run", "--json", "--episodes", 2
-    )
+    shown = ("--json", "--episodes", 2, "--no-report")
+    code, out, _ = run(capsys, "train", "balance", "--config", tiny_config, "--run", tmp_path / "run", *shown)
     assert code == 0
     report = parse_json(out)
     assert [result["model"] for result in report["results"]] == ["spatial"] * 3
-    code, out, _ = run(capsys, "train", "balance", "--resume", tmp_path / "run", "--json", "--episodes", 2)
+    code, out, _ = run(capsys, "train", "balance", "--resume", tmp_path / "run", *shown)
     assert [result["model"] for result in parse_json(out)["results"]] == ["spatial"] * 3
 
 

@@ -14,7 +14,7 @@ PACKAGE = Path(ballbot_rs.__file__).parent
 MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
 
 #: Modules that may import torch and Stable-Baselines3; nothing else may, so that the core runs without them.
-LEARNING = {"sb3.py", "training/policy.py", "training/train.py"}
+LEARNING = {"sb3.py", "training/export.py", "training/policy.py", "training/train.py"}
 
 
 def run_python(code):
@@ -99,6 +99,8 @@ def test_imports_go_downwards(module):
     roots = {name.split(".")[0] for name in imports_of(module)}
     if module not in LEARNING:
         assert not roots & {"torch", "stable_baselines3"}
+    if not module.startswith("plotting/"):
+        assert "matplotlib" not in roots
     own = {name for name in imports_of(module) if name.startswith("ballbot_rs.")}
     if not module.startswith("cli/"):
         assert not any(name.startswith("ballbot_rs.cli") for name in own), "only the command line knows itself"

@@ -2,35 +2,22 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Batch, Lqr, Pid
+from ballbot_rs._core import Batch
 from ballbot_rs.batch_owner import check_count, check_seed
+from ballbot_rs.controllers import BatchController, common_options, find
 from ballbot_rs.registration import BALANCE, check_id
 
-Observations = npt.NDArray[np.float32]
-Actions = npt.NDArray[np.float32]
-
-#: Controllers by name; anything else is the path of a policy.
-CONTROLLERS = ("pid", "lqr", "zero")
-
-#: The paper's PID has a derivative filter of 327 rad/s, which 100 Hz cannot sample: it runs at its own rate.
-PID_CONTROL_DT = 0.002
+#: Told how much of how much is done.
+Progress = Callable[[int, int], None]
 
 #: Where things stand in a row of `Batch.states`.
 _BALL_POSITION = slice(0, 2)
 _BODY_QUATERNION = slice(16, 20)
-
-
-class BatchController(Protocol):
-    """Chooses the actions of all robots at once."""
-
-    def __call__(self, observations: Observations) -> npt.ArrayLike:
-        """Actions, shape (n, 3), for observations, shape (n, 16)."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,40 +46,6 @@ class Result:
     mean_reward: float
 
 
-class _Feedback:
-    """A controller of this package on every robot of a batch."""
-
-    def __init__(self, batch: Batch, make: Callable[[], Lqr | Pid]) -> None:
-        self._batch = batch
-        self._controllers = [make() for _ in range(batch.num_envs)]
-
-    def __call__(self, observations: Observations) -> npt.ArrayLike:  # noqa: ARG002
-        position = self._batch.setpoint
-        torques = [
-            controller(self._batch.state(i), position=position) for i, controller in enumerate(self._controllers)
-        ]
-        return np.asarray(torques) / self._batch.max_wheel_torque
-
-
-def _feedback(name: str, batch: Batch) -> BatchController:
-    # The environment clips each torque at its own limit; a controller that knows it keeps their direction.
-    params = batch.params.replace(max_wheel_torque=batch.max_wheel_torque)
-    control_dt = batch.control_dt
-    return _Feedback(batch, lambda: Pid(params, control_dt) if name == "pid" else Lqr(params, control_dt))
-
-
-def _policy(path: Path, env_id: str) -> tuple[BatchController, dict[str, Any]]:
-    try:
-        from ballbot_rs.training.policy import load_policy
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"a policy file needs {error.name}: install it with `pip install 'ballbot-rs[train]'`",
-            name=error.name,
-        ) from error
-    model, metadata = load_policy(path, env_id)
-    return lambda observations: model.predict(observations, deterministic=True)[0], metadata["env_options"]
-
-
 def evaluate(controller: str, **arguments: Any) -> Result:
     """The result of one controller; arguments as in `compare`."""
     return compare([controller], **arguments)[0]
@@ -106,17 +59,19 @@ def compare(
     seed: int = 1000,
     num_threads: int | None = None,
     env_options: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
 ) -> list[Result]:
     """Runs episodes of one task from the starts that `seed` gives, the same for every controller.
 
     Args:
         controllers: each "pid" (at 500 Hz, unless a `control_dt` is given), "lqr", "zero", or the path of a policy file
-            or of a training run.
+            (of Stable-Baselines3, or ONNX) or of a training run.
         env_id: the environment.
         episodes: how many; episode i is that of an environment seeded with seed + i.
         seed: of the first episode.
         num_threads: threads that step the robots; None takes all cores.
         env_options: arguments of the environment, over those that the policies were trained with.
+        progress: told how many of how many steps are done.
 
     Raises:
         ValueError: a name that is not known, a number out of range, a policy for another environment, or policies
@@ -126,39 +81,23 @@ def compare(
     check_id(env_id)
     check_count("episodes", episodes)
     seed = check_seed(seed)
-    policies = {name: _policy(Path(name), env_id) for name in controllers if name not in CONTROLLERS}
-    options: dict[str, Any] = {}
-    for name, (_, trained_with) in policies.items():
-        if options and trained_with != options:
-            raise ValueError(f"{name} was trained with {trained_with}, another policy with {options}: not one task")
-        options = trained_with
-    options = {**options, **(env_options or {})}
-    results = []
-    for name in controllers:
-        batch = Batch(episodes, "same_step", num_threads, seed, **options)
-        if name == "pid" and "control_dt" not in options:
-            batch = Batch(episodes, "same_step", num_threads, seed, **{**options, **_sampled_for_pid(batch)})
-        if name in policies:
-            act = policies[name][0]
-        elif name == "zero":
-            act = _zero
-        else:
-            act = _feedback(name, batch)
-        results.append(_run(name, batch, act))
+    found = [find(name, env_id) for name in controllers]
+    options = common_options(found, env_options)
+    batches = [controller.batch(episodes, num_threads, seed, options) for controller in found]
+    total = sum(batch.max_episode_steps for batch in batches)
+    results: list[Result] = []
+    for i, (controller, batch) in enumerate(zip(found, batches, strict=True)):
+        before = sum(batch.max_episode_steps for batch in batches[:i])
+
+        def advance(step: int, before: int = before) -> None:
+            if progress is not None:
+                progress(before + step, total)
+
+        results.append(_run(controller.name, batch, controller.on(batch), advance))
     return results
 
 
-def _zero(observations: Observations) -> npt.ArrayLike:
-    return np.zeros((len(observations), 3), np.float32)
-
-
-def _sampled_for_pid(batch: Batch) -> dict[str, Any]:
-    control_dt = max(round(PID_CONTROL_DT / batch.sim_dt), 1) * batch.sim_dt
-    seconds = batch.max_episode_steps * batch.control_dt
-    return {"control_dt": control_dt, "max_episode_steps": round(seconds / control_dt)}
-
-
-def _run(name: str, batch: Batch, act: BatchController) -> Result:
+def _run(name: str, batch: Batch, act: BatchController, advance: Callable[[int], None]) -> Result:
     n, steps = batch.num_envs, batch.max_episode_steps
     running = np.ones(n, dtype=bool)
     success = np.zeros(n, dtype=bool)
@@ -183,8 +122,10 @@ def _run(name: str, batch: Batch, act: BatchController) -> Result:
             success[ended] = batch.endings()[0][ended]
             survived[ended] = truncated[ended]
             running &= ~ended
+        advance(step + 1)
         if not running.any():
             break
+    advance(steps)
     median = float(np.median(_settling_times(tilts, survived, np.deg2rad(1.0), batch.control_dt)))
     return Result(
         controller=name,

@@ -1,24 +1,33 @@
 """The `ballbot` command."""
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Sequence
 
 from ballbot_rs import __version__
-from ballbot_rs.cli import evaluate, train
+from ballbot_rs.cli import evaluate, export, info, plot, record, report, train
 
 #: Exit codes: 1 for an error that the message explains, 2 for a wrong command line, 130 for an interrupt.
 FAILED = 1
 INTERRUPTED = 130
 
+DESCRIPTION = "Simulate, train, evaluate and show ballbots."
+EPILOG = "Exit codes: 0 done, 1 an error that the message explains, 2 a wrong command line, 130 interrupted."
+
 
 def parser() -> argparse.ArgumentParser:
     """The command line's grammar."""
-    parser = argparse.ArgumentParser(prog="ballbot", description="Simulate, train and evaluate ballbots.")
+    parser = argparse.ArgumentParser(prog="ballbot", description=DESCRIPTION, epilog=EPILOG)
     parser.add_argument("--version", action="version", version=f"ballbot {__version__}")
+    with contextlib.suppress(ModuleNotFoundError):
+        import shtab
+
+        shtab.add_argument_to(parser, "--print-completion", help="print a script of completions for a shell")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     train.add_to(commands)
-    evaluate.add_to(commands)
+    for command in (evaluate, report, export, plot, record, info):
+        command.add_to(commands)
     return parser
 
 

@@ -5,9 +5,10 @@ import json
 from typing import Any
 
 from ballbot_rs import __version__
-from ballbot_rs.cli.table import print_table
+from ballbot_rs.cli.progress import bar
 from ballbot_rs.evaluation import compare
 from ballbot_rs.registration import TASKS
+from ballbot_rs.reporting.table import print_table
 
 
 def add_to(commands: Any) -> None:
@@ -24,6 +25,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--episodes", type=int, default=100, help="how many episodes (default 100)")
     command.add_argument("--model", help="rigid, contact, spatial or planar (default: the policies' own, else rigid)")
     command.add_argument("--seed", type=int, default=1000, help="seed of the first start (default 1000)")
+    command.add_argument("--quiet", action="store_true", help="no progress bar")
     command.add_argument("--json", action="store_true", help="print JSON instead of a table")
     command.set_defaults(carry_out=run)
 
@@ -31,13 +33,15 @@ def add_to(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     options = {} if arguments.model is None else {"model": arguments.model}
-    results = compare(
-        arguments.controller,
-        env_id=TASKS[arguments.task],
-        episodes=arguments.episodes,
-        seed=arguments.seed,
-        env_options=options,
-    )
+    with bar("evaluating", arguments.quiet or arguments.json) as progress:
+        results = compare(
+            arguments.controller,
+            env_id=TASKS[arguments.task],
+            episodes=arguments.episodes,
+            seed=arguments.seed,
+            env_options=options,
+            progress=progress,
+        )
     if arguments.json:
         report = {
             "env_id": TASKS[arguments.task],

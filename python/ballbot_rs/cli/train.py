@@ -8,8 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ballbot_rs.cli.table import print_table
+from ballbot_rs.cli import report
+from ballbot_rs.cli.progress import bar
 from ballbot_rs.evaluation import compare
+from ballbot_rs.reporting.table import print_table
 
 
 def add_to(commands: Any) -> None:
@@ -25,6 +27,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--overwrite", action="store_true", default=None, help="delete an earlier run in that folder")
     command.add_argument("--timesteps", type=int, help="have this many steps in all instead of the configured")
     command.add_argument("--episodes", type=int, default=100, help="episodes of the comparison (default 100, 0: none)")
+    command.add_argument("--no-report", action="store_true", help="do not end with a report, one HTML file")
     command.add_argument("--quiet", action="store_true", help="no progress bar")
     command.add_argument("--json", action="store_true", help="print the result as JSON")
     command.set_defaults(carry_out=run)
@@ -71,14 +74,25 @@ def run(arguments: argparse.Namespace) -> None:
     seconds = time.perf_counter() - started
     results = []
     if arguments.episodes > 0:
-        results = compare([str(policy), "lqr", "pid"], env_id=config.env_id, episodes=arguments.episodes)
+        with bar("comparing", not progress_bar) as progress:
+            results = compare(
+                [str(policy), "lqr", "pid"], env_id=config.env_id, episodes=arguments.episodes, progress=progress
+            )
+    written = None if arguments.no_report else report.after_training(folder, results, not progress_bar)
     if arguments.json:
-        report = {"policy": str(policy), "seconds": seconds, "results": [vars(result) for result in results]}
-        print(json.dumps(report, indent=2))
+        printed = {
+            "policy": str(policy),
+            "seconds": seconds,
+            "results": [vars(result) for result in results],
+            "report": None if written is None else str(written),
+        }
+        print(json.dumps(printed, indent=2))
         return
     print(f"trained in {seconds:.0f} s, best policy: {policy}")
     if results:
         print_table(results)
+    if written is not None:
+        print(f"\nreport: {written}")
 
 
 def _interruptible(task: str, folder: Path, work: Callable[[], Path]) -> Path:

@@ -6,6 +6,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+import numpy.typing as npt
 import torch
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -66,6 +67,17 @@ def find_policy(path: Path) -> Path:
     if candidate.is_file():
         return candidate
     raise FileNotFoundError(f"no policy at {path}: neither a policy file nor a run with best_model.zip in it")
+
+
+def act(model: BaseAlgorithm, observations: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """The policy's actions, on one thread: two would wait for each other, fifty times as long as they work."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        actions: npt.NDArray[np.float32] = model.predict(observations, deterministic=True)[0]
+    finally:
+        torch.set_num_threads(threads)
+    return actions
 
 
 def load_policy(path: Path, env_id: str) -> tuple[BaseAlgorithm, dict[str, Any]]:

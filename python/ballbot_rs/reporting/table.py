@@ -1,4 +1,4 @@
-"""Results as a table of plain text."""
+"""Results of controllers as rows of text."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -18,20 +18,25 @@ _COLUMNS: dict[str, Callable[[Result], str]] = {
 }
 
 
-_LEGEND = """\
+LEGEND = """\
 Settling: median time from which the tilt stays within 1 deg. RMS: over all steps to the end or the fall.
 Excursion: largest distance of the ball from the setpoint, mean over episodes."""
 
 
+def rows(results: Sequence[Result]) -> list[list[str]]:
+    """The header, and one row a controller."""
+    return [list(_COLUMNS), *([cell(result) for cell in _COLUMNS.values()] for result in results)]
+
+
 def print_table(results: Sequence[Result]) -> None:
     """Prints one row a controller, and what the columns mean."""
-    rows = [list(_COLUMNS), *([cell(result) for cell in _COLUMNS.values()] for result in results)]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(_COLUMNS))]
-    for number, row in enumerate(rows):
+    cells = rows(results)
+    widths = [max(len(row[i]) for row in cells) for i in range(len(_COLUMNS))]
+    for number, row in enumerate(cells):
         first, *rest = (
             cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
         )
         print("  ".join([first, *rest]))
         if number == 0:
             print("  ".join("-" * width for width in widths))
-    print(f"\n{results[0].episodes} episodes each, model {results[0].model}.\n{_LEGEND}")
+    print(f"\n{results[0].episodes} episodes each, model {results[0].model}.\n{LEGEND}")

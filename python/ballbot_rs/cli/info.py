@@ -1,0 +1,96 @@
+"""`ballbot info`: what a bug report should say of the machine and of what is installed."""
+
+import argparse
+import importlib.metadata
+import json
+import os
+import platform
+import re
+from pathlib import Path
+from typing import Any
+
+from ballbot_rs import __version__
+from ballbot_rs._core import MODELS, Params
+from ballbot_rs.controllers import CONTROLLERS
+from ballbot_rs.registration import TASKS
+
+#: What the package may work with.
+LIBRARIES = (
+    *("numpy", "gymnasium", "stable-baselines3", "torch", "matplotlib", "moviepy", "rich", "tensorboard"),
+    *("onnx", "onnxruntime", "onnxscript"),
+)
+#: Features of a processor on which the speed of the core depends.
+FEATURES = ("sse4_2", "avx", "avx2", "fma", "avx512f", "avx512dq", "avx512vl", "asimd", "sve")
+
+
+def add_to(commands: Any) -> None:
+    """Adds the command to the parser."""
+    command = commands.add_parser("info", help="print versions and the machine, for bug reports")
+    command.add_argument("--json", action="store_true", help="print JSON")
+    command.set_defaults(carry_out=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Carries the command out."""
+    found = collect()
+    if arguments.json:
+        print(json.dumps(found, indent=2))
+        return
+    for name, value in found.items():
+        if isinstance(value, dict):
+            value = ", ".join(f"{key} {version or 'not installed'}" for key, version in value.items())
+        elif isinstance(value, list):
+            value = ", ".join(value) or "none found"
+        print(f"{name.replace('_', ' '):<20} {value}")
+
+
+def collect() -> dict[str, Any]:
+    """What is printed, by name."""
+    return {
+        "ballbot_rs": __version__,
+        "python": f"{platform.python_implementation()} {platform.python_version()}",
+        "system": f"{platform.system()} {platform.release()}",
+        "machine": platform.machine(),
+        "processor": _processor(),
+        "processor_features": _features(),
+        "processors": os.cpu_count(),
+        "threads": _threads(),
+        "models": list(MODELS),
+        "robots": Params.preset_names(),
+        "tasks": sorted(TASKS),
+        "controllers": list(CONTROLLERS),
+        "libraries": {name: _version(name) for name in LIBRARIES},
+    }
+
+
+def _threads() -> int | None:
+    """How many threads this process may run at once."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:
+        return os.cpu_count()
+
+
+def _version(name: str) -> str | None:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _cpuinfo() -> str:
+    try:
+        return Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+
+
+def _processor() -> str:
+    named = re.search(r"^model name\s*:\s*(.+)$", _cpuinfo(), flags=re.MULTILINE)
+    return named[1] if named else platform.processor() or "unknown"
+
+
+def _features() -> list[str]:
+    listed = re.search(r"^(?:flags|Features)\s*:\s*(.+)$", _cpuinfo(), flags=re.MULTILINE)
+    present = set(listed[1].split()) if listed else set()
+    return [feature for feature in FEATURES if feature in present]

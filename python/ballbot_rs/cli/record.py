@@ -1,0 +1,86 @@
+"""`ballbot record`: a video of a robot under a controller, and a picture of it."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from ballbot_rs.cli import scenario
+from ballbot_rs.cli.progress import bar
+from ballbot_rs.recording import picture, renderer_for, write_picture, write_video
+
+
+def add_to(commands: Any) -> None:
+    """Adds the command to the parser."""
+    command = commands.add_parser("record", help="record a video of a controller or policy")
+    scenario.add_task(command)
+    command.add_argument(
+        "--controller", default="lqr", metavar="pid|lqr|zero|PATH", help="a controller, a policy or a run (default lqr)"
+    )
+    scenario.add_to(command, seconds=5.0)
+    command.add_argument("-o", "--out", type=Path, metavar="FILE.mp4", help="the video (default CONTROLLER.mp4)")
+    command.add_argument(
+        "--still",
+        type=float,
+        nargs="?",
+        const=True,
+        metavar="TIME",
+        help="also a picture, FILE.png: at a time, else at the largest tilt",
+    )
+    command.add_argument("--no-video", action="store_true", help="the picture alone; needs --still")
+    command.add_argument("--forces", action="store_true", help="show the forces at the contacts as arrows")
+    command.add_argument(
+        "--size", type=int, nargs=2, metavar=("WIDTH", "HEIGHT"), default=(640, 480), help="in pixels (default 640 480)"
+    )
+    command.add_argument("--samples", type=int, default=4, help="colour samples a pixel: 1, 2 or 4 (default 4)")
+    command.add_argument("--frame-rate", type=float, default=50.0, help="frames a second (default 50)")
+    command.add_argument("--camera", type=float, nargs=2, metavar=("AZIMUTH", "ELEVATION"), help="direction in rad")
+    command.add_argument("--distance", type=float, help="of the camera, m")
+    command.add_argument("--quiet", action="store_true", help="no progress bar")
+    command.add_argument("--json", action="store_true", help="print what was recorded as JSON")
+    command.set_defaults(carry_out=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Carries the command out."""
+    if arguments.no_video and arguments.still is None:
+        raise ValueError("--no-video leaves nothing to write: ask for a picture with --still")
+    out = arguments.out or Path(f"{Path(arguments.controller).stem}.mp4")
+    if out.suffix != ".mp4":
+        raise ValueError(f"{out}: the name of a video ends in .mp4")
+    camera = {} if arguments.camera is None else dict(zip(("azimuth", "elevation"), arguments.camera, strict=True))
+    if arguments.distance is not None:
+        camera["distance"] = arguments.distance
+    trajectory = scenario.scenario(arguments).of(arguments.controller)
+    width, height = arguments.size
+    renderer = renderer_for(trajectory, width=width, height=height, samples=arguments.samples, camera=camera or None)
+    report: dict[str, Any] = {
+        "controller": trajectory.controller,
+        "model": trajectory.model,
+        "seconds": float(trajectory.times[-1]),
+        "fell_at": trajectory.fell_at,
+    }
+    if arguments.still is not None:
+        time = trajectory.times[trajectory.of_states("tilt").argmax()] if arguments.still is True else arguments.still
+        report["still"] = str(out.with_suffix(".png"))
+        write_picture(picture(trajectory, renderer, float(time), arguments.forces), out.with_suffix(".png"))
+    if not arguments.no_video:
+        with bar(f"rendering {out.name}", arguments.quiet or arguments.json) as progress:
+            report["frames"] = write_video(
+                trajectory,
+                out,
+                renderer=renderer,
+                frame_rate=arguments.frame_rate,
+                forces=arguments.forces,
+                progress=progress,
+            )
+        report["video"] = str(out)
+    if arguments.json:
+        print(json.dumps(report, indent=2))
+        return
+    seconds = report["seconds"]
+    ending = f"upright for {seconds:.2f} s" if trajectory.fell_at is None else f"fell at {trajectory.fell_at:.2f} s"
+    print(f"{trajectory.controller} on {trajectory.model}: {ending}")
+    for kind in ("video", "still"):
+        if kind in report:
+            print(f"wrote {report[kind]}")

@@ -1,0 +1,56 @@
+"""`ballbot report`: one HTML file about a training run."""
+
+import argparse
+import contextlib
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ballbot_rs.cli.progress import bar
+from ballbot_rs.evaluation import Progress, Result
+from ballbot_rs.reporting.report import write
+
+
+def add_to(commands: Any) -> None:
+    """Adds the command to the parser."""
+    command = commands.add_parser("report", help="write a training run's report, one HTML file")
+    command.add_argument("run", type=Path, metavar="RUN", help="the run's folder")
+    command.add_argument("-o", "--out", type=Path, help="the file (default report.html in the run)")
+    command.add_argument("--episodes", type=int, default=100, help="episodes of the comparison (default 100, 0: none)")
+    command.add_argument("--video-seconds", type=float, default=4.0, help="length of the video (default 4, 0: none)")
+    command.add_argument("--quiet", action="store_true", help="no progress bars")
+    command.add_argument("--json", action="store_true", help="print the file's name as JSON")
+    command.set_defaults(carry_out=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Carries the command out."""
+    path = _write(
+        arguments.run,
+        arguments.quiet or arguments.json,
+        target=arguments.out,
+        episodes=arguments.episodes,
+        video_seconds=arguments.video_seconds,
+    )
+    print(json.dumps({"report": str(path)}) if arguments.json else f"wrote {path}")
+
+
+def after_training(folder: Path, results: Sequence[Result], quiet: bool) -> Path | None:
+    """The report that ends a training; where it cannot be, says why on standard error and goes on."""
+    try:
+        return _write(folder, quiet, results=results, episodes=0)
+    except (ModuleNotFoundError, OSError, ValueError) as error:
+        print(f"no report: {error}", file=sys.stderr)
+        return None
+
+
+def _write(folder: Path, quiet: bool, **arguments: Any) -> Path:
+    with contextlib.ExitStack() as shown:
+
+        def part(name: str) -> Progress:
+            shown.close()
+            return shown.enter_context(bar(name, quiet))
+
+        return write(folder, progress=part, **arguments)

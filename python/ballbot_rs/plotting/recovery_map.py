@@ -1,0 +1,66 @@
+"""Polar maps of recovery: from which initial tilt, in which direction, a controller still rights the robot."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from ballbot_rs.plotting.labels import short
+from ballbot_rs.plotting.style import COLOURS, INK, figure
+from ballbot_rs.recovery import Recovery
+
+#: Light is fast; starts that are lost have colours of their own.
+_TIMES = LinearSegmentedColormap.from_list("settling", ["#e3fafc", "#66d9e8", COLOURS[0], "#083344"])
+_FELL, _UNSETTLED = COLOURS[1], COLOURS[3]
+
+
+def draw(recoveries: Sequence[Recovery]) -> Figure:
+    """A map a controller; radius is the initial tilt, the angle the direction of the lean, colour the settling time."""
+    fig = figure(3.0 * len(recoveries) + 0.8, 3.5)
+    axes = fig.subplots(1, len(recoveries), subplot_kw={"projection": "polar"}, squeeze=False)[0]
+    longest = max((float(np.nanmax(r.settling_times)) for r in recoveries if r.recovered.any()), default=1.0)
+    shown: Any = None
+    for ax, recovery in zip(axes, recoveries, strict=True):
+        shown = _draw_map(ax, recovery, longest)
+    bar = fig.colorbar(shown, ax=list(axes), shrink=0.75, pad=0.06)
+    bar.set_label("time to stay within 1 deg (s)")
+    bar.outline.set_visible(False)
+    unsettled = f"upright, but not within 1 deg after {recoveries[0].seconds:g} s"
+    keys = [
+        Patch(color=_FELL, label="fell"),
+        Patch(color=_UNSETTLED, label=unsettled),
+        Line2D([], [], color=INK, marker="o", fillstyle="none", linestyle="", label="radius: initial tilt"),
+        Line2D([], [], color=INK, marker="s", linestyle="", markersize=4, label="wheel"),
+    ]
+    fig.legend(handles=keys, loc="outside lower center", ncols=4)
+    return fig
+
+
+def _draw_map(ax: Any, recovery: Recovery, longest: float) -> Any:
+    rings, sectors = recovery.recovered.shape
+    width = recovery.tilts[0] * 2
+    radii = np.degrees(np.arange(rings + 1) * width)
+    edges = (np.arange(sectors + 1) - 0.5) * 2 * np.pi / sectors
+    ax.set_axisbelow(False)
+    ax.grid(False)
+    for lost, colour in ((~recovery.stood, _FELL), (recovery.stood & ~recovery.recovered, _UNSETTLED)):
+        ax.pcolormesh(edges, radii, np.where(lost, 1.0, np.nan), cmap=_plain(colour), rasterized=True)
+    shown = ax.pcolormesh(edges, radii, recovery.settling_times, cmap=_TIMES, vmin=0.0, vmax=longest, rasterized=True)
+    share = 100 * recovery.recovered.mean()
+    ax.set_title(f"{short(recovery.controller)} on {recovery.model}\n{share:.0f} % of the starts recover", pad=12)
+    ticks = np.arange(5, radii[-1], 5)
+    ax.set_rgrids(ticks, [f"{tick:g}°" for tick in ticks], angle=90, fontsize=7.5, color=INK)
+    ax.set_thetagrids(np.arange(0, 360, 60), fontsize=8)
+    ax.yaxis.grid(True, color=INK, linewidth=0.3, alpha=0.5)
+    # Wheels pull along three directions: where they stand explains the shape.
+    for azimuth in recovery.wheel_azimuths:
+        ax.plot(azimuth, radii[-1] * 0.97, "s", color=INK, markersize=4, clip_on=False)
+    return shown
+
+
+def _plain(colour: str) -> LinearSegmentedColormap:
+    return LinearSegmentedColormap.from_list("plain", [colour, colour])

@@ -1,0 +1,70 @@
+"""One HTML file that needs nothing else: pictures and videos are in it, and it asks no server for anything."""
+
+import base64
+import html
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; color: #212529; background: #fff; }
+body { max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.6rem; margin-bottom: 0; }
+h2 { font-size: 1.15rem; margin: 2rem 0 .5rem; border-bottom: 1px solid #dee2e6; }
+img, video { max-width: 100%; height: auto; } video { border-radius: 4px; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .85rem; }
+th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #dee2e6; } th { font-weight: 600; }
+th:first-child, td:first-child { text-align: left; }
+pre { background: #f1f3f5; padding: .8rem; overflow-x: auto; font-size: .85rem; }
+.note { color: #495057; font-size: .9rem; } .wide { overflow-x: auto; }
+"""
+
+
+def page(title: str, parts: Sequence[str]) -> str:
+    """A whole document."""
+    return (
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{html.escape(title)}</title>\n'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1">\n<style>{_STYLE}</style>\n</head>\n'
+        f"<body>\n<h1>{html.escape(title)}</h1>\n" + "\n".join(parts) + "\n</body>\n</html>\n"
+    )
+
+
+def section(title: str, *parts: str) -> str:
+    """A heading and what stands below it."""
+    return f"<h2>{html.escape(title)}</h2>\n" + "\n".join(parts)
+
+
+def note(text: str) -> str:
+    """A paragraph of small print."""
+    return f'<p class="note">{html.escape(text)}</p>'
+
+
+def code(text: str) -> str:
+    """Text as it stands in a file."""
+    return f"<pre>{html.escape(text)}</pre>"
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """A table; its first row is the header."""
+    cells = [[html.escape(cell) for cell in row] for row in rows]
+    head, *body = cells
+    lines = [f"<tr>{''.join(f'<th>{cell}</th>' for cell in head)}</tr>"]
+    lines += [f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in body]
+    return '<div class="wide"><table>\n' + "\n".join(lines) + "\n</table></div>"
+
+
+def figure(drawn: Any, description: str) -> str:
+    """A figure of matplotlib, as vectors."""
+    buffer = io.BytesIO()
+    drawn.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return f'<img alt="{html.escape(description)}" src="{_data("image/svg+xml", buffer.getvalue())}">'
+
+
+def video(path: Path) -> str:
+    """An mp4, played over and over."""
+    return f'<video controls autoplay loop muted playsinline src="{_data("video/mp4", path.read_bytes())}"></video>'
+
+
+def _data(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"

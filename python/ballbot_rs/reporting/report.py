@@ -1,0 +1,110 @@
+"""What the report of a training run shows, from its folder to the file."""
+
+import dataclasses
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ballbot_rs import recovery, trajectory
+from ballbot_rs.controllers import find
+from ballbot_rs.evaluation import Progress, Result, compare
+from ballbot_rs.recording import renderer_for, write_video
+from ballbot_rs.reporting import page
+from ballbot_rs.reporting.table import LEGEND, rows
+from ballbot_rs.training import curve
+
+#: What a policy is compared with.
+BESIDE = ("lqr", "pid")
+#: What the video shows: a robot that is let go at a tilt (rad), then pushed (N·s, s).
+TILT, PUSH = (0.08, 0.05), trajectory.Push((0.3, 0.1, 0.0), 1.5)
+
+
+def write(
+    folder: Path,
+    *,
+    target: Path | None = None,
+    results: Sequence[Result] | None = None,
+    episodes: int = 100,
+    video_seconds: float = 4.0,
+    progress: Callable[[str], Progress] | None = None,
+) -> Path:
+    """Writes the report of a run and returns its path, `report.html` in the run unless `target` is given.
+
+    Args:
+        folder: the run.
+        target: the file.
+        results: of the policy and of what it is compared with, if they are there already.
+        episodes: how many each has in the comparison, otherwise; 0 leaves it out.
+        video_seconds: length of the video; 0 leaves it out.
+        progress: makes, for the name of a part, what is told how much of it is done.
+
+    Raises:
+        FileNotFoundError: the folder holds no run, or one without a policy.
+        ValueError: what is there cannot be read.
+        ModuleNotFoundError: matplotlib or moviepy is not installed.
+    """
+    try:
+        from ballbot_rs.plotting import learning_curve, recovery_map
+        from ballbot_rs.plotting.labels import short
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"a report needs {error.name}: install it with `pip install 'ballbot-rs[plot,video]'`", name=error.name
+        ) from error
+    learned = curve.read(folder)
+    record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    policy = find(str(folder / "best_model.zip"))
+    show = progress or (lambda _: _nowhere)
+    parts = [page.note(f"Training run {folder.resolve().name}, seed {record['seed']}.")]
+    # First, because this is what may turn out not to be installed.
+    if video_seconds > 0:
+        parts.append(page.section("The policy at work", *_video(policy, video_seconds, show("rendering"))))
+    names = [policy.name, *BESIDE]
+    if results is None and episodes > 0:
+        results = compare(names, episodes=episodes, progress=show("comparing"))
+    maps = [
+        recovery.collect(controller, env_options=policy.env_options, progress=show(f"recovery of {controller.name}"))
+        for controller in (policy, *map(find, BESIDE))
+    ]
+    if results:
+        named = [dataclasses.replace(result, controller=short(result.controller)) for result in results]
+        table = page.table(rows(named))
+        count = f"{results[0].episodes} episodes each, the same starts for all, model {results[0].model}."
+        parts.append(page.section("Beside the classical controllers", table, page.note(f"{count} {LEGEND}")))
+    parts += [
+        page.section(
+            "Learning curve",
+            page.figure(learning_curve.draw([learned]), "Return and success over environment steps"),
+            page.note(f"{learned.returns.shape[1]} episodes an evaluation; band: the best and the worst of them."),
+        ),
+        page.section(
+            "Recovery",
+            page.figure(recovery_map.draw(maps), "Polar maps of recovery for each controller"),
+            page.note("A robot at rest is let go, leaning by the radius towards the angle; 0° is the body's x axis."),
+        ),
+        page.section("Configuration", page.code(learned.config)),
+        page.section("Versions", page.table([("what", "version"), *record["versions"].items()])),
+    ]
+    target = target or folder / "report.html"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(page.page("Balancing on a ball: a training run", parts), encoding="utf-8")
+    return target
+
+
+def _video(policy: Any, seconds: float, progress: Progress) -> tuple[str, str]:
+    push = PUSH if seconds > PUSH.time else None
+    shown = trajectory.run(policy, seconds=seconds, tilt=TILT, push=push)
+    # Small and plain: the report is to be quick.
+    renderer = renderer_for(shown, width=480, height=360, samples=1)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "policy.mp4"
+        write_video(shown, path, renderer=renderer, frame_rate=25.0, forces=True, progress=progress)
+        playing = page.video(path)
+    pushed = "" if push is None else f", pushed by {push.impulse} N·s at {push.time} s"
+    text = f"Let go at a tilt of {TILT} rad{pushed}. Arrows: loads (blue) and tractions (green) of the wheels, "
+    return playing, page.note(text + f"the floor's horizontal force (red). Model {shown.model}.")
+
+
+def _nowhere(done: int, total: int) -> None:
+    pass

@@ -1,0 +1,158 @@
+"""A policy of Stable-Baselines3 as an ONNX file that says what it is for, checked against its source."""
+
+import contextlib
+import io
+import json
+import logging
+import platform
+import warnings
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import stable_baselines3
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from ballbot_rs import __version__
+from ballbot_rs._core import OBSERVATION, Batch
+from ballbot_rs.onnx_policy import PREFIX, OnnxPolicy, observation_layout
+from ballbot_rs.registration import BALANCE
+from ballbot_rs.training.policy import AT_REST, TYPICAL, find_policy, load_policy
+
+#: By how much an exported action may differ from its source, and on how many observations that is checked.
+TOLERANCE: Final = 1e-5
+CHECKED: Final = 1000
+
+
+class _Action(torch.nn.Module):
+    """What `predict(observation, deterministic=True)` computes, without numpy and without a distribution."""
+
+    def __init__(self, model: BaseAlgorithm) -> None:
+        super().__init__()
+        self._policy: Any = model.policy
+        self._is_sac = hasattr(model, "actor")
+
+    def forward(self, observation: torch.Tensor) -> torch.Tensor:
+        """The most likely action, within [-1, 1]."""
+        policy = self._policy
+        if self._is_sac:
+            mean = torch.tanh(policy.actor.get_action_dist_params(observation)[0])
+        else:
+            features = policy.extract_features(observation, policy.pi_features_extractor)
+            mean = policy.action_net(policy.mlp_extractor.forward_actor(features))
+            mean = torch.tanh(mean) if policy.squash_output else mean
+        return mean.clamp(-1.0, 1.0)
+
+
+def export(source: Path, target: Path, env_id: str = BALANCE) -> float:
+    """Writes the policy at `source` (a file or a run) to `target`; returns the largest difference of actions.
+
+    Raises:
+        FileNotFoundError: there is no policy.
+        ValueError: it is a policy for something else, or its ONNX form does not act as it does; nothing is written.
+        ModuleNotFoundError: what exports is not installed.
+    """
+    model, found = load_policy(source, env_id)
+    content = _with_metadata(_graph(model), _metadata(found))
+    target.parent.mkdir(parents=True, exist_ok=True)
+    unchecked = target.with_name(f".{target.stem}-unchecked.onnx")
+    try:
+        unchecked.write_bytes(content)
+        difference = _difference(model, OnnxPolicy(unchecked, env_id))
+        if not difference <= TOLERANCE:
+            raise ValueError(f"{find_policy(source)} and its ONNX form differ by {difference:.1e} > {TOLERANCE:.0e}")
+        unchecked.replace(target)
+    finally:
+        unchecked.unlink(missing_ok=True)
+    return difference
+
+
+def _graph(model: BaseAlgorithm) -> Any:
+    action = _Action(model).eval()
+    example = torch.as_tensor(np.stack([AT_REST, AT_REST + TYPICAL]))
+    # The exporter prints its progress and warns of what this network does not have.
+    with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(), _silent("torch.onnx", "onnxscript"):
+        warnings.simplefilter("ignore")
+        try:
+            program = torch.onnx.export(
+                action,
+                (example,),
+                dynamo=True,
+                input_names=["observation"],
+                output_names=["action"],
+                dynamic_shapes=({0: torch.export.Dim("n")},),
+                external_data=False,
+                verbose=False,
+            )
+        except ModuleNotFoundError as error:
+            raise ModuleNotFoundError(
+                f"exporting needs {error.name}: install it with `pip install 'ballbot-rs[export]'`", name=error.name
+            ) from error
+    assert program is not None
+    return program.model_proto
+
+
+@contextlib.contextmanager
+def _silent(*names: str) -> Any:
+    loggers = [logging.getLogger(name) for name in names]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+
+
+def _metadata(found: dict[str, Any]) -> dict[str, Any]:
+    task = Batch(1, "disabled", 1, 0, **found["env_options"])
+    return {
+        "env_id": found["env_id"],
+        "env_options": found["env_options"],
+        "observation": observation_layout(),
+        # Part of the network: what it sees is (observation - at_rest) / typical, cut off.
+        "normalisation": {"at_rest": _plain(AT_REST), "typical": _plain(TYPICAL), "cutoff": 10.0},
+        "max_wheel_torque": task.max_wheel_torque,
+        "control_dt": task.control_dt,
+        "algorithm": found["algorithm"],
+        "versions": {
+            "ballbot_rs": __version__,
+            "trained_with_ballbot_rs": found["ballbot_rs"],
+            "stable_baselines3": stable_baselines3.__version__,
+            "torch": str(torch.__version__),
+            "python": platform.python_version(),
+        },
+    }
+
+
+def _plain(values: npt.NDArray[np.float32]) -> list[float]:
+    """Numbers as they were written, not as float32 has them."""
+    numbers: list[float] = values.astype(float).round(6).tolist()
+    return numbers
+
+
+def _with_metadata(proto: Any, metadata: dict[str, Any]) -> bytes:
+    """The graph with our metadata and without the exporter's, which has stack traces with paths of this machine."""
+    for part in (proto.graph, *proto.graph.node, *proto.graph.value_info, *proto.graph.input, *proto.graph.output):
+        part.ClearField("metadata_props")
+        part.ClearField("doc_string")
+    del proto.graph.value_info[:]
+    del proto.metadata_props[:]
+    for field, value in metadata.items():
+        proto.metadata_props.add(key=PREFIX + field, value=json.dumps(value))
+    content: bytes = proto.SerializeToString(deterministic=True)
+    return content
+
+
+def _difference(model: BaseAlgorithm, exported: OnnxPolicy) -> float:
+    """Largest difference over observations of all magnitudes: of a robot at rest, balancing, and at the bounds."""
+    rng = np.random.default_rng(0)
+    bounds = np.array([bound for _, _, bound in OBSERVATION])
+    spread = TYPICAL * 10.0 ** rng.uniform(-2.0, 2.0, (CHECKED, 1))
+    observations = np.clip(AT_REST + spread * rng.standard_normal((CHECKED, len(bounds))), -bounds, bounds)
+    rows: npt.NDArray[np.float32] = observations.astype(np.float32)
+    expected = model.predict(rows, deterministic=True)[0]
+    return float(np.abs(exported.act(rows) - expected).max())

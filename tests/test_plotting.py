@@ -1,0 +1,157 @@
+"""Figures: that they show the numbers that were collected, and that files come out as asked for."""
+
+import json
+import xml.etree.ElementTree as ET
+
+import matplotlib.figure
+import numpy as np
+import pytest
+from PIL import Image
+
+from ballbot_rs import recovery, trajectory
+from ballbot_rs.cli import main
+from ballbot_rs.plotting import learning_curve, phase_portrait, recovery_map, trajectories
+from ballbot_rs.plotting.style import save
+from ballbot_rs.training import curve
+
+CONTACT = {"model": "contact"}
+
+
+@pytest.fixture(scope="module")
+def moving():
+    push = trajectory.Push((0.3, 0.0, 0.0), 0.5)
+    return [trajectory.run(name, seconds=1.0, push=push, env_options=CONTACT) for name in ("lqr", "zero")]
+
+
+@pytest.fixture(scope="module")
+def maps():
+    return [recovery.collect(name, rings=4, sectors=6, seconds=4.0, env_options=CONTACT) for name in ("lqr", "zero")]
+
+
+@pytest.fixture
+def two_runs(tiny_run, tmp_path):
+    for seed in (5, 6):
+        folder = tmp_path / f"seed-{seed}"
+        folder.mkdir()
+        for name in ("config.toml", "evaluations.npz"):
+            (folder / name).write_bytes((tiny_run / name).read_bytes())
+        (folder / "run.json").write_text(json.dumps({"seed": seed}), encoding="utf-8")
+    return [curve.read(tmp_path / f"seed-{seed}") for seed in (5, 6)]
+
+
+def labels_of(fig):
+    return [text for ax in fig.axes for text in (ax.get_xlabel(), ax.get_ylabel()) if text]
+
+
+def test_trajectories_show_every_quantity_with_its_unit(moving):
+    fig = trajectories.draw(moving)
+    assert sorted(labels_of(fig)) == sorted([*trajectories.QUANTITIES, "time (s)", "time (s)"])
+    tilt = fig.axes[0].lines[1]
+    np.testing.assert_allclose(tilt.get_ydata(), np.degrees(moving[0].of_states("tilt_components")[:, 1]))
+    torque = fig.axes[4].lines[2]
+    np.testing.assert_allclose(torque.get_ydata(), moving[0].torques[:, 2])
+    # At rest each wheel carries the same; the loads of the pushed robot end near that.
+    loads = [line.get_ydata()[-1] for line in fig.axes[6].lines]
+    assert np.mean(loads) == pytest.approx(10.3, abs=0.5)
+
+
+def test_the_phase_portrait_ends_where_the_robot_fell(moving):
+    standing, fallen = moving
+    tilts, rates = phase_portrait.tilts_and_rates(standing, 0)
+    assert len(tilts) == len(standing.times)
+    # The integral of the rate is the tilt.
+    assert np.trapezoid(rates, standing.times) == pytest.approx(tilts[-1] - tilts[0], abs=2e-3)
+    tilts, _ = phase_portrait.tilts_and_rates(fallen, 0)
+    assert standing.times[len(tilts)] == pytest.approx(fallen.fell_at)
+    fig = phase_portrait.draw(moving)
+    assert labels_of(fig) == ["tilt about x (deg)", "tilt rate (deg/s)", "tilt about y (deg)"]
+
+
+def test_recovery_knows_who_rights_the_robot(maps):
+    regulated, alone = maps
+    assert regulated.recovered[0].all()
+    assert not regulated.recovered[-1].any()
+    assert not alone.stood.any()
+    assert np.isnan(alone.settling_times).all()
+    times = regulated.settling_times[regulated.recovered]
+    assert ((times >= 0) & (times <= 4.0)).all()
+    # From farther out it takes longer.
+    assert np.nanmean(regulated.settling_times[1]) > np.nanmean(regulated.settling_times[0])
+
+
+def test_recovery_leans_where_it_says():
+    # Wheels stand 120 deg apart, so the map of a law without a sense of direction repeats itself as often.
+    found = recovery.collect("lqr", rings=3, sectors=12, max_tilt=0.3, seconds=3.0, env_options=CONTACT)
+    np.testing.assert_allclose(found.settling_times, np.roll(found.settling_times, 4, axis=1), atol=0.021)
+    (rim,) = found.recovered[2:]
+    assert rim.tolist() == np.roll(rim, 4).tolist()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"), [({"max_tilt": 1.5}, "max_tilt = 1.5"), ({"sectors": 2}, "4 rings and 2 sectors")]
+)
+def test_maps_of_nothing_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        recovery.collect("lqr", **{"rings": 4, **arguments})
+
+
+def test_the_map_colours_each_start(maps):
+    fig = recovery_map.draw(maps)
+    fell, unsettled, times = fig.axes[0].collections
+    shown = [~np.ma.getmaskarray(mesh.get_array()).ravel() for mesh in (fell, unsettled, times)]
+    assert (sum(part.astype(int) for part in shown) == 1).all()
+    np.testing.assert_array_equal(shown[2], maps[0].recovered.ravel())
+    assert "100" not in fig.axes[1].get_title()
+    assert "0 % of the starts recover" in fig.axes[1].get_title()
+
+
+def test_learning_curves_of_seeds_have_their_mean(two_runs):
+    steps, means = curve.on_common_steps(two_runs, "returns")
+    np.testing.assert_allclose(means[0], two_runs[0].returns.mean(axis=1))
+    assert steps.tolist() == [256, 512, 768]
+    fig = learning_curve.draw(two_runs)
+    *seeds, mean = fig.axes[0].lines
+    assert len(seeds) == 2
+    np.testing.assert_allclose(mean.get_ydata(), means.mean(axis=0))
+    np.testing.assert_allclose(mean.get_xdata(), steps / 1e3)
+    assert labels_of(fig)[0] == "environment steps (thousands)"
+
+
+def test_runs_that_are_none_are_refused(tmp_path, tiny_run):
+    with pytest.raises(FileNotFoundError, match="holds no training run"):
+        curve.read(tmp_path)
+    (tmp_path / "run.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(FileNotFoundError, match="no evaluations yet"):
+        curve.read(tmp_path)
+    (tmp_path / "evaluations.npz").write_bytes((tiny_run / "evaluations.npz").read_bytes())
+    with pytest.raises(ValueError, match="cannot be read"):
+        curve.read(tmp_path)
+
+
+def test_the_same_numbers_give_the_same_file(moving, tmp_path):
+    for name in ("a.svg", "b.svg"):
+        save(phase_portrait.draw(moving), tmp_path / name)
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
+def test_the_command_writes_vectors_and_pixels(tiny_run, tmp_path, capsys):
+    what = ["--figure", "trajectories", "--figure", "learning_curve", "--seconds", "0.3", "--model", "contact"]
+    assert main(["plot", "lqr", str(tiny_run), "--out", str(tmp_path), "--json", *what]) == 0
+    files = json.loads(capsys.readouterr().out)["files"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(file.rsplit("/", 1)[1] for file in files)
+    assert ET.parse(tmp_path / "trajectories.svg").getroot().tag.endswith("svg")
+    with Image.open(tmp_path / "learning_curve.png") as image:
+        assert image.size == (1200, 480)
+    assert main(["plot", "lqr", "--figure", "phase_portrait", "--format", "pdf", "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "phase_portrait.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_a_learning_curve_of_a_controller_is_refused(capsys, tmp_path):
+    assert main(["plot", "lqr", "--figure", "learning_curve", "--out", str(tmp_path / "f")]) == 1
+    assert "a learning curve is of training runs" in capsys.readouterr().err
+    assert not (tmp_path / "f").exists()
+
+
+def test_figures_are_of_no_window(moving):
+    assert isinstance(phase_portrait.draw(moving), matplotlib.figure.Figure)
+    assert type(phase_portrait.draw(moving).canvas).__name__ == "FigureCanvasBase"

@@ -1,0 +1,128 @@
+"""The report: one file, all in it, nothing fetched."""
+
+import base64
+import json
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+
+import pytest
+
+from ballbot_rs.cli import main
+from ballbot_rs.reporting import page
+
+
+class Page(HTMLParser):
+    """What a browser would load, and what a reader would see."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.sources, self.links, self.headings, self.text, self.tags = [], [], [], "", set()
+        self._heading = False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.add(tag)
+        self._heading = tag == "h2"
+        self.sources += [value for name, value in attributes if name in ("src", "srcset", "data", "poster")]
+        self.links += [value for name, value in attributes if name in ("href", "action", "background")]
+
+    def handle_data(self, data):
+        self.text += data
+        if self._heading and data.strip():
+            self.headings.append(data)
+
+
+@pytest.fixture(scope="module")
+def run_with_report(tiny_run, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("reported") / "run"
+    shutil.copytree(tiny_run, folder)
+    assert main(["report", str(folder), "--episodes", "2", "--video-seconds", "0.4", "--quiet"]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def shown(run_with_report):
+    return Page((run_with_report / "report.html").read_text(encoding="utf-8"))
+
+
+def test_nothing_is_fetched(run_with_report, shown):
+    assert shown.links == []
+    assert len(shown.sources) == 3
+    assert all(source.startswith("data:") for source in shown.sources)
+    assert not shown.tags & {"script", "link", "iframe", "object", "embed", "base", "form"}
+    text = (run_with_report / "report.html").read_text(encoding="utf-8")
+    assert "://" not in text
+    assert "url(" not in text
+    assert "@import" not in text
+    assert str(run_with_report) not in text
+
+
+def test_everything_is_there(shown):
+    assert shown.headings == [
+        "The policy at work",
+        "Beside the classical controllers",
+        "Learning curve",
+        "Recovery",
+        "Configuration",
+        "Versions",
+    ]
+    for expected in ("LQR", "PID", "seed 5", "total_timesteps = 768", "stable_baselines3", "2 episodes each"):
+        assert expected in shown.text
+
+
+def test_figures_and_video_are_whole(shown, tmp_path):
+    video, *figures = [source.partition(";base64,") for source in shown.sources]
+    for kind, _, content in figures:
+        assert kind == "data:image/svg+xml"
+        root = ET.fromstring(base64.b64decode(content))
+        linked = [value for node in root.iter() for name, value in node.attrib.items() if name.endswith("href")]
+        assert all(value.startswith(("#", "data:")) for value in linked)
+    assert video[0] == "data:video/mp4"
+    (tmp_path / "v.mp4").write_bytes(base64.b64decode(video[2]))
+    from moviepy import VideoFileClip
+
+    with VideoFileClip(str(tmp_path / "v.mp4")) as clip:
+        # 0.4 s at 25 frames a second, less what is missing when this hardly trained policy falls before.
+        assert 7 <= len(list(clip.iter_frames())) <= 10
+
+
+def test_names_do_not_become_markup():
+    assert "<b>" not in page.code("<b>") + page.note("<b>") + page.table([["<b>"], ["<b>"]]) + page.page("<b>", [])
+
+
+def test_a_training_ends_with_its_report(capsys, tmp_path, tiny_config):
+    folder = tmp_path / "run"
+    arguments = ["train", "balance", "--config", str(tiny_config), "--run", str(folder), "--quiet", "--episodes", "1"]
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.endswith(f"report: {folder / 'report.html'}\n")
+    text = Page((folder / "report.html").read_text(encoding="utf-8")).text
+    assert "1 episodes each" in text
+    assert main([*arguments, "--overwrite", "--no-report", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["report"] is None
+    assert not (folder / "report.html").exists()
+
+
+@pytest.mark.parametrize("missing", ["matplotlib", "moviepy"])
+def test_without_what_it_needs_training_goes_on(missing, run_with_report):
+    code = f"""
+import sys
+from pathlib import Path
+sys.modules[{missing!r}] = None
+from ballbot_rs.cli.report import after_training
+print(after_training(Path(sys.argv[1]), [], True))
+"""
+    command = [sys.executable, "-c", code, str(run_with_report)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "None\n"
+    assert done.stderr.startswith("no report: ")
+    assert "pip install 'ballbot-rs[" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_what_is_no_run_is_refused(tmp_path, capsys):
+    assert main(["report", str(tmp_path)]) == 1
+    assert "holds no training run" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
