@@ -76,11 +76,15 @@ class Session:
             raise ValueError(f"unknown model '{model}': expected one of {', '.join(MODELS)}")
         if isinstance(num_robots, bool) or not isinstance(num_robots, int) or not 1 <= num_robots <= MAX_ROBOTS:
             raise ValueError(f"num_robots = {num_robots} is out of range: expected 1 to {MAX_ROBOTS}")
-        params = self._own[robot] if robot in self._own else Params.preset(robot)
+        params = self.params_of(robot)
         driver = make_driver(controller, params, num_robots, policy)
         robots = Robots(robot, params, model, num_robots, driver.sim_dt)
         self.driver, self.robots = driver, robots
         self.controller = controller
+
+    def params_of(self, robot: str) -> Params:
+        """Parameters of a robot by name. Raises ValueError for an unknown one."""
+        return self._own[robot] if robot in self._own else Params.preset(robot)
 
     @property
     def robot_names(self) -> list[str]:
