@@ -42,7 +42,8 @@ class Page:
         self._server, self._submit = server, submit
         self._scene = Scene(server, look)
         self._next_status = self._next_plot = 0.0
-        server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        # Without its button for sharing, which this server refuses anyway, viser 0.2.23's page crashes.
+        server.gui.configure_theme(control_width="large", show_logo=False)
         self._status = server.gui.add_text("Status", "", disabled=True)
         self._tilt = server.gui.add_text("Tilt", "", disabled=True)
         self._traction = server.gui.add_text("Traction", "", disabled=True, hint="share of the friction limit in use")

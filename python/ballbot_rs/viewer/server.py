@@ -4,6 +4,7 @@ import contextlib
 import functools
 import http
 import io
+import re
 import urllib.parse
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -19,6 +20,10 @@ HOST = "127.0.0.1"
 
 #: Names by which a browser on this machine may call it; a tunnel may use another port.
 OWN_NAMES = ("127.0.0.1", "localhost", "::1")
+
+
+#: viser's page reports its visitors to a company. Ours does not.
+ANALYTICS = re.compile(rb"<script(?:(?!</script>).)*(?:googletagmanager|gtag)(?:(?!</script>).)*</script>", re.DOTALL)
 
 
 class LocalServer(viser.ViserServer):
@@ -62,7 +67,13 @@ def _guarded() -> Iterator[None]:
             reason = refusal(request.path, request.headers)
             if reason is not None:
                 return Response(http.HTTPStatus.FORBIDDEN.value, "Forbidden", Headers(), reason.encode())
-            return process_request(connection, request)
+            is_page = request.path.partition("?")[0] in ("/", "/index.html")
+            if is_page:
+                request.headers.pop("Accept-Encoding", None)
+            response = process_request(connection, request)
+            if is_page and isinstance(response, Response):
+                response.body = ANALYTICS.sub(b"", response.body)
+            return response
 
         return serve(*arguments, process_request=answer, **options)
 
