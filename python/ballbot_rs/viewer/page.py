@@ -49,10 +49,11 @@ class Page:
         self._traction = server.gui.add_text("Traction", "", disabled=True, hint="share of the friction limit in use")
         self._message = server.gui.add_text("Message", "", disabled=True)
         tabs = server.gui.add_tab_group()
+        with tabs.add_tab("Run"):
+            self._add_push()
+            self._add_run(session)
         with tabs.add_tab("Robot"):
             self._add_choices(session)
-            self._add_run(session)
-            self._add_push()
         with tabs.add_tab("Record"):
             self._add_recording()
         with tabs.add_tab("Plots"):
@@ -124,7 +125,7 @@ class Page:
         step.on_click(self._on(lambda: self._single_step))
         speed = gui.add_slider("Speed", min=MIN_SPEED, max=1.0, step=0.01, initial_value=1.0, hint="1: real time")
         speed.on_update(self._on(lambda: _bind(Session.set_speed, speed.value)))
-        degrees = [math.degrees(angle) for angle in session.start_tilt]
+        degrees = [round(math.degrees(angle), 1) for angle in session.start_tilt]
         about_x, about_y = (
             gui.add_slider(f"Start tilt {axis} (deg)", min=-20.0, max=20.0, step=0.5, initial_value=value)
             for axis, value in zip("xy", degrees, strict=True)

@@ -42,7 +42,7 @@ class Plots:
         )
         self._figure.update_annotations(font_size=11)
         self._figure.update_xaxes(title_text="time (s)", row=len(PLOTS), col=1)
-        self._handle = server.gui.add_plotly(self._figure, aspect=0.45)
+        self._handle = server.gui.add_plotly(self._figure, aspect=1.9)
 
     def show(self, history: History) -> None:
         """Draws the last seconds."""

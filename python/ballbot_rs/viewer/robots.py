@@ -1,6 +1,6 @@
 """The simulated robots of a session."""
 
-from collections.abc import Sequence
+import contextlib
 
 import numpy as np
 import numpy.typing as npt
@@ -53,15 +53,14 @@ class Robots:
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         self._robots[index].reset(tilt=turn @ start)
 
-    def take_over(self, states: Sequence[State]) -> None:
-        """Goes on from the states of other robots as far as this model can have them: slip is left behind."""
-        for index, (robot, state) in enumerate(zip(self._robots, states, strict=False)):
-            for candidate in (lambda: state, lambda: _rolling(self.params, state)):
-                try:
-                    robot.reset(candidate())
+    def take_over(self, others: "Robots") -> None:
+        """Goes on from where as many other robots are, as far as this model can: slip is left behind."""
+        self._start = others._start
+        for index, (robot, state) in enumerate(zip(self._robots, others.states, strict=True)):
+            for candidate in (state, _rolling(self.params, state)):
+                with contextlib.suppress(ValueError):
+                    robot.reset(candidate)
                     break
-                except ValueError:
-                    continue
             else:
                 self._reset(index, self._start)
 

@@ -5,6 +5,7 @@ import functools
 import http
 import io
 import re
+import time
 import urllib.parse
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -36,6 +37,16 @@ class LocalServer(viser.ViserServer):
     def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
         """Refuses: what a page asks for must not open this machine to others."""
         return None
+
+    def stop(self) -> None:
+        """Ends the server, quietly."""
+        with contextlib.redirect_stdout(io.StringIO()):
+            super().stop()
+            # The server's thread says so when it ends, which it does not tell otherwise.
+            deadline = time.monotonic() + 2.0
+            while self._event_loop.is_running() and time.monotonic() < deadline:
+                time.sleep(0.01)
+            time.sleep(0.05)
 
 
 def refusal(path: str, headers: Headers) -> str | None:

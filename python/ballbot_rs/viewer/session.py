@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import MODELS, Params
-from ballbot_rs.viewer.controllers import make_driver
+from ballbot_rs.viewer.controllers import Driver, make_driver
 from ballbot_rs.viewer.history import History
 from ballbot_rs.viewer.policy import Policy
 from ballbot_rs.viewer.recording import Frame, Recording
@@ -67,20 +67,20 @@ class Session:
         self.notices: deque[str] = deque(maxlen=20)
         self.pull_point: npt.NDArray[np.float64] | None = None
         self._ahead = 0.0
-        self._build(model, robot, controller, num_robots, None)
+        self.controller = controller
+        self.driver, self.robots = self._make(model, robot, controller, num_robots)
         self.reset()
 
-    def _build(self, model: str, robot: str, controller: str, num_robots: int, policy: Policy | None) -> None:
-        """Makes everything anew before anything is replaced: what is refused leaves the session as it was."""
+    def _make(
+        self, model: str, robot: str, controller: str, num_robots: int, policy: Policy | None = None
+    ) -> tuple[Driver, Robots]:
         if model not in MODELS:
             raise ValueError(f"unknown model '{model}': expected one of {', '.join(MODELS)}")
         if isinstance(num_robots, bool) or not isinstance(num_robots, int) or not 1 <= num_robots <= MAX_ROBOTS:
             raise ValueError(f"num_robots = {num_robots} is out of range: expected 1 to {MAX_ROBOTS}")
         params = self.params_of(robot)
         driver = make_driver(controller, params, num_robots, policy)
-        robots = Robots(robot, params, model, num_robots, driver.sim_dt)
-        self.driver, self.robots = driver, robots
-        self.controller = controller
+        return driver, Robots(robot, params, model, num_robots, driver.sim_dt)
 
     def params_of(self, robot: str) -> Params:
         """Parameters of a robot by name. Raises ValueError for an unknown one."""
@@ -105,20 +105,24 @@ class Session:
         `policy` is used in place of the file that `controller` names. Raises as the constructor; nothing has changed then.
         """
         old = self.robots
-        self._build(
+        controller = self.controller if controller is None else controller
+        if policy is None and controller == self.controller:
+            policy = getattr(self.driver, "policy", None)
+        driver, new = self._make(
             old.model if model is None else model,
             old.name if robot is None else robot,
-            self.controller if controller is None else controller,
+            controller,
             len(old) if num_robots is None else num_robots,
-            policy if policy is not None or controller is not None else getattr(self.driver, "policy", None),
+            policy,
         )
-        if (self.robots.name, len(self.robots)) == (old.name, len(old)):
-            self.robots.reset(self.start_tilt)
-            self.robots.take_over(old.states)
-            self.replay_time = None
-            self.pull_point = None
-        else:
+        self.controller, self.driver = controller, driver
+        if (new.name, len(new)) != (old.name, len(old)):
+            self.robots = new
             self.reset()
+        elif (new.model, new.sim_dt) != (old.model, old.sim_dt):
+            self.robots = new
+            new.take_over(old)
+        self.replay_time = None
 
     def reset(self, tilt: npt.ArrayLike | None = None) -> None:
         """Starts all robots anew, at rest; the tilt (two components, rad) is kept for the next time."""

@@ -74,7 +74,7 @@ def by_color(pieces: list[Piece]) -> list[Piece]:
 
 def ball_of(radius: float) -> list[Piece]:
     """A sphere whose octants alternate between two colours, so that one sees it roll."""
-    sphere = trimesh.creation.icosphere(subdivisions=3, radius=radius)
+    sphere = trimesh.creation.uv_sphere(radius=radius, count=[32, 32])
     side = np.sign(np.asarray(sphere.triangles_center)).prod(axis=1) > 0
     vertices, faces = np.asarray(sphere.vertices), np.asarray(sphere.faces)
     return [Piece(vertices, faces[side], BALL_COLORS[0]), Piece(vertices, faces[~side], BALL_COLORS[1])]
