@@ -1,6 +1,7 @@
 """A headless Chromium driven by its own DevTools protocol: no driver program, no further package than websockets."""
 
 import base64
+import contextlib
 import itertools
 import json
 import os
@@ -39,6 +40,7 @@ class Chromium:
 
     def __init__(self, browser: str, folder: Path) -> None:
         self.errors: list[str] = []
+        self._open = contextlib.ExitStack()
         sandbox = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
         with (folder / "chromium.log").open("w") as log:
             self._process = subprocess.Popen(
@@ -47,7 +49,8 @@ class Chromium:
                 stderr=log,
             )
         try:
-            self._connection = connect(self._page_address(folder / "profile" / "DevToolsActivePort"), max_size=None)
+            address = self._page_address(folder / "profile" / "DevToolsActivePort")
+            self._connection = self._open.enter_context(connect(address, max_size=None))
         except BaseException:
             self._process.kill()
             raise
@@ -112,9 +115,7 @@ class Chromium:
         """Drags with the left button."""
         self.call("Input.dispatchMouseEvent", type="mouseMoved", x=start[0], y=start[1])
         time.sleep(0.3)
-        self.call(
-            "Input.dispatchMouseEvent", type="mousePressed", x=start[0], y=start[1], button="left", clickCount=1
-        )
+        self.call("Input.dispatchMouseEvent", type="mousePressed", x=start[0], y=start[1], button="left", clickCount=1)
         for i in range(1, moves + 1):
             x, y = (a + (b - a) * i / moves for a, b in zip(start, end, strict=True))
             self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, button="left", buttons=1)
@@ -138,7 +139,7 @@ class Chromium:
 
     def close(self) -> None:
         """Ends the browser."""
-        self._connection.close()
+        self._open.close()
         self._process.terminate()
         try:
             self._process.wait(timeout=10)

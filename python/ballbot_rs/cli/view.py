@@ -24,7 +24,9 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--controller", default="lqr", metavar="lqr|pid|zero|PATH", help="a controller, or an ONNX policy (default lqr)"
     )
-    command.add_argument("--batch", type=int, default=1, metavar="N", help=f"robots at once, 1 to {MAX_ROBOTS} (default 1)")
+    command.add_argument(
+        "--batch", type=int, default=1, metavar="N", help=f"robots at once, 1 to {MAX_ROBOTS} (default 1)"
+    )
     command.add_argument("--port", type=int, default=PORT, help=f"of the page (default {PORT}, or the next free one)")
     command.add_argument("--no-open", action="store_true", help="do not open the page")
     command.add_argument("--seconds", type=float, help="stop after this time")

@@ -44,10 +44,7 @@ class _Feedback:
 
     def torques(self, states: Sequence[State], setpoint: npt.ArrayLike) -> Torques:
         return np.array(
-            [
-                controller(state, position=setpoint)
-                for controller, state in zip(self._controllers, states, strict=True)
-            ]
+            [controller(state, position=setpoint) for controller, state in zip(self._controllers, states, strict=True)]
         )
 
     def reset(self) -> None:

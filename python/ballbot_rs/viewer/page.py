@@ -70,7 +70,9 @@ class Page:
         self._model = gui.add_dropdown("Model", MODELS, initial_value=session.robots.model)
         self._robot = gui.add_dropdown("Robot", session.robot_names, initial_value=session.robots.name)
         self._controller = gui.add_dropdown("Controller", names, initial_value=chosen)
-        self._policy = gui.add_text("Policy file", "" if chosen != POLICY else session.controller, hint="path of an .onnx file")
+        self._policy = gui.add_text(
+            "Policy file", "" if chosen != POLICY else session.controller, hint="path of an .onnx file"
+        )
         counts = sorted({1, 4, 16, len(session.robots)})
         self._count = gui.add_dropdown("Robots", [str(n) for n in counts], initial_value=str(len(session.robots)))
         for control in (self._model, self._robot, self._controller, self._policy, self._count):
@@ -79,23 +81,23 @@ class Page:
     def _choose(self, event: viser.GuiEvent[Any]) -> None:
         if event.client_id is None:  # Our own correction of what is shown.
             return
-        model, robot, count = self._model.value, self._robot.value, int(self._count.value)
+        model, robot, count = self._model.value, self._robot.value, self._count.value
         controller = self._policy.value if self._controller.value == POLICY else self._controller.value
         waits_for_name = self._controller.value == POLICY and not controller
 
         def command(session: Session) -> None:
-            wanted = {"model": model, "robot": robot, "num_robots": count, "controller": controller}
-            now = {
-                "model": session.robots.model,
-                "robot": session.robots.name,
-                "num_robots": len(session.robots),
-                "controller": session.controller,
-            }
-            changes: dict[str, Any] = {key: value for key, value in wanted.items() if value != now[key]}
-            if waits_for_name:
-                changes.pop("controller", None)
-                session.notices.append("name a policy file")
+            changes: dict[str, Any] = {}
             try:
+                if model != session.robots.model:
+                    changes["model"] = model
+                if robot != session.robots.name:
+                    changes["robot"] = robot
+                if count != str(len(session.robots)):
+                    changes["num_robots"] = int(count)
+                if waits_for_name:
+                    session.notices.append("name a policy file")
+                elif controller != session.controller:
+                    changes["controller"] = controller
                 if changes:
                     session.choose(**changes)
             finally:
@@ -142,7 +144,9 @@ class Page:
 
     def _add_push(self) -> None:
         gui = self._server.gui
-        direction = gui.add_slider("Direction (deg)", min=0, max=355, step=5, initial_value=0, hint="from x, seen from above")
+        direction = gui.add_slider(
+            "Direction (deg)", min=0, max=355, step=5, initial_value=0, hint="from x, seen from above"
+        )
         impulse = gui.add_slider("Impulse (N·s)", min=0.0, max=5.0, step=0.05, initial_value=0.3)
         push = gui.add_button("Push")
         push.on_click(self._on(lambda: _bind(Session.push, math.radians(direction.value), impulse.value)))
@@ -195,13 +199,21 @@ class Page:
                 self._plots.show(session.history)
 
     def _show_status(self, session: Session, frame: Frame) -> None:
-        doing = "paused" if session.paused else "running" if session.speed == 1.0 else f"at {session.speed:.2f} of real time"
+        doing = (
+            "paused"
+            if session.paused
+            else "running"
+            if session.speed == 1.0
+            else f"at {session.speed:.2f} of real time"
+        )
         if session.replay_time is not None:
             doing = f"replay, {session.replay_time:.1f} of {session.recording.duration:.1f} s"
         elif session.is_recording:
             doing += f", recording {session.recording.duration:.1f} s"
         used = float(max(frame.utilization[:3]))
-        contact = "no contact" if math.isinf(used) else f"{100.0 * used:.0f} % of the limit" + (": slips" if used > 1 else "")
+        contact = (
+            "no contact" if math.isinf(used) else f"{100.0 * used:.0f} % of the limit" + (": slips" if used > 1 else "")
+        )
         texts = (
             (self._status, f"{frame.time:.2f} s, {doing}"),
             (self._tilt, f"{math.degrees(math.hypot(*frame.tilt)):.2f} deg"),

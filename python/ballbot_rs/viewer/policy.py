@@ -42,7 +42,9 @@ def load_onnx(name: str) -> Policy:
     try:
         import ballbot_rs.onnx_policy as module  # type: ignore[import-not-found,unused-ignore]
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(f"a policy file needs {error.name}, which is not installed", name=error.name) from error
+        raise ModuleNotFoundError(
+            f"a policy file needs {error.name}, which is not installed", name=error.name
+        ) from error
     policy: Policy = module.OnnxPolicy(path)
     return policy
 

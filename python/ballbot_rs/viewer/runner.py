@@ -17,7 +17,7 @@ MAX_COMMANDS = 256
 FRAME_DT = 1.0 / 30.0
 
 #: The most real time that is caught up after a delay, s: a machine that is too slow shows slow motion, not a jam.
-MAX_DELAY = 0.2
+MAX_DELAY = 0.5
 
 
 class Runner:
@@ -109,5 +109,7 @@ class Runner:
         factor = self.simulated / self.elapsed if self.elapsed > 0.0 else 0.0
         alone = self.simulated / self.computing if self.computing > 0.0 else 0.0
         many = len(session.robots)
-        what = f"{many} robot{'s' if many > 1 else ''} {session.robots.name}, {session.robots.model}, {session.controller}"
+        what = (
+            f"{many} robot{'s' if many > 1 else ''} {session.robots.name}, {session.robots.model}, {session.controller}"
+        )
         return f"real-time factor {factor:.2f} ({what}); the simulation alone: {alone:.1f}"

@@ -57,7 +57,7 @@ class Scene:
             nodes.remove()
         look = self._look(robot)
         self._robots = [
-            _RobotNodes(self._server, f"/robots_{self._generation}/{i}", look, place)
+            _RobotNodes(self._server, f"/robot_{self._generation}_{i}", look, place)
             for i, place in enumerate(places(num_robots))
         ]
         self._generation += 1
@@ -114,8 +114,8 @@ class _RobotNodes:
             node.wxyz = np.array([math.cos(0.5 * angle), *(math.sin(0.5 * angle) * axle)])
 
     def remove(self) -> None:
-        """Takes the robot away, children first: the server forgets only the node that it is told of."""
-        for node in reversed(self._nodes):
+        """Takes the robot away: the page needs to hear of the parent first, the server of every node."""
+        for node in self._nodes:
             node.remove()
 
 

@@ -1,5 +1,6 @@
 """A viser server for this machine alone: whoever asks from elsewhere, or for other files, is turned away."""
 
+import asyncio
 import contextlib
 import functools
 import http
@@ -47,6 +48,17 @@ class LocalServer(viser.ViserServer):
             while self._event_loop.is_running() and time.monotonic() < deadline:
                 time.sleep(0.01)
             time.sleep(0.05)
+        if not self._event_loop.is_running():
+            # What waits for messages would be complained about when Python ends.
+            self._event_loop.run_until_complete(_cancel_all())
+
+
+async def _cancel_all() -> None:
+    waiting = asyncio.all_tasks() - {asyncio.current_task()}
+    for task in waiting:
+        task.cancel()
+    await asyncio.gather(*waiting, return_exceptions=True)
+    await asyncio.get_running_loop().shutdown_asyncgens()
 
 
 def refusal(path: str, headers: Headers) -> str | None:
@@ -57,7 +69,10 @@ def refusal(path: str, headers: Headers) -> str | None:
     """
     if ".." in path.partition("?")[0].split("/"):
         return "no such file"
-    for value, is_host in [*((v, True) for v in headers.get_all("Host")), *((v, False) for v in headers.get_all("Origin"))]:
+    for value, is_host in [
+        *((v, True) for v in headers.get_all("Host")),
+        *((v, False) for v in headers.get_all("Origin")),
+    ]:
         try:
             name = urllib.parse.urlsplit(f"//{value}" if is_host else value).hostname
         except ValueError:

@@ -93,7 +93,9 @@ def from_params(params: Params) -> Look:
         _cylinder(0.8 * width, 0.5 * (deck + top), 0.5 * (deck + top) + 0.02, PLATE),
         _cylinder(0.6 * width, top - 0.02, top, HUB),
     ]
-    return Look(ball_of(params.ball_radius), by_color(body), [_wheel(params, azimuth) for azimuth in params.wheel_azimuths])
+    return Look(
+        ball_of(params.ball_radius), by_color(body), [_wheel(params, azimuth) for azimuth in params.wheel_azimuths]
+    )
 
 
 def wheel_heights(params: Params) -> float:

@@ -23,9 +23,7 @@ class View:
         ValueError: a port out of range.
     """
 
-    def __init__(
-        self, session: Session, port: int = 8080, urdfs: dict[str, tuple[Path, Path]] | None = None
-    ) -> None:
+    def __init__(self, session: Session, port: int = 8080, urdfs: dict[str, tuple[Path, Path]] | None = None) -> None:
         if not 1 <= port <= 65535:
             raise ValueError(f"port = {port} is out of range: expected 1 to 65535")
         self._urdfs = {**urdf.URDFS, **(urdfs or {})}
