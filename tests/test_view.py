@@ -67,7 +67,8 @@ def choose(page, label, option):
     """Picks an option of a dropdown as a user does."""
     field = f"[...document.querySelectorAll('label')].find(l => l.innerText.trim() === '{label}')"
     click(page, f"({field}).closest('.mantine-Flex-root, div').parentElement.querySelector('input')")
-    found = f"[...document.querySelectorAll('[role=option]')].find(o => o.offsetParent && o.innerText.trim() === '{option}')"
+    matches = f"o => o.offsetParent && o.innerText.trim() === '{option}'"
+    found = f"[...document.querySelectorAll('[role=option]')].find({matches})"
     page.wait_for(found, 5.0)
     click(page, found)
 
@@ -145,11 +146,20 @@ def test_dragging_the_handle_pulls_the_robot(view, tmp_path):
         time.sleep(2.0)
         view.runner.submit(lambda session: session.reset((0.0, 0.0)))
         pulls = []
-        view.runner.submit(lambda session: setattr(session, "pull", lambda point: pulls.append(point)))
+
+        def listen(session):
+            pull = session.pull
+            session.pull = lambda point: (pulls.append(point), pull(point))
+
+        view.runner.submit(listen)
         # The tip of the arrow along x; the camera is where it was put.
         page.drag((682, 302), (760, 285))
         page.screenshot(tmp_path / "drag.png")
-        wait_until(lambda: pulls, 5.0)
+        # The handle pulled along x, then let go; the end of the drag was not taken for a click on the floor.
+        wait_until(lambda: pulls and pulls[-1] is None)
+        assert max(point[0] for point in pulls if point is not None) > 0.1
+        assert np.array_equal(ask(view, lambda session: session.setpoint), [0.0, 0.0])
+        assert page.errors == []
     finally:
         page.close()
 

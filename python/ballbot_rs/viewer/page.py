@@ -1,10 +1,12 @@
 """The page: its controls only put commands into the runner's queue, its display only reads frames."""
 
+import functools
 import math
 import time
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import viser
 
 from ballbot_rs._core import MODELS
@@ -22,6 +24,9 @@ POLICY = "policy file"
 
 #: Time between two updates of the numbers, and of the plots, s.
 STATUS_PERIOD, PLOT_PERIOD = 0.2, 0.4
+
+#: From where on a wheel is said to slip, m/s.
+SLIPS = 1e-3
 
 Submit = Callable[[Command], bool]
 
@@ -163,7 +168,7 @@ class Page:
             "Back to the simulation": Session.end_replay,
         }
         for label, command in buttons.items():
-            gui.add_button(label).on_click(self._on(lambda command=command: command))
+            gui.add_button(label).on_click(self._on(functools.partial(_same, command)))
         position = gui.add_slider("Replay from (%)", min=0.0, max=100.0, step=0.5, initial_value=0.0)
         position.on_update(
             self._on(lambda: lambda session: session.replay(0.01 * position.value * session.recording.duration))
@@ -183,7 +188,14 @@ class Page:
             return
         (x, y, z), (dx, dy, dz) = event.ray_origin, event.ray_direction
         if dz < -1e-6:
-            self._submit(_bind(Session.move_setpoint, x - z / dz * dx, y - z / dz * dy))
+            goal = (x - z / dz * dx, y - z / dz * dy)
+
+            def command(session: Session) -> None:
+                # The end of a drag of the handle comes as a click, too.
+                if session.pull_point is None:
+                    session.move_setpoint(*goal)
+
+            self._submit(command)
 
     def show(self, session: Session, frame: Frame) -> None:
         """Shows a frame; the numbers and plots less often."""
@@ -210,14 +222,10 @@ class Page:
             doing = f"replay, {session.replay_time:.1f} of {session.recording.duration:.1f} s"
         elif session.is_recording:
             doing += f", recording {session.recording.duration:.1f} s"
-        used = float(max(frame.utilization[:3]))
-        contact = (
-            "no contact" if math.isinf(used) else f"{100.0 * used:.0f} % of the limit" + (": slips" if used > 1 else "")
-        )
         texts = (
             (self._status, f"{frame.time:.2f} s, {doing}"),
             (self._tilt, f"{math.degrees(math.hypot(*frame.tilt)):.2f} deg"),
-            (self._traction, contact),
+            (self._traction, _traction_of(frame)),
             (self._message, session.notices[-1] if session.notices else ""),
         )
         for control, text in texts:
@@ -225,8 +233,23 @@ class Page:
                 control.value = text
 
 
+def _traction_of(frame: Frame) -> str:
+    used = float(max(frame.utilization[:3]))
+    if math.isinf(used):
+        return "a wheel has no load"
+    text = f"{100.0 * used:.0f} % of the limit"
+    if float(np.abs(frame.slip).max()) > SLIPS:
+        return f"{text}, slips at {float(np.abs(frame.slip).max()):.2f} m/s"
+    # Friction at rest may be a little above the limit of sliding friction; models without slip know no limit.
+    return f"{text}, about to slip" if used > 1.0 else text
+
+
 def _bind(method: Callable[..., None], *arguments: Any) -> Command:
     return lambda session: method(session, *arguments)
+
+
+def _same(command: Command) -> Command:
+    return command
 
 
 def _set_paused(value: Any) -> Command:

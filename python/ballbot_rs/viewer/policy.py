@@ -81,7 +81,7 @@ class PolicyDriver:
         return self._last.astype(np.float64) * self._max_torque
 
     def observe(self, index: int, state: State, setpoint: npt.ArrayLike) -> npt.NDArray[np.float32] | None:
-        """What the policy sees of robot `index`, shape (16,); None of one that is in the floor, as no-slip models can be."""
+        """What the policy sees of robot `index`, shape (16,); None if it is in the floor, as no-slip models can be."""
         away = np.append(np.asarray(setpoint, dtype=np.float64), 0.0)
         start = state.replace(ball_position=state.ball_position - away, body_position=state.body_position - away)
         try:

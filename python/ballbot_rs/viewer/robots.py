@@ -42,7 +42,7 @@ class Robots:
         """All robots at rest at the origin. Raises ValueError for a tilt that a robot cannot have."""
         start = np.asarray(tilt, dtype=np.float64)
         if start.shape != (2,) or not np.isfinite(start).all():
-            raise ValueError(f"tilt = {tilt}: expected two finite angles")
+            raise ValueError(f"tilt = {tilt!r}: expected two finite angles")
         for index in range(len(self)):
             self._reset(index, start)
         self._start = start
@@ -93,7 +93,7 @@ class Robots:
         for index, robot in enumerate(self._robots):
             try:
                 robot.step(self.applied[index], steps)
-            except DivergedError:
+            except DivergedError:  # noqa: PERF203
                 self._reset(index, self._start)
                 lost.append(index)
         return lost

@@ -102,7 +102,8 @@ class Session:
     ) -> None:
         """Changes what is simulated. The robots move on, unless their kind or number changes: then they start anew.
 
-        `policy` is used in place of the file that `controller` names. Raises as the constructor; nothing has changed then.
+        `policy` is used in place of the file that `controller` names. Raises as the constructor, and changes nothing
+        then.
         """
         old = self.robots
         controller = self.controller if controller is None else controller
@@ -128,7 +129,7 @@ class Session:
         """Starts all robots anew, at rest; the tilt (two components, rad) is kept for the next time."""
         start = self.start_tilt if tilt is None else np.asarray(tilt, dtype=np.float64)
         if start.shape != (2,):
-            raise ValueError(f"tilt = {tilt}: expected two components")
+            raise ValueError(f"tilt = {tilt!r}: expected two components")
         check_bounded("tilt", float(np.hypot(*start)), 0.0, MAX_TILT)
         self.robots.reset(start)
         self.start_tilt = start

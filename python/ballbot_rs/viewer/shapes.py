@@ -74,14 +74,14 @@ def by_color(pieces: list[Piece]) -> list[Piece]:
 
 def ball_of(radius: float) -> list[Piece]:
     """A sphere whose octants alternate between two colours, so that one sees it roll."""
-    sphere = trimesh.creation.uv_sphere(radius=radius, count=[32, 32])
+    sphere = trimesh.creation.uv_sphere(radius=radius, count=[33, 33])
     side = np.sign(np.asarray(sphere.triangles_center)).prod(axis=1) > 0
     vertices, faces = np.asarray(sphere.vertices), np.asarray(sphere.faces)
     return [Piece(vertices, faces[side], BALL_COLORS[0]), Piece(vertices, faces[~side], BALL_COLORS[1])]
 
 
 def from_params(params: Params) -> Look:
-    """A robot made from its parameters alone, which carry no outlines: the body is the size that its inertia asks for."""
+    """A robot made from its parameters alone; they carry no outlines, so the body is as tall as its inertia asks for."""
     reach = params.ball_radius + params.wheel_radius
     width = reach * math.sin(params.wheel_zenith)
     half_height = math.sqrt(3.0 * max(params.body_inertia[:2]) / params.body_mass)

@@ -32,7 +32,7 @@ def from_urdf(params: Params, bot_path: Path, ball_path: Path) -> Look:
     for link in bot.robot.links:
         owner = _carrier(bot, link.name, set(pieces))
         within = bot.get_transform(link.name, owner)
-        (body if owner not in pieces else pieces[owner]).extend(_pieces(bot, link, within))
+        pieces.get(owner, body).extend(_pieces(bot, link, within))
     # The root frame may be at any height on the mast; ours is at the ball centre.
     mounts = [np.asarray(bot.get_transform(joint.child)) for joint in wheels]
     lift = np.eye(4)
@@ -82,19 +82,19 @@ def _pieces(robot: yourdfpy.URDF, link: yourdfpy.Link, within: npt.ArrayLike) ->
 
 
 def _mesh(robot: yourdfpy.URDF, shape: yourdfpy.Geometry | None) -> trimesh.Trimesh | None:
+    mesh: trimesh.Trimesh | None = None
     if shape is None:
         return None
     if shape.sphere is not None:
-        return trimesh.creation.icosphere(subdivisions=3, radius=shape.sphere.radius)
-    if shape.cylinder is not None:
-        return trimesh.creation.cylinder(radius=shape.cylinder.radius, height=shape.cylinder.length, sections=32)
-    if shape.box is not None:
-        return trimesh.creation.box(shape.box.size)
-    if shape.mesh is not None:
+        mesh = trimesh.creation.icosphere(subdivisions=3, radius=shape.sphere.radius)
+    elif shape.cylinder is not None:
+        mesh = trimesh.creation.cylinder(radius=shape.cylinder.radius, height=shape.cylinder.length, sections=32)
+    elif shape.box is not None:
+        mesh = trimesh.creation.box(shape.box.size)
+    elif shape.mesh is not None:
         mesh = trimesh.load_mesh(robot._filename_handler(fname=shape.mesh.filename))
-        mesh.apply_scale(1.0 if shape.mesh.scale is None else shape.mesh.scale)
-        return mesh
-    return None
+        mesh.vertices = np.asarray(mesh.vertices) * (1.0 if shape.mesh.scale is None else shape.mesh.scale)
+    return mesh
 
 
 def _color(robot: yourdfpy.URDF, material: yourdfpy.Material | None) -> Color:

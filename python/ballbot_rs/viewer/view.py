@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from ballbot_rs._core import Params
 from ballbot_rs.viewer import shapes, urdf
 from ballbot_rs.viewer.page import Page
 from ballbot_rs.viewer.recording import Frame
