@@ -30,7 +30,8 @@ gymnasium.make_vec("ballbot/Balance-v0", 2).reset()
 import ballbot_rs.evaluation, ballbot_rs.cli
 ballbot_rs.cli.parser()
 ballbot_rs.evaluation.evaluate("lqr", episodes=1, env_options={"model": "planar"})
-print(sorted({m.split(".")[0] for m in sys.modules} & {"torch", "stable_baselines3", "matplotlib", "viser"}))
+heavy = {"torch", "stable_baselines3", "tensorboard", "matplotlib", "viser", "trimesh", "plotly"}
+print(sorted({m.split(".")[0] for m in sys.modules} & heavy))
 """
     assert run_python(code).strip() == "[]"
 

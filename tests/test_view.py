@@ -18,6 +18,8 @@ viser = pytest.importorskip("viser", reason="the page is not tested: install 'ba
 from PIL import Image  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
 
+from ballbot_rs import Params  # noqa: E402
+from ballbot_rs.viewer import shapes, urdf  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.chromium import Chromium, find_browser  # noqa: E402
@@ -122,6 +124,24 @@ def test_the_page_in_a_browser(view, tmp_path):
             choose(page, label, option)
             wait_until(lambda option=option, chosen=chosen: ask(view, chosen) == option, 5.0)
 
+        # A single step pauses; a replay stays open at its end.
+        click(page, button("Run"))
+        click(page, button("Step"))
+        wait_until(lambda: ask(view, lambda s: s.paused), 5.0)
+        time_ = ask(view, lambda s: s.time)
+        click(page, button("Step"))
+        wait_until(lambda: ask(view, lambda s: s.time) == pytest.approx(time_ + 0.01), 5.0)
+        view.runner.submit(lambda session: setattr(session, "paused", False))
+        click(page, button("Record"))
+        click(page, "[...document.querySelectorAll('button')].filter(b => b.innerText.trim() === 'Record')[1]")
+        wait_until(lambda: ask(view, lambda s: s.recording.duration) > 0.3, 5.0)
+        click(page, button("Replay"))
+        at_end = lambda s: s.replay_time is not None and s.replay_time == s.recording.duration  # noqa: E731
+        wait_until(lambda: ask(view, at_end), 5.0)
+        page.wait_for("[...document.querySelectorAll('input')].some(i => /replay/.test(i.value))")
+        click(page, button("Back to the simulation"))
+        wait_until(lambda: ask(view, lambda s: s.replay_time is None), 5.0)
+
         # Plots draw.
         click(page, button("Plots"))
         page.wait_for("document.querySelectorAll('.js-plotly-plot .scatterlayer path.js-line').length >= 15", 10.0)
@@ -162,6 +182,22 @@ def test_dragging_the_handle_pulls_the_robot(view, tmp_path):
         assert page.errors == []
     finally:
         page.close()
+
+
+def test_the_urdf_and_the_parameters_put_the_wheels_in_the_same_places():
+    params = Params.paper()
+    described, made = urdf.from_urdf(params, *urdf.URDFS["paper"]), shapes.from_params(params)
+    for one, other in zip(described.wheels, made.wheels, strict=True):
+        np.testing.assert_allclose(one.mount, other.mount, atol=1e-12)
+        np.testing.assert_allclose(one.axle, other.axle, atol=1e-12)
+        # Where the rim is nearest to the ball centre, it touches the ball.
+        for wheel in (one, other):
+            tyre = next(piece for piece in wheel.pieces if piece.color == shapes.TYRE)
+            points = tyre.vertices @ wheel.mount[:3, :3].T + wheel.mount[:3, 3]
+            assert np.linalg.norm(points, axis=1).min() == pytest.approx(params.ball_radius, abs=1e-3)
+    # Its own colours, and the top of its mast.
+    assert len(described.body) == 4
+    assert max(piece.vertices[:, 2].max() for piece in described.body) == pytest.approx(0.595, abs=1e-6)
 
 
 def test_the_command_stops_by_itself_and_says_how_fast_it_was():

@@ -1,7 +1,8 @@
 """The robot in the browser: a session that simulates, and a page that shows it.
 
-`session` with `controllers`, `policy`, `recording` and `history` knows no browser; `runner` is the thread that owns it;
-`page` with `scene`, `plots`, `shapes` and `urdf` shows it with viser. Only the last five import what `[view]` installs.
+`session` with `robots`, `controllers`, `policy`, `recording` and `history` knows no browser, and `runner` is the
+thread that owns it. All others show it with viser, and only they import what `[view]` installs: `page` with `scene`, `handle` and
+`plots`, made of `shapes` and `urdf`, on a `server`; `view` puts all together.
 """
 
 from ballbot_rs.viewer.session import Session

@@ -13,7 +13,7 @@ FloatArray = npt.NDArray[np.float64]
 Color = tuple[int, int, int]
 
 BALL_COLORS: tuple[Color, Color] = ((204, 56, 46), (236, 200, 190))
-TYRE: Color = (26, 77, 140)
+TYRE: Color = (26, 76, 140)
 HUB: Color = (240, 140, 26)
 PLATE: Color = (72, 78, 90)
 MAST: Color = (170, 176, 184)
@@ -81,7 +81,7 @@ def ball_of(radius: float) -> list[Piece]:
 
 
 def from_params(params: Params) -> Look:
-    """A robot made from its parameters alone; they carry no outlines, so the body is as tall as its inertia asks for."""
+    """A robot made from its parameters alone; they carry no outlines, so it is as tall as its inertia asks for."""
     reach = params.ball_radius + params.wheel_radius
     width = reach * math.sin(params.wheel_zenith)
     half_height = math.sqrt(3.0 * max(params.body_inertia[:2]) / params.body_mass)
