@@ -135,15 +135,28 @@ def test_a_policy_sees_and_does_what_it_would_in_the_environment(model):
     assert step > 10
 
 
-def test_a_policy_that_chooses_nonsense_turns_the_motors_off():
+def fail(_):
+    raise KeyError("no such input")
+
+
+@pytest.mark.parametrize(
+    ("choose", "message"),
+    [
+        (lambda _: np.full(3, np.nan), "expected three finite numbers"),
+        (lambda _: np.zeros(2), "expected three finite numbers"),
+        (fail, "no such input"),
+    ],
+)
+def test_a_policy_that_chooses_nonsense_turns_the_motors_off(choose, message):
     session = Session()
-    session.choose(controller="bad.onnx", policy=Linear(lambda _: np.full(3, np.nan)))
+    session.choose(controller="bad.onnx", policy=Linear(choose))
     runner = Runner(session)
     runner.start()
     wait_until(lambda: session.controller == "zero")
     runner.stop()
     assert runner.error is None
-    assert "expected three finite numbers; the motors are off" in session.notices[-1]
+    assert message in session.notices[-1]
+    assert session.notices[-1].endswith("; the motors are off")
 
 
 def test_a_policy_goes_on_when_the_model_is_switched_and_ends_with_another_controller():

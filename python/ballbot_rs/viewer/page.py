@@ -47,6 +47,7 @@ class Page:
         self._server, self._submit = server, submit
         self._scene = Scene(server, look)
         self._next_status = self._next_plot = 0.0
+        self._last_controller = session.controller
         # Without its button for sharing, which this server refuses anyway, viser 0.2.23's page crashes.
         server.gui.configure_theme(control_width="large", show_logo=False)
         self._status = server.gui.add_text("Status", "", disabled=True)
@@ -203,6 +204,9 @@ class Page:
         with self._server.atomic():
             self._scene.show(frame)
             self._handle.show(session)
+            if session.controller != self._last_controller:
+                self._last_controller = session.controller
+                self._correct(session)
             if now >= self._next_status:
                 self._next_status = now + STATUS_PERIOD
                 self._show_status(session, frame)

@@ -81,10 +81,10 @@ class Runner:
         simulated = 0.0
         try:
             simulated = session.advance(min(elapsed, MAX_DELAY))
-        except (ValueError, ArithmeticError, RuntimeError) as error:
-            # A policy may choose nonsense: the robots then go on without current.
+        except Exception as error:
+            # A policy may choose nonsense or fail in any way: the robots then go on without current.
             session.choose(controller="zero")
-            session.notices.append(f"{error}; the motors are off")
+            session.notices.append(f"{error or type(error).__name__}; the motors are off")
         if not session.paused and session.replay_time is None:
             self.computing += time.perf_counter() - began
             self.simulated += simulated / session.speed
@@ -100,8 +100,8 @@ class Runner:
                 return
             try:
                 command(self._session)
-            except (ValueError, TypeError, OSError, ArithmeticError, ModuleNotFoundError) as error:
-                self._session.notices.append(str(error))
+            except Exception as error:  # Whatever a page asks for, the robots go on.
+                self._session.notices.append(str(error) or type(error).__name__)
 
     def report(self) -> str:
         """How fast it was: the real-time factor, and what the simulation alone would reach."""
