@@ -43,6 +43,7 @@ train: $(INSTALLED)
 	$(BIN)/ballbot train balance --seed $(SEED)
 
 test: $(INSTALLED)
+	@sh tools/install_chromium.sh
 	cargo test --locked
 	$(BIN)/pytest
 

@@ -36,7 +36,7 @@ def test_version(capsys):
     assert run(capsys, "--version") == (0, f"ballbot {__version__}\n", "")
 
 
-HELP = [["--help"], *([name, "--help"] for name in ("train", "evaluate", "report", "export", "plot", "record", "info"))]
+HELP = [["--help"], *([name, "--help"] for name in ("train", "evaluate", "report", "export", "plot", "record", "view", "info"))]
 
 
 @pytest.mark.parametrize("arguments", HELP)
@@ -80,6 +80,14 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["evaluate", "balance", "--controller", "lqr", "--episodes", "0"], "episodes = 0, it must be at least 1"),
         (["evaluate", "balance", "--controller", "lqr", "--seed", "-1"], "seed = -1 is out of range"),
         (["evaluate", "balance", "--controller", "lqr", "--model", "flat"], "unknown model 'flat': expected one of"),
+        (["view", "--model", "flat"], "unknown model 'flat': expected one of planar, spatial"),
+        (["view", "--robot", "r2d2"], "r2d2"),
+        (["view", "--controller", "run.zip"], "unknown controller 'run.zip': expected lqr, pid, zero or a policy file"),
+        (["view", "--controller", "run.onnx"], "no policy at run.onnx"),
+        (["view", "--batch", "0"], "num_robots = 0 is out of range: expected 1 to 64"),
+        (["view", "--port", "0"], "port = 0 is out of range: expected 1 to 65535"),
+        (["view", "--seconds", "nan"], "--seconds nan is out of range"),
+        (["view", "--urdf", "bot.urdf", "ball.urdf"], "bot.urdf"),
     ],
 )
 def test_an_error_exits_with_1_and_one_line(capsys, tmp_path, monkeypatch, arguments, message):

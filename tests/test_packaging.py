@@ -28,8 +28,10 @@ env = gymnasium.make("ballbot/Balance-v0")
 env.reset(seed=0)
 gymnasium.make_vec("ballbot/Balance-v0", 2).reset()
 import ballbot_rs.evaluation, ballbot_rs.cli
+ballbot_rs.cli.parser()
 ballbot_rs.evaluation.evaluate("lqr", episodes=1, env_options={"model": "planar"})
-print(sorted({m.split(".")[0] for m in sys.modules} & {"torch", "stable_baselines3", "tensorboard", "matplotlib"}))
+heavy = {"torch", "stable_baselines3", "tensorboard", "matplotlib", "viser", "trimesh", "plotly"}
+print(sorted({m.split(".")[0] for m in sys.modules} & heavy))
 """
     assert run_python(code).strip() == "[]"
 
@@ -43,6 +45,7 @@ print(sorted({m.split(".")[0] for m in sys.modules} & {"torch", "stable_baseline
             "main(['evaluate', 'balance', '--controller', 'x.zip'])",
             "a policy file needs torch: install it with `pip install 'ballbot-rs[train]'`",
         ),
+        ("main(['view'])", "the page needs viser: install it with `pip install 'ballbot-rs[view]'`"),
     ],
 )
 def test_without_the_learner_the_message_says_what_to_install(use, message):
@@ -50,8 +53,9 @@ def test_without_the_learner_the_message_says_what_to_install(use, message):
 import sys
 class Hidden:
     def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in ("torch", "stable_baselines3"):
-            raise ModuleNotFoundError(f"No module named {{name!r}}", name="torch")
+        hidden = {{"torch": "torch", "stable_baselines3": "torch", "viser": "viser"}}
+        if name.split(".")[0] in hidden:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=hidden[name.split(".")[0]])
 sys.meta_path.insert(0, Hidden())
 sys.stderr = sys.stdout
 import ballbot_rs

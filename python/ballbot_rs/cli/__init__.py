@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 
 from ballbot_rs import __version__
-from ballbot_rs.cli import evaluate, export, info, plot, record, report, train
+from ballbot_rs.cli import evaluate, export, info, plot, record, report, train, view
 
 #: Exit codes: 1 for an error that the message explains, 2 for a wrong command line, 130 for an interrupt.
 FAILED = 1
@@ -26,7 +26,7 @@ def parser() -> argparse.ArgumentParser:
         shtab.add_argument_to(parser, "--print-completion", help="print a script of completions for a shell")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     train.add_to(commands)
-    for command in (evaluate, report, export, plot, record, info):
+    for command in (evaluate, report, export, plot, record, view, info):
         command.add_to(commands)
     return parser
 

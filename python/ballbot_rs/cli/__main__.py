@@ -1,0 +1,7 @@
+"""The `ballbot` command as `python -m ballbot_rs.cli`."""
+
+import sys
+
+from ballbot_rs.cli import main
+
+sys.exit(main())

@@ -1,0 +1,65 @@
+"""`ballbot view`: the robot in the browser."""
+
+import argparse
+import sys
+import time
+import webbrowser
+from pathlib import Path
+from typing import Any
+
+from ballbot_rs._core import MODELS, Params
+from ballbot_rs.viewer.session import MAX_ROBOTS, Session
+
+PORT = 8080
+
+
+def add_to(commands: Any) -> None:
+    """Adds the command to the parser."""
+    command = commands.add_parser("view", help="show the robot in the browser, push it, plot it")
+    command.add_argument("--model", default="contact", help=f"{', '.join(MODELS)} (default contact)")
+    command.add_argument("--robot", default="paper", help=f"{', '.join(Params.preset_names())} (default paper)")
+    command.add_argument(
+        "--urdf", type=Path, nargs=2, metavar=("BOT", "BALL"), help="a robot as two URDFs, instead of --robot"
+    )
+    command.add_argument(
+        "--controller", default="lqr", metavar="lqr|pid|zero|PATH", help="a controller, or an ONNX policy (default lqr)"
+    )
+    command.add_argument(
+        "--batch", type=int, default=1, metavar="N", help=f"robots at once, 1 to {MAX_ROBOTS} (default 1)"
+    )
+    command.add_argument("--port", type=int, default=PORT, help=f"of the page (default {PORT}, or the next free one)")
+    command.add_argument("--no-open", action="store_true", help="do not open the page")
+    command.add_argument("--seconds", type=float, help="stop after this time")
+    command.set_defaults(carry_out=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Carries the command out; ends with the real-time factor."""
+    if arguments.seconds is not None and not 0.0 < arguments.seconds <= 1e6:
+        raise ValueError(f"--seconds {arguments.seconds} is out of range: it must be positive")
+    robot, params, urdfs = arguments.robot, None, {}
+    if arguments.urdf is not None:
+        robot, params = arguments.urdf[0].stem, Params.from_urdf(*arguments.urdf)
+        urdfs = {robot: tuple(arguments.urdf)}
+    session = Session(arguments.model, robot, arguments.controller, arguments.batch, params)
+    try:
+        from ballbot_rs.viewer.view import View
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"the page needs {error.name}: install it with `pip install 'ballbot-rs[view]'`", name=error.name
+        ) from error
+    view = View(session, arguments.port, urdfs)
+    try:
+        print(f"{view.url} shows the robot; Ctrl-C ends it", flush=True)
+        if not arguments.no_open:
+            webbrowser.open(view.url)
+        ends = time.monotonic() + (arguments.seconds or float("inf"))
+        while view.runner.running and time.monotonic() < ends:
+            time.sleep(0.05)
+    except KeyboardInterrupt:
+        print(file=sys.stderr)
+    finally:
+        view.stop()
+    if view.runner.error is not None:
+        raise RuntimeError("the simulation has stopped") from view.runner.error
+    print(view.runner.report())

@@ -1,0 +1,50 @@
+"""The last seconds of robot 0, for plots."""
+
+from collections import deque
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs.viewer.recording import Frame
+
+FloatArray = npt.NDArray[np.float64]
+
+#: How far back, s, and the least time between two samples, s.
+SPAN = 10.0
+PERIOD = 0.02
+
+#: Rows of `History.series` by name.
+SERIES: dict[str, slice] = {
+    "time": slice(0, 1),
+    "tilt": slice(1, 3),
+    "torques": slice(3, 6),
+    "loads": slice(6, 9),
+    "slip": slice(9, 12),
+    "utilization": slice(12, 16),
+}
+
+
+class History:
+    """Samples at most `SPAN` old."""
+
+    def __init__(self) -> None:
+        self._samples: deque[FloatArray] = deque(maxlen=round(SPAN / PERIOD))
+
+    def add(self, frame: Frame) -> None:
+        """Adds a sample unless it comes too soon; one from the past starts anew."""
+        if self._samples:
+            elapsed = frame.time - self._samples[-1][0]
+            if elapsed < 0.0:
+                self.clear()
+            elif elapsed < PERIOD * (1.0 - 1e-9):
+                return
+        parts = ([frame.time], frame.tilt, frame.torques[0], frame.loads, frame.slip, frame.utilization)
+        self._samples.append(np.concatenate(parts))
+
+    def clear(self) -> None:
+        """Forgets all samples."""
+        self._samples.clear()
+
+    def series(self) -> FloatArray:
+        """All samples, shape (16, n), rows as in `SERIES`."""
+        return np.array(self._samples).T if self._samples else np.empty((16, 0))

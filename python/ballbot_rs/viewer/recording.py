@@ -1,0 +1,76 @@
+"""What is shown of a session at one instant, and a series of it for replay."""
+
+import bisect
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Robots times frames that a recording holds: ten minutes of one robot.
+CAPACITY = 60_000
+
+#: Least simulated time between two frames of a recording, s.
+PERIOD = 0.01
+
+#: Where things stand in a row of `Frame.states`.
+BALL_POSITION, BALL_QUATERNION = slice(0, 3), slice(3, 7)
+BODY_POSITION, BODY_QUATERNION = slice(13, 16), slice(16, 20)
+WHEEL_ANGLES = slice(26, 29)
+
+
+@dataclasses.dataclass(frozen=True)
+class Frame:
+    """All robots of a session at one instant; forces are those of robot 0."""
+
+    #: Name of the robot.
+    robot: str
+    #: Simulated time, s.
+    time: float
+    #: Rows as `State.to_array`, shape (n, 32).
+    states: FloatArray
+    #: Torques of the last control step, N·m, shape (n, 3).
+    torques: FloatArray
+    #: Tilt components of robot 0, rad.
+    tilt: FloatArray
+    #: Loads of the wheels of robot 0, N.
+    loads: FloatArray
+    #: Slip speeds of the wheels of robot 0, m/s.
+    slip: FloatArray
+    #: Share of the dynamic friction limit in use, three wheels and floor of robot 0.
+    utilization: FloatArray
+    #: Position that the controllers hold, m.
+    setpoint: FloatArray
+
+
+class Recording:
+    """Frames in the order of time, at most `CAPACITY`."""
+
+    def __init__(self) -> None:
+        self.frames: list[Frame] = []
+
+    def add(self, frame: Frame) -> bool:
+        """Adds a frame unless it comes too soon after the last one; False if the recording is full."""
+        if (len(self.frames) + 1) * len(frame.states) > CAPACITY:
+            return False
+        if not self.frames or frame.time - self.frames[-1].time >= PERIOD * (1.0 - 1e-9):
+            self.frames.append(frame)
+        return True
+
+    @property
+    def duration(self) -> float:
+        """From the first frame to the last, s."""
+        return self.frames[-1].time - self.frames[0].time if self.frames else 0.0
+
+    def at(self, seconds: float) -> Frame:
+        """The last frame within `seconds` after the first one.
+
+        Raises:
+            ValueError: there are no frames.
+        """
+        if not self.frames:
+            raise ValueError("nothing has been recorded yet")
+        time = self.frames[0].time + seconds + 1e-9
+        index = bisect.bisect_right(self.frames, time, key=lambda frame: frame.time) - 1
+        return self.frames[max(index, 0)]

@@ -1,0 +1,115 @@
+"""The one thread that owns a session; all others put commands in its queue."""
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+
+from ballbot_rs.viewer.recording import Frame
+from ballbot_rs.viewer.session import Session
+
+Command = Callable[[Session], None]
+
+#: Commands that may wait; more are dropped, as from a client that floods.
+MAX_COMMANDS = 256
+
+#: Time between two frames, s.
+FRAME_DT = 1.0 / 30.0
+
+#: The most real time that is caught up after a delay, s: a machine that is too slow shows slow motion, not a jam.
+MAX_DELAY = 0.5
+
+
+class Runner:
+    """Runs a session in real time.
+
+    Args:
+        session: no one else may touch it from now on.
+        show: called with the session and what is to be shown after each frame, in this thread.
+    """
+
+    def __init__(self, session: Session, show: Callable[[Session, Frame], None] | None = None) -> None:
+        self._session = session
+        self._show = show
+        self._commands: queue.Queue[Command] = queue.Queue(MAX_COMMANDS)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="ballbot-simulation", daemon=True)
+        #: Simulated time, and the real time and the time of computing that it took without pauses, s.
+        self.simulated = 0.0
+        self.elapsed = 0.0
+        self.computing = 0.0
+        self.error: BaseException | None = None
+
+    def start(self) -> None:
+        """Begins."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends; returns when the thread has."""
+        self._stop.set()
+        self._thread.join()
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread is there."""
+        return self._thread.is_alive()
+
+    def submit(self, command: Command) -> bool:
+        """Has the thread carry a command out; False if there are too many waiting already. From any thread."""
+        try:
+            self._commands.put_nowait(command)
+        except queue.Full:
+            return False
+        return True
+
+    def _run(self) -> None:
+        try:
+            last = time.perf_counter()
+            while not self._stop.is_set():
+                now = time.perf_counter()
+                self._frame(now - last)
+                last = now
+                self._stop.wait(max(0.0, FRAME_DT - (time.perf_counter() - now)))
+        except BaseException as error:
+            self.error = error
+            raise
+
+    def _frame(self, elapsed: float) -> None:
+        session = self._session
+        self._carry_out_commands()
+        began = time.perf_counter()
+        simulated = 0.0
+        try:
+            simulated = session.advance(min(elapsed, MAX_DELAY))
+        except Exception as error:
+            # A policy may choose nonsense or fail in any way: the robots then go on without current.
+            session.choose(controller="zero")
+            session.notices.append(f"{error or type(error).__name__}; the motors are off")
+        if not session.paused and session.replay_time is None:
+            self.computing += time.perf_counter() - began
+            self.simulated += simulated / session.speed
+            self.elapsed += elapsed
+        if self._show is not None:
+            self._show(session, session.frame())
+
+    def _carry_out_commands(self) -> None:
+        for _ in range(MAX_COMMANDS):
+            try:
+                command = self._commands.get_nowait()
+            except queue.Empty:
+                return
+            try:
+                command(self._session)
+            except Exception as error:  # Whatever a page asks for, the robots go on.
+                self._session.notices.append(str(error) or type(error).__name__)
+
+    def report(self) -> str:
+        """How fast it was: the real-time factor, and what the simulation alone would reach."""
+        session = self._session
+        factor = self.simulated / self.elapsed if self.elapsed > 0.0 else 0.0
+        alone = self.simulated / self.computing if self.computing > 0.0 else 0.0
+        many = len(session.robots)
+        what = (
+            f"{many} robot{'s' if many > 1 else ''} {session.robots.name}, {session.robots.model}, {session.controller}"
+        )
+        return f"real-time factor {factor:.2f} ({what}); the simulation alone: {alone:.1f}"

@@ -1,0 +1,125 @@
+"""The scene: a floor, the robots and the setpoint."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ballbot_rs.viewer.recording import (
+    BALL_POSITION,
+    BALL_QUATERNION,
+    BODY_POSITION,
+    BODY_QUATERNION,
+    WHEEL_ANGLES,
+    Frame,
+)
+from ballbot_rs.viewer.shapes import Look, Piece
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Between two robots of a batch, m.
+SPACING = 1.0
+
+FLOOR_SIZE = 20.0
+
+
+class Scene:
+    """Shows frames on a server; `look` makes a robot's look of its name."""
+
+    def __init__(self, server: viser.ViserServer, look: Callable[[str], Look]) -> None:
+        self._server = server
+        self._look = look
+        self._shown: tuple[str, int] = ("", 0)
+        self._robots: list[_RobotNodes] = []
+        # Removals of old nodes may still be on their way to a client when nodes of the same name come.
+        self._generation = 0
+        server.scene.set_up_direction("+z")
+        server.scene.world_axes.visible = False
+        server.scene.add_grid(
+            "/floor", width=FLOOR_SIZE, height=FLOOR_SIZE, cell_size=0.1, cell_color=(205, 208, 214), section_size=1.0
+        )
+        self._setpoint = server.scene.add_icosphere("/setpoint", 0.02, (30, 160, 60), subdivisions=2)
+
+    def show(self, frame: Frame) -> None:
+        """Moves everything to where a frame has it."""
+        wanted = (frame.robot, len(frame.states))
+        if wanted != self._shown:
+            self._rebuild(*wanted)
+        self._setpoint.position = (float(frame.setpoint[0]), float(frame.setpoint[1]), 0.0)
+        for nodes, state in zip(self._robots, frame.states, strict=True):
+            nodes.show(state)
+
+    def _rebuild(self, robot: str, num_robots: int) -> None:
+        for nodes in self._robots:
+            nodes.remove()
+        look = self._look(robot)
+        self._robots = [
+            _RobotNodes(self._server, f"/robot_{self._generation}_{i}", look, place)
+            for i, place in enumerate(places(num_robots))
+        ]
+        self._generation += 1
+        self._shown = (robot, num_robots)
+
+
+def places(num_robots: int) -> list[tuple[float, float, float]]:
+    """Where the robots of a batch have their origins: a square, robot 0 at the centre."""
+    side = math.ceil(math.sqrt(num_robots))
+    cells = [(float(i // side), float(i % side)) for i in range(side * side)]
+    middle = float(side // 2)
+    cells.sort(key=lambda cell: (max(abs(cell[0] - middle), abs(cell[1] - middle)), cell))
+    return [(SPACING * (x - middle), SPACING * (y - middle), 0.0) for x, y in cells[:num_robots]]
+
+
+class _RobotNodes:
+    """The scene nodes of one robot."""
+
+    def __init__(self, server: viser.ViserServer, name: str, look: Look, place: tuple[float, float, float]) -> None:
+        self._scene = server.scene
+        self._nodes: list[viser.SceneNodeHandle] = []
+        self._frame(name, position=place)
+        self._ball = self._frame(f"{name}/ball")
+        self._body = self._frame(f"{name}/body")
+        self._wheels = []
+        self._add(f"{name}/ball", look.ball, smooth=True)
+        self._add(f"{name}/body", look.body)
+        for i, wheel in enumerate(look.wheels):
+            mount = f"{name}/body/wheel_{i}"
+            self._frame(mount, position=wheel.mount[:3, 3], wxyz=quaternion_of(wheel.mount[:3, :3]))
+            self._wheels.append((self._frame(f"{mount}/turned"), wheel.axle))
+            self._add(f"{mount}/turned", wheel.pieces)
+
+    def _frame(self, name: str, **pose: Any) -> viser.FrameHandle:
+        node = self._scene.add_frame(name, show_axes=False, **pose)
+        self._nodes.append(node)
+        return node
+
+    def _add(self, name: str, pieces: list[Piece], *, smooth: bool = False) -> None:
+        for i, one in enumerate(pieces):
+            self._nodes.append(
+                self._scene.add_mesh_simple(
+                    f"{name}/piece_{i}", one.vertices, one.faces, color=one.color, flat_shading=not smooth
+                )
+            )
+
+    def show(self, state: FloatArray) -> None:
+        """Moves the robot."""
+        self._ball.position = state[BALL_POSITION]
+        self._ball.wxyz = state[BALL_QUATERNION]
+        self._body.position = state[BODY_POSITION]
+        self._body.wxyz = state[BODY_QUATERNION]
+        for (node, axle), angle in zip(self._wheels, state[WHEEL_ANGLES], strict=True):
+            node.wxyz = np.array([math.cos(0.5 * angle), *(math.sin(0.5 * angle) * axle)])
+
+    def remove(self) -> None:
+        """Takes the robot away: the page needs to hear of the parent first, the server of every node."""
+        for node in self._nodes:
+            node.remove()
+
+
+def quaternion_of(rotation: FloatArray) -> tuple[float, float, float, float]:
+    """`[w, x, y, z]` of a rotation matrix."""
+    w, x, y, z = viser.transforms.SO3.from_matrix(rotation).wxyz
+    return float(w), float(x), float(y), float(z)

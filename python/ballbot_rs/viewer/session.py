@@ -1,0 +1,231 @@
+"""A session: robots, what drives them, and what a user does to them. It knows neither threads nor browsers."""
+
+import math
+from collections import deque
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._core import MODELS, Params
+from ballbot_rs.viewer.controllers import Driver, make_driver
+from ballbot_rs.viewer.history import History
+from ballbot_rs.viewer.policy import Policy
+from ballbot_rs.viewer.recording import Frame, Recording
+from ballbot_rs.viewer.robots import Robots
+
+MAX_ROBOTS = 64
+
+#: Bounds of what a page can ask for: simulated per real time, rad, N·s and m.
+MIN_SPEED, MAX_SPEED = 0.01, 1.0
+MAX_TILT = math.radians(30.0)
+MAX_IMPULSE = 20.0
+MAX_SETPOINT = 5.0
+
+
+def check_bounded(name: str, value: float, low: float, high: float) -> float:
+    """The value as a float. Raises ValueError unless it is a number within the bounds."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+        raise ValueError(f"{name} = {value!r}: expected a number")
+    if not low <= value <= high:
+        raise ValueError(f"{name} = {value} is out of range: expected {low:g} to {high:g}")
+    return float(value)
+
+
+class Session:
+    """Everything that a page shows and commands. Not for several threads: `Runner` owns one.
+
+    Args:
+        model: "planar", "spatial", "contact" or "rigid".
+        robot: the name of a preset, or of `params`.
+        controller: "lqr", "pid", "zero", or the path of an ONNX policy.
+        num_robots: how many robots there are at once.
+        params: a robot that is no preset.
+
+    Raises:
+        ValueError: a name that is not known, or a number out of range.
+        FileNotFoundError: there is no policy at that path.
+    """
+
+    def __init__(
+        self,
+        model: str = "contact",
+        robot: str = "paper",
+        controller: str = "lqr",
+        num_robots: int = 1,
+        params: Params | None = None,
+    ) -> None:
+        self._own = {} if params is None else {robot: params}
+        self.time = 0.0
+        self.paused = False
+        self.speed = 1.0
+        self.setpoint = np.zeros(2)
+        self.start_tilt = np.radians([3.0, 0.0])
+        self.recording = Recording()
+        self.is_recording = False
+        self.replay_time: float | None = None
+        self.history = History()
+        self.notices: deque[str] = deque(maxlen=20)
+        self.pull_point: npt.NDArray[np.float64] | None = None
+        self._ahead = 0.0
+        self.controller = controller
+        self.driver, self.robots = self._make(model, robot, controller, num_robots)
+        self.reset()
+
+    def _make(
+        self, model: str, robot: str, controller: str, num_robots: int, policy: Policy | None = None
+    ) -> tuple[Driver, Robots]:
+        if model not in MODELS:
+            raise ValueError(f"unknown model '{model}': expected one of {', '.join(MODELS)}")
+        if isinstance(num_robots, bool) or not isinstance(num_robots, int) or not 1 <= num_robots <= MAX_ROBOTS:
+            raise ValueError(f"num_robots = {num_robots} is out of range: expected 1 to {MAX_ROBOTS}")
+        params = self.params_of(robot)
+        driver = make_driver(controller, params, num_robots, policy)
+        return driver, Robots(robot, params, model, num_robots, driver.sim_dt)
+
+    def params_of(self, robot: str) -> Params:
+        """Parameters of a robot by name. Raises ValueError for an unknown one."""
+        return self._own[robot] if robot in self._own else Params.preset(robot)
+
+    @property
+    def robot_names(self) -> list[str]:
+        """Robots to choose from."""
+        return [*self._own, *Params.preset_names()]
+
+    def choose(
+        self,
+        *,
+        model: str | None = None,
+        robot: str | None = None,
+        controller: str | None = None,
+        num_robots: int | None = None,
+        policy: Policy | None = None,
+    ) -> None:
+        """Changes what is simulated. The robots move on, unless their kind or number changes: then they start anew.
+
+        `policy` is used in place of the file that `controller` names. Raises as the constructor, and changes nothing
+        then.
+        """
+        old = self.robots
+        controller = self.controller if controller is None else controller
+        if policy is None and controller == self.controller:
+            policy = getattr(self.driver, "policy", None)
+        driver, new = self._make(
+            old.model if model is None else model,
+            old.name if robot is None else robot,
+            controller,
+            len(old) if num_robots is None else num_robots,
+            policy,
+        )
+        self.controller, self.driver = controller, driver
+        if (new.name, len(new)) != (old.name, len(old)):
+            self.robots = new
+            self.reset()
+        elif (new.model, new.sim_dt) != (old.model, old.sim_dt):
+            self.robots = new
+            new.take_over(old)
+        self.replay_time = None
+
+    def reset(self, tilt: npt.ArrayLike | None = None) -> None:
+        """Starts all robots anew, at rest; the tilt (two components, rad) is kept for the next time."""
+        start = self.start_tilt if tilt is None else np.asarray(tilt, dtype=np.float64)
+        if start.shape != (2,):
+            raise ValueError(f"tilt = {tilt!r}: expected two components")
+        check_bounded("tilt", float(np.hypot(*start)), 0.0, MAX_TILT)
+        self.robots.reset(start)
+        self.start_tilt = start
+        self.driver.reset()
+        self.time = 0.0
+        self._ahead = 0.0
+        self.history.clear()
+        self.replay_time = None
+        self.pull_point = None
+        self.stop_recording()
+
+    def push(self, direction: float, impulse: float) -> None:
+        """Pushes every robot horizontally: direction in rad from inertial x, impulse in N·s."""
+        direction = check_bounded("direction", direction, -1e3, 1e3)
+        impulse = check_bounded("impulse", impulse, 0.0, MAX_IMPULSE)
+        self.robots.push([impulse * math.cos(direction), impulse * math.sin(direction), 0.0])
+
+    def pull(self, towards: npt.ArrayLike | None) -> None:
+        """Pulls robot 0 towards a point (inertial frame, m) from now on; None lets go."""
+        if towards is not None:
+            point = np.asarray(towards, dtype=np.float64)
+            if point.shape != (3,) or not np.isfinite(point).all():
+                raise ValueError(f"pull towards {towards}: expected three finite numbers")
+            towards = point
+        self.pull_point = towards
+
+    def move_setpoint(self, x: float, y: float) -> None:
+        """The position that controllers are to hold, m; in a batch, from where each robot stands."""
+        self.setpoint = np.array([check_bounded(n, v, -MAX_SETPOINT, MAX_SETPOINT) for n, v in (("x", x), ("y", y))])
+
+    def set_speed(self, speed: float) -> None:
+        """Simulated time a real time: 1 is real time."""
+        self.speed = check_bounded("speed", speed, MIN_SPEED, MAX_SPEED)
+
+    def start_recording(self) -> None:
+        """Begins a recording in place of the last one."""
+        self.replay_time = None
+        self.recording = Recording()
+        self.is_recording = True
+
+    def stop_recording(self) -> None:
+        """Ends the recording, if there is one."""
+        self.is_recording = False
+
+    def replay(self, seconds: float = 0.0) -> None:
+        """Shows the recording from `seconds` after its beginning; the robots wait. Raises ValueError if it is empty."""
+        self.stop_recording()
+        self.recording.at(0.0)
+        self.replay_time = check_bounded("seconds", seconds, 0.0, max(self.recording.duration, 0.0))
+        self.history.clear()
+
+    def end_replay(self) -> None:
+        """Lets the robots move on."""
+        self.replay_time = None
+        self.history.clear()
+
+    def step(self) -> None:
+        """One control step, or one frame of a replay."""
+        if self.replay_time is not None:
+            self._move_replay(self.driver.control_dt)
+            return
+        driver, robots = self.driver, self.robots
+        torques = driver.torques(robots.states, self.setpoint)
+        if self.pull_point is not None:
+            robots.pull(self.pull_point, driver.control_dt)
+        lost = robots.step(torques, round(driver.control_dt / driver.sim_dt))
+        if lost:
+            self.notices.append(f"robot {', '.join(map(str, lost))} left the range of the simulation and starts anew")
+        self.time += driver.control_dt
+        frame = self.robots.frame(self.time, self.setpoint)
+        self.history.add(frame)
+        if self.is_recording and not self.recording.add(frame):
+            self.stop_recording()
+            self.notices.append(f"the recording is full, after {self.recording.duration:.0f} s")
+
+    def advance(self, seconds: float) -> float:
+        """Lets real time pass: whole control steps, the rest is kept. Returns the time simulated, s."""
+        if self.paused:
+            return 0.0
+        if self.replay_time is not None:
+            self._move_replay(seconds * self.speed)
+            return 0.0
+        self._ahead += seconds * self.speed
+        steps = int(self._ahead / self.driver.control_dt + 1e-9)
+        for _ in range(steps):
+            self.step()
+        self._ahead -= steps * self.driver.control_dt
+        return steps * self.driver.control_dt
+
+    def _move_replay(self, seconds: float) -> None:
+        assert self.replay_time is not None
+        self.replay_time = min(self.replay_time + seconds, self.recording.duration)
+        self.history.add(self.recording.at(self.replay_time))
+
+    def frame(self) -> Frame:
+        """What is to be shown now. At its end, a replay goes on showing its last frame."""
+        if self.replay_time is not None:
+            return self.recording.at(self.replay_time)
+        return self.robots.frame(self.time, self.setpoint)

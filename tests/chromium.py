@@ -1,0 +1,148 @@
+"""A headless Chromium driven by its own DevTools protocol: no driver program, no further package than websockets."""
+
+import base64
+import contextlib
+import itertools
+import json
+import os
+import shutil
+import subprocess
+import time
+import urllib.request
+from pathlib import Path
+
+from websockets.sync.client import connect
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+
+#: Software WebGL, so that no GPU is needed.
+FLAGS = [
+    "--headless=new",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-dev-shm-usage",
+    "--remote-debugging-port=0",
+    "--window-size=1280,800",
+]
+
+
+def find_browser() -> str | None:
+    """The path of a Chromium, or None."""
+    return next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+class Chromium:
+    """One page. Keeps what the console and uncaught exceptions say in `errors`."""
+
+    def __init__(self, browser: str, folder: Path) -> None:
+        self.errors: list[str] = []
+        self._open = contextlib.ExitStack()
+        sandbox = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+        with (folder / "chromium.log").open("w") as log:
+            self._process = subprocess.Popen(
+                [browser, *FLAGS, *sandbox, f"--user-data-dir={folder / 'profile'}", "about:blank"],
+                stdout=log,
+                stderr=log,
+            )
+        try:
+            address = self._page_address(folder / "profile" / "DevToolsActivePort")
+            self._connection = self._open.enter_context(connect(address, max_size=None))
+        except BaseException:
+            self._process.kill()
+            raise
+        self._numbers = itertools.count(1)
+        for domain in ("Page", "Runtime", "Log"):
+            self.call(f"{domain}.enable")
+
+    def _page_address(self, port_file: Path) -> str:
+        ends = time.monotonic() + 20.0
+        while time.monotonic() < ends:
+            assert self._process.poll() is None, "the browser ended at once; see chromium.log"
+            if port_file.exists() and port_file.read_text().strip():
+                port = port_file.read_text().split()[0]
+                with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=5) as answer:
+                    pages = [page for page in json.load(answer) if page["type"] == "page"]
+                if pages:
+                    return pages[0]["webSocketDebuggerUrl"]
+            time.sleep(0.05)
+        raise AssertionError("the browser opened no debugging port; see chromium.log")
+
+    def call(self, method: str, **params):
+        """Result of a method of the protocol."""
+        number = next(self._numbers)
+        self._connection.send(json.dumps({"id": number, "method": method, "params": params}))
+        while True:
+            message = json.loads(self._connection.recv(timeout=20))
+            if message.get("id") == number:
+                assert "error" not in message, message
+                return message["result"]
+            self._note(message)
+
+    def _note(self, message):
+        params = message.get("params", {})
+        if message.get("method") == "Runtime.exceptionThrown":
+            details = params["exceptionDetails"]
+            self.errors.append(details.get("exception", {}).get("description") or details["text"])
+        elif message.get("method") == "Runtime.consoleAPICalled" and params["type"] in ("error", "assert"):
+            self.errors.append(" ".join(str(a.get("value", a.get("description"))) for a in params["args"]))
+        elif message.get("method") == "Log.entryAdded" and params["entry"]["level"] == "error":
+            self.errors.append(params["entry"]["text"] + " " + params["entry"].get("url", ""))
+
+    def evaluate(self, expression: str):
+        """Value of a JavaScript expression."""
+        result = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in result, result
+        return result["result"].get("value")
+
+    def wait_for(self, expression: str, seconds: float = 20.0) -> None:
+        """Returns when a JavaScript expression is true."""
+        ends = time.monotonic() + seconds
+        while not self.evaluate(f"Boolean({expression})"):
+            assert time.monotonic() < ends, f"waited {seconds} s for {expression}"
+            time.sleep(0.05)
+
+    def click(self, x: float, y: float) -> None:
+        """A click of the mouse at a place of the window, with real events."""
+        self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+        for kind in ("mousePressed", "mouseReleased"):
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float], moves: int = 12) -> None:
+        """Drags with the left button."""
+        self.call("Input.dispatchMouseEvent", type="mouseMoved", x=start[0], y=start[1])
+        time.sleep(0.3)
+        self.call("Input.dispatchMouseEvent", type="mousePressed", x=start[0], y=start[1], button="left", clickCount=1)
+        for i in range(1, moves + 1):
+            x, y = (a + (b - a) * i / moves for a, b in zip(start, end, strict=True))
+            self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, button="left", buttons=1)
+            time.sleep(0.03)
+        self.call("Input.dispatchMouseEvent", type="mouseReleased", x=end[0], y=end[1], button="left", clickCount=1)
+
+    def type_text(self, text: str) -> None:
+        """Types into the element that has the focus."""
+        self.call("Input.insertText", text=text)
+
+    def press(self, key: str, code: int) -> None:
+        """Presses a key such as Enter."""
+        for kind in ("keyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
+
+    def screenshot(self, path: Path) -> bytes:
+        """The window as PNG, kept in a file."""
+        picture = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+        path.write_bytes(picture)
+        return picture
+
+    def close(self) -> None:
+        """Ends the browser."""
+        self._open.close()
+        self._process.terminate()
+        try:
+            self._process.wait(timeout=10)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
