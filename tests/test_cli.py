@@ -36,7 +36,10 @@ def test_version(capsys):
     assert run(capsys, "--version") == (0, f"ballbot {__version__}\n", "")
 
 
-HELP = [["--help"], *([name, "--help"] for name in ("train", "evaluate", "report", "export", "plot", "record", "view", "info"))]
+HELP = [
+    ["--help"],
+    *([name, "--help"] for name in ("train", "evaluate", "report", "export", "plot", "record", "view", "info")),
+]
 
 
 @pytest.mark.parametrize("arguments", HELP)
