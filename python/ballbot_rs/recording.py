@@ -75,7 +75,7 @@ def write_video(
         from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"a video needs {error.name}: install it with `pip install 'ballbot-rs[video]'`", name=error.name
+            "a video needs moviepy: install it with `pip install 'ballbot-rs[video]'`", name=error.name
         ) from error
     path.parent.mkdir(parents=True, exist_ok=True)
     total = frame_count(trajectory, frame_rate)
@@ -102,7 +102,7 @@ def write_picture(frame: Frames, path: Path) -> None:
         from PIL import Image
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"a picture needs {error.name}: install it with `pip install 'ballbot-rs[video]'`", name=error.name
+            "a picture needs Pillow: install it with `pip install 'ballbot-rs[video]'`", name=error.name
         ) from error
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(frame).save(path, optimize=True)
