@@ -132,7 +132,7 @@ def run() -> Findings:
         handles, labels = left.get_legend_handles_labels()
         fig.legend(handles, labels, loc="outside upper center", ncols=4)
 
-    return Findings(claims, draw, absent(found) + table(head, rows) + "\n\n" + _explain(measured), size=(8.5, 3.8))
+    return Findings(claims, draw, f"{table(head, rows)}\n\n{_explain(measured)}", (8.5, 3.8), missing=absent(found))
 
 
 _WHAT = ("growth rate, any heading", "load at rest", "limit of grip, any heading", "energy in a fall")

@@ -54,4 +54,4 @@ def run() -> Findings:
     def draw(fig: "Figure") -> None:
         trajectories.draw(fig, runs)
 
-    return Findings(claims, draw, absent(found) + trajectories.strays_table(runs), size=(9.5, 3.6))
+    return Findings(claims, draw, trajectories.strays_table(runs), (9.5, 3.6), missing=absent(found))
