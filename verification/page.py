@@ -15,7 +15,9 @@ def arguments(module: str, about: str | None, topics: Iterable[Topic]) -> argpar
     """What was asked for on the command line: `topics` by name, `figures`, `allow_missing`."""
     parser = argparse.ArgumentParser(prog=f"python -m {module}", description=about)
     parser.add_argument("topics", nargs="*", help="run these only, print their claims, and write no page")
-    parser.add_argument("--figures", type=Path, metavar="DIR", help="with topics: draw their figures there (else nowhere)")
+    parser.add_argument(
+        "--figures", type=Path, metavar="DIR", help="with topics: draw their figures there (else nowhere)"
+    )
     parser.add_argument(
         "--allow-missing", action="store_true", help="do not fail because an engine is not installed or does not load"
     )

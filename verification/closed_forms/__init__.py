@@ -1,7 +1,7 @@
-"""This simulator beside what is known of the motion without it: closed forms, conservation laws, and promises of theory.
+"""This simulator beside what is known of the motion without it: closed forms, conservation laws, promises of theory.
 
-Three sections have no closed form: the energy ledger is a balance, convergence compares with a finer step, and determinism
-with another run.
+Three sections have no closed form: the energy ledger is a balance, convergence compares with a finer step, and
+determinism with another run.
 """
 
 from verification.closed_forms import (

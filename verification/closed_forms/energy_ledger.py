@@ -5,8 +5,8 @@ Whatever the motors put in must be found again: in the kinetic and potential ene
 $$E_1 - E_0 = \int \sum_i\tau_i\dot\psi_i\ dt - \int \sum_i f_i s_i\ dt + \int F\cdot v_s\ dt
 - \int \bigl(B_{vk}|v|^2 + B_{vm}|\dot\psi|^2\bigr)dt$$
 
-On the right: the work of the motors, what the slipping wheels lose (traction times slip), what the slipping ball
-loses on the floor, and what viscous friction takes. No friction may give energy: in every step $f_i s_i \ge 0$ for each
+On the right: the work of the motors, what the slipping wheels lose (traction times slip), what the slipping ball loses
+on the floor, and what viscous friction takes. No friction may give energy: in every step $f_i s_i \ge 0$ for each
 wheel that slips at its end and $-F\cdot v_s \ge 0$ for a ball that does. A contact that holds is seen to slip by less
 than 0.1 mm/s, since the robot has turned a little by the end of the step; what this gives is counted apart.
 
@@ -110,7 +110,9 @@ def ledger(model: str, sim_dt: float) -> tuple[Array, Given]:
         speeds = [*np.abs(contacts.wheel_slip_speeds), np.linalg.norm(contacts.floor_slip_velocity)]
         for power, speed in zip(powers, speeds, strict=True):
             slips = speed > _SLIPS
-            given[slips] = max(given[slips], -float(power)) if slips else given[slips] + max(0.0, -float(power)) * sim_dt
+            given[slips] = (
+                max(given[slips], -float(power)) if slips else given[slips] + max(0.0, -float(power)) * sim_dt
+            )
         wheel_slip, floor_slip = contacts.wheel_slip_speeds, contacts.floor_slip_velocity
         rows.append(np.array([robot.energy - first, *sums]))
     return np.array(rows), Given(given[True], given[False])

@@ -6,10 +6,10 @@ the linearised robot has $\lambda = \sqrt{M_b g l\ M_{11}/\det M}$ with
 $$M_{11} = \frac{J_k}{r_k^2} + \frac{\bar J_w}{r_w^2} + M_k + M_b,\quad
 M_{12} = M_b l - \frac{\bar J_w}{r_w}(k + 1),\quad M_{22} = J_b + M_b l^2 + \bar J_w(k + 1)^2,$$
 
-$k = r_k/r_w$ and $\bar J_w = \tfrac32\cos^2\alpha\ J_w$: with Table II 6.09174451 1/s, one number that every error of the
-dynamics enters. The rate is read from three tilts, $\cosh\lambda h = (\theta_{t-h} + \theta_{t+h})/2\theta_t$, which
-holds whatever $a$ and $b$ are: a step that moves by the velocity at its end starts half a step ahead, and a fit of
-$\cosh\lambda t$ would mix that into the rate. What is left at 1 kHz is the scheme's own
+$k = r_k/r_w$ and $\bar J_w = \tfrac32\cos^2\alpha\ J_w$: with Table II 6.09174451 1/s, one number that every error of
+the dynamics enters. The rate is read from three tilts, $\cosh\lambda h = (\theta_{t-h} + \theta_{t+h})/2\theta_t$,
+which holds whatever $a$ and $b$ are: a step that moves by the velocity at its end starts half a step ahead, and a fit
+of $\cosh\lambda t$ would mix that into the rate. What is left at 1 kHz is the scheme's own
 $(\lambda\Delta t)^2/24 = 1.5\cdot 10^{-6}$ in `contact`.
 """
 

@@ -42,7 +42,9 @@ def run() -> Findings:
         worst = float(np.abs(speeds[model] - exact).max())
         claims += [
             Claim(f"speed when it rolls, `{model}`", speeds[model][-1], rolls_with, limit, "m/s"),
-            Claim(f"worst difference of speed over {_SECONDS} s, `{model}`", worst, 0.0, any_time, "m/s", absolute=True),
+            Claim(
+                f"worst difference of speed over {_SECONDS} s, `{model}`", worst, 0.0, any_time, "m/s", absolute=True
+            ),
             Claim(f"friction over load while sliding, `{model}`", float(frictions[sliding].mean()), _MU, 1e-13),
         ]
         limits = [throw(params, model, angle, 50)[1][-1] for angle in np.arange(24) * np.pi / 12.0]

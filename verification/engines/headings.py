@@ -163,8 +163,8 @@ def _explain(measured: dict[str, Measured]) -> str:
         )
     sentences.append(
         r"All that step by semi-implicit Euler miss energy alike: their positions are half a step $h$ ahead of their "
-        r"velocities, which is about $\lambda h = 0.006$ of the kinetic energy in a fall. In `contact` and `rigid` it is "
-        r"claimed to be half with half the step; of the other engines it is not tested."
+        r"velocities, which is about $\lambda h = 0.006$ of the kinetic energy in a fall. In `contact` and `rigid` it "
+        r"is claimed to be half with half the step; of the other engines it is not tested."
     )
     return " ".join(sentences)
 

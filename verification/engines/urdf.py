@@ -44,7 +44,7 @@ _TOLD = (
     "keep double precision."
 )
 _STATES = 20
-_LIMIT = 1e-12
+_LIMIT = 5e-14
 _NAMES = ("$v_x$", "$v_y$", "$v_z$", r"$\Omega_x$", r"$\Omega_y$", r"$\Omega_z$", r"$\psi_0$", r"$\psi_1$", r"$\psi_2$")
 
 

@@ -16,7 +16,6 @@ from verification.claim import Claim
 from verification.page import table
 from verification.topic import Comparison, Findings
 
-
 _MODE = "rgb_array"
 
 

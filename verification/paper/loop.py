@@ -113,17 +113,12 @@ def largest_recovered(model: str, mapping: str, max_torque: float | None, contro
     """Largest tilt from which the PID recovers, the worst of four directions, by bisection to 0.1 deg."""
     worst = 40.0
     for direction in ((1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (-0.5, 0.866)):
-        if not recovers(model, _along(direction, worst), mapping, max_torque, control_dt):
-            worst = largest(
-                lambda tilt, to=direction: recovers(model, _along(to, tilt), mapping, max_torque, control_dt),
-                0.0,
-                worst,
-                to=0.1,
-            )
+
+        def back(tilt: float, to: tuple[float, float] = direction) -> bool:
+            return recovers(model, (tilt * to[0], tilt * to[1]), mapping, max_torque, control_dt)
+
+        if not back(worst):
+            worst = largest(back, 0.0, worst, to=0.1)
         if worst == 0.0:
             break
     return worst
-
-
-def _along(direction: tuple[float, float], tilt: float) -> tuple[float, float]:
-    return tilt * direction[0], tilt * direction[1]

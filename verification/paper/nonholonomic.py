@@ -13,7 +13,8 @@ $\Lambda = U^T\sigma$, the wheels' spins $\sigma$, the generalised force
 
 $$\Delta = k J_w\bigl(S^T R(\Omega\times\Lambda) + S_\Omega^T((w - \Omega)\times\Lambda)\bigr),$$
 
-which is compared here with the difference of both, mass matrix times difference of the accelerations, at random states.
+which is compared here with the difference of both, mass matrix times difference of the accelerations, at random
+states.
 
 In a plane both agree to rounding; without wheel inertia they do everywhere, so that nothing but the wheels'
 constraint tells them apart. Off the plane they differ, here by up to 2 % of the acceleration, and energy does not
@@ -107,8 +108,8 @@ def run() -> Findings:
     text = (
         f"After {_SECONDS} s the ball in `contact` is {1e3 * ends[0]:.1f} µm from Kane's at steps of 0.1 ms "
         f"and {1e3 * ends[1]:.1f} µm at 0.02 ms; "
-        f"from the recipe's it is {1e3 * ends[2]:.0f} µm and {1e3 * ends[3]:.0f} µm. At the right end of the left figure the "
-        f"term of the formula changes the accelerations by {1e2 * weights[0]:.0f} % (relative spins) or "
+        f"from the recipe's it is {1e3 * ends[2]:.0f} µm and {1e3 * ends[3]:.0f} µm. At the right end of the left "
+        f"figure the term of the formula changes the accelerations by {1e2 * weights[0]:.0f} % (relative spins) or "
         f"{1e2 * weights[1]:.0f} % (absolute) of what all terms quadratic in the rates make of them."
     )
     drawing = Comparison(

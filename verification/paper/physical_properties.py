@@ -51,9 +51,9 @@ def run() -> Findings:
         "α": math.degrees(p.wheel_zenith),
     }
     summed = sum_of_links()
-    claims = [Claim(name, read[name], printed, 1e-9, unit) for name, (printed, unit) in PRINTED.items()]
+    claims = [Claim(name, read[name], printed, 1e-14, unit) for name, (printed, unit) in PRINTED.items()]
     worst = max(abs(summed[name] / printed - 1.0) for name, (printed, _) in PRINTED.items())
-    claims.append(Claim("largest relative error of the sums over the links", worst, 0.0, 1e-9, "", absolute=True))
+    claims.append(Claim("largest relative error of the sums over the links", worst, 0.0, 1e-14, "", absolute=True))
     names = Comparison(
         "parameters by name",
         "Table I",

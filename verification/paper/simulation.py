@@ -109,7 +109,8 @@ def run() -> Findings:
             "time until the tilts stay within ±2°",
             "Section III-B, Fig. 6a",
             f"{PRINTED_SECONDS} s",
-            f"{r.time_within(2.0):.2f} s from 5°; {latest['17°']:.2f} s from 17°; {slow:.2f} s from {most - _NEAR:.2f}°",
+            f"{r.time_within(2.0):.2f} s from 5°; {latest['17°']:.2f} s from 17°; "
+            f"{slow:.2f} s from {most - _NEAR:.2f}°",
             "unknown: the initial tilt and the sampling are not printed; ours takes that long only from tilts within "
             f"{_NEAR:g}° of the largest it recovers from, {most:.2f}°: {_NEAR:g}° less, and it takes {slow:.2f} s",
         ),
@@ -117,9 +118,10 @@ def run() -> Findings:
             "path of the ball",
             "Section III-B, Fig. 6b",
             "keeps moving; no number",
-            f"{1e3 * np.hypot(*r.positions[-1]):.0f} mm away after 5 s, at {1e3 * np.hypot(*r.velocities[-1]):.0f} mm/s",
-            "not comparable: the text prints no number. It says that nothing controls the position; what remains of the "
-            "speed is left by saturation",
+            f"{1e3 * np.hypot(*r.positions[-1]):.0f} mm away after 5 s, "
+            f"at {1e3 * np.hypot(*r.velocities[-1]):.0f} mm/s",
+            "not comparable: the text prints no number. It says that nothing controls the position; in ours the speed "
+            "that remains is left by saturation",
         ),
         Comparison(
             "wheel torques once balanced",
@@ -131,9 +133,9 @@ def run() -> Findings:
     )
     text = f"{table(head, rows)}\n\nFrom other tilts (`rigid`, `consistent`, 1 kHz), within ±2° after: {starts}. "
     text += (
-        f"The largest tilt that it recovers from so, leaning along $\\theta_x$, is {most:.3f}°; {_NEAR:g}° below it takes "
-        f"{slow:.2f} s. Nearer to it the robot hesitates on the edge of falling, a decade nearer for $\\ln 10/\\lambda = "
-        "0.38$ s longer."
+        f"The largest tilt that it recovers from so, leaning along $\\theta_x$, is {most:.3f}°; {_NEAR:g}° below, it "
+        f"takes {slow:.2f} s. Nearer to it the robot hesitates on the edge of falling, a decade nearer for "
+        "$\\ln 10/\\lambda = 0.38$ s longer."
     )
 
     def draw(fig: "Figure") -> None:

@@ -55,7 +55,7 @@ def run() -> Findings:
             for (name, found), pole, limit in zip(poles.items(), expected, (1e-14, 1e-14, 1e-9), strict=True)
         ),
         Claim(
-            "yaw gain of `PlanarModel`, against eq. (7) written out", gains["as printed"], printed, 1e-12, "1/(kg·m²)"
+            "yaw gain of `PlanarModel`, against eq. (7) written out", gains["as printed"], printed, 1e-14, "1/(kg·m²)"
         ),
         Claim(
             "yaw gain of `SpatialModel`, relative spin, against eq. (7)",
@@ -74,9 +74,7 @@ def run() -> Findings:
     ]
     for model, limit in (("contact", 1e-10), ("rigid", 1e-8)):
         found = _simulated_yaw_gain(params, model)
-        claims.append(
-            Claim(f"yaw gain, `{model}`, against absolute spin", found, yaw_gain(params), limit, "1/(kg·m²)")
-        )
+        claims.append(Claim(f"yaw gain, `{model}`, against absolute spin", found, yaw_gain(params), limit, "1/(kg·m²)"))
     rows = [[name, f"±{poles[name]:.5f}", f"{gains[name]:.4f}"] for name in poles]
     head = ["", "poles of the upright robot (1/s)", "yaw gain (rad/s² per N·m)"]
     text = (
