@@ -233,7 +233,11 @@ def _compared(params: bb.Params) -> tuple[Comparison, ...]:
     depth = _loads(params)["ball on floor"] / STIFFNESS["ball on floor"]
     return (
         Comparison(
-            "friction coefficients, critical velocity", "Table III", "1.1, 1.0; 1.1, 1.05; 0.1 m/s", "the same", "–"
+            "friction coefficients, critical velocity",
+            "Table III",
+            "1.1, 1.0; 1.1, 1.05; 0.1 m/s",
+            "the same",
+            "they do not: `Params.paper()` has what is printed",
         ),
         Comparison(
             "stiffness and damping of contacts",
