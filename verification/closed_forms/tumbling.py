@@ -4,7 +4,7 @@ With wheels of no inertia the bot is a symmetric top: its angular momentum $L$ i
 turn about $L$ at $|L|/J_b$ after a turn about its own mast at $\Omega_z (1 - J_z/J_b)$. With the wheels of Table II,
 which are free to spin up, angular momentum and energy must still be kept: the wheels' own are part of them. A step
 turns the body by the rate at its end, so momentum is read with the attitude half a step back: what is left of it in
-`contact` is of second order. `rigid` integrates the gyroscopic torque explicitly, loses some 2 % in this second of
+`contact` is of second order. `rigid` integrates the gyroscopic torque explicitly, is off by some 2 % after a second of
 tumbling at 10 rad/s, and is right in the limit: its errors halve with the step.
 """
 

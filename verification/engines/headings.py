@@ -60,7 +60,7 @@ _HALVES = {CONTACT: 5e-3, RIGID: 5e-3}
 _LIMITS = {
     SPATIAL: (1e-6, 1e-14, None, 3e-11),
     ROLLING: (1e-6, 3e-14, None, 3e-11),
-    CONTACT: (1e-5, 1e-12, 1e-12, None),
+    CONTACT: (1e-5, 1e-14, 3e-13, None),
     RIGID: (3e-5, 3e-7, 1e-3, None),
 }
 
