@@ -8,7 +8,8 @@ $$E_1 - E_0 = \int \sum_i\tau_i\dot\psi_i\ dt - \int \sum_i f_i s_i\ dt + \int F
 On the right: the work of the motors, what the slipping wheels lose (traction times slip), what the slipping ball loses
 on the floor, and what viscous friction takes. No friction may give energy: in every step $f_i s_i \ge 0$ for each
 wheel that slips at its end and $-F\cdot v_s \ge 0$ for a ball that does. A contact that holds is seen to slip by some
-10 µm/s (1 mm/s counts as slip), since the robot has turned a little by the end of the step; what this gives is counted apart.
+10 µm/s (1 mm/s counts as slip), since the robot has turned a little by the end of the step; what this gives is counted
+apart.
 
 The robot is driven hard for two seconds: a ride under the regulator with torques beyond the wheels' grip and viscous
 friction at ball and wheels, from a start (where the model can slip) with the wheels spinning. Power is taken with the
