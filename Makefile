@@ -25,7 +25,7 @@ help:
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
 	@echo "make docs    documentation of the Rust core, in target/doc"
 	@echo "make paper   repeat the paper's experiments, report in docs/paper.md"
-	@echo "make verify  check closed forms and other engines, report in docs/verification.md"
+	@echo "make verify  check closed forms and other engines, report in docs/verification.md (ALLOW_MISSING=1 without all engines)"
 	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
 	@echo "make instructions  compare each model's instruction counts with the kept ones (needs valgrind); ACCEPT=1 keeps new ones"
 	@echo "make fuzz    feed the URDF reader with broken files for MINUTES=$(MINUTES) (needs cargo-fuzz and a nightly compiler)"
@@ -65,7 +65,7 @@ paper: $(PLOT_INSTALLED)
 	$(BIN)/python -m verification.paper
 
 verify: $(VERIFY_INSTALLED)
-	$(BIN)/python -m verification
+	$(BIN)/python -m verification $(if $(ALLOW_MISSING),--allow-missing)
 
 bench: $(BENCH_INSTALLED)
 	$(BIN)/python -m benchmarks

@@ -26,19 +26,23 @@ def advance(robot: AnyRobot, torques: Array, seconds: float) -> None:
 
 
 def growth(robot: AnyRobot, params: bb.Params, yaw: float, azimuth: float, tilt: float = _TILT) -> float:
-    """Growth rate λ of a tilt from rest, 1/s: cosh λh = (θ₋ + θ₊) / 2θ at three times h apart.
-
-    That holds whatever the share of the decaying part, which the half step between rates and attitude of semi-implicit
-    engines would change. Zero for a tilt that does not grow.
-    """
+    """Growth rate λ of a tilt from rest, 1/s."""
     robot.reset(bb.State.upright(params, tilt * np.array([np.cos(azimuth), np.sin(azimuth)]), yaw))
     tilts = []
     for _ in range(_READINGS):
         advance(robot, np.zeros(3), _APART)
         mast = matrix(np.asarray(robot.sense()[0]))[:, 2]
         tilts.append(float(np.hypot(mast[0], mast[1])))
-    before, at, after = tilts
-    return float(np.arccosh(max(1.0, (before + after) / (2.0 * at))) / _APART)
+    return growth_rate(tilts[0], tilts[1], tilts[2], _APART)
+
+
+def growth_rate(before: float, at: float, after: float, apart: float) -> float:
+    """λ by cosh λh = (θ₋ + θ₊) / 2θ of tilts at three times h apart, 1/s.
+
+    That holds whatever the share of the decaying part, which the half step between rates and attitude of semi-implicit
+    engines would change. Zero for a tilt that does not grow.
+    """
+    return float(np.arccosh(max(1.0, (before + after) / (2.0 * at))) / apart)
 
 
 def drive(robot: AnyRobot, params: bb.Params, yaw: float, wheel: int) -> tuple[float, float]:

@@ -10,6 +10,9 @@ import pytest
 
 import ballbot_rs as bb
 import ballbot_rs._core as core
+from peers import probes
+from verification.closed_forms import holdable_tilt
+from verification.paper import wheel_torques
 
 STUB = ast.parse((Path(core.__file__).parent / "_core.pyi").read_text(encoding="utf-8"))
 ROOT = Path(__file__).parent.parent
@@ -109,39 +112,15 @@ def test_math_survives_markdown(page):
 
 
 PAPER = bb.Params.paper()
-MODEL = bb.SpatialModel(PAPER, ball_spins_about_vertical=True)
-REST = np.zeros(6)
-
-
-def holds(tilt, heading, friction):
-    """Whether the robot can keep a tilt without turning, no wheel beyond its friction."""
-    attitude = bb.State.upright(PAPER, (-tilt, 0.0), heading).body_quaternion
-    free = MODEL.accelerations(attitude, REST, np.zeros(3))
-    response = np.stack([MODEL.accelerations(attitude, REST, torques) - free for torques in np.eye(3)], axis=1)
-    torques = np.linalg.solve(response[2:5], -free[2:5])
-    contacts = MODEL.contacts(attitude, REST, torques)
-    return np.all(np.abs(contacts.wheel_tractions) <= friction * contacts.wheel_normal_forces)
 
 
 @pytest.mark.parametrize(("friction", "expected"), [(1.0, 29.7), (1.1, 31.6)])
 def test_largest_tilt_that_can_be_held(friction, expected):
-    def largest(heading):
-        tilts = np.radians(np.arange(expected - 1.0, 90.0, 0.02))
-        return np.degrees(next(tilt for tilt in tilts if not holds(tilt, heading, friction)))
-
-    found = min(largest(heading) for heading in np.radians(np.arange(0.0, 120.0, 2.0)))
+    found = np.degrees(holdable_tilt.largest_tilts(holdable_tilt.robot(friction)).min())
     assert found == pytest.approx(expected, abs=0.05)
 
 
 def test_torque_at_which_a_wheel_of_the_upright_robot_slips():
-    upright = [1.0, 0.0, 0.0, 0.0]
-    load = MODEL.contacts(upright, REST, np.zeros(3)).wheel_normal_forces
-    scales = []
-    for angle in np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False):
-        torques = bb.virtual_to_wheel_torques(PAPER, (np.cos(angle), np.sin(angle), 0.0))
-        contacts = MODEL.contacts(upright, REST, torques / np.abs(torques).max())
-        slope = np.abs(contacts.wheel_tractions) - (contacts.wheel_normal_forces - load)
-        scales.append(np.min(load[slope > 0.0] / slope[slope > 0.0]))
-    assert min(scales) == pytest.approx(0.281, abs=5e-4)
-    # Far below what the loads at rest would allow, with the dynamic coefficient of 1.
-    assert load * PAPER.wheel_radius == pytest.approx([0.515] * 3, abs=5e-4)
+    assert wheel_torques.tilt_onset(PAPER, PAPER.wheel_dynamic_friction) == pytest.approx(0.281, abs=5e-4)
+    # Far below what the load at rest would allow, with the dynamic coefficient of 1.
+    assert probes.resting_load(PAPER) * PAPER.wheel_radius == pytest.approx(0.515, abs=5e-4)

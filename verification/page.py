@@ -1,7 +1,8 @@
 """A page of topics: Markdown and one figure a topic."""
 
+import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from verification.claim import Claim
@@ -10,26 +11,89 @@ from verification.topic import Findings, Topic
 DOCS = Path(__file__).parents[1] / "docs"
 
 
-def section(topic: Topic, folder: str, level: int = 3, command: str = "") -> tuple[str, Findings]:
-    """Runs a topic, writes its figure to docs/`folder`, and gives its Markdown; `command` makes the figure alone."""
+def arguments(module: str, about: str | None, topics: Iterable[Topic]) -> argparse.Namespace:
+    """What was asked for on the command line: `topics` by name, `figures`, `allow_missing`."""
+    parser = argparse.ArgumentParser(prog=f"python -m {module}", description=about)
+    parser.add_argument("topics", nargs="*", help="run these only, print their claims, and write no page")
+    parser.add_argument(
+        "--figures", type=Path, metavar="DIR", help="with topics: draw their figures there (else nowhere)"
+    )
+    parser.add_argument(
+        "--allow-missing", action="store_true", help="do not fail because an engine is not installed or does not load"
+    )
+    found: argparse.Namespace = parser.parse_args()
+    known = [topic.name for topic in topics]
+    if unknown := [name for name in found.topics if name not in known]:
+        parser.error(f"no topic {', '.join(unknown)}; there are: {', '.join(known)}")
+    if found.figures and not found.topics:
+        parser.error("--figures goes with topics; a page has its figures beside it, in docs")
+    return found
+
+
+def run(topic: Topic) -> Findings:
+    """Runs a topic and prints what came of it in a line."""
     began = time.perf_counter()
     findings = topic.run()
-    parts = [f"{'#' * level} {topic.title}", topic.text]
-    if findings.draw is not None:
-        from ballbot_rs.plotting import style
+    absent = "".join(f"\n  LACKS {reason}" for reason in findings.missing)
+    print(f"{topic.name}: {summary(findings.claims)}, {time.perf_counter() - began:.1f} s{absent}", flush=True)
+    return findings
 
-        fig = style.figure(*findings.size)
-        findings.draw(fig)
-        style.save(fig, DOCS / folder / f"{topic.name}.svg")
+
+def draw(topic: Topic, findings: Findings, folder: Path) -> None:
+    """Writes the topic's figure, if it has one, into `folder`."""
+    if findings.draw is None:
+        return
+    from ballbot_rs.plotting import style
+
+    folder.mkdir(parents=True, exist_ok=True)
+    fig = style.figure(*findings.size)
+    findings.draw(fig)
+    style.save(fig, folder / f"{topic.name}.svg")
+
+
+def section(topic: Topic, findings: Findings, module: str, folder: str) -> str:
+    """A topic's Markdown; its figure stands in docs/`folder`."""
+    parts = [f"### {topic.title}", topic.text]
+    if findings.draw is not None:
         parts.append(f"![{topic.title}]({folder}/{topic.name}.svg)")
-        if command:
-            parts.append(f"Made by `{command}`.")
-    if findings.claims:
-        parts.append(claims_table(findings.claims))
-    if findings.markdown:
-        parts.append(findings.markdown)
-    print(f"{topic.name}: {summary(findings.claims)}, {time.perf_counter() - began:.1f} s", flush=True)
-    return "\n\n".join(parts), findings
+    parts.append(evidence(findings))
+    parts.append(f"Run by `python -m {module} {topic.name}`.")
+    return "\n\n".join(part for part in parts if part)
+
+
+def evidence(findings: Findings) -> str:
+    """What was found, as Markdown: claims, further text, and what was not there."""
+    parts = [claims_table(findings.claims) if findings.claims else "", findings.markdown]
+    parts += [f"Not run: {reason}." for reason in findings.missing]
+    return "\n\n".join(part for part in parts if part)
+
+
+def print_alone(topic: Topic, findings: Findings, figures: Path | None) -> None:
+    """A topic that was asked for by name, to the terminal; its figure only where one was asked for."""
+    print(f"\n{topic.title}\n\n{evidence(findings)}\n")
+    if figures is not None and findings.draw is not None:
+        draw(topic, findings, figures)
+        print(f"wrote {figures / topic.name}.svg\n")
+
+
+def outcome(findings: Findings) -> str:
+    """For a table of contents: how many claims hold, and what was not run."""
+    absent = "; ".join(f"not run: {reason}" for reason in findings.missing)
+    if not findings.claims:
+        return absent or "no claims"
+    holding = f"{sum(claim.holds for claim in findings.claims)} of {len(findings.claims)}"
+    return f"{holding}; {absent}" if absent else holding
+
+
+def verdict(findings: Sequence[Findings], allow_missing: bool) -> int:
+    """Prints how many claims hold in all; the exit code, which tells of failures and of what was not run."""
+    claims = [claim for found in findings for claim in found.claims]
+    failed = sum(not claim.holds for claim in claims)
+    absent = sorted({reason for found in findings for reason in found.missing})
+    print(f"{len(claims) - failed} of {len(claims)} claims hold")
+    for reason in absent:
+        print(f"not run: {reason}" + ("" if allow_missing else " (--allow-missing accepts that)"))
+    return 1 if failed or (absent and not allow_missing) else 0
 
 
 def claims_table(claims: Sequence[Claim]) -> str:
@@ -54,7 +118,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], align: str = "--:"
 
 
 def anchor(title: str) -> str:
-    """What a heading is linked by."""
+    """The fragment by which GitHub links to a heading."""
     return "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c in "-_")
 
 

@@ -4,20 +4,51 @@ import numpy as np
 import numpy.typing as npt
 
 import ballbot_rs as bb
+from peers.robot import make_robot
 from peers.rotations import matrix
 
 Array = npt.NDArray[np.float64]
 
 
-def unstable_pole(params: bb.Params) -> float:
-    """Growth rate of a small tilt (1/s), from the equations of the `spatial` model linearised about rest upright."""
-    model = bb.SpatialModel(params)
-    upright = np.array([1.0, 0.0, 0.0, 0.0])
-    angle = 1e-6
-    tilted = np.array([np.cos(0.5 * angle), np.sin(0.5 * angle), 0.0, 0.0])
-    rest, torque = np.zeros(5), np.zeros(3)
-    slope = model.accelerations(tilted, rest, torque) - model.accelerations(upright, rest, torque)
-    return float(np.sqrt(slope[2] / angle))
+def unstable_pole(params: bb.Params, wheel_share: float | None = None, absolute_wheel_spin: bool = True) -> float:
+    """Growth rate λ = √(K M₁₁/det M) of a small tilt of the upright robot (1/s), in closed form.
+
+    `wheel_share` is how many times J_w the wheels amount to: three of them to 3/2 cos²α, which is the default. Their
+    absolute spin has r_k/r_w + 1 where the spin relative to the body has r_k/r_w.
+    """
+    mass = upright_mass(params, wheel_share, absolute_wheel_spin)
+    topples = params.body_mass * params.gravity * params.body_com_height
+    return float(np.sqrt(mass[0, 0] * topples / np.linalg.det(mass)))
+
+
+def upright_mass(params: bb.Params, wheel_share: float | None = None, absolute_wheel_spin: bool = True) -> Array:
+    """M of eq. (2) upright, in position and tilt; arguments as those of the pole."""
+    p = params
+    share = 1.5 * np.cos(p.wheel_zenith) ** 2 if wheel_share is None else wheel_share
+    wheels, ratio = share * p.wheel_inertia, p.ball_radius / p.wheel_radius + (1.0 if absolute_wheel_spin else 0.0)
+    m11 = p.ball_inertia / p.ball_radius**2 + wheels / p.wheel_radius**2 + p.ball_mass + p.body_mass
+    m12 = p.body_mass * p.body_com_height - wheels * ratio / p.wheel_radius
+    m22 = p.body_inertia[0] + p.body_mass * p.body_com_height**2 + wheels * ratio**2
+    return np.array([[m11, m12], [m12, m22]])
+
+
+def yaw_gain(params: bb.Params, absolute_wheel_spin: bool = True) -> float:
+    """θ̈_z of the upright robot over the virtual torque τ_z on the body, 1/(kg·m²), in closed form.
+
+    Angular momentum about the vertical stays zero; the wheels turn at k sin α (s − θ̇_z), which is what the motors work
+    on, and spin in space at sin α (k s − (k + 1) θ̇_z).
+    """
+    p = params
+    ratio = p.ball_radius / p.wheel_radius
+    turned = ratio + (1.0 if absolute_wheel_spin else 0.0)
+    wheels = 3.0 * p.wheel_inertia * np.sin(p.wheel_zenith) ** 2
+    mass = np.array(
+        [
+            [p.body_inertia[2] + wheels * turned**2, -wheels * turned * ratio],
+            [-wheels * turned * ratio, p.ball_inertia + wheels * ratio**2],
+        ]
+    )
+    return float(np.linalg.solve(mass, [ratio, -ratio])[0])
 
 
 def steady_lean(params: bb.Params, tilt: float, absolute_wheel_spin: bool = True) -> tuple[float, float]:
@@ -47,8 +78,7 @@ def leaning(params: bb.Params, tilt: float, azimuth: float, yaw: float, torque: 
 
 def wheel_directions(params: bb.Params) -> Array:
     """u_i = p_i × d_i in its rows, body frame: the axis about which each wheel turns the ball."""
-    sin, cos = np.sin(params.wheel_zenith), np.cos(params.wheel_zenith)
-    return np.array([[-cos * np.cos(b), -cos * np.sin(b), sin] for b in params.wheel_azimuths])
+    return -make_robot(params).axles
 
 
 def turn(axis: Array, angle: float) -> Array:

@@ -33,6 +33,8 @@ class Findings(NamedTuple):
     size: tuple[float, float] = (8.0, 3.2)
     #: Where the topic repeats what others have printed.
     compared: tuple[Comparison, ...] = ()
+    #: What could not be run, and why; each without a full stop.
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

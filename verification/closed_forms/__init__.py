@@ -1,4 +1,8 @@
-"""This simulator against closed forms: one file a closed form, the analytic solution beside the engine's."""
+"""This simulator beside what is known of the motion without it: closed forms, conservation laws, promises of theory.
+
+Three sections have no closed form: the energy ledger is a balance, convergence compares with a finer step, and
+determinism with another run.
+"""
 
 from verification.closed_forms import (
     convergence,

@@ -1,6 +1,6 @@
 """The same robot in Pinocchio, MuJoCo and PyBullet: as they read it, as they move it, and who is right.
 
-An engine that is not installed is left out, with the reason.
+Where an engine is not there, it is said what was not run, and why; `--allow-missing` makes that no failure.
 """
 
 from verification.engines import free_flight, headings, recovery, schedule, urdf

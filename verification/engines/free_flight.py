@@ -32,7 +32,7 @@ _PARTS = {"origin": slice(0, 3), "attitude": slice(3, 7), "rate": slice(7, 10), 
 def run() -> Findings:
     """Throws the bot in each engine."""
     if reason := missing("mujoco"):
-        return Findings([], markdown=f"MuJoCo is {reason}.")
+        return Findings([], missing=(f"MuJoCo is {reason}",))
     from verification.engines.mujoco_rolling import MujocoRolling
 
     params = bb.Params.paper()

@@ -8,7 +8,8 @@ Four experiments whose outcome is known, at many headings, since no direction of
 - a wheel driven far beyond its grip pushes with $\mu M_b g/(3\cos\alpha)$, as the load of three wheels that turn
   the robot on the spot is that at rest;
 - in a fall without torque, from 1 deg and 0.6 s long, no energy is lost. Its change is a share of the kinetic energy at
-  the end; one formula computes the energy of every engine's state.
+  the end; one formula computes the energy of every engine's state. What its weight loses as it sinks into soft
+  contacts (in `rigid` 15.8 µm, $5.7\cdot 10^{-4}$ J, half as much as the step's own error) is taken off.
 """
 
 from collections.abc import Callable
@@ -53,12 +54,14 @@ _FEWER = {ROLLING: (6, 2)}
 _TILT = 1e-4
 _LARGER = {TURNED: 1e-3, STOCK: 1e-3, BULLET: 1e-3}
 _FALL, _FALL_SECONDS = np.radians(1.0), 0.6
+#: How far from 2 the energy errors at a step and at half of it may be, relative.
+_HALVES = {CONTACT: 5e-3, RIGID: 5e-3}
 #: Limits of growth rate, load, grip and energy, relative.
 _LIMITS = {
-    SPATIAL: (1e-6, 1e-9, None, 1e-9),
-    ROLLING: (1e-6, 1e-9, None, 1e-9),
-    CONTACT: (2e-4, 1e-6, 1e-3, None),
-    RIGID: (2e-4, 1e-3, 5e-3, None),
+    SPATIAL: (1e-6, 1e-14, None, 3e-11),
+    ROLLING: (1e-6, 3e-14, None, 3e-11),
+    CONTACT: (1e-5, 1e-14, 3e-13, None),
+    RIGID: (3e-5, 3e-7, 1e-3, None),
 }
 
 
@@ -108,10 +111,10 @@ def run() -> Findings:
             if limit is not None and values is not None:
                 claims.append(Claim(f"{name}: {what}", float(np.abs(values).max()), 0.0, limit, absolute=True))
         rows.append([name, *("no slip" if values is None else _span(values) for values in outcomes)])
-    halved = _energy_drift(OurRobot(CONTACT, params, 0.5 * SIM_DT), params)
-    claims.append(
-        Claim(f"{CONTACT}: energy error over that with half the step", measured[CONTACT].energy / halved, 2.0, 0.02)
-    )
+    for name in (CONTACT, RIGID):
+        halved = _energy_drift(OurRobot(name, params, 0.5 * SIM_DT), params)
+        ratio = measured[name].energy / halved
+        claims.append(Claim(f"{name}: energy error over that with half the step", ratio, 2.0, _HALVES[name]))
     head = ["relative error against the closed form", "growth rate", "load at rest", "limit of grip", "energy"]
 
     def draw(fig: "Figure") -> None:
@@ -129,7 +132,7 @@ def run() -> Findings:
         handles, labels = left.get_legend_handles_labels()
         fig.legend(handles, labels, loc="outside upper center", ncols=4)
 
-    return Findings(claims, draw, absent(found) + table(head, rows) + "\n\n" + _explain(measured), size=(8.5, 3.8))
+    return Findings(claims, draw, f"{table(head, rows)}\n\n{_explain(measured)}", (8.5, 3.8), missing=absent(found))
 
 
 _WHAT = ("growth rate, any heading", "load at rest", "limit of grip, any heading", "energy in a fall")
@@ -160,7 +163,8 @@ def _explain(measured: dict[str, Measured]) -> str:
         )
     sentences.append(
         r"All that step by semi-implicit Euler miss energy alike: their positions are half a step $h$ ahead of their "
-        r"velocities, which is $\lambda h = 0.006$ of the kinetic energy in a fall, and half of it with half the step."
+        r"velocities, which is about $\lambda h = 0.006$ of the kinetic energy in a fall. In `contact` and `rigid` it "
+        r"is claimed to be half with half the step; of the other engines it is not tested."
     )
     return " ".join(sentences)
 
@@ -187,5 +191,8 @@ def _energy_drift(robot: AnyRobot, params: bb.Params) -> float:
     robot.reset(bb.State.upright(params, _FALL * np.array([np.cos(0.7), np.sin(0.7)]), 0.5))
     before = sum(energy(params, robot.state()))
     probes.advance(robot, np.zeros(3), _FALL_SECONDS)
-    kinetic, potential = energy(params, robot.state())
-    return (kinetic + potential - before) / kinetic
+    state = robot.state()
+    kinetic, potential = energy(params, state)
+    depths = params.ball_radius - np.array([state.ball_position[2], state.body_position[2]])
+    sunk = float(params.gravity * np.array([params.ball_mass, params.body_mass]) @ depths)
+    return (kinetic + potential + sunk - before) / kinetic

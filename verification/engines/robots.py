@@ -45,9 +45,9 @@ def engines() -> list[Engine]:
     ]
 
 
-def absent(found: list[Engine]) -> str:
-    """A paragraph on the engines that are not there; empty if all are."""
-    return "".join(f"{engine.name} is {engine.reason}\n\n" for engine in found if engine.reason)
+def absent(found: list[Engine]) -> tuple[str, ...]:
+    """The engines that are not there, and why."""
+    return tuple(f"{engine.name} is {engine.reason}" for engine in found if engine.reason)
 
 
 def _ours(model: str, params: bb.Params) -> AnyRobot:

@@ -1,10 +1,9 @@
 """Repeats the paper's experiments and writes docs/paper.md; the exit code tells whether all claims hold."""
 
-import argparse
-import re
 import sys
 
-from verification.page import DOCS, section, table
+from verification import page
+from verification.page import DOCS, anchor, table
 from verification.paper import CHAPTERS
 from verification.topic import Comparison, Topic
 
@@ -20,7 +19,8 @@ number of ours that we assert, beside what it must be. What the paper prints is 
 the summary and in each section, as *printed*. Nothing is tuned to match. The figures of the paper are compared by the
 numbers that its text gives; printed values are dashed lines in ours. "Section", "eq.", "Table" and "Fig." mean the
 paper's. Symbols are those of Table I; tilts $\\theta_x$ and $\\theta_y$ lean towards $+y$ and $+x$; wheels are
-numbered 1 to 3 as in eq. (8).
+numbered 1 to 3 as in eq. (8). Each section has the command that runs it alone and prints its claims; `--figures DIR`
+draws its figure too.
 
 ## Summary
 """
@@ -28,43 +28,33 @@ numbered 1 to 3 as in eq. (8).
 
 def main() -> int:
     """The command `python -m verification.paper`."""
-    parser = argparse.ArgumentParser(prog="python -m verification.paper", description=__doc__)
-    parser.add_argument("topics", nargs="*", help="run these only, and write no page")
-    names = parser.parse_args().topics
-    known = [topic.name for _, topics in CHAPTERS.values() for topic in topics]
-    if unknown := [name for name in names if name not in known]:
-        parser.error(f"no topic {', '.join(unknown)}; there are: {', '.join(known)}")
-
+    asked = page.arguments("verification.paper", __doc__, [t for _, topics in CHAPTERS.values() for t in topics])
     parts: list[str] = []
     summary: list[tuple[Topic, Comparison]] = []
-    failed, count = 0, 0
+    all_findings = []
     for title, (text, topics) in CHAPTERS.items():
         parts += [f"## {title}", text]
         for topic in topics:
-            if names and topic.name not in names:
+            if asked.topics and topic.name not in asked.topics:
                 continue
-            command = f"python -m verification.paper {topic.name}"
-            markdown, findings = section(topic, "paper", command=command)
-            parts.append(markdown)
+            findings = page.run(topic)
+            all_findings.append(findings)
+            if asked.topics:
+                page.print_alone(topic, findings, asked.figures)
+                continue
+            page.draw(topic, findings, DOCS / "paper")
+            parts.append(page.section(topic, findings, "verification.paper", "paper"))
             summary += [(topic, comparison) for comparison in findings.compared]
-            count += len(findings.claims)
-            failed += sum(not claim.holds for claim in findings.claims)
-    if not names:
-        page = [_HEAD, _summary(summary), *parts]
-        (DOCS / "paper.md").write_text("\n\n".join(part.strip() for part in page if part) + "\n", encoding="utf-8")
+    if not asked.topics:
+        parts = [_HEAD, _summary(summary), *parts]
+        (DOCS / "paper.md").write_text("\n\n".join(part.strip() for part in parts if part) + "\n", encoding="utf-8")
         print(f"wrote {DOCS / 'paper.md'}")
-    print(f"{count - failed} of {count} claims hold")
-    return 1 if failed else 0
+    return page.verdict(all_findings, asked.allow_missing)
 
 
 def _summary(comparisons: list[tuple[Topic, Comparison]]) -> str:
-    rows = [[f"[{c.what}](#{_anchor(topic.title)})", c.where, c.printed, c.ours, c.why] for topic, c in comparisons]
+    rows = [[f"[{c.what}](#{anchor(topic.title)})", c.where, c.printed, c.ours, c.why] for topic, c in comparisons]
     return table(["", "paper", "printed", "ours", "why they differ"], rows, align="---")
-
-
-def _anchor(title: str) -> str:
-    """The fragment by which GitHub links to a heading."""
-    return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
 
 
 if __name__ == "__main__":

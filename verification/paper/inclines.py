@@ -40,7 +40,7 @@ def run() -> Findings:
             f"`{model}`, {incline:g}°, torques that traction allows: tilt after 2 s",
             float(np.degrees(runs[model, incline, traction].tilt[-1])),
             0.0,
-            1e-2,
+            2e-3,
             "deg",
             absolute=True,
         )

@@ -6,6 +6,7 @@ import numpy as np
 
 import ballbot_rs as bb
 from verification.robots import Array
+from verification.search import largest
 
 #: The paper's torque maps and ours: eq. (8), and the one that keeps the power.
 MAPS = ("as_printed", "consistent")
@@ -112,15 +113,12 @@ def largest_recovered(model: str, mapping: str, max_torque: float | None, contro
     """Largest tilt from which the PID recovers, the worst of four directions, by bisection to 0.1 deg."""
     worst = 40.0
     for direction in ((1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (-0.5, 0.866)):
-        low, high = 0.0, worst
-        while high - low > 0.1:
-            middle = 0.5 * (low + high)
-            start = (middle * direction[0], middle * direction[1])
-            if recovers(model, start, mapping, max_torque, control_dt):
-                low = middle
-            else:
-                high = middle
-        worst = low
+
+        def back(tilt: float, to: tuple[float, float] = direction) -> bool:
+            return recovers(model, (tilt * to[0], tilt * to[1]), mapping, max_torque, control_dt)
+
+        if not back(worst):
+            worst = largest(back, 0.0, worst, to=0.1)
         if worst == 0.0:
             break
     return worst

@@ -58,7 +58,7 @@ def run() -> Findings:
             "nonlinear: largest difference of tilt from the equations written out",
             float(np.abs(runs[nonlinear][:, 1] - written[:, 1]).max()),
             0.0,
-            1e-10,
+            1e-13,
             "rad",
             absolute=True,
         ),
@@ -67,7 +67,7 @@ def run() -> Findings:
     ]
     for name, tilt in modes.items():
         exact = analyse(tilt, _DT)
-        claims.append(Claim(f"{name}: overshoot, against the modes", found[name].overshoot, exact.overshoot, 1e-6))
+        claims.append(Claim(f"{name}: overshoot, against the modes", found[name].overshoot, exact.overshoot, 2e-9))
         claims.append(
             Claim(f"{name}: settling time, against the modes", found[name].settling, exact.settling, 1e-3, "s")
         )

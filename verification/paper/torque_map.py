@@ -37,10 +37,10 @@ def run() -> Findings:
     closed = [1.5 * ratio * cosine**2, 1.5 * ratio * cosine**2, 3.0 * ratio * sine**2]
     printed = np.linalg.inv(eq_8(params))
     ours = np.array([bb.virtual_to_wheel_torques(params, unit, "as_printed") for unit in np.eye(3)]).T
-    claims = [Claim("`as_printed` and eq. (8), largest difference", _largest(ours - printed), 0.0, 1e-12, "", True)]
+    claims = [Claim("`as_printed` and eq. (8), largest difference", _largest(ours - printed), 0.0, 1e-14, "", True)]
     for i, name in enumerate(("τ_x", "τ_y", "τ_z")):
-        claims.append(Claim(f"power of {name}, `as_printed`", ratios["as_printed"][i], closed[i], 1e-12))
-        claims.append(Claim(f"power of {name}, `consistent`", ratios["consistent"][i], 1.0, 1e-12))
+        claims.append(Claim(f"power of {name}, `as_printed`", ratios["as_printed"][i], closed[i], 1e-14))
+        claims.append(Claim(f"power of {name}, `consistent`", ratios["consistent"][i], 1.0, 1e-14))
     tilt, _, yaw = ratios["as_printed"]
     compared = Comparison(
         "wheel torques of virtual torques",
