@@ -239,10 +239,7 @@ fn the_checker_lets_pass_what_is_allowed() {
         ("models/spatial.rs", "use crate::kinematics::Omniwheels; use super::{rk4::rk4, decode};"),
         ("control/lqr.rs", "use crate::models::LinearModel; use crate::models::linear::{INPUTS, STATES};"),
         ("sim/rigid/drive.rs", "use rapier3d_f64::prelude::*; use super::convert::{from_rapier as f, to_rapier};"),
-        (
-            "env/batch.rs",
-            "use crate::{Ballbot, Error, ModelKind}; use super::environment::Outcome; use rand::Rng;",
-        ),
+        ("env/batch.rs", "use crate::{Ballbot, Error, ModelKind}; use super::environment::Outcome; use rand::Rng;"),
         ("robot.rs", "use crate::models::{PlanarMotion, SpatialMotion}; use crate::sim::RigidMotion;"),
         ("error.rs", "/// See [`crate::Ballbot`]. rapier3d\nfn f() -> crate::Result<()> { g(\"crate::env\") }"),
         ("params.rs", "use crate::error::{Error, Result};"),
