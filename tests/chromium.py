@@ -31,8 +31,9 @@ FLAGS = [
 
 
 def find_browser() -> str | None:
-    """The path of a Chromium, or None."""
-    return next((path for name in NAMES if (path := shutil.which(name))), None)
+    """The path of a Chromium, or None. A snap does not count: it keeps its files where nobody else sees them."""
+    paths = (path for name in NAMES if (path := shutil.which(name)))
+    return next((path for path in paths if not str(Path(path).resolve()).startswith("/snap")), None)
 
 
 class Chromium:

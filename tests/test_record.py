@@ -73,6 +73,19 @@ def test_what_cannot_happen_is_refused(arguments, message):
         trajectory.run("lqr", **arguments)
 
 
+@pytest.mark.parametrize("model", ["rigid", "contact", "spatial"])
+def test_a_robot_that_is_shot_away_has_fallen(model):
+    shot = trajectory.Push((1000.0, 0.0, 0.0), 0.1)
+    found = trajectory.run("lqr", seconds=1.0, push=shot, env_options={"model": model})
+    assert found.fell_at == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_push_just_before_the_end_counts():
+    late = trajectory.Push((0.5, 0.0, 0.0), 0.996)
+    pushed, left_alone = (trajectory.run("lqr", seconds=1.0, push=push) for push in (late, None))
+    assert not np.array_equal(pushed.states, left_alone.states)
+
+
 def test_a_video_shows_the_robot_in_real_time(tmp_path):
     shown = trajectory.run("zero", seconds=0.8, tilt=(0.0, 0.2), env_options=CONTACT)
     renderer = renderer_for(shown, **SMALL)

@@ -9,6 +9,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from websockets.sync.client import connect  # noqa: E402
 
 from ballbot_rs import Params  # noqa: E402
 from ballbot_rs.viewer import shapes, urdf  # noqa: E402
+from ballbot_rs.viewer.server import free_port  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.chromium import Chromium, find_browser  # noqa: E402
@@ -218,12 +220,34 @@ def test_the_command_stops_by_itself_and_says_how_fast_it_was():
         ("/", {"Origin": "null"}),
         ("/../../../../../../../../../../etc/passwd", {}),
         ("/assets/../../../__init__.py", {}),
+        ("//etc/passwd", {}),
+        ("/C:/Windows/win.ini", {}),
+        ("/..\\..\\x", {}),
+        ("/..%5C..%5Cx", {}),
     ],
 )
 def test_other_sites_and_other_files_are_refused(view, path, headers):
     with pytest.raises(urllib.error.HTTPError) as refused:
         urllib.request.urlopen(urllib.request.Request(view.url + path, headers=headers), timeout=5)
     assert refused.value.code == 403
+
+
+def test_a_search_for_a_free_port_ends():
+    with socket.socket() as taken:
+        with contextlib.suppress(OSError):
+            taken.bind(("127.0.0.1", 65535))
+            taken.listen()
+        with pytest.raises(OSError, match="no port is free from 65535 to 65535"):
+            free_port(65535)
+    assert 18800 <= free_port(18800) <= 65535
+
+
+def test_a_urdf_whose_mesh_is_missing_is_refused(tmp_path):
+    bot, ball = (tmp_path / name for name in ("bot.urdf", "ball.urdf"))
+    for path in (bot, ball):
+        path.write_bytes((Path(__file__).parents[1] / "assets" / path.name).read_bytes())
+    with pytest.raises((OSError, ValueError), match=r"\.stl"):
+        View(Session(), port=18790, urdfs={"paper": (bot, ball)})
 
 
 def test_the_page_is_served_and_calls_nobody(view):

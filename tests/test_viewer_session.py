@@ -287,6 +287,17 @@ def test_a_replay_shows_what_was_and_stays_open_at_its_end():
     assert session.frame().time > live[-1].time
 
 
+def test_a_frame_does_not_change_after_it_was_taken():
+    session = Session()
+    session.reset(tilt=(0.05, 0.0))
+    session.advance(0.1)
+    frame = session.frame()
+    torques = frame.torques.copy()
+    session.reset(tilt=(0.0, 0.0))
+    assert np.any(torques != 0.0)
+    np.testing.assert_array_equal(frame.torques, torques)
+
+
 def test_a_recording_is_bounded():
     recording = Recording()
     frame = Session(num_robots=64).frame()

@@ -92,7 +92,7 @@ def run(
     robot.reset(start)
     substeps = round(batch.control_dt / batch.sim_dt)
     steps = max(round(seconds / batch.control_dt), 1)
-    push_step = None if push is None else round(push.time / batch.control_dt)
+    push_step = None if push is None else min(round(push.time / batch.control_dt), steps - 1)
     fell_at = None
     states, contacts, torques = [robot.state], [robot.contacts], []
     for step in range(steps):
@@ -107,6 +107,7 @@ def run(
         try:
             robot.step(torque, substeps)
         except DivergedError:
+            fell_at = fell_at if fell_at is not None else step * batch.control_dt
             break
         torques.append(torque)
         states.append(robot.state)

@@ -1,6 +1,7 @@
 """`ballbot plot`: figures of controllers, policies and training runs."""
 
 import argparse
+import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +9,8 @@ from typing import Any
 
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.controllers import CONTROLLERS
+from ballbot_rs.controllers import CONTROLLERS, common_options, find
+from ballbot_rs.registration import BALANCE
 
 FIGURES = ("trajectories", "phase_portrait", "recovery_map", "learning_curve")
 
@@ -59,17 +61,20 @@ def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[s
     quiet = arguments.quiet or arguments.json
     chosen = scenario.scenario(arguments)
     drawn = []
+    # All on the same robot: the policies' own, else the default.
+    found = [find(name, BALANCE) for name in arguments.controllers]
+    chosen = dataclasses.replace(chosen, env_options=common_options(found, chosen.env_options))
     if {"trajectories", "phase_portrait"} & set(wanted):
-        moving = [chosen.of(name) for name in arguments.controllers]
+        moving = [chosen.of(controller) for controller in found]
         if "trajectories" in wanted:
             drawn.append(("trajectories", trajectories.draw(moving)))
         if "phase_portrait" in wanted:
             drawn.append(("phase_portrait", phase_portrait.draw(moving)))
     if "recovery_map" in wanted:
         maps = []
-        for name in arguments.controllers:
-            with bar(f"recovery of {name}", quiet) as progress:
-                maps.append(recovery.collect(name, env_options=chosen.env_options, progress=progress))
+        for controller in found:
+            with bar(f"recovery of {controller.name}", quiet) as progress:
+                maps.append(recovery.collect(controller, env_options=chosen.env_options, progress=progress))
         drawn.append(("recovery_map", recovery_map.draw(maps)))
     if "learning_curve" in wanted:
         drawn.append(("learning_curve", learning_curve.draw([read(Path(name)) for name in runs])))

@@ -4,6 +4,7 @@ import argparse
 import dataclasses
 from typing import Any
 
+from ballbot_rs.controllers import Controller
 from ballbot_rs.registration import TASKS
 from ballbot_rs.trajectory import Push, Trajectory, run
 
@@ -18,7 +19,7 @@ class Scenario:
     push: Push | None
     env_options: dict[str, Any]
 
-    def of(self, controller: str) -> Trajectory:
+    def of(self, controller: str | Controller) -> Trajectory:
         """What a controller makes of it."""
         return run(
             controller,

@@ -34,6 +34,8 @@ def tilts_and_rates(trajectory: Trajectory, axis: int) -> tuple[npt.NDArray[np.f
     if trajectory.fell_at is not None:
         end = max(int(np.searchsorted(trajectory.times, trajectory.fell_at)), 2)
     tilts = trajectory.of_states("tilt_components")[:end, axis]
+    if len(tilts) < 2:
+        return tilts, np.zeros_like(tilts)
     return tilts, np.gradient(tilts, trajectory.times[:end])
 
 

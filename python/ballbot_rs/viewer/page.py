@@ -124,6 +124,8 @@ class Page:
         for control, value in shown:
             if control.value != value:
                 control.value = value
+        if chosen == POLICY and self._policy.value != session.controller:
+            self._policy.value = session.controller
 
     def _add_run(self, session: Session) -> None:
         gui = self._server.gui

@@ -46,7 +46,8 @@ class Robots:
         for index in range(len(self)):
             self._reset(index, start)
         self._start = start
-        self.applied[:] = 0.0
+        # A frame may hold the old ones.
+        self.applied = np.zeros_like(self.applied)
 
     def _reset(self, index: int, start: FloatArray) -> None:
         angle = 2.0 * np.pi * index / len(self)

@@ -6,6 +6,7 @@ import functools
 import http
 import io
 import re
+import socket
 import time
 import urllib.parse
 from collections.abc import Callable, Iterator
@@ -61,13 +62,28 @@ async def _cancel_all() -> None:
     await asyncio.get_running_loop().shutdown_asyncgens()
 
 
+def free_port(first: int) -> int:
+    """The first free port from `first` on. viser would look beyond the last one that there is, and wait for ever.
+
+    Raises:
+        OSError: there is none.
+    """
+    for port in range(first, 65536):
+        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe, contextlib.suppress(OSError):
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((HOST, port))
+            return port
+    raise OSError(f"no port is free from {first} to 65535")
+
+
 def refusal(path: str, headers: Headers) -> str | None:
     """Why a request is refused, or None.
 
     A path may not leave the client's folder, which viser does not check. A foreign `Origin` is another site's page that
     reaches for this server; a foreign `Host` is the same after its name was pointed at this machine.
     """
-    if ".." in path.partition("?")[0].split("/"):
+    file = path.partition("?")[0]
+    if ".." in file.split("/") or "//" in file or any(c in file for c in "\\:") or "%5c" in file.lower():
         return "no such file"
     for value, is_host in [
         *((v, True) for v in headers.get_all("Host")),

@@ -6,7 +6,7 @@ from ballbot_rs.viewer import shapes, urdf
 from ballbot_rs.viewer.page import Page
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.runner import Command, Runner
-from ballbot_rs.viewer.server import HOST, LocalServer
+from ballbot_rs.viewer.server import HOST, LocalServer, free_port
 from ballbot_rs.viewer.session import Session
 
 
@@ -19,7 +19,8 @@ class View:
         urdfs: bot and ball of robots by name, beside those that this package knows.
 
     Raises:
-        ValueError: a port out of range.
+        ValueError: a port out of range, or a URDF that cannot be shown.
+        OSError: no port is free, or a file of a URDF cannot be read.
     """
 
     def __init__(self, session: Session, port: int = 8080, urdfs: dict[str, tuple[Path, Path]] | None = None) -> None:
@@ -27,8 +28,10 @@ class View:
             raise ValueError(f"port = {port} is out of range: expected 1 to 65535")
         self._urdfs = {**urdf.URDFS, **(urdfs or {})}
         self._params = {name: session.params_of(name) for name in session.robot_names}
+        # What cannot be shown is refused here, not by the thread that shows it.
+        self._look(session.robots.name)
         self.runner = Runner(session, self._show)
-        self.server = LocalServer(port)
+        self.server = LocalServer(free_port(port))
         self._page = Page(self.server, self._submit, session, self._look)
         self.runner.start()
 
