@@ -126,6 +126,12 @@ def test_runs_that_are_none_are_refused(tmp_path, tiny_run):
     (tmp_path / "evaluations.npz").write_bytes((tiny_run / "evaluations.npz").read_bytes())
     with pytest.raises(ValueError, match="cannot be read"):
         curve.read(tmp_path)
+    (tmp_path / "run.json").write_text('{"seed": 0}', encoding="utf-8")
+    whole = (tiny_run / "evaluations.npz").read_bytes()
+    for damaged in (b"", whole[: len(whole) // 2], b"no archive"):
+        (tmp_path / "evaluations.npz").write_bytes(damaged)
+        with pytest.raises(ValueError, match="damaged"):
+            curve.read(tmp_path)
 
 
 def test_the_same_numbers_give_the_same_file(moving, tmp_path):

@@ -17,7 +17,7 @@ from ballbot_rs.registration import TASKS
 #: What the package may work with.
 LIBRARIES = (
     *("numpy", "gymnasium", "stable-baselines3", "torch", "matplotlib", "moviepy", "rich", "tensorboard"),
-    *("onnx", "onnxruntime", "onnxscript"),
+    *("onnx", "onnxruntime", "onnxscript", "viser", "websockets", "trimesh", "yourdfpy", "plotly", "pillow", "pygame"),
 )
 #: Features of a processor on which the speed of the core depends.
 FEATURES = ("sse4_2", "avx", "avx2", "fma", "avx512f", "avx512dq", "avx512vl", "asimd", "sve")

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -41,8 +42,9 @@ def read(folder: Path) -> Curve:
         with np.load(folder / "evaluations.npz") as kept:
             timesteps, returns, successes = (kept[name].astype(float) for name in ("timesteps", "results", "successes"))
         seed = int(json.loads((folder / "run.json").read_text(encoding="utf-8"))["seed"])
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{folder}: its evaluations cannot be read: {error}") from error
+    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        # What NumPy says of a damaged file is advice to read it as a pickle.
+        raise ValueError(f"{folder}: its evaluations cannot be read, run.json or evaluations.npz is damaged") from error
     config = (folder / "config.toml").read_text(encoding="utf-8")
     return Curve(folder, seed, config, timesteps, returns, successes)
 

@@ -93,7 +93,7 @@ def resume(folder: Path, *, timesteps: int | None = None, progress_bar: bool = T
     if timesteps is not None:
         text = config_module.with_timesteps(text, timesteps)
     config = config_module.parse(text, str(folder / "config.toml"))
-    checkpoints = sorted((folder / "checkpoints").glob("*.zip"), key=_steps_of)
+    checkpoints = sorted((folder / "checkpoints").glob("rl_model_*_steps.zip"), key=_steps_of)
     if config.algorithm == "SAC":
         raise ValueError("a SAC run cannot be resumed: its replay buffer is not kept")
     if not checkpoints:
