@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import ballbot_rs as bb
-from verification.claim import Claim
 from verification.engines import trajectories
-from verification.engines.robots import CONTACT, RIGID, ROLLING, SPATIAL, absent, engines
+from verification.engines.robots import CONTACT, RIGID, ROLLING, absent, engines
 from verification.engines.trajectories import CONTROL_DT, Trajectory
 from verification.topic import Findings
 
@@ -45,14 +44,7 @@ def run() -> Findings:
         return lqr(state, yaw=_YAW)
 
     runs = {e.name: Trajectory(e.make(params), start, law, _SECONDS) for e in found if not e.reason}
-    claims = []
-    for name, limit in _LIMITS.items():
-        if name in runs:
-            tilt, _, _ = runs[name].strays(runs[SPATIAL])
-            claims.append(Claim(f"{name}: RMS tilt apart from `spatial`", tilt, 0.0, limit, "deg", absolute=True))
-    if ROLLING in runs:
-        apart = float(np.abs(runs[ROLLING].loads - runs[SPATIAL].loads).max())
-        claims.append(Claim(f"{ROLLING}: largest wheel load apart", apart, 0.0, 1e-7, "N", absolute=True))
+    claims = [*trajectories.tilt_claims(runs, _LIMITS), *trajectories.load_claims(runs, 1e-7)]
 
     def draw(fig: "Figure") -> None:
         trajectories.draw(fig, runs)

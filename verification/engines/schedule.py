@@ -36,20 +36,13 @@ def run() -> Findings:
         return np.asarray(_TORQUE * np.sin(2.0 * np.pi * _FREQUENCIES * time + _PHASES))
 
     runs = {e.name: Trajectory(e.make(params), start, law, _SECONDS) for e in found if not e.reason}
-    claims = []
-    for name, limit in _LIMITS.items():
-        if name in runs:
-            tilt, _, _ = runs[name].strays(runs[SPATIAL])
-            what = f"{name}: RMS tilt apart from `spatial` over {_SECONDS} s"
-            claims.append(Claim(what, tilt, 0.0, limit, "deg", absolute=True))
+    claims = trajectories.tilt_claims(runs, _LIMITS, f" over {_SECONDS} s")
 
     robot = OurRobot(CONTACT, params, 0.5 * SIM_DT)
     halved, _, _ = Trajectory(robot, start, law, _SECONDS).strays(runs[SPATIAL])
     whole, _, _ = runs[CONTACT].strays(runs[SPATIAL])
     claims.append(Claim(f"{CONTACT}: the same over that with half the step", whole / halved, 2.0, 5e-3))
-    if ROLLING in runs:
-        apart = float(np.abs(runs[ROLLING].loads - runs[SPATIAL].loads).max())
-        claims.append(Claim(f"{ROLLING}: largest wheel load apart", apart, 0.0, 5e-7, "N", absolute=True))
+    claims += trajectories.load_claims(runs, 5e-7)
 
     def draw(fig: "Figure") -> None:
         trajectories.draw(fig, runs)

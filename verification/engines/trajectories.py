@@ -8,7 +8,8 @@ import numpy as np
 import ballbot_rs as bb
 from peers.any_robot import AnyRobot
 from peers.robot import Array
-from verification.engines.robots import COLOURS, CONTACT, DASHES, SPATIAL
+from verification.claim import Claim
+from verification.engines.robots import COLOURS, CONTACT, DASHES, ROLLING, SPATIAL
 from verification.page import number, table
 
 if TYPE_CHECKING:
@@ -52,6 +53,25 @@ class Trajectory:
         yaw = np.degrees(np.arctan2(np.sin(self.yaws - other.yaws), np.cos(self.yaws - other.yaws)))
         rms = tuple(float(np.sqrt(np.mean(np.square(part)))) for part in (tilt, position, yaw))
         return rms[0], rms[1], rms[2]
+
+
+def tilt_claims(trajectories: dict[str, Trajectory], limits: dict[str, float], when: str = "") -> list[Claim]:
+    """How far tilts stray from those of `spatial`, RMS, for each engine that ran and has a limit (deg)."""
+    claims = []
+    for name, limit in limits.items():
+        if name in trajectories:
+            tilt, _, _ = trajectories[name].strays(trajectories[SPATIAL])
+            what = f"{name}: RMS tilt apart from `spatial`{when}"
+            claims.append(Claim(what, tilt, 0.0, limit, "deg", absolute=True))
+    return claims
+
+
+def load_claims(trajectories: dict[str, Trajectory], limit: float) -> list[Claim]:
+    """That both models without slip put the same loads (N) on the wheels, if the other engine's ran."""
+    if ROLLING not in trajectories:
+        return []
+    apart = float(np.abs(trajectories[ROLLING].loads - trajectories[SPATIAL].loads).max())
+    return [Claim(f"{ROLLING}: largest wheel load apart", apart, 0.0, limit, "N", absolute=True)]
 
 
 def strays_table(trajectories: dict[str, Trajectory]) -> str:

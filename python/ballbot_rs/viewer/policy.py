@@ -40,13 +40,12 @@ def load_onnx(name: str) -> Policy:
     if path.stat().st_size > MAX_FILE_SIZE:
         raise ValueError(f"{name} has {path.stat().st_size} bytes, more than {MAX_FILE_SIZE}: no policy of this task")
     try:
-        import ballbot_rs.onnx_policy as module  # type: ignore[import-not-found,unused-ignore]
+        from ballbot_rs.onnx_policy import OnnxPolicy
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
             f"a policy file needs {error.name}, which is not installed", name=error.name
         ) from error
-    policy: Policy = module.OnnxPolicy(path)
-    return policy
+    return OnnxPolicy(path)
 
 
 class PolicyDriver:
