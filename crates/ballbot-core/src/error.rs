@@ -1,5 +1,6 @@
 //! The one error type of the crate: every message names the offending value and the limit it broke.
 
+use std::fmt;
 use std::path::PathBuf;
 
 /// What can go wrong, from a parameter out of range to a simulation that diverged.
@@ -92,17 +93,18 @@ impl Error {
 /// The result of every fallible function of the crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Passes `value` on if it is finite and `accept` holds, else names the `limit` it broke.
+/// Returns `value` if it is finite and `accept(value)`; otherwise [`Error::OutOfRange`] with `limit`. Nothing is formatted
+/// on success: pass `format_args!`.
 pub fn check(
-    name: impl Into<String>,
+    name: impl fmt::Display,
     value: f64,
-    limit: impl Into<String>,
+    limit: impl fmt::Display,
     accept: impl Fn(f64) -> bool,
 ) -> Result<f64> {
     if value.is_finite() && accept(value) {
         return Ok(value);
     }
-    Err(Error::OutOfRange { name: name.into(), value, limit: limit.into() })
+    Err(Error::OutOfRange { name: name.to_string(), value, limit: limit.to_string() })
 }
 
 /// Passes `value` on if it is a finite number above zero.

@@ -1,30 +1,117 @@
 //! [`State`] of one robot or of eight, for computations that are written over lanes.
 
-use crate::lanes::{Lane, Quat, Vec3, run_one};
+use crate::lanes::{Lane, Quat, Vec3, cells, run_one};
 use crate::state::State;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// The fields of [`State`].
+#[derive(Clone, Copy)]
 pub struct LaneState<L> {
+    /// Ball center, inertial frame, m.
     pub ball_position: Vec3<L>,
+    /// Attitude of the ball.
     pub ball_quaternion: Quat<L>,
+    /// Velocity of the ball center, inertial frame, m/s.
     pub ball_velocity: Vec3<L>,
+    /// Angular velocity of the ball, inertial frame, rad/s.
     pub ball_angular_velocity: Vec3<L>,
+    /// Origin of the body frame, inertial frame, m.
     pub body_position: Vec3<L>,
+    /// Attitude of the body.
     pub body_quaternion: Quat<L>,
+    /// Velocity of the body frame's origin, inertial frame, m/s.
     pub body_velocity: Vec3<L>,
+    /// Angular velocity of the body, body frame, rad/s.
     pub body_angular_velocity: Vec3<L>,
+    /// Rotation of each wheel relative to the body, rad.
     pub wheel_angles: [L; 3],
+    /// Encoder rates of the wheels, rad/s.
     pub wheel_speeds: [L; 3],
 }
 
-/// Where numbers stop to mean anything: a quantity, its limit and its unit.
+/// A robot, or eight, as a task or a controller sees it after a step.
+pub struct LaneRobot<L: Lane> {
+    /// The state.
+    pub state: LaneState<L>,
+    /// False once a step met numbers that are not finite.
+    pub healthy: L::Mask,
+    /// Whether the body or a wheel touches the floor.
+    pub on_floor: L::Mask,
+}
+
+cells! {
+    /// [`LaneState`] as it lies in memory.
+    #[derive(Clone, Debug, Default, PartialEq)]
+    pub struct StateCells {
+        /// As in [`LaneState`].
+        pub ball_position: [T; 3],
+        /// As in [`LaneState`].
+        pub ball_quaternion: [T; 4],
+        /// As in [`LaneState`].
+        pub ball_velocity: [T; 3],
+        /// As in [`LaneState`].
+        pub ball_angular_velocity: [T; 3],
+        /// As in [`LaneState`].
+        pub body_position: [T; 3],
+        /// As in [`LaneState`].
+        pub body_quaternion: [T; 4],
+        /// As in [`LaneState`].
+        pub body_velocity: [T; 3],
+        /// As in [`LaneState`].
+        pub body_angular_velocity: [T; 3],
+        /// As in [`LaneState`].
+        pub wheel_angles: [T; 3],
+        /// As in [`LaneState`].
+        pub wheel_speeds: [T; 3],
+    }
+}
+
+impl<T> StateCells<T> {
+    /// Reads the state.
+    #[inline(always)]
+    pub fn load<L: Lane<Cell = T>>(&self, token: L::Token) -> LaneState<L> {
+        let three = |cells: &[T; 3]| [L::load(token, &cells[0]), L::load(token, &cells[1]), L::load(token, &cells[2])];
+        LaneState {
+            ball_position: Vec3::load(token, &self.ball_position),
+            ball_quaternion: Quat::load(token, &self.ball_quaternion),
+            ball_velocity: Vec3::load(token, &self.ball_velocity),
+            ball_angular_velocity: Vec3::load(token, &self.ball_angular_velocity),
+            body_position: Vec3::load(token, &self.body_position),
+            body_quaternion: Quat::load(token, &self.body_quaternion),
+            body_velocity: Vec3::load(token, &self.body_velocity),
+            body_angular_velocity: Vec3::load(token, &self.body_angular_velocity),
+            wheel_angles: three(&self.wheel_angles),
+            wheel_speeds: three(&self.wheel_speeds),
+        }
+    }
+}
+
+impl<L: Lane> LaneState<L> {
+    /// Writes the state.
+    #[inline(always)]
+    pub fn store(&self, cells: &mut StateCells<L::Cell>) {
+        self.ball_position.store(&mut cells.ball_position);
+        self.ball_quaternion.store(&mut cells.ball_quaternion);
+        self.ball_velocity.store(&mut cells.ball_velocity);
+        self.ball_angular_velocity.store(&mut cells.ball_angular_velocity);
+        self.body_position.store(&mut cells.body_position);
+        self.body_quaternion.store(&mut cells.body_quaternion);
+        self.body_velocity.store(&mut cells.body_velocity);
+        self.body_angular_velocity.store(&mut cells.body_angular_velocity);
+        for i in 0..3 {
+            self.wheel_angles[i].store(&mut cells.wheel_angles[i]);
+            self.wheel_speeds[i].store(&mut cells.wheel_speeds[i]);
+        }
+    }
+}
+
+/// A bound of a valid state: quantity, limit, unit.
 pub type Bound = (&'static str, f64, &'static str);
 
-/// Speeds and rates above which numbers mean nothing any more, m/s and rad/s.
+/// Largest speed, m/s, and rate, rad/s, of a valid state.
 const MAX_SPEED: f64 = 100.0;
 pub const MAX_RATE: f64 = 1e4;
-/// Distance from the origin likewise, m.
+/// Largest distance from the origin, m.
 const MAX_POSITION: f64 = 1e4;
 
 /// The bounds of a simulated state, in the order of [`LaneState::bounded`].

@@ -18,27 +18,33 @@
 //! # Ok::<(), ballbot_core::Error>(())
 //! ```
 
+pub mod actuator;
+pub mod batch;
 pub mod control;
 mod energy;
-pub mod env;
 mod error;
+pub mod fields;
 pub mod kinematics;
 mod lane_state;
-mod lanes;
+pub mod lanes;
 mod model;
 pub mod models;
 mod params;
 pub mod render;
 mod robot;
+pub mod sensor;
+mod setpoint;
 pub mod sim;
 mod snapshot;
 mod state;
+pub mod task;
+mod thread_pool;
 pub mod urdf;
-mod workers;
 
 pub use energy::mechanical_energy;
 pub use error::{Error, Result, finite as check_finite};
-pub use model::{JointDynamics, Model};
+pub use lane_state::{LaneRobot, LaneState, StateCells};
+pub use model::Model;
 pub use params::{PAPER_BALL_VISCOUS_FRICTION, Params};
 pub use robot::{Ballbot, ModelKind};
 pub use state::{Contacts, State, attitude, rolling_rate, unit_quaternion, wxyz};

@@ -1,43 +1,30 @@
-//! What every model of the robot can do, from the planar equations to the rigid-body engine.
+//! A model of the robot in motion: what every rung of the ladder of models can do.
 
 use crate::error::Result;
 use crate::params::Params;
 use crate::state::{Contacts, State};
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
-
-/// Friction of the three wheel joints.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct JointDynamics {
-    /// N·m/(rad/s).
-    pub viscous_friction: f64,
-    /// Dry friction, N·m.
-    pub coulomb_friction: f64,
-}
-
-impl JointDynamics {
-    /// The friction that the parameters give.
-    pub fn of(params: &Params) -> Self {
-        Self { viscous_friction: params.wheel_viscous_friction, coulomb_friction: params.wheel_coulomb_friction }
-    }
-}
 
 /// A simulated robot. Implementations trust their input; [`crate::Ballbot`] checks it.
 pub trait Model: Send + Sync {
     /// The robot's parameters.
     fn params(&self) -> &Params;
 
+    /// Replaces the parameters (valid ones). The motion goes on if [`same_geometry`]; otherwise the robot is placed at
+    /// rest upright, at time zero.
+    ///
+    /// # Errors
+    /// [`crate::Error::Inconsistent`] if the model cannot simulate such a robot; the old one is kept.
+    fn set_params(&mut self, params: &Params) -> Result<()>;
+
     /// Time step, s.
     fn sim_dt(&self) -> f64;
 
-    /// Starts anew from `state` at time zero; a reset model is equal to a new one, to the last bit.
-    ///
-    /// # Errors
-    /// [`crate::Error::Inconsistent`] or [`crate::Error::OutOfRange`] if the model cannot represent the state.
-    fn reset(&mut self, state: &State) -> Result<()>;
+    /// Starts anew from an accepted `state` at time zero; a reset model is equal to a new one, to the last bit.
+    fn place(&mut self, state: &State);
 
-    /// Advances by one time step with constant motor torques, N·m.
-    fn step(&mut self, wheel_torques: &[f64; 3]);
+    /// Advances by `steps` time steps with constant motor torques, N·m.
+    fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize);
 
     /// Simulated time since the reset, s.
     fn time(&self) -> f64;
@@ -45,38 +32,32 @@ pub trait Model: Send + Sync {
     /// The present state.
     fn state(&self) -> State;
 
-    /// Contact forces of the last step. Right after a reset, models with contacts of their own have none yet; the
-    /// closed-form ones give those of the present state without torque.
+    /// Contact forces of the last step. Right after a reset, `contact` and `rigid` return zeros; the closed-form models
+    /// return those of the present state without torque.
     fn contacts(&self) -> Contacts;
 
-    /// Whether the body or a wheel touches the floor; the closed-form models have no floor for them.
+    /// Whether the body or a wheel touches the floor; always false for `planar` and `spatial`, which have no such contact.
     fn bot_on_floor(&self) -> bool {
         false
     }
 
-    /// Kinetic energy plus the body's potential energy above the ball centre's resting height plus the ball's, J.
+    /// Kinetic energy plus the body's potential energy above the ball center's resting height plus the ball's, J.
     fn energy(&self) -> f64;
 
-    /// False once a step met numbers that are not finite; the state is then the last one that was, but for
-    /// [`crate::sim::RigidMotion`], whose engine keeps parts of what it met.
+    /// False once a step met numbers that are not finite; the state is then the last finite one, except in
+    /// `rigid`, whose engine keeps parts of the step that failed.
     fn healthy(&self) -> bool;
 
-    /// Checks that the model can represent a state, with the errors of [`Model::reset`].
+    /// Checks that the model can represent a state.
     ///
     /// # Errors
-    /// As [`Model::reset`].
+    /// [`crate::Error::Inconsistent`] or [`crate::Error::OutOfRange`] if it cannot.
     fn accepts(&self, state: &State) -> Result<()>;
 
     /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m), at once or over the next step.
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>);
 
-    /// Friction of the wheel joints.
-    fn joint_dynamics(&self) -> JointDynamics;
-
-    /// Changes the friction of the wheel joints.
-    fn set_joint_dynamics(&mut self, dynamics: JointDynamics);
-
-    /// Everything that the future depends on, as bytes for [`Model::load`].
+    /// Appends everything that the future depends on, for [`Model::load`].
     fn save(&self) -> Vec<u8>;
 
     /// Continues from bytes that [`Model::save`] gave, of a model of the same kind, parameters and time step.
@@ -84,4 +65,13 @@ pub trait Model: Send + Sync {
     /// # Errors
     /// [`crate::Error::Decode`] if the bytes are not that.
     fn load(&mut self, bytes: &[u8]) -> Result<()>;
+}
+
+/// Whether two robots have the same shape, so that a state of one is a state of the other.
+pub fn same_geometry(a: &Params, b: &Params) -> bool {
+    a.ball_radius == b.ball_radius
+        && a.wheel_radius == b.wheel_radius
+        && a.wheel_zenith == b.wheel_zenith
+        && a.wheel_azimuths == b.wheel_azimuths
+        && a.body_com_height == b.body_com_height
 }

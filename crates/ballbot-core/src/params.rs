@@ -64,6 +64,24 @@ macro_rules! parameters {
                  $((stringify!($optional), self.$optional.as_slice()),)*].into_iter()
             }
 
+            /// Values of all parameters, in the order of [`Params::NAMES`], vectors flattened.
+            pub(crate) fn numbers(&self) -> Vec<f64> {
+                self.fields().flat_map(|(_, values)| values).copied().collect()
+            }
+
+            /// The inverse of [`Params::numbers`], without validation; `None` for another number of values.
+            pub(crate) fn from_numbers(numbers: &[f64]) -> Option<Self> {
+                let mut params = Self::unset();
+                let mut rest = numbers;
+                for name in Self::NAMES {
+                    let field = params.field_mut(name)?;
+                    let (values, others) = rest.split_at_checked(field.len())?;
+                    field.copy_from_slice(values);
+                    rest = others;
+                }
+                rest.is_empty().then_some(params)
+            }
+
             fn field_mut(&mut self, name: &str) -> Option<&mut [f64]> {
                 match name {
                     $(stringify!($required) => Some(self.$required.as_mut_slice()),)*

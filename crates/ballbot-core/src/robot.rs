@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result, check};
 use crate::lane_state::LaneState;
-use crate::model::{JointDynamics, Model};
+use crate::model::{Model, same_geometry};
 use crate::models::{PlanarMotion, SpatialMotion};
 use crate::params::Params;
 use crate::sim::{ContactMotion, RigidMotion};
@@ -93,8 +93,8 @@ const CHECK_INTERVAL: usize = 64;
 pub struct Ballbot {
     kind: ModelKind,
     model: Box<dyn Model>,
-    /// When and why a step found that it had diverged: it stays so until a reset.
-    lost: Option<(f64, String)>,
+    /// Time and reason of a divergence; kept until a reset.
+    diverged: Option<(f64, String)>,
 }
 
 impl Ballbot {
@@ -104,8 +104,8 @@ impl Ballbot {
     /// [`Error::OutOfRange`] for parameters or a time step that cannot be; [`Error::Inconsistent`] likewise.
     pub fn new(params: &Params, kind: ModelKind, sim_dt: f64) -> Result<Self> {
         params.validate()?;
-        check("sim_dt", sim_dt, format!("within {} to {} s", SIM_DT.start(), SIM_DT.end()), |dt| SIM_DT.contains(&dt))?;
-        Ok(Self { kind, model: kind.build(params, sim_dt)?, lost: None })
+        check_sim_dt(sim_dt)?;
+        Ok(Self { kind, model: kind.build(params, sim_dt)?, diverged: None })
     }
 
     /// Which model this is.
@@ -123,16 +123,21 @@ impl Ballbot {
         self.model.sim_dt()
     }
 
-    /// Starts anew from `state` at time zero. A reset robot equals a new one to the last bit, but keeps its joint dynamics.
+    /// Starts anew from `state` at time zero. A reset robot equals a new one to the last bit.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a state beyond the simulation's bounds, [`Error::Inconsistent`] for one that the model
     /// cannot represent (slip in a model without slip, a ball below the floor). The robot is then left as it was.
     pub fn reset(&mut self, state: &State) -> Result<()> {
         self.accepts(state)?;
-        self.model.reset(state)?;
-        self.lost = None;
+        self.place(state);
         Ok(())
+    }
+
+    /// [`Ballbot::reset`] to a state that has been accepted.
+    pub(crate) fn place(&mut self, state: &State) {
+        self.model.place(state);
+        self.diverged = None;
     }
 
     /// Checks that [`Ballbot::reset`] would take a state.
@@ -140,19 +145,25 @@ impl Ballbot {
     /// # Errors
     /// As [`Ballbot::reset`].
     pub fn accepts(&self, state: &State) -> Result<()> {
-        state.validate()?;
-        if let Some(reason) = LaneState::from(state).out_of_bounds() {
-            return Err(Error::Inconsistent(reason));
-        }
-        let radius = self.params().ball_radius;
-        let lowest = radius * (1.0 - 1e-3);
-        check(
-            "ball_position[2]",
-            state.ball_position.z,
-            format!("at least ball_radius = {radius} (the floor)"),
-            |z| z >= lowest,
-        )?;
+        check_state(self.params(), state)?;
         self.model.accepts(state)
+    }
+
+    /// Replaces the robot's parameters. If the geometry (radii, wheel angles, height of the CoM) is the same, the motion
+    /// goes on, its next step with the new parameters; otherwise the robot starts anew, at rest upright. It outlives a
+    /// reset. Returns whether the motion goes on.
+    ///
+    /// # Errors
+    /// Those of [`Params::validate`], and [`Error::Inconsistent`] if the model cannot simulate such a robot; the robot is
+    /// then left as it was.
+    pub fn set_params(&mut self, params: &Params) -> Result<bool> {
+        params.validate()?;
+        let goes_on = same_geometry(self.params(), params);
+        self.model.set_params(params)?;
+        if !goes_on {
+            self.diverged = None;
+        }
+        Ok(goes_on)
     }
 
     /// Advances by `steps` time steps under constant motor torques, N·m.
@@ -163,16 +174,14 @@ impl Ballbot {
     pub fn step(&mut self, wheel_torques: &[f64; 3], steps: usize) -> Result<()> {
         let limit = self.params().max_wheel_torque;
         for (i, &torque) in wheel_torques.iter().enumerate() {
-            // Not `check`, which would put its words together at every step.
-            if torque.is_nan() || torque.abs() > limit {
-                return Err(Error::OutOfRange {
-                    name: format!("wheel_torques[{i}]"),
-                    value: torque,
-                    limit: format!("within ±max_wheel_torque = {limit} N·m"),
-                });
-            }
+            check(
+                format_args!("wheel_torques[{i}]"),
+                torque,
+                format_args!("within ±max_wheel_torque = {limit} N·m"),
+                |torque| torque.abs() <= limit,
+            )?;
         }
-        if let Some((time, reason)) = &self.lost {
+        if let Some((time, reason)) = &self.diverged {
             return Err(Error::Diverged { time: *time, reason: reason.clone() });
         }
         let mut left = steps;
@@ -182,7 +191,7 @@ impl Ballbot {
             self.advance(wheel_torques, some);
             if let Some(reason) = self.diverged() {
                 let time = self.time();
-                self.lost = Some((time, reason.clone()));
+                self.diverged = Some((time, reason.clone()));
                 return Err(Error::Diverged { time, reason });
             }
             left -= some;
@@ -194,14 +203,12 @@ impl Ballbot {
 
     /// [`Ballbot::step`] for callers that have checked the torques and look at divergence themselves.
     pub(crate) fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
-        for _ in 0..steps {
-            self.model.step(wheel_torques);
-        }
+        self.model.advance(wheel_torques, steps);
     }
 
     /// Which bound the present state breaks, or one did when a step failed, if any.
     pub fn diverged(&self) -> Option<String> {
-        self.lost.as_ref().map(|(_, reason)| reason.clone()).or_else(|| self.diverged_at(&self.state()))
+        self.diverged.as_ref().map(|(_, reason)| reason.clone()).or_else(|| self.diverged_at(&self.state()))
     }
 
     /// [`Ballbot::diverged`] for callers that have the present state at hand.
@@ -227,7 +234,7 @@ impl Ballbot {
         self.model.state()
     }
 
-    /// Contact forces of the last step; the models with contacts of their own know none before their first.
+    /// Contact forces of the last step; `contact` and `rigid` return zeros until the first step.
     pub fn contacts(&self) -> Contacts {
         self.model.contacts()
     }
@@ -237,7 +244,7 @@ impl Ballbot {
         self.model.energy()
     }
 
-    /// Whether the body or a wheel touches the floor; models without a floor under the body never say so.
+    /// Whether the body or a wheel touches the floor. Always false for `planar` and `spatial`, which have no such contact.
     pub fn bot_on_floor(&self) -> bool {
         self.model.bot_on_floor()
     }
@@ -248,29 +255,9 @@ impl Ballbot {
     /// # Errors
     /// [`Error::OutOfRange`] for an impulse above 1e4 N·s or a point farther than 100 m.
     pub fn push(&mut self, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
-        for (name, vector, limit) in [("impulse", Some(impulse), MAX_IMPULSE), ("point", point, MAX_ARM)] {
-            for (i, &value) in vector.into_iter().flatten().enumerate() {
-                check(format!("{name}[{i}]"), value, format!("within ±{limit}"), |v| v.abs() <= limit)?;
-            }
-        }
+        check_push(impulse, point)?;
         let com = Vector3::z() * self.params().body_com_height;
         self.model.push(impulse, point.unwrap_or(&com));
-        Ok(())
-    }
-
-    /// Friction of the wheel joints.
-    pub fn joint_dynamics(&self) -> JointDynamics {
-        self.model.joint_dynamics()
-    }
-
-    /// Changes the friction of the wheel joints from the next step on; it outlives a reset.
-    ///
-    /// # Errors
-    /// [`Error::OutOfRange`] for friction that is negative or not finite.
-    pub fn set_joint_dynamics(&mut self, dynamics: JointDynamics) -> Result<()> {
-        check("viscous_friction", dynamics.viscous_friction, ">= 0", |v| v >= 0.0)?;
-        check("coulomb_friction", dynamics.coulomb_friction, ">= 0", |v| v >= 0.0)?;
-        self.model.set_joint_dynamics(dynamics);
         Ok(())
     }
 
@@ -292,8 +279,7 @@ impl Ballbot {
 
     /// What must be equal for a snapshot to fit: model, time step and parameters.
     fn identity(&self) -> Identity {
-        let parameters = self.params().fields().flat_map(|(_, values)| values).copied().collect();
-        Identity { model: self.kind.name().to_owned(), sim_dt: self.sim_dt(), parameters }
+        Identity { model: self.kind.name().to_owned(), sim_dt: self.sim_dt(), parameters: self.params().numbers() }
     }
 
     /// Continues from bytes of [`Ballbot::save`] of a robot with the same model, parameters and time step.
@@ -301,17 +287,19 @@ impl Ballbot {
     /// # Errors
     /// [`Error::Decode`] if the bytes are not that.
     pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let refused = |reason: String| Error::Decode { what: "snapshot of a robot".into(), reason };
         let snapshot: Snapshot = snapshot::decode("snapshot of a robot", bytes)?;
         let (theirs, ours) = (snapshot.identity, self.identity());
         if theirs != ours {
-            return Err(refused(format!(
-                "it is of a '{}' robot at sim_dt = {} s, this is a '{}' robot at {} s, or their parameters differ",
-                theirs.model, theirs.sim_dt, ours.model, ours.sim_dt
-            )));
+            return Err(Error::Decode {
+                what: "snapshot of a robot".into(),
+                reason: format!(
+                    "it is of a '{}' robot at sim_dt = {} s, this is a '{}' robot at {} s, or their parameters differ",
+                    theirs.model, theirs.sim_dt, ours.model, ours.sim_dt
+                ),
+            });
         }
         self.model.load(&snapshot.model)?;
-        self.lost = None;
+        self.diverged = None;
         Ok(())
     }
 }
@@ -327,4 +315,37 @@ struct Identity {
 struct Snapshot {
     identity: Identity,
     model: Vec<u8>,
+}
+
+/// Checks the time step of a model.
+pub(crate) fn check_sim_dt(sim_dt: f64) -> Result<f64> {
+    let limit = format_args!("within {} to {} s", SIM_DT.start(), SIM_DT.end());
+    check("sim_dt", sim_dt, limit, |dt| SIM_DT.contains(&dt))
+}
+
+/// Checks the bounds of a state that every model shares: finite, within the limits of a valid state, ball above the floor.
+pub(crate) fn check_state(params: &Params, state: &State) -> Result<()> {
+    state.validate()?;
+    if let Some(reason) = LaneState::from(state).out_of_bounds() {
+        return Err(Error::Inconsistent(reason));
+    }
+    let radius = params.ball_radius;
+    let lowest = radius * (1.0 - 1e-3);
+    check(
+        "ball_position[2]",
+        state.ball_position.z,
+        format_args!("at least ball_radius = {radius} (the floor)"),
+        |z| z >= lowest,
+    )?;
+    Ok(())
+}
+
+/// Checks the size of a push.
+pub(crate) fn check_push(impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
+    for (name, vector, limit) in [("impulse", Some(impulse), MAX_IMPULSE), ("point", point, MAX_ARM)] {
+        for (i, &value) in vector.into_iter().flatten().enumerate() {
+            check(format_args!("{name}[{i}]"), value, format_args!("within ±{limit}"), |v| v.abs() <= limit)?;
+        }
+    }
+    Ok(())
 }

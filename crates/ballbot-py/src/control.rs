@@ -1,171 +1,318 @@
-//! `Pid` and `Lqr`.
+//! `Controller`, `Pid` and `Lqr`.
 
-use crate::convert::{array, matrix, numbers};
+use crate::convert::{array, elements, finite_elements, matrix, numbers};
 use crate::errors::{call, to_python};
 use crate::params::or_paper;
 use crate::state::PyState;
-use ballbot_core::control::{Controller, Lqr, LqrWeights, Pid, PidGains, Setpoint, default_max_torque};
+use ballbot_core::Params;
+use ballbot_core::control::{
+    Controller, Lqr, LqrWeights, Pid, PidGains, SETPOINT_PARTS, Setpoint, controller_kind, default_max_torque,
+};
+use ballbot_core::fields::Fields;
+use nalgebra::DMatrix;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
+type Keywords<'a, 'py> = Option<&'a Bound<'py, PyDict>>;
 
-/// A setpoint from keyword arguments.
-fn setpoint(
-    position: Argument<'_, '_>,
-    velocity: Argument<'_, '_>,
-    yaw: f64,
-    tilt: Argument<'_, '_>,
-) -> PyResult<Setpoint> {
-    let pair = |name: &str, value: Argument<'_, '_>| value.map_or(Ok([0.0; 2]), |v| numbers::<2>(name, v));
-    let setpoint = Setpoint {
-        position: pair("position", position)?.into(),
-        velocity: pair("velocity", velocity)?.into(),
-        yaw,
-        tilt: pair("tilt", tilt)?.into(),
-    };
-    let p = &setpoint;
-    let numbers = [p.position.x, p.position.y, p.velocity.x, p.velocity.y, p.yaw, p.tilt.x, p.tilt.y];
-    ballbot_core::check_finite("setpoint", &numbers).map_err(to_python)?;
-    Ok(setpoint)
+/// Sets a part of a setpoint by its name.
+fn set_part(setpoint: &mut Setpoint, name: &str, values: &[f64]) {
+    match name {
+        "position" => setpoint.position = [values[0], values[1]].into(),
+        "velocity" => setpoint.velocity = [values[0], values[1]].into(),
+        "tilt" => setpoint.tilt = [values[0], values[1]].into(),
+        _ => setpoint.yaw = values[0],
+    }
+}
+
+/// How many numbers a part of a setpoint has.
+fn part_len(name: &str) -> usize {
+    if name == "yaw" { 1 } else { 2 }
+}
+
+/// Setpoints of `n` robots from a mapping; a value is that of all robots, or has one row a robot.
+pub(crate) fn setpoints(controller: &PyController, n: usize, parts: &Bound<'_, PyDict>) -> PyResult<Vec<Setpoint>> {
+    let mut setpoints = vec![Setpoint::default(); n];
+    for (name, value) in parts {
+        let name: String = name.extract()?;
+        controller.check_part(&name)?;
+        let len = part_len(&name);
+        let shape: &[Option<usize>] = if len == 1 { &[] } else { &[Some(len)] };
+        let shared = elements::<f64>(&name, &value, shape);
+        let values = match shared {
+            Ok(values) => values.repeat(n),
+            Err(_) if len == 1 => elements(&name, &value, &[Some(n)])?,
+            Err(_) => elements(&name, &value, &[Some(n), Some(len)])?,
+        };
+        ballbot_core::check_finite(&name, &values).map_err(to_python)?;
+        for (setpoint, values) in setpoints.iter_mut().zip(values.chunks(len)) {
+            set_part(setpoint, &name, values);
+        }
+    }
+    Ok(setpoints)
+}
+
+/// Numbers by name from keyword arguments; `known` are the names that are accepted.
+fn options(class: &str, keywords: Keywords<'_, '_>, known: &[&str]) -> PyResult<Vec<(String, Vec<f64>)>> {
+    let mut options = Vec::new();
+    for (name, value) in keywords.into_iter().flatten() {
+        let name: String = name.extract()?;
+        if !known.contains(&name.as_str()) {
+            return Err(PyTypeError::new_err(format!(
+                "{class} got an unexpected keyword argument '{name}': expected one of {}",
+                known.join(", ")
+            )));
+        }
+        let values = match value.extract::<f64>() {
+            Ok(number) => vec![number],
+            Err(_) => elements(&name, &value, &[None])?,
+        };
+        options.push((name, values));
+    }
+    Ok(options)
+}
+
+fn borrowed(options: &[(String, Vec<f64>)]) -> Vec<(&str, &[f64])> {
+    options.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect()
+}
+
+/// A feedback law by its name (see `CONTROLLERS`), for one robot when called, for all robots of a `Batch` in Rust.
+///
+/// Args:
+///     name: "lqr", "pid", or a registered one.
+///     params: the robot: `Params`, or the name of a preset; None is the paper's.
+///     control_dt: time between two calls, s; None is the one that the law is made for, or 0.01.
+///     max_torque: no wheel torque exceeds it, N·m; None is 0.9 of the torque at which a wheel of the upright robot slips.
+///     options: weights or gains of the law.
+///
+/// Raises:
+///     ValueError: an unknown name, or a number out of range.
+///     TypeError: an option that the law does not have.
+#[pyclass(name = "Controller", module = "ballbot_rs", subclass)]
+pub(crate) struct PyController {
+    name: String,
+    class: &'static str,
+    pub(crate) law: Box<dyn Controller>,
+}
+
+impl PyController {
+    fn new(name: &str, class: &'static str, law: impl Controller + 'static) -> Self {
+        Self { name: name.to_owned(), class, law: Box::new(law) }
+    }
+
+    fn check_part(&self, name: &str) -> PyResult<()> {
+        if self.law.parts().contains(&name) {
+            return Ok(());
+        }
+        let known = SETPOINT_PARTS.contains(&name);
+        let reason = if known { ", it does not follow that part of a setpoint" } else { "" };
+        Err(PyTypeError::new_err(format!(
+            "{} got an unexpected keyword argument '{name}'{reason}: expected one of {}",
+            self.class,
+            self.law.parts().join(", ")
+        )))
+    }
+}
+
+#[pymethods]
+impl PyController {
+    #[new]
+    #[pyo3(signature = (name, params=None, control_dt=None, *, max_torque=None, **options))]
+    fn py_new(
+        name: &str,
+        params: Argument<'_, '_>,
+        control_dt: Option<f64>,
+        max_torque: Option<f64>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let kind = controller_kind(name).map_err(to_python)?;
+        let known = (kind.options)();
+        let known: Vec<_> = known.iter().map(|option| option.name).collect();
+        let options = self::options("Controller", options, &known)?;
+        let params = or_paper(params)?;
+        let control_dt = control_dt.or(kind.control_dt).unwrap_or(0.01);
+        let law = call(|| (kind.make)(&params, control_dt, max_torque, &borrowed(&options)))?;
+        Ok(Self { name: name.to_owned(), class: "Controller", law })
+    }
+
+    /// Wheel torques for the next `control_dt`, shape (3,), N·m.
+    ///
+    /// `setpoint` may have the parts in `setpoint_parts`: `position` and `velocity` (x, y of the ball, inertial frame, m
+    /// and m/s), `yaw` (rad), `tilt` (x, y, heading frame, rad). A part that the law does not follow is a TypeError.
+    #[pyo3(signature = (state, **setpoint))]
+    fn __call__<'py>(
+        &mut self,
+        py: Python<'py>,
+        state: &PyState,
+        setpoint: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let mut target = Setpoint::default();
+        if let Some(parts) = setpoint {
+            for (name, value) in parts {
+                let name: String = name.extract()?;
+                self.check_part(&name)?;
+                let values = if name == "yaw" {
+                    vec![value.extract::<f64>().map_err(|_| PyTypeError::new_err("yaw must be a number"))?]
+                } else {
+                    numbers::<2>(&name, &value)?.to_vec()
+                };
+                ballbot_core::check_finite(&name, &values).map_err(to_python)?;
+                set_part(&mut target, &name, &values);
+            }
+        }
+        Ok(array(py, &self.law.wheel_torques(&state.0, &target)))
+    }
+
+    /// Forgets the past.
+    fn reset(&mut self) {
+        self.law.reset();
+    }
+
+    /// The name by which it is chosen.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Time between two calls, s.
+    #[getter]
+    fn control_dt(&self) -> f64 {
+        self.law.control_dt()
+    }
+
+    /// The parts of a setpoint that it follows.
+    #[getter]
+    fn setpoint_parts(&self) -> Vec<&'static str> {
+        self.law.parts().to_vec()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<{} '{}', control_dt={} s>", self.class, self.name, self.law.control_dt())
+    }
 }
 
 /// The paper's PID with filtered derivative, on both tilt components; it holds neither position nor heading.
 ///
-/// Torques are scaled down together to within `max_torque` (None: 0.9 of the
-/// torque at which a wheel of the upright robot slips).
-#[pyclass(name = "Pid", module = "ballbot_rs", subclass)]
-pub(crate) struct PyPid(Pid);
+/// Args:
+///     params: the robot; None is the paper's.
+///     control_dt: time between two calls, s. The derivative filter of the paper's gains is stable up to 9.9 ms.
+///     proportional: k_p, N·m/rad.
+///     integral: k_i, N·m/(rad·s).
+///     derivative: k_d, N·m·s/rad.
+///     filter_coefficient: N, rad/s.
+///     mapping: "consistent" or "as_printed", as in `virtual_to_wheel_torques`.
+///     max_torque: as in `Controller`.
+///
+/// Raises:
+///     ValueError: a number out of range.
+#[pyclass(name = "Pid", module = "ballbot_rs", subclass, extends = PyController)]
+pub(crate) struct PyPid;
 
 #[pymethods]
 impl PyPid {
     #[new]
     #[pyo3(signature = (
-        params=None, control_dt=0.01, *, proportional=20.39, integral=56.57, derivative=1.34, filter_coefficient=327.0,
-        mapping="consistent", max_torque=None
+        params=None, control_dt=Pid::PAPER_CONTROL_DT, *, mapping="consistent", max_torque=None, **gains
     ))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of a constructor")]
     fn new(
-        params: Option<&Bound<'_, PyAny>>,
+        params: Argument<'_, '_>,
         control_dt: f64,
-        proportional: f64,
-        integral: f64,
-        derivative: f64,
-        filter_coefficient: f64,
         mapping: &str,
         max_torque: Option<f64>,
-    ) -> PyResult<Self> {
+        gains: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
         let map = mapping.parse().map_err(to_python)?;
-        let gains = PidGains { proportional, integral, derivative, filter_coefficient };
+        let gains: PidGains = fields("Pid", gains)?;
         let params = or_paper(params)?;
-        call(|| {
-            let pid = Pid::new(&params, control_dt, gains, map)?;
-            match max_torque {
-                Some(limit) => pid.with_max_torque(limit),
-                None => Ok(pid),
-            }
-        })
-        .map(Self)
+        let pid = call(|| {
+            let pid = Pid::new(&params, control_dt, &gains, map)?;
+            max_torque.map_or(Ok(pid.clone()), |limit| pid.with_max_torque(limit))
+        })?;
+        Ok(PyClassInitializer::from(PyController::new("pid", "Pid", pid)).add_subclass(Self))
     }
+}
 
-    /// Wheel torques for the next `control_dt`, N·m; `tilt` is the setpoint in the heading frame.
-    #[pyo3(signature = (state, *, position=None, velocity=None, yaw=0.0, tilt=None))]
-    fn __call__<'py>(
-        &mut self,
-        py: Python<'py>,
-        state: &PyState,
-        position: Argument<'_, 'py>,
-        velocity: Argument<'_, 'py>,
-        yaw: f64,
-        tilt: Argument<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let setpoint = setpoint(position, velocity, yaw, tilt)?;
-        Ok(array(py, &self.0.wheel_torques(&state.0, &setpoint)))
+/// A struct of fields from keyword arguments.
+fn fields<F: Fields>(class: &str, keywords: Keywords<'_, '_>) -> PyResult<F> {
+    let known: Vec<_> = F::FIELDS.iter().map(|field| field.name).collect();
+    let mut fields = F::default();
+    for (name, values) in options(class, keywords, &known)? {
+        fields.set(&name, &values).map_err(to_python)?;
     }
-
-    /// Forgets the past.
-    fn reset(&mut self) {
-        self.0.reset();
-    }
-
-    /// Time between two calls, in seconds.
-    #[getter]
-    fn control_dt(&self) -> f64 {
-        self.0.control_dt()
-    }
+    Ok(fields)
 }
 
 /// A discrete linear-quadratic regulator of position, tilt and heading, from the linear model of any robot.
 ///
-/// Weights are deviations that cost the same: `position` (0.15 m), `velocity` (0.4 m/s), `tilt` (0.1 rad),
-/// `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m). Torques as in `Pid`.
-#[pyclass(name = "Lqr", module = "ballbot_rs", subclass)]
+/// Args:
+///     params: the robot; None is the paper's.
+///     control_dt: time between two calls, s.
+///     Q: cost of the states of `LinearModel` (10×10, or its diagonal), in place of the weights.
+///     R: cost of the torques (3×3, or its diagonal), in place of `torque`.
+///     max_torque: as in `Controller`.
+///     weights: deviations of equal cost (Bryson's rule): `position` (0.15 m), `velocity` (0.4 m/s), `tilt` (0.1 rad),
+///         `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m).
+///
+/// Raises:
+///     ValueError: a number out of range, or a cost that is not symmetric and positive.
+///     TypeError: an unknown weight.
+#[pyclass(name = "Lqr", module = "ballbot_rs", subclass, extends = PyController)]
 pub(crate) struct PyLqr(Lqr);
+
+/// A cost matrix from a matrix, or from its diagonal.
+fn cost(name: &str, value: &Bound<'_, PyAny>, size: usize) -> PyResult<DMatrix<f64>> {
+    if let Ok(diagonal) = elements::<f64>(name, value, &[Some(size)]) {
+        return Ok(DMatrix::from_diagonal(&diagonal.into()));
+    }
+    let rows = finite_elements(name, value, &[Some(size), Some(size)])?;
+    Ok(DMatrix::from_row_slice(size, size, &rows))
+}
+
+fn regulator(
+    params: &Params,
+    control_dt: f64,
+    costs: [Argument<'_, '_>; 2],
+    max_torque: Option<f64>,
+    weights: Keywords<'_, '_>,
+) -> PyResult<Lqr> {
+    let max_torque = max_torque.unwrap_or_else(|| default_max_torque(params));
+    let weighted: LqrWeights = fields("Lqr", weights)?;
+    let [q, r] = costs;
+    if q.is_some() && weights.is_some_and(|w| !w.is_empty()) {
+        return Err(PyTypeError::new_err("Lqr takes Q, or weights of the states, not both"));
+    }
+    weighted.check_limits().map_err(to_python)?;
+    let (mut q_matrix, mut r_matrix) = weighted.matrices();
+    if let Some(q) = q {
+        q_matrix = cost("Q", q, q_matrix.nrows())?;
+    }
+    if let Some(r) = r {
+        r_matrix = cost("R", r, r_matrix.nrows())?;
+    }
+    call(|| Lqr::with_costs(params, control_dt, &q_matrix, &r_matrix, max_torque))
+}
 
 #[pymethods]
 impl PyLqr {
     #[new]
-    #[pyo3(signature = (params=None, control_dt=0.01, *, max_torque=None, **weights))]
+    #[pyo3(signature = (params=None, control_dt=0.01, *, Q=None, R=None, max_torque=None, **weights))]
+    #[allow(non_snake_case, reason = "the names that SciPy and python-control give these matrices")]
     fn new(
-        params: Option<&Bound<'_, PyAny>>,
+        params: Argument<'_, '_>,
         control_dt: f64,
+        Q: Argument<'_, '_>,
+        R: Argument<'_, '_>,
         max_torque: Option<f64>,
         weights: Option<&Bound<'_, PyDict>>,
-    ) -> PyResult<Self> {
-        let mut w = LqrWeights::default();
-        for (name, value) in weights.into_iter().flatten() {
-            let name: String = name.extract()?;
-            let target = match name.as_str() {
-                "position" => &mut w.position,
-                "velocity" => &mut w.velocity,
-                "tilt" => &mut w.tilt,
-                "tilt_rate" => &mut w.tilt_rate,
-                "yaw" => &mut w.yaw,
-                "yaw_rate" => &mut w.yaw_rate,
-                "torque" => &mut w.torque,
-                _ => {
-                    return Err(PyTypeError::new_err(format!(
-                        "unknown weight '{name}': expected one of position, velocity, tilt, tilt_rate, yaw, \
-                         yaw_rate, torque"
-                    )));
-                }
-            };
-            *target = value.extract()?;
-        }
-        let params = or_paper(params)?;
-        let max_torque = max_torque.unwrap_or_else(|| default_max_torque(&params));
-        call(|| Lqr::with_weights(&params, control_dt, &w, max_torque)).map(Self)
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let lqr = regulator(&or_paper(params)?, control_dt, [Q, R], max_torque, weights)?;
+        Ok(PyClassInitializer::from(PyController::new("lqr", "Lqr", lqr.clone())).add_subclass(Self(lqr)))
     }
 
-    /// Wheel torques for the next `control_dt`, N·m.
-    #[pyo3(signature = (state, *, position=None, velocity=None, yaw=0.0, tilt=None))]
-    fn __call__<'py>(
-        &mut self,
-        py: Python<'py>,
-        state: &PyState,
-        position: Argument<'_, 'py>,
-        velocity: Argument<'_, 'py>,
-        yaw: f64,
-        tilt: Argument<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let setpoint = setpoint(position, velocity, yaw, tilt)?;
-        Ok(array(py, &self.0.wheel_torques(&state.0, &setpoint)))
-    }
-
-    /// Does nothing: the regulator has no memory.
-    fn reset(&mut self) {
-        self.0.reset();
-    }
-
-    /// Time between two calls, in seconds.
-    #[getter]
-    fn control_dt(&self) -> f64 {
-        self.0.control_dt()
-    }
-
-    /// What the regulator multiplies and weighs (10), in the heading frame, m, rad, m/s, rad/s.
+    /// Deviation x that the gain multiplies, shape (10,), in the heading frame: m, rad, m/s, rad/s.
     ///
     /// Position error (x, y), tilt (x, y), yaw error, then their rates.
     #[pyo3(signature = (state, *, position=None, velocity=None, yaw=0.0))]
@@ -177,7 +324,13 @@ impl PyLqr {
         velocity: Argument<'_, 'py>,
         yaw: f64,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let setpoint = setpoint(position, velocity, yaw, None)?;
+        let pair = |name: &str, value: Argument<'_, '_>| value.map_or(Ok([0.0; 2]), |v| numbers::<2>(name, v));
+        let setpoint = Setpoint {
+            position: pair("position", position)?.into(),
+            velocity: pair("velocity", velocity)?.into(),
+            yaw,
+            ..Setpoint::default()
+        };
         Ok(array(py, Lqr::deviation(&state.0, &setpoint).as_slice()))
     }
 
@@ -187,9 +340,9 @@ impl PyLqr {
         matrix(py, &self.0.regulator().gain)
     }
 
-    /// P (10×10): the sum of xᵀQx + uᵀRu over all steps from the deviation x is xᵀPx.
+    /// S (10×10), the solution of the Riccati equation: the sum of xᵀQx + uᵀRu over all steps from x is xᵀSx.
     #[getter]
-    fn cost<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+    fn riccati_solution<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
         matrix(py, &self.0.regulator().cost)
     }
 

@@ -57,6 +57,13 @@ pub(crate) fn elements<T: Number>(name: &str, value: &Bound<'_, PyAny>, shape: &
     Ok(out)
 }
 
+/// Finite numbers that [`read_elements`] reads.
+pub(crate) fn finite_elements(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Vec<f64>> {
+    let values = elements(name, value, shape)?;
+    ballbot_core::check_finite(name, &values).map_err(crate::errors::to_python)?;
+    Ok(values)
+}
+
 /// `N` numbers.
 pub(crate) fn numbers<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
     let values = elements(name, value, &[Some(N)])?;

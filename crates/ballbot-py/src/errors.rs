@@ -1,22 +1,13 @@
 //! Core errors and panics as Python exceptions.
 
 use ballbot_core::Error;
-use pyo3::exceptions::{PyArithmeticError, PyOSError, PyRuntimeError, PyValueError};
-use pyo3::{PyErr, PyResult, create_exception};
+use pyo3::exceptions::{PyOSError, PyRuntimeError};
+use pyo3::{PyErr, PyResult, import_exception};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-create_exception!(
-    ballbot_rs,
-    DivergedError,
-    PyArithmeticError,
-    "The simulation left the range in which its numbers mean anything."
-);
-create_exception!(
-    ballbot_rs,
-    UrdfError,
-    PyValueError,
-    "A URDF is malformed, or describes something that is no ballbot."
-);
+import_exception!(ballbot_rs._errors, DivergedError);
+import_exception!(ballbot_rs._errors, UrdfError);
+import_exception!(ballbot_rs._errors, InvalidInputError);
 
 /// A core error as the exception that Python users expect of it.
 pub(crate) fn to_python(error: Error) -> PyErr {
@@ -29,7 +20,7 @@ pub(crate) fn to_python(error: Error) -> PyErr {
             Some(code) => PyOSError::new_err((code, source.to_string(), path.display().to_string())),
             None => PyOSError::new_err(message),
         },
-        _ => PyValueError::new_err(message),
+        _ => InvalidInputError::new_err(message),
     }
 }
 

@@ -1,4 +1,6 @@
 //! Python bindings of `ballbot-core`: conversions and names, no physics and no rewards.
+//!
+//! A crate with tasks or controllers of its own registers them and calls [`fill`] from a module of its own.
 
 mod batch;
 mod control;
@@ -10,27 +12,34 @@ mod params;
 mod render;
 mod robot;
 mod state;
+mod tasks;
 
 use pyo3::prelude::*;
 
 /// The extension module `ballbot_rs._core`.
-#[pymodule]
+#[cfg(feature = "module")]
+#[pymodule(gil_used = true)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    let py = module.py();
+    fill(module)
+}
+
+/// Adds all classes, functions and tables to an extension module.
+///
+/// # Errors
+/// What Python raises.
+pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("PAPER_BALL_VISCOUS_FRICTION", ballbot_core::PAPER_BALL_VISCOUS_FRICTION)?;
-    module.add("MODELS", ballbot_core::ModelKind::ALL.map(ballbot_core::ModelKind::name))?;
-    module.add("OBSERVATION", batch::observation_rows())?;
     module.add("LABELS", ballbot_core::render::Label::NAMES)?;
-    module.add("TERMINATIONS", batch::terminations())?;
-    module.add("DivergedError", py.get_type::<errors::DivergedError>())?;
-    module.add("UrdfError", py.get_type::<errors::UrdfError>())?;
+    tasks::add_to(module)?;
     module.add_class::<params::PyParams>()?;
     module.add_class::<state::PyState>()?;
     module.add_class::<state::PyContacts>()?;
     module.add_class::<robot::PyBallbot>()?;
+    module.add_class::<models::PyLinearModel>()?;
     module.add_class::<models::PySpatialModel>()?;
     module.add_class::<models::PyPlanarModel>()?;
+    module.add_class::<control::PyController>()?;
     module.add_class::<control::PyPid>()?;
     module.add_class::<control::PyLqr>()?;
     module.add_class::<batch::PyBatch>()?;

@@ -2,12 +2,12 @@
 
 use crate::convert::{array, elements, matrix, numbers, vector};
 use crate::errors::to_python;
-use crate::params::PyParams;
+use crate::params::{PyParams, or_paper};
 use crate::state::PyContacts;
 use ballbot_core::kinematics::Omniwheels;
-use ballbot_core::models::{PlanarModel, SpatialModel};
+use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel};
 use ballbot_core::{check_finite, unit_quaternion};
-use nalgebra::{DMatrix, UnitQuaternion, Vector2, Vector3, Vector6};
+use nalgebra::{DMatrix, SMatrix, UnitQuaternion, Vector2, Vector3, Vector6};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
@@ -134,11 +134,80 @@ impl PyPlanarModel {
         Ok(self.0.yaw_acceleration(virtual_torque))
     }
 
-    /// A (4×4) and B (4) of x = (position, tilt, their rates) about rest upright.
-    fn linearize<'py>(&self, py: Python<'py>) -> (Bound<'py, PyArray2<f64>>, Array<'py>) {
+    /// A (4×4) and B (4×1) of ẋ = A x + B u about rest upright; `STATES` and `INPUTS` name x and u.
+    fn linearize<'py>(&self, py: Python<'py>) -> (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>) {
         let (a, b) = self.0.linearize();
-        (matrix(py, &DMatrix::from_column_slice(a.nrows(), a.ncols(), a.as_slice())), array(py, b.as_slice()))
+        (dynamic(py, &a), dynamic(py, &b))
     }
+
+    /// Names of the states that `linearize` is in, with units.
+    #[classattr]
+    const STATES: [&'static str; 4] = ["position (m)", "tilt (rad)", "velocity (m/s)", "tilt rate (rad/s)"];
+
+    /// Name of the input that `linearize` is in, with its unit.
+    #[classattr]
+    const INPUTS: [&'static str; 1] = ["virtual torque (N·m)"];
+}
+
+/// A matrix of any size as an array.
+fn dynamic<'py, const M: usize, const N: usize>(
+    py: Python<'py>,
+    values: &SMatrix<f64, M, N>,
+) -> Bound<'py, PyArray2<f64>> {
+    matrix(py, &DMatrix::from_column_slice(M, N, values.as_slice()))
+}
+
+/// The spatial model linearized about rest upright: ẋ = A x + B u, in the heading frame.
+///
+/// The ball is free to spin about the vertical and has done so from rest.
+#[pyclass(name = "LinearModel", module = "ballbot_rs", frozen)]
+pub(crate) struct PyLinearModel(LinearModel);
+
+#[pymethods]
+impl PyLinearModel {
+    #[new]
+    #[pyo3(signature = (params=None))]
+    fn new(params: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        Ok(Self(LinearModel::new(&or_paper(params)?)))
+    }
+
+    /// A (10×10).
+    #[getter(A)]
+    fn a<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        dynamic(py, &self.0.a)
+    }
+
+    /// B (10×3).
+    #[getter(B)]
+    fn b<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        dynamic(py, &self.0.b)
+    }
+
+    /// A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact.
+    fn discretize<'py>(&self, py: Python<'py>, dt: f64) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+        check_finite("dt", &[dt]).map_err(to_python)?;
+        let (a, b) = self.0.discretize(dt);
+        Ok((dynamic(py, &a), dynamic(py, &b)))
+    }
+
+    /// Names of the states x, with units.
+    #[classattr]
+    const STATES: [&'static str; 10] = [
+        "x (m)",
+        "y (m)",
+        "tilt x (rad)",
+        "tilt y (rad)",
+        "yaw (rad)",
+        "velocity x (m/s)",
+        "velocity y (m/s)",
+        "body rate x (rad/s)",
+        "body rate y (rad/s)",
+        "body rate z (rad/s)",
+    ];
+
+    /// Names of the inputs u, with units.
+    #[classattr]
+    const INPUTS: [&'static str; 3] = ["torque 0 (N·m)", "torque 1 (N·m)", "torque 2 (N·m)"];
 }
 
 fn planar_motion(q: &Bound<'_, PyAny>, q_dot: &Bound<'_, PyAny>) -> PyResult<(Vector2<f64>, Vector2<f64>)> {

@@ -3,13 +3,13 @@
 use crate::convert::{numbers, vector};
 use crate::errors::{call, to_python};
 use crate::params::{PyParams, or_paper};
-use crate::state::{PyContacts, PyState, tilted};
-use ballbot_core::{Ballbot, JointDynamics, Params};
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use crate::state::{PyContacts, PyState};
+use ballbot_core::{Ballbot, Params, State};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::PyBytes;
 
-/// A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, set joint dynamics.
+/// A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, change its parameters (`set_params`).
 ///
 /// Args:
 ///     params: the robot, or the name of a preset; None is `Params.paper()`.
@@ -22,18 +22,6 @@ use pyo3::types::{PyBytes, PyDict};
 #[pyclass(name = "Ballbot", module = "ballbot_rs", subclass)]
 pub(crate) struct PyBallbot(Ballbot);
 
-/// Joint dynamics with the given values changed.
-pub(crate) fn changed(
-    dynamics: JointDynamics,
-    viscous_friction: Option<f64>,
-    coulomb_friction: Option<f64>,
-) -> JointDynamics {
-    JointDynamics {
-        viscous_friction: viscous_friction.unwrap_or(dynamics.viscous_friction),
-        coulomb_friction: coulomb_friction.unwrap_or(dynamics.coulomb_friction),
-    }
-}
-
 #[pymethods]
 impl PyBallbot {
     #[new]
@@ -44,20 +32,13 @@ impl PyBallbot {
         call(|| Ballbot::new(&params, kind, sim_dt)).map(Self)
     }
 
-    /// Starts anew from `state`, or at rest with a tilt (two components) and a yaw.
+    /// Starts anew from `state`; None is at rest upright.
     ///
     /// Raises:
     ///     ValueError: a state out of bounds, below the floor, or with slip where the model has none.
-    ///     TypeError: both a state and a tilt or yaw.
-    #[pyo3(signature = (state=None, tilt=None, yaw=None))]
-    fn reset(&mut self, state: Option<&PyState>, tilt: Option<&Bound<'_, PyAny>>, yaw: Option<f64>) -> PyResult<()> {
-        if state.is_some() && (tilt.is_some() || yaw.is_some()) {
-            return Err(PyTypeError::new_err("reset takes a state, or a tilt and a yaw, not both"));
-        }
-        let start = match state {
-            Some(state) => state.0.clone(),
-            None => tilted(self.0.params(), tilt, yaw.unwrap_or(0.0))?,
-        };
+    #[pyo3(signature = (state=None))]
+    fn reset(&mut self, state: Option<&PyState>) -> PyResult<()> {
+        let start = state.map_or_else(|| State::upright(self.0.params()), |state| state.0.clone());
         call(|| self.0.reset(&start))
     }
 
@@ -85,21 +66,16 @@ impl PyBallbot {
         call(|| self.0.push(&impulse, point.as_ref()))
     }
 
-    /// Changes the wheel joints' viscous (N·m/(rad/s)) or dry (N·m) friction; it outlives a reset.
-    #[pyo3(signature = (viscous_friction=None, coulomb_friction=None))]
-    fn set_joint_dynamics(&mut self, viscous_friction: Option<f64>, coulomb_friction: Option<f64>) -> PyResult<()> {
-        let dynamics = changed(self.0.joint_dynamics(), viscous_friction, coulomb_friction);
-        call(|| self.0.set_joint_dynamics(dynamics))
-    }
-
-    /// `viscous_friction` and `coulomb_friction` of the wheel joints, as `set_joint_dynamics` takes them.
-    #[getter]
-    fn joint_dynamics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let dynamics = self.0.joint_dynamics();
-        let dict = PyDict::new(py);
-        dict.set_item("viscous_friction", dynamics.viscous_friction)?;
-        dict.set_item("coulomb_friction", dynamics.coulomb_friction)?;
-        Ok(dict)
+    /// Replaces the robot's parameters; they outlive a reset.
+    ///
+    /// With the same geometry (radii, wheel angles, height of the center of mass) the motion goes on; otherwise the robot
+    /// starts anew, at rest upright.
+    ///
+    /// Raises:
+    ///     ValueError: the parameters do not describe a robot that the model can simulate; nothing has changed then.
+    fn set_params(&mut self, params: &Bound<'_, PyAny>) -> PyResult<()> {
+        let params = or_paper(Some(params))?;
+        call(|| self.0.set_params(&params)).map(|_| ())
     }
 
     /// The present state.
@@ -108,7 +84,7 @@ impl PyBallbot {
         PyState(self.0.state())
     }
 
-    /// Contact forces of the last step; `contact` and `rigid` know none before their first.
+    /// Contact forces of the last step; `contact` and `rigid` return zeros until the first step.
     #[getter]
     fn contacts(&self) -> PyContacts {
         PyContacts { contacts: self.0.contacts(), params: self.0.params().clone() }

@@ -85,11 +85,11 @@ impl PyState {
         Ok(Self(state))
     }
 
-    /// At rest on the floor at the origin: turned by `yaw`, then tilted by the rotation vector (x, y, 0).
+    /// At rest on the floor at the origin: turned by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad).
     #[staticmethod]
-    #[pyo3(signature = (params, tilt=None, yaw=0.0))]
-    fn upright(params: &PyParams, tilt: Argument<'_, '_>, yaw: f64) -> PyResult<Self> {
-        tilted(&params.0, tilt, yaw).map(Self)
+    #[pyo3(signature = (params, tilt=(0.0, 0.0), yaw=0.0))]
+    fn at_rest(params: &PyParams, tilt: (f64, f64), yaw: f64) -> PyResult<Self> {
+        tilted(&params.0, [tilt.0, tilt.1], yaw).map(Self)
     }
 
     /// Rolling without slip with the ball's velocity (x, y): ball and wheel rates follow from it.
@@ -232,9 +232,8 @@ impl PyState {
     }
 }
 
-/// A state at rest with a tilt (two components) and a yaw.
-pub(crate) fn tilted(params: &Params, tilt: Argument<'_, '_>, yaw: f64) -> PyResult<State> {
-    let tilt = tilt.map_or(Ok([0.0; 2]), |t| numbers::<2>("tilt", t))?;
+/// A state at rest with a tilt and a yaw.
+fn tilted(params: &Params, tilt: [f64; 2], yaw: f64) -> PyResult<State> {
     call(|| {
         check_finite("tilt", &tilt)?;
         check_finite("yaw", &[yaw])?;

@@ -1,14 +1,15 @@
 //! A batch with somewhere to write to, for the benchmarks.
 
 use ballbot_core::ModelKind;
-use ballbot_core::env::{ACTION_LEN, Autoreset, BalanceConfig, Batch, OBSERVATION_LEN, Outcome, StepBuffers};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Outcome, StepBuffers};
+use ballbot_core::task::ACTION_LEN;
 
 pub struct Runner {
     batch: Batch,
     actions: Vec<f32>,
     observations: Vec<f32>,
     final_observations: Vec<f32>,
-    rewards: Vec<f32>,
+    rewards: Vec<f64>,
     /// Whether the last step ended each episode.
     pub terminated: Vec<bool>,
     truncated: Vec<bool>,
@@ -18,9 +19,9 @@ pub struct Runner {
 impl Runner {
     /// `threads` as for [`Batch::new`].
     pub fn new(model: ModelKind, n: usize, threads: Option<usize>) -> Self {
-        let config = BalanceConfig { model, ..BalanceConfig::default() };
+        let config = BalanceConfig { model, max_wheel_torque: Some(1.0), ..BalanceConfig::default() };
         let mut batch = Batch::new(&config, n, Autoreset::NextStep, threads, 0).expect("the default task is valid");
-        let mut observations = vec![0.0; n * OBSERVATION_LEN];
+        let mut observations = vec![0.0; n * batch.observation_len()];
         batch.reset(None, &mut observations).expect("the buffer fits");
         Self {
             batch,

@@ -1,46 +1,59 @@
 //! A discrete linear-quadratic regulator of position, tilt and heading, for any robot.
 
 use super::riccati::{self, Regulator};
-use super::{Controller, Setpoint, check_max_torque, default_max_torque, saturate};
-use crate::error::{Result, positive};
+use super::{
+    LaneSetpoint, Law, Sampling, Setpoint, SetpointCells, check_max_torque, default_max_torque, saturate,
+};
+use crate::error::{Error, Result, finite, positive};
+use crate::fields::{Fields, Limit};
+use crate::lane_state::{LaneState, StateCells};
+use crate::lanes::{Heading, Lane, Memory, Scalar, wrapped_angle};
 use crate::models::LinearModel;
 use crate::models::linear::{INPUTS, STATES};
 use crate::params::Params;
 use crate::state::State;
-use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
-use std::f64::consts::{PI, TAU};
+use nalgebra::{DMatrix, SVector};
 
-/// Deviations that cost the same (Bryson's rule): each state and input is weighed by one over its square.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LqrWeights {
-    /// m.
-    pub position: f64,
-    /// m/s.
-    pub velocity: f64,
-    /// rad.
-    pub tilt: f64,
-    /// rad/s.
-    pub tilt_rate: f64,
-    /// rad.
-    pub yaw: f64,
-    /// rad/s.
-    pub yaw_rate: f64,
-    /// N·m.
-    pub torque: f64,
+crate::fields! {
+    /// Deviations of equal cost (Bryson's rule): each state and input is weighted by one over its square.
+    #[derive(Copy)]
+    pub struct LqrWeights {
+        /// Deviation of the ball position.
+        pub position: f64 = 0.15, "m", Limit::POSITIVE;
+        /// Deviation of the ball velocity.
+        pub velocity: f64 = 0.4, "m/s", Limit::POSITIVE;
+        /// Tilt.
+        pub tilt: f64 = 0.1, "rad", Limit::POSITIVE;
+        /// Tilt rate.
+        pub tilt_rate: f64 = 1.0, "rad/s", Limit::POSITIVE;
+        /// Deviation of the heading.
+        pub yaw: f64 = 0.5, "rad", Limit::POSITIVE;
+        /// Rate of the heading.
+        pub yaw_rate: f64 = 2.0, "rad/s", Limit::POSITIVE;
+        /// Wheel torque.
+        pub torque: f64 = 0.2, "N·m", Limit::POSITIVE;
+    }
 }
 
-impl Default for LqrWeights {
-    fn default() -> Self {
-        Self { position: 0.15, velocity: 0.4, tilt: 0.1, tilt_rate: 1.0, yaw: 0.5, yaw_rate: 2.0, torque: 0.2 }
+impl LqrWeights {
+    /// Q and R of the cost Σ xᵀQx + uᵀRu, in the order of the linear model's states and inputs.
+    pub fn matrices(&self) -> (DMatrix<f64>, DMatrix<f64>) {
+        let w = self;
+        let (position, velocity) = ([w.position; 2], [w.velocity; 2]);
+        let deviations = [position, [w.tilt; 2]].concat().into_iter().chain([w.yaw]).chain(velocity);
+        let deviations: Vec<_> = deviations.chain([w.tilt_rate; 2]).chain([w.yaw_rate]).collect();
+        let q = DMatrix::from_fn(STATES, STATES, |i, j| if i == j { deviations[i].powi(-2) } else { 0.0 });
+        (q, DMatrix::identity(INPUTS, INPUTS) * w.torque.powi(-2))
     }
 }
 
 /// τ = −K x in the heading frame, scaled down together where a wheel would slip.
 #[derive(Clone, Debug)]
 pub struct Lqr {
-    gain: SMatrix<f64, INPUTS, STATES>,
     regulator: Regulator,
-    control_dt: f64,
+    /// K, row by row.
+    gain: [[f64; STATES]; INPUTS],
+    sampling: Sampling,
     max_torque: f64,
 }
 
@@ -53,41 +66,40 @@ impl Lqr {
         Self::with_weights(params, control_dt, &LqrWeights::default(), default_max_torque(params))
     }
 
-    /// A regulator from the linear model of `params`, discretised at `control_dt` (s); no wheel torque exceeds
+    /// A regulator from the linear model of `params`, discretized at `control_dt` (s); no wheel torque exceeds
     /// `max_torque` (N·m).
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for a number that is not positive, [`crate::Error::Riccati`] if there is no solution.
     pub fn with_weights(params: &Params, control_dt: f64, weights: &LqrWeights, max_torque: f64) -> Result<Self> {
+        weights.check_limits()?;
+        let (q, r) = weights.matrices();
+        Self::with_costs(params, control_dt, &q, &r, max_torque)
+    }
+
+    /// [`Lqr::with_weights`] with Q (10 × 10) and R (3 × 3) of the cost Σ xᵀQx + uᵀRu.
+    ///
+    /// # Errors
+    /// As [`Lqr::with_weights`]; [`crate::Error::Length`] for matrices of another size; [`crate::Error::Inconsistent`] if one
+    /// is not symmetric, or Q not positive semidefinite.
+    pub fn with_costs(
+        params: &Params,
+        control_dt: f64,
+        q: &DMatrix<f64>,
+        r: &DMatrix<f64>,
+        max_torque: f64,
+    ) -> Result<Self> {
         params.validate()?;
         positive("control_dt", control_dt)?;
         check_max_torque(max_torque, params.max_wheel_torque)?;
-        let w = weights;
-        let names = ["position", "velocity", "tilt", "tilt_rate", "yaw", "yaw_rate", "torque"];
-        let values = [w.position, w.velocity, w.tilt, w.tilt_rate, w.yaw, w.yaw_rate, w.torque];
-        for (name, value) in names.iter().zip(values) {
-            positive(name, value)?;
-        }
-        let deviations = [
-            w.position,
-            w.position,
-            w.tilt,
-            w.tilt,
-            w.yaw,
-            w.velocity,
-            w.velocity,
-            w.tilt_rate,
-            w.tilt_rate,
-            w.yaw_rate,
-        ];
-        let q = DMatrix::from_fn(STATES, STATES, |i, j| if i == j { deviations[i].powi(-2) } else { 0.0 });
-        let r = DMatrix::identity(INPUTS, INPUTS) * w.torque.powi(-2);
+        check_cost("Q", q, STATES)?;
+        check_cost("R", r, INPUTS)?;
         let (a, b) = LinearModel::new(params).discretize(control_dt);
         let a = DMatrix::from_column_slice(STATES, STATES, a.as_slice());
         let b = DMatrix::from_column_slice(STATES, INPUTS, b.as_slice());
-        let regulator = riccati::solve(&a, &b, &q, &r)?;
-        let gain = SMatrix::from_column_slice(regulator.gain.as_slice());
-        Ok(Self { gain, regulator, control_dt, max_torque })
+        let regulator = riccati::solve(&a, &b, q, r)?;
+        let gain = std::array::from_fn(|i| std::array::from_fn(|j| regulator.gain[(i, j)]));
+        Ok(Self { gain, regulator, sampling: Sampling::new(control_dt, <Self as Law>::MEMORY), max_torque })
     }
 
     /// The Riccati solution behind the gains.
@@ -97,24 +109,70 @@ impl Lqr {
 
     /// Deviation from the setpoint in the linear model's coordinates.
     pub fn deviation(state: &State, setpoint: &Setpoint) -> SVector<f64, STATES> {
-        let position = state.to_heading(state.ball_position.xy() - setpoint.position);
-        let velocity = state.to_heading(state.ball_velocity.xy() - setpoint.velocity);
-        let tilt = state.to_heading(state.tilt_components());
-        let yaw = (state.yaw() - setpoint.yaw + PI).rem_euclid(TAU) - PI;
-        let rate = state.body_angular_velocity;
-        SVector::from([position.x, position.y, tilt.x, tilt.y, yaw, velocity.x, velocity.y, rate.x, rate.y, rate.z])
+        let mut cells = StateCells::default();
+        LaneState::from(state).store(&mut cells);
+        SVector::from(deviation(&cells.load(Scalar), &SetpointCells::from(setpoint).load(Scalar)))
     }
 }
 
-impl Controller for Lqr {
-    fn control_dt(&self) -> f64 {
-        self.control_dt
+/// Checks the size and symmetry of a cost matrix, and that it is positive semidefinite.
+fn check_cost(name: &str, matrix: &DMatrix<f64>, size: usize) -> Result<()> {
+    if matrix.shape() != (size, size) {
+        return Err(Error::Inconsistent(format!("{name} has shape {:?}, expected ({size}, {size})", matrix.shape())));
+    }
+    finite(name, matrix.as_slice())?;
+    let asymmetry = (matrix - matrix.transpose()).amax();
+    if asymmetry > 1e-12 * matrix.amax() {
+        return Err(Error::Inconsistent(format!("{name} is not symmetric: it differs from its transpose by {asymmetry}")));
+    }
+    let smallest = matrix.symmetric_eigenvalues().min();
+    if smallest < -1e-12 * matrix.amax() {
+        return Err(Error::Inconsistent(format!("{name} is not positive semidefinite: it has the eigenvalue {smallest}")));
+    }
+    Ok(())
+}
+
+/// Deviation from the setpoint in the linear model's coordinates.
+#[inline(always)]
+fn deviation<L: Lane>(state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> [L; STATES] {
+    let heading = Heading::new(state.body_quaternion);
+    let (p, v) = (state.ball_position, state.ball_velocity);
+    let [x, y] = heading.of(p.x - setpoint.position[0], p.y - setpoint.position[1]);
+    let [vx, vy] = heading.of(v.x - setpoint.velocity[0], v.y - setpoint.velocity[1]);
+    let [inertial_x, inertial_y] = state.body_quaternion.tilt_components();
+    let [tilt_x, tilt_y] = heading.of(inertial_x, inertial_y);
+    let yaw = wrapped_angle(state.body_quaternion.yaw() - setpoint.yaw);
+    let rate = state.body_angular_velocity;
+    [x, y, tilt_x, tilt_y, yaw, vx, vy, rate.x, rate.y, rate.z]
+}
+
+impl Law for Lqr {
+    const MEMORY: usize = 0;
+    const PARTS: &'static [&'static str] = &["position", "velocity", "yaw"];
+
+    fn sampling(&self) -> &Sampling {
+        &self.sampling
     }
 
-    fn reset(&mut self) {}
+    fn sampling_mut(&mut self) -> &mut Sampling {
+        &mut self.sampling
+    }
 
-    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> [f64; 3] {
-        let torques: Vector3<f64> = -self.gain * Self::deviation(state, setpoint);
-        saturate(torques, self.max_torque).into()
+    #[inline(always)]
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        _: &mut Memory<'_, L>,
+    ) -> [L; 3] {
+        let x = deviation(state, setpoint);
+        let torque = |row: &[f64; STATES]| {
+            let mut sum = x[0] * -row[0];
+            for j in 1..STATES {
+                sum = x[j].mul_add_all(-row[j], sum);
+            }
+            sum
+        };
+        saturate([torque(&self.gain[0]), torque(&self.gain[1]), torque(&self.gain[2])], self.max_torque)
     }
 }

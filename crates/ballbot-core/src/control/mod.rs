@@ -1,57 +1,246 @@
-//! Controllers: from a [`State`] and a [`Setpoint`] to wheel torques. They never see an engine.
+//! Controllers: from states and setpoints to wheel torques. They depend on the state, never on an engine.
+//!
+//! A feedback law is written once over lanes ([`Law`]); [`Controller`] is any law, for one robot or for eight.
 
+mod kinds;
 mod lqr;
 mod pid;
 pub mod riccati;
 
+pub use kinds::{ControllerKind, controller_kind, controller_kinds, register_controller};
 pub use lqr::{Lqr, LqrWeights};
 pub use pid::{Pid, PidGains};
 
+pub use crate::setpoint::{LaneSetpoint, SETPOINT_PARTS, Setpoint, SetpointCells};
+
 use crate::error::{Result, check};
+use crate::lane_state::{LaneState, StateCells};
+use crate::lanes::{Eight, Kernel, Lane, Memory, Scalar, Wide, run_eight, run_one};
 use crate::models::traction_torque;
 use crate::params::Params;
 use crate::state::State;
-use nalgebra::{Vector2, Vector3};
+use fearless_simd::Simd;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What a controller is asked to bring about.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Setpoint {
-    /// Where the ball should be on the floor, inertial frame, m.
-    pub position: Vector2<f64>,
-    /// How fast the ball should move, inertial frame, m/s.
-    pub velocity: Vector2<f64>,
-    /// Heading, rad.
-    pub yaw: f64,
-    /// Tilt components about the heading frame's x and y axes, rad; for controllers of tilt alone.
-    pub tilt: Vector2<f64>,
+/// A feedback law, written once over lanes.
+pub trait Law: Send + Sync {
+    /// How many numbers it keeps of a robot from one call to the next; zeros at first.
+    const MEMORY: usize;
+
+    /// The parts of a setpoint that it follows, of [`SETPOINT_PARTS`].
+    const PARTS: &'static [&'static str];
+
+    /// What all laws share.
+    fn sampling(&self) -> &Sampling;
+
+    /// What all laws share, to change it.
+    fn sampling_mut(&mut self) -> &mut Sampling;
+
+    /// Motor torques for the next `control_dt`, N·m.
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        memory: &mut Memory<'_, L>,
+    ) -> [L; 3];
 }
 
-/// A feedback law sampled every `control_dt`.
+/// What all laws share: the sampling time, and what a law keeps of the one robot of [`Controller::wheel_torques`].
+#[derive(Clone, Debug)]
+pub struct Sampling {
+    id: u64,
+    control_dt: f64,
+    memory: Vec<f64>,
+}
+
+impl Sampling {
+    /// Of a law with `memory` numbers, sampled every `control_dt` seconds.
+    pub fn new(control_dt: f64, memory: usize) -> Self {
+        static NEXT: AtomicU64 = AtomicU64::new(1);
+        Self { id: NEXT.fetch_add(1, Ordering::Relaxed), control_dt, memory: vec![0.0; memory] }
+    }
+}
+
+/// Any feedback law, sampled every `control_dt`.
 pub trait Controller: Send + Sync {
+    /// A number that no other controller has.
+    fn id(&self) -> u64;
+
     /// Time between two calls of [`Controller::wheel_torques`], s.
     fn control_dt(&self) -> f64;
 
-    /// Forgets the past.
+    /// The parts of a setpoint that it follows.
+    fn parts(&self) -> &'static [&'static str];
+
+    /// How many numbers it keeps of a robot.
+    fn memory_len(&self) -> usize;
+
+    /// Forgets the past of the robot of [`Controller::wheel_torques`].
     fn reset(&mut self);
 
     /// Motor torques for the next `control_dt`, N·m.
     fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> [f64; 3];
+
+    /// The same for a robot of which the caller keeps the numbers.
+    fn torques_one(&self, state: &StateCells<f64>, setpoint: &SetpointCells<f64>, memory: &mut [f64]) -> [f64; 3];
+
+    /// The same for eight robots.
+    fn torques_eight(
+        &self,
+        states: &StateCells<Eight>,
+        setpoints: &SetpointCells<Eight>,
+        memory: &mut [Eight],
+    ) -> [Eight; 3];
 }
 
-/// Scales torques down together to within ±`limit`, which keeps their direction; NaN passes through.
-fn saturate(torques: Vector3<f64>, limit: f64) -> Vector3<f64> {
-    let largest = torques.amax();
-    if largest > limit {
-        // The scaled torque may round to just above the limit.
-        (torques * (limit / largest)).map(|torque| torque.clamp(-limit, limit))
-    } else {
+impl<T: Law> Controller for T {
+    fn id(&self) -> u64 {
+        self.sampling().id
+    }
+
+    fn control_dt(&self) -> f64 {
+        self.sampling().control_dt
+    }
+
+    fn parts(&self) -> &'static [&'static str] {
+        T::PARTS
+    }
+
+    fn memory_len(&self) -> usize {
+        T::MEMORY
+    }
+
+    fn reset(&mut self) {
+        self.sampling_mut().memory.fill(0.0);
+    }
+
+    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> [f64; 3] {
+        let mut cells = StateCells::default();
+        LaneState::from(state).store(&mut cells);
+        let mut memory = std::mem::take(&mut self.sampling_mut().memory);
+        let torques = self.torques_one(&cells, &setpoint.into(), &mut memory);
+        self.sampling_mut().memory = memory;
+        torques
+    }
+
+    fn torques_one(&self, state: &StateCells<f64>, setpoint: &SetpointCells<f64>, memory: &mut [f64]) -> [f64; 3] {
+        run_one(
+            #[inline(always)]
+            || {
+                let mut memory = Memory::<f64>::new(Scalar, memory);
+                self.torques(&state.load(Scalar), &setpoint.load(Scalar), &mut memory)
+            },
+        )
+    }
+
+    fn torques_eight(
+        &self,
+        states: &StateCells<Eight>,
+        setpoints: &SetpointCells<Eight>,
+        memory: &mut [Eight],
+    ) -> [Eight; 3] {
+        let mut torques = [Eight::default(); 3];
+        run_eight(Torques { law: self, states, setpoints, memory, torques: &mut torques });
         torques
     }
 }
 
+struct Torques<'a, T> {
+    law: &'a T,
+    states: &'a StateCells<Eight>,
+    setpoints: &'a SetpointCells<Eight>,
+    memory: &'a mut [Eight],
+    torques: &'a mut [Eight; 3],
+}
+
+impl<T: Law> Kernel for Torques<'_, T> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let mut memory = Memory::<Wide<S>>::new(simd, self.memory);
+        let (state, setpoint) = (self.states.load(simd), self.setpoints.load(simd));
+        for (torque, cell) in self.law.torques(&state, &setpoint, &mut memory).into_iter().zip(self.torques) {
+            torque.store(cell);
+        }
+    }
+
+    fn run_one_by_one(self) {
+        let mut one = vec![0.0; self.memory.len()];
+        for i in 0..crate::lanes::EIGHT {
+            one.iter_mut().zip(&*self.memory).for_each(|(one, all)| *one = all.0[i]);
+            let torques = self.law.torques_one(&self.states.lane(i), &self.setpoints.lane(i), &mut one);
+            self.torques.iter_mut().zip(torques).for_each(|(all, torque)| all.0[i] = torque);
+            self.memory.iter_mut().zip(&one).for_each(|(all, one)| all.0[i] = *one);
+        }
+    }
+}
+
+/// Cells on which a controller can be run.
+pub trait LaneWidth: Sized {
+    /// Torques of the robots in these cells.
+    fn torques(
+        controller: &dyn Controller,
+        states: &StateCells<Self>,
+        setpoints: &SetpointCells<Self>,
+        memory: &mut [Self],
+    ) -> [Self; 3];
+
+    /// Replaces the setpoint of one robot.
+    fn set_setpoint(setpoints: &mut SetpointCells<Self>, index: usize, one: &Setpoint);
+}
+
+impl LaneWidth for f64 {
+    fn torques(
+        controller: &dyn Controller,
+        states: &StateCells<f64>,
+        setpoints: &SetpointCells<f64>,
+        memory: &mut [f64],
+    ) -> [f64; 3] {
+        controller.torques_one(states, setpoints, memory)
+    }
+
+    fn set_setpoint(setpoints: &mut SetpointCells<f64>, _: usize, one: &Setpoint) {
+        *setpoints = one.into();
+    }
+}
+
+impl LaneWidth for Eight {
+    fn torques(
+        controller: &dyn Controller,
+        states: &StateCells<Eight>,
+        setpoints: &SetpointCells<Eight>,
+        memory: &mut [Eight],
+    ) -> [Eight; 3] {
+        controller.torques_eight(states, setpoints, memory)
+    }
+
+    fn set_setpoint(setpoints: &mut SetpointCells<Eight>, index: usize, one: &Setpoint) {
+        setpoints.set_lane(index, &one.into());
+    }
+}
+
+/// Scales torques down together to within ±`limit`, which keeps their direction; NaN passes through.
+#[inline(always)]
+pub fn saturate<L: Lane>(torques: [L; 3], limit: f64) -> [L; 3] {
+    let [a, b, c] = torques;
+    let largest = a.abs().max(b.abs()).max(c.abs());
+    let bound = a.splat(limit);
+    let scale = L::select(bound.lt(largest), bound / largest, a.splat(1.0));
+    // The scaled torque may round to just above the limit.
+    torques.map(
+        #[inline(always)]
+        |torque| {
+            let scaled = torque * scale;
+            L::select(bound.lt(scaled.abs()), scaled.min(bound).max(-bound), scaled)
+        },
+    )
+}
+
 /// A limit of wheel torques, if it is positive and within the motors'.
-fn check_max_torque(max_torque: f64, motor_torque: f64) -> Result<f64> {
-    let limit = format!("above 0 and at most params.max_wheel_torque = {motor_torque} N·m");
+///
+/// # Errors
+/// [`crate::Error::OutOfRange`] otherwise.
+pub fn check_max_torque(max_torque: f64, motor_torque: f64) -> Result<f64> {
+    let limit = format_args!("above 0 and at most params.max_wheel_torque = {motor_torque} N·m");
     check("max_torque", max_torque, limit, |t| t > 0.0 && t <= motor_torque)
 }
 

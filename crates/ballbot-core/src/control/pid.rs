@@ -1,68 +1,73 @@
 //! The paper's controller (section III-A): a PID with filtered derivative on each tilt component.
 
-use super::{Controller, Setpoint, check_max_torque, default_max_torque, saturate};
-use crate::error::{Result, check, positive};
+use super::{LaneSetpoint, Law, Sampling, check_max_torque, default_max_torque, saturate};
+use crate::error::{Result, positive};
+use crate::fields::{Fields, Limit};
 use crate::kinematics::{Omniwheels, TorqueMap};
+use crate::lane_state::LaneState;
+use crate::lanes::{Heading, Lane, Memory};
 use crate::params::Params;
-use crate::state::State;
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 
-/// Gains of C(s) = k_p + k_i / s + k_d N s / (s + N), from tilt error to virtual torque.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PidGains {
-    /// k_p, N·m/rad.
-    pub proportional: f64,
-    /// k_i, N·m/(rad·s).
-    pub integral: f64,
-    /// k_d, N·m·s/rad.
-    pub derivative: f64,
-    /// N, rad/s.
-    pub filter_coefficient: f64,
-}
-
-impl PidGains {
-    /// The paper's gains (section III-A).
-    pub const PAPER: Self = Self { proportional: 20.39, integral: 56.57, derivative: 1.34, filter_coefficient: 327.0 };
+crate::fields! {
+    /// Gains of C(s) = k_p + k_i / s + k_d N s / (s + N), from tilt error to virtual torque. The default is the paper's
+    /// (section III-A).
+    #[derive(Copy)]
+    pub struct PidGains {
+        /// k_p.
+        pub proportional: f64 = 20.39, "N·m/rad", Limit::NOT_NEGATIVE;
+        /// k_i.
+        pub integral: f64 = 56.57, "N·m/(rad·s)", Limit::NOT_NEGATIVE;
+        /// k_d.
+        pub derivative: f64 = 1.34, "N·m·s/rad", Limit::NOT_NEGATIVE;
+        /// N, the bandwidth of the derivative filter.
+        pub filter_coefficient: f64 = 327.0, "rad/s", Limit::POSITIVE;
+    }
 }
 
 /// Two PID controllers, about the x and y axes of the heading frame. It controls tilt alone: nothing holds the ball's
 /// position or the heading.
 #[derive(Clone, Debug)]
 pub struct Pid {
-    wheels: Omniwheels,
-    map: TorqueMap,
+    /// Wheel torques per virtual torque about x and y.
+    map: [[f64; 2]; 3],
     gains: PidGains,
-    control_dt: f64,
+    /// Share of the distance to the error that the derivative filter goes in a sample; exact for a held error.
+    filter_share: f64,
+    sampling: Sampling,
     max_torque: f64,
     motor_torque: f64,
-    integral: Vector2<f64>,
-    /// The derivative filter's state; it starts at the first error, so that a start away from the setpoint is no step.
-    filtered: Option<Vector2<f64>>,
 }
 
+/// What is kept of a robot: integrals of the errors, states of the derivative filters, and whether these are set. A filter
+/// starts at the first error, so that a start away from the setpoint is no step.
+const INTEGRAL: [usize; 2] = [0, 1];
+const FILTERED: [usize; 2] = [2, 3];
+const STARTED: usize = 4;
+
 impl Pid {
+    /// Sampling time of the paper's gains, s: their derivative filter of 327 rad/s is unstable above about 9.9 ms
+    /// (docs/paper.md).
+    pub const PAPER_CONTROL_DT: f64 = 0.002;
+
     /// A PID for `params`, sampled every `control_dt` seconds, its wheel torques within [`default_max_torque`].
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for gains that are negative or not finite, or a `control_dt` that is not positive.
-    pub fn new(params: &Params, control_dt: f64, gains: PidGains, map: TorqueMap) -> Result<Self> {
+    pub fn new(params: &Params, control_dt: f64, gains: &PidGains, map: TorqueMap) -> Result<Self> {
         params.validate()?;
         positive("control_dt", control_dt)?;
-        for (name, gain) in
-            [("proportional", gains.proportional), ("integral", gains.integral), ("derivative", gains.derivative)]
-        {
-            check(name, gain, ">= 0", |g| g >= 0.0)?;
-        }
-        positive("filter_coefficient", gains.filter_coefficient)?;
+        gains.check_limits()?;
+        let wheels = Omniwheels::new(params);
+        let column = |axis: Vector3<f64>| wheels.wheel_torques(&axis, map);
+        let (about_x, about_y) = (column(Vector3::x()), column(Vector3::y()));
         Ok(Self {
-            wheels: Omniwheels::new(params),
-            map,
-            gains,
-            control_dt,
+            map: std::array::from_fn(|i| [about_x[i], about_y[i]]),
+            filter_share: 1.0 - (-gains.filter_coefficient * control_dt).exp(),
+            gains: *gains,
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
             max_torque: default_max_torque(params),
             motor_torque: params.max_wheel_torque,
-            integral: Vector2::zeros(),
-            filtered: None,
         })
     }
 
@@ -75,39 +80,56 @@ impl Pid {
         Ok(self)
     }
 
-    /// Virtual torques (τ_x, τ_y) for a tilt error in the heading frame, before any limit, N·m.
-    pub fn virtual_torques(&mut self, error: Vector2<f64>) -> Vector2<f64> {
-        let g = self.gains;
-        let filtered = self.filtered.get_or_insert(error);
-        let derivative = (error - *filtered) * (g.derivative * g.filter_coefficient);
-        // Exact for an error held over the sample.
-        *filtered += (error - *filtered) * (1.0 - (-g.filter_coefficient * self.control_dt).exp());
-        let torques = error * g.proportional + self.integral * g.integral + derivative;
-        self.integral += error * self.control_dt;
-        torques
+    /// Virtual torque for a tilt error about one axis of the heading frame, before any limit, N·m; updates the filter.
+    #[inline(always)]
+    fn virtual_torque<L: Lane>(&self, axis: usize, error: L, started: L::Mask, memory: &mut Memory<'_, L>) -> L {
+        let g = &self.gains;
+        let filtered = L::select(started, memory.get(FILTERED[axis]), error);
+        let lag = error - filtered;
+        memory.set(FILTERED[axis], lag.mul_add_all(self.filter_share, filtered));
+        let derivative = lag * (g.derivative * g.filter_coefficient);
+        error * g.proportional + memory.get(INTEGRAL[axis]) * g.integral + derivative
     }
 }
 
-impl Controller for Pid {
-    fn control_dt(&self) -> f64 {
-        self.control_dt
+impl Law for Pid {
+    const MEMORY: usize = 5;
+    const PARTS: &'static [&'static str] = &["tilt"];
+
+    fn sampling(&self) -> &Sampling {
+        &self.sampling
     }
 
-    fn reset(&mut self) {
-        self.integral = Vector2::zeros();
-        self.filtered = None;
+    fn sampling_mut(&mut self) -> &mut Sampling {
+        &mut self.sampling
     }
 
-    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> [f64; 3] {
-        let before = self.integral;
-        let error = setpoint.tilt - state.to_heading(state.tilt_components());
-        let virtual_torques = self.virtual_torques(error).push(0.0);
-        let wanted: Vector3<f64> = self.wheels.wheel_torques(&virtual_torques, self.map);
-        let given = saturate(wanted, self.max_torque);
-        if given != wanted {
-            // A saturated motor cannot act on the integral: hold it.
-            self.integral = before;
+    #[inline(always)]
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        memory: &mut Memory<'_, L>,
+    ) -> [L; 3] {
+        let heading = Heading::new(state.body_quaternion);
+        let [tilt_x, tilt_y] = state.body_quaternion.tilt_components();
+        let [tilt_x, tilt_y] = heading.of(tilt_x, tilt_y);
+        let errors = [setpoint.tilt[0] - tilt_x, setpoint.tilt[1] - tilt_y];
+        let zero = tilt_x.zero();
+        let started = zero.lt(memory.get(STARTED));
+        memory.set(STARTED, zero.splat(1.0));
+        let x = self.virtual_torque(0, errors[0], started, memory);
+        let y = self.virtual_torque(1, errors[1], started, memory);
+        let wheel = |i: usize| x * self.map[i][0] + y * self.map[i][1];
+        let wanted = [wheel(0), wheel(1), wheel(2)];
+        let [a, b, c] = wanted;
+        // A saturated motor cannot act on the integral: hold it.
+        let saturated = zero.splat(self.max_torque).lt(a.abs().max(b.abs()).max(c.abs()));
+        for axis in 0..2 {
+            let integral = memory.get(INTEGRAL[axis]);
+            let next = errors[axis].mul_add_all(self.sampling.control_dt, integral);
+            memory.set(INTEGRAL[axis], L::select(saturated, integral, next));
         }
-        given.into()
+        saturate(wanted, self.max_torque)
     }
 }

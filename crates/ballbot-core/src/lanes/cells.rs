@@ -11,6 +11,40 @@ pub const EIGHT: usize = 8;
 #[repr(C, align(64))]
 pub struct Eight(pub [f64; EIGHT]);
 
+/// A number as it lies in memory: of one robot (`f64`) or of eight ([`Eight`]).
+pub trait Cell: Copy + Default + PartialEq + Send + Sync + 'static {
+    /// How many robots.
+    const WIDTH: usize;
+    /// The number of one robot.
+    fn get(&self, index: usize) -> f64;
+    /// Replaces the number of one robot.
+    fn set(&mut self, index: usize, value: f64);
+}
+
+impl Cell for f64 {
+    const WIDTH: usize = 1;
+    #[inline(always)]
+    fn get(&self, _: usize) -> f64 {
+        *self
+    }
+    #[inline(always)]
+    fn set(&mut self, _: usize, value: f64) {
+        *self = value;
+    }
+}
+
+impl Cell for Eight {
+    const WIDTH: usize = EIGHT;
+    #[inline(always)]
+    fn get(&self, index: usize) -> f64 {
+        self.0[index]
+    }
+    #[inline(always)]
+    fn set(&mut self, index: usize, value: f64) {
+        self.0[index] = value;
+    }
+}
+
 /// A number, or an array of them, as a slice of cells.
 pub trait AsCells<T> {
     /// To read.
@@ -37,7 +71,17 @@ impl<T, const N: usize> AsCells<T> for [T; N] {
     }
 }
 
+impl<T, const N: usize, const M: usize> AsCells<T> for [[T; N]; M] {
+    fn as_cells(&self) -> &[T] {
+        self.as_flattened()
+    }
+    fn as_cells_mut(&mut self) -> &mut [T] {
+        self.as_flattened_mut()
+    }
+}
+
 /// Defines a struct of cells `T`: numbers of one robot (`f64`) or of eight ([`Eight`]), with the one taken from the eight.
+#[macro_export]
 macro_rules! cells {
     ($(#[$meta:meta])* pub struct $name:ident { $($(#[$doc:meta])* pub $field:ident: $type:ty,)* }) => {
         $(#[$meta])*
@@ -76,4 +120,3 @@ macro_rules! cells {
         }
     };
 }
-pub(crate) use cells;

@@ -1,7 +1,7 @@
 //! Functions that processors have no instruction for, from IEEE operations alone.
 
 use super::Lane;
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
 /// e^(−x) for x ≥ 0 to 4e-14 relative; e^(−64) for all larger x.
 #[inline(always)]
@@ -34,6 +34,15 @@ pub fn atan2_positive<L: Lane>(y: L, x: L) -> L {
     angle = L::select(steep, angle + FRAC_PI_4, angle);
     angle = L::select(across.lt(y), -angle + FRAC_PI_2, angle);
     L::select(x.lt(zero), -angle + std::f64::consts::PI, angle)
+}
+
+/// The angle in [−π, π] that differs from `angle` by whole turns, for |angle| below 1e9 rad.
+#[inline(always)]
+pub fn wrapped_angle<L: Lane>(angle: L) -> L {
+    // Adding and subtracting 1.5 · 2⁵² rounds to a whole number.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    let turns = (angle * (1.0 / TAU) + ROUND) - ROUND;
+    turns.mul_add_all(-TAU, angle)
 }
 
 /// Its series, for |t| ≤ tan(π/8).

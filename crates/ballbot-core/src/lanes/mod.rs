@@ -6,21 +6,26 @@
 
 mod cells;
 mod dispatch;
+mod heading;
 mod math;
+mod memory;
 mod scalar;
 #[cfg(test)]
 mod tests;
 mod vec3;
 mod wide;
 
-pub(crate) use cells::cells;
-pub use cells::{AsCells, EIGHT, Eight};
+pub use crate::cells;
+pub use cells::{AsCells, Cell, EIGHT, Eight};
 pub use dispatch::{Kernel, run_eight, run_one};
-pub use math::{atan2_positive, exp_of_negative};
+pub use math::{atan2_positive, exp_of_negative, wrapped_angle};
+pub use heading::Heading;
+pub use memory::Memory;
 pub use scalar::Scalar;
 pub use vec3::{Quat, Rotation, Vec3};
 pub use wide::Wide;
 
+use fearless_simd::Simd;
 use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, Neg, Not, Sub, SubAssign};
 
 /// One number of each of some robots.
@@ -44,13 +49,16 @@ pub trait Lane:
     type Mask: Copy + BitAnd<Output = Self::Mask> + BitOr<Output = Self::Mask> + Not<Output = Self::Mask>;
 
     /// How the numbers lie in memory.
-    type Cell;
+    type Cell: Cell;
 
     /// What the processor can do, known to the compiler.
     type Token: Copy;
 
     /// Reads the numbers.
     fn load(token: Self::Token, cell: &Self::Cell) -> Self;
+
+    /// The same number for all robots.
+    fn from_f64(token: Self::Token, value: f64) -> Self;
 
     /// Writes the numbers.
     fn store(self, cell: &mut Self::Cell);
@@ -107,5 +115,38 @@ pub trait Lane:
     #[inline(always)]
     fn squared(self) -> Self {
         self * self
+    }
+}
+
+/// A constant of eight robots: one number for all of them (`f64`), or one of each ([`Eight`]).
+pub trait LaneValue: Copy + Send + Sync {
+    /// The constant in the lanes of a vector register.
+    fn wide<S: Simd>(&self, simd: S) -> Wide<S>;
+
+    /// The constant of one robot.
+    fn lane(&self, index: usize) -> f64;
+}
+
+impl LaneValue for f64 {
+    #[inline(always)]
+    fn wide<S: Simd>(&self, simd: S) -> Wide<S> {
+        Lane::from_f64(simd, *self)
+    }
+
+    #[inline(always)]
+    fn lane(&self, _: usize) -> f64 {
+        *self
+    }
+}
+
+impl LaneValue for Eight {
+    #[inline(always)]
+    fn wide<S: Simd>(&self, simd: S) -> Wide<S> {
+        Lane::load(simd, self)
+    }
+
+    #[inline(always)]
+    fn lane(&self, index: usize) -> f64 {
+        self.0[index]
     }
 }

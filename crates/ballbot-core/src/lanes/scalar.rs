@@ -17,6 +17,11 @@ impl Lane for f64 {
     }
 
     #[inline(always)]
+    fn from_f64(_: Scalar, value: f64) -> Self {
+        value
+    }
+
+    #[inline(always)]
     fn store(self, cell: &mut f64) {
         *cell = self;
     }

@@ -1,14 +1,17 @@
 //! Vectors and rotations of lanes.
 
-use super::Lane;
+use super::{Lane, atan2_positive};
+use std::f64::consts::{PI, TAU};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 /// A vector of three.
 #[derive(Clone, Copy, Debug)]
 pub struct Vec3<L> {
-    /// First component, and so on.
+    /// First component.
     pub x: L,
+    /// Second component.
     pub y: L,
+    /// Third component.
     pub z: L,
 }
 
@@ -39,10 +42,10 @@ impl<L: Lane> Vec3<L> {
         self.z.store(&mut cells[2]);
     }
 
-    /// The same vector for all robots, in the lanes of `like`.
+    /// Zero, in the lanes of `like`.
     #[inline(always)]
-    pub fn splat(like: L, values: &[f64; 3]) -> Self {
-        Self::new(like.splat(values[0]), like.splat(values[1]), like.splat(values[2]))
+    pub fn zero(like: L) -> Self {
+        Self::new(like.zero(), like.zero(), like.zero())
     }
 
     /// `yes` where `mask` is true, `no` elsewhere.
@@ -69,8 +72,8 @@ impl<L: Lane> Vec3<L> {
 
     /// Component by component.
     #[inline(always)]
-    pub fn scaled_by(self, factors: &[f64; 3]) -> Self {
-        Self::new(self.x * factors[0], self.y * factors[1], self.z * factors[2])
+    pub fn scaled_by(self, [x, y, z]: [L; 3]) -> Self {
+        Self::new(self.x * x, self.y * y, self.z * z)
     }
 
     /// self + direction · amount.
@@ -83,16 +86,17 @@ impl<L: Lane> Vec3<L> {
         )
     }
 
-    /// self + direction · amount, the amount being that of all robots.
-    #[inline(always)]
-    pub fn plus_all(self, direction: Self, amount: f64) -> Self {
-        self.plus(direction, self.x.splat(amount))
-    }
-
     /// Its squared length.
     #[inline(always)]
     pub fn norm_squared(self) -> L {
         self.dot(self)
+    }
+}
+
+impl<L> From<[L; 3]> for Vec3<L> {
+    #[inline(always)]
+    fn from([x, y, z]: [L; 3]) -> Self {
+        Self { x, y, z }
     }
 }
 
@@ -166,6 +170,33 @@ impl<L: Lane> Quat<L> {
     #[inline(always)]
     pub fn select(mask: L::Mask, yes: Self, no: Self) -> Self {
         Self { w: L::select(mask, yes.w, no.w), v: Vec3::select(mask, yes.v, no.v) }
+    }
+
+    /// Heading of a body with this attitude, rad, in (−π, π]: the rotation about the vertical that remains once the tilt is
+    /// undone, 2 atan2(z, w).
+    #[inline(always)]
+    pub fn yaw(self) -> L {
+        // A quaternion and its negative are the same attitude: take the one with z >= 0.
+        let zero = self.w.zero();
+        let negative = self.v.z.lt(zero);
+        let (w, z) = (L::select(negative, -self.w, self.w), self.v.z.abs());
+        let yaw = atan2_positive(z, w) * 2.0;
+        L::select(yaw.le(zero.splat(PI)), yaw, yaw - TAU)
+    }
+
+    /// Components of the tilt about the inertial x and y axes, rad: the rotation vector that takes the vertical to the
+    /// body's z axis. Upside down, it is about x.
+    #[inline(always)]
+    pub fn tilt_components(self) -> [L; 2] {
+        let rows = self.rotation().rows;
+        let (x, y, z) = (rows[0].z, rows[1].z, rows[2].z);
+        let zero = x.zero();
+        let one = x.splat(1.0);
+        let sine = x.mul_add(x, y.squared()).sqrt();
+        let tilt = atan2_positive(sine, z);
+        let tilted = zero.lt(sine);
+        let ratio = tilt / L::select(tilted, sine, one);
+        [L::select(tilted, -(y * ratio), tilt), L::select(tilted, x * ratio, zero)]
     }
 
     #[inline(always)]

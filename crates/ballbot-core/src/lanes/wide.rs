@@ -18,6 +18,11 @@ impl<S: Simd> Lane for Wide<S> {
     }
 
     #[inline(always)]
+    fn from_f64(token: S, value: f64) -> Self {
+        SimdBase::splat(token, value)
+    }
+
+    #[inline(always)]
     fn store(self, cell: &mut Eight) {
         self.store_array(&mut cell.0);
     }

@@ -24,9 +24,8 @@ impl LinearModel {
     /// Derivatives of the spatial model's accelerations, taken where they are linear: torques and rates enter linearly
     /// at rest, and gravity turns a small tilt into M_b g l times that tilt.
     pub fn new(params: &Params) -> Self {
-        let mut model = SpatialModel::new(params, true, true);
         // Dry friction has no derivative at rest.
-        model.joint_dynamics.coulomb_friction = 0.0;
+        let model = SpatialModel::new(&Params { wheel_coulomb_friction: 0.0, ..params.clone() }, true, true);
         let upright = UnitQuaternion::identity();
         let at = |velocity: &Vector6<f64>, torques: &Vector3<f64>| {
             model.accelerations(&upright, velocity, torques).fixed_rows::<5>(0).into_owned()

@@ -17,10 +17,9 @@ pub use traction::traction_torque;
 
 use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
-use crate::model::JointDynamics;
 use crate::params::Params;
 use crate::state::{Contacts, State, rolling_rate};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
 
 /// Wheel speed over which dry friction builds up in the closed-form models, which cannot stick, rad/s.
 const DRY_FRICTION_WIDTH: f64 = 0.05;
@@ -28,18 +27,20 @@ const DRY_FRICTION_WIDTH: f64 = 0.05;
 /// How far a state may be from rolling without slip to be accepted, m, m/s and rad/s.
 const NO_SLIP_TOLERANCE: f64 = 1e-6;
 
-/// Numbers far beyond any bound, but short of those whose squares overflow: a quaternion so long would be normalised to zero.
-const BEYOND_MEANING: f64 = 1e100;
+/// Far beyond any bound of a valid state, but small enough that its square does not overflow.
+const MAX_COORDINATE: f64 = 1e100;
 
-/// Whether a step led to numbers that mean something; those that are not finite do not.
+/// Whether all coordinates are finite and below [`MAX_COORDINATE`].
 fn sound(coordinates: &[f64]) -> bool {
-    coordinates.iter().all(|v| v.abs() < BEYOND_MEANING)
+    coordinates.iter().all(|v| v.abs() < MAX_COORDINATE)
 }
 
 /// Motor torques less the friction of the wheel joints, N·m.
-fn shaft_torques(dynamics: JointDynamics, torques: &Vector3<f64>, wheel_speeds: &Vector3<f64>) -> Vector3<f64> {
+fn shaft_torques(params: &Params, torques: &Vector3<f64>, wheel_speeds: &Vector3<f64>) -> Vector3<f64> {
     torques.zip_map(wheel_speeds, |torque, speed| {
-        torque - dynamics.viscous_friction * speed - dynamics.coulomb_friction * (speed / DRY_FRICTION_WIDTH).tanh()
+        torque
+            - params.wheel_viscous_friction * speed
+            - params.wheel_coulomb_friction * (speed / DRY_FRICTION_WIDTH).tanh()
     })
 }
 
@@ -106,22 +107,11 @@ fn require_rolling(params: &Params, wheels: &Omniwheels, state: &State) -> Resul
     }
 }
 
-/// Numbers as bytes for `Model::save`.
-fn encode(numbers: &[f64]) -> Vec<u8> {
-    numbers.iter().flat_map(|v| v.to_le_bytes()).collect()
-}
-
-/// The inverse of [`encode`] for exactly `N` numbers.
-fn decode<const N: usize>(bytes: &[u8]) -> Result<[f64; N]> {
-    if bytes.len() != 8 * N {
-        return Err(Error::Decode {
-            what: "saved simulation".into(),
-            reason: format!("{} bytes, expected {}", bytes.len(), 8 * N),
-        });
-    }
-    let mut numbers = [0.0; N];
-    for (number, chunk) in numbers.iter_mut().zip(bytes.chunks_exact(8)) {
-        *number = f64::from_le_bytes(chunk.try_into().expect("chunks of eight"));
-    }
-    Ok(numbers)
+/// Coordinates of a closed-form model from a snapshot, if their number is right.
+fn coordinates_from<const N: usize>(what: &str, numbers: &[f64]) -> Result<SVector<f64, N>> {
+    let numbers: [f64; N] = numbers.try_into().map_err(|_| Error::Decode {
+        what: what.to_owned(),
+        reason: format!("{} coordinates, expected {N}", numbers.len()),
+    })?;
+    Ok(numbers.into())
 }

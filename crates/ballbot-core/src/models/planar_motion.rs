@@ -2,11 +2,12 @@
 
 use super::planar::Plane;
 use super::rk4::rk4;
-use super::{Motion, PlanarModel, WheelInertia, contact_loads, decode, encode, require_rolling, shaft_torques, sound};
+use super::{Motion, PlanarModel, WheelInertia, contact_loads, coordinates_from, require_rolling, shaft_torques, sound};
 use crate::error::Result;
 use crate::kinematics::Omniwheels;
-use crate::model::{JointDynamics, Model};
+use crate::model::{Model, same_geometry};
 use crate::params::Params;
+use crate::snapshot;
 use crate::state::{Contacts, State, attitude, rolling_rate};
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 
@@ -28,7 +29,6 @@ pub struct PlanarMotion {
     wheels: Omniwheels,
     xz: PlanarModel,
     yz: PlanarModel,
-    joint_dynamics: JointDynamics,
     sim_dt: f64,
     steps: u64,
     healthy: bool,
@@ -43,7 +43,6 @@ impl PlanarMotion {
             wheels: Omniwheels::new(params),
             xz: PlanarModel::in_plane(params, WheelInertia::ThreeWheels, Plane::Xz),
             yz: PlanarModel::in_plane(params, WheelInertia::ThreeWheels, Plane::Yz),
-            joint_dynamics: JointDynamics::of(params),
             sim_dt,
             steps: 0,
             healthy: true,
@@ -67,7 +66,7 @@ impl PlanarMotion {
 
     /// Virtual torques of the xz-plane, the yz-plane and the yaw equation under the motors' torques less joint friction.
     fn virtual_torques(&self, y: &Coordinates) -> Vector3<f64> {
-        let shaft = shaft_torques(self.joint_dynamics, &self.wheel_torques, &self.wheel_speeds(y));
+        let shaft = shaft_torques(&self.params, &self.wheel_torques, &self.wheel_speeds(y));
         let in_heading = self.wheels.virtual_torques(&shaft);
         let inertial = rotate(in_heading.xy(), y[4]);
         // Eq. (8) counts torques about x and y on the body; a positive planar torque in the xz-plane turns the body
@@ -124,23 +123,35 @@ impl Model for PlanarMotion {
         self.sim_dt
     }
 
-    fn reset(&mut self, state: &State) -> Result<()> {
-        self.accepts(state)?;
+    fn set_params(&mut self, params: &Params) -> Result<()> {
+        let mut robot = Self::new(params, self.sim_dt);
+        if same_geometry(&self.params, params) {
+            robot.coordinates = self.coordinates;
+            robot.steps = self.steps;
+            robot.healthy = self.healthy;
+            robot.wheel_torques = self.wheel_torques;
+        }
+        *self = robot;
+        Ok(())
+    }
+
+    fn place(&mut self, state: &State) {
         self.coordinates = coordinates_of(state);
         self.steps = 0;
         self.healthy = true;
         self.wheel_torques = Vector3::zeros();
-        Ok(())
     }
 
-    fn step(&mut self, wheel_torques: &[f64; 3]) {
+    fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
         self.wheel_torques = (*wheel_torques).into();
-        let next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
-        self.healthy &= sound(next.as_slice());
-        if self.healthy {
-            self.coordinates = next;
+        for _ in 0..steps {
+            let next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
+            self.healthy &= sound(next.as_slice());
+            if self.healthy {
+                self.coordinates = next;
+            }
+            self.steps += 1;
         }
-        self.steps += 1;
     }
 
     fn time(&self) -> f64 {
@@ -183,7 +194,7 @@ impl Model for PlanarMotion {
         let h = 1e-6;
         let wheel_acceleration =
             (self.wheel_speeds(&(y + derivative * h)) - self.wheel_speeds(&(y - derivative * h))) / (2.0 * h);
-        let shaft = shaft_torques(self.joint_dynamics, &self.wheel_torques, &self.wheel_speeds(y));
+        let shaft = shaft_torques(&self.params, &self.wheel_torques, &self.wheel_speeds(y));
         let motion = Motion {
             body_quaternion: attitude(Vector2::new(-y[3], y[1]), y[4]),
             ball_velocity: Vector3::new(y[RATES], y[RATES + 2], 0.0),
@@ -230,34 +241,15 @@ impl Model for PlanarMotion {
         self.coordinates[RATES + 5] += turning * wheels / determinant;
     }
 
-    fn joint_dynamics(&self) -> JointDynamics {
-        self.joint_dynamics
-    }
-
-    fn set_joint_dynamics(&mut self, dynamics: JointDynamics) {
-        self.joint_dynamics = dynamics;
-    }
-
     fn save(&self) -> Vec<u8> {
-        let dynamics = self.joint_dynamics;
-        let mut numbers = vec![
-            self.steps as f64,
-            f64::from(u8::from(self.healthy)),
-            dynamics.viscous_friction,
-            dynamics.coulomb_friction,
-        ];
-        numbers.extend(self.coordinates.iter());
-        numbers.extend(self.wheel_torques.iter());
-        encode(&numbers)
+        snapshot::pack(&(self.steps, self.healthy, self.coordinates.as_slice(), <[f64; 3]>::from(self.wheel_torques)))
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let numbers: [f64; 26] = decode(bytes)?;
-        self.steps = numbers[0] as u64;
-        self.healthy = numbers[1] != 0.0;
-        self.joint_dynamics = JointDynamics { viscous_friction: numbers[2], coulomb_friction: numbers[3] };
-        self.coordinates.copy_from_slice(&numbers[4..23]);
-        self.wheel_torques.copy_from_slice(&numbers[23..]);
+        let (steps, healthy, coordinates, torques): (u64, bool, Vec<f64>, [f64; 3]) =
+            snapshot::unpack("snapshot of a planar model", bytes)?;
+        self.coordinates = coordinates_from("snapshot of a planar model", &coordinates)?;
+        (self.steps, self.healthy, self.wheel_torques) = (steps, healthy, torques.into());
         Ok(())
     }
 }

@@ -8,7 +8,6 @@
 use super::{Motion, contact_loads, shaft_torques};
 use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
-use crate::model::JointDynamics;
 use crate::params::Params;
 use crate::state::Contacts;
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector3, Vector6};
@@ -22,8 +21,6 @@ pub struct SpatialModel {
     /// relative to the body, as the paper does.
     kappa: f64,
     ball_spins_about_vertical: bool,
-    /// Friction of the wheel joints.
-    pub joint_dynamics: JointDynamics,
 }
 
 /// Matrices of one configuration.
@@ -46,7 +43,6 @@ impl SpatialModel {
             wheels: Omniwheels::new(params),
             kappa: if absolute_wheel_spin { 1.0 } else { 0.0 },
             ball_spins_about_vertical,
-            joint_dynamics: JointDynamics::of(params),
             params: params.clone(),
         }
     }
@@ -138,7 +134,7 @@ impl SpatialModel {
     fn solve(&self, terms: &Terms, velocity: &Vector6<f64>, wheel_torques: &Vector3<f64>) -> Vector6<f64> {
         let p = &self.params;
         let rate = velocity.fixed_rows::<3>(2).into_owned();
-        let shaft = shaft_torques(self.joint_dynamics, wheel_torques, &(terms.b * velocity));
+        let shaft = shaft_torques(&self.params, wheel_torques, &(terms.b * velocity));
         let spin = terms.b_s * velocity;
 
         let inertia_rate = Vector3::from(p.body_inertia).component_mul(&rate);
@@ -197,7 +193,7 @@ impl SpatialModel {
         let rate = velocity.fixed_rows::<3>(2).into_owned();
         let acceleration = self.solve(&terms, velocity, wheel_torques);
         let spin_acceleration = terms.b_s * acceleration + self.spin_drift(&terms, velocity, &rate);
-        let shaft = shaft_torques(self.joint_dynamics, wheel_torques, &(terms.b * velocity));
+        let shaft = shaft_torques(&self.params, wheel_torques, &(terms.b * velocity));
         let motion = Motion {
             body_quaternion: *body_quaternion,
             ball_velocity: Vector3::new(velocity[0], velocity[1], 0.0),

@@ -1,10 +1,11 @@
 //! The spatial model in motion: RK4 over position, attitude and generalised velocity.
 
 use super::rk4::rk4;
-use super::{SpatialModel, decode, encode, require_rolling, sound};
+use super::{SpatialModel, coordinates_from, require_rolling, sound};
 use crate::error::Result;
-use crate::model::{JointDynamics, Model};
+use crate::model::{Model, same_geometry};
 use crate::params::Params;
+use crate::snapshot;
 use crate::state::{Contacts, State, rolling_rate};
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 
@@ -67,27 +68,39 @@ impl Model for SpatialMotion {
         self.sim_dt
     }
 
-    fn reset(&mut self, state: &State) -> Result<()> {
-        self.accepts(state)?;
+    fn set_params(&mut self, params: &Params) -> Result<()> {
+        let mut robot = Self::new(params, self.sim_dt);
+        if same_geometry(self.params(), params) {
+            robot.coordinates = self.coordinates;
+            robot.steps = self.steps;
+            robot.healthy = self.healthy;
+            robot.wheel_torques = self.wheel_torques;
+        }
+        *self = robot;
+        Ok(())
+    }
+
+    fn place(&mut self, state: &State) {
         self.coordinates = coordinates_of(state);
         self.steps = 0;
         self.healthy = true;
         self.wheel_torques = Vector3::zeros();
-        Ok(())
     }
 
-    fn step(&mut self, wheel_torques: &[f64; 3]) {
+    fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
         self.wheel_torques = (*wheel_torques).into();
-        let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
-        self.healthy &= sound(next.as_slice());
-        for at in [2, 12] {
-            let length = next.fixed_rows::<4>(at).norm();
-            next.fixed_rows_mut::<4>(at).unscale_mut(length);
+        for _ in 0..steps {
+            let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
+            self.healthy &= sound(next.as_slice());
+            for at in [2, 12] {
+                let length = next.fixed_rows::<4>(at).norm();
+                next.fixed_rows_mut::<4>(at).unscale_mut(length);
+            }
+            if self.healthy {
+                self.coordinates = next;
+            }
+            self.steps += 1;
         }
-        if self.healthy {
-            self.coordinates = next;
-        }
-        self.steps += 1;
     }
 
     fn time(&self) -> f64 {
@@ -137,34 +150,15 @@ impl Model for SpatialMotion {
         velocity += jump;
     }
 
-    fn joint_dynamics(&self) -> JointDynamics {
-        self.model.joint_dynamics
-    }
-
-    fn set_joint_dynamics(&mut self, dynamics: JointDynamics) {
-        self.model.joint_dynamics = dynamics;
-    }
-
     fn save(&self) -> Vec<u8> {
-        let dynamics = self.model.joint_dynamics;
-        let mut numbers = vec![
-            self.steps as f64,
-            f64::from(u8::from(self.healthy)),
-            dynamics.viscous_friction,
-            dynamics.coulomb_friction,
-        ];
-        numbers.extend(self.coordinates.iter());
-        numbers.extend(self.wheel_torques.iter());
-        encode(&numbers)
+        snapshot::pack(&(self.steps, self.healthy, self.coordinates.as_slice(), <[f64; 3]>::from(self.wheel_torques)))
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let numbers: [f64; 26] = decode(bytes)?;
-        self.steps = numbers[0] as u64;
-        self.healthy = numbers[1] != 0.0;
-        self.model.joint_dynamics = JointDynamics { viscous_friction: numbers[2], coulomb_friction: numbers[3] };
-        self.coordinates.copy_from_slice(&numbers[4..23]);
-        self.wheel_torques.copy_from_slice(&numbers[23..]);
+        let (steps, healthy, coordinates, torques): (u64, bool, Vec<f64>, [f64; 3]) =
+            snapshot::unpack("snapshot of a spatial model", bytes)?;
+        self.coordinates = coordinates_from("snapshot of a spatial model", &coordinates)?;
+        (self.steps, self.healthy, self.wheel_torques) = (steps, healthy, torques.into());
         Ok(())
     }
 }

@@ -7,7 +7,7 @@ use super::shading::Light;
 use super::shape::Shape;
 use crate::error::{Error, Result, check, finite};
 use crate::state::State;
-use crate::workers::{self, Workers, thread_count};
+use crate::thread_pool::{self, WorkerThreads, thread_count};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::sync::{Mutex, PoisonError};
 
@@ -48,7 +48,7 @@ pub struct Renderer {
     samples: usize,
     camera: Camera,
     display: Display,
-    helpers: Mutex<Workers>,
+    helpers: Mutex<WorkerThreads>,
 }
 
 impl Renderer {
@@ -62,7 +62,7 @@ impl Renderer {
         }
         check("samples", samples as f64, "1, 2 or 4 a pixel", |_| matches!(samples, 1 | 2 | 4))?;
         camera.validate()?;
-        let helpers = Mutex::new(Workers::new(thread_count(None)? - 1));
+        let helpers = Mutex::new(WorkerThreads::new(thread_count(None)? - 1));
         Ok(Self { scene, width, height, samples, camera, display: Display::new(), helpers })
     }
 
@@ -71,7 +71,7 @@ impl Renderer {
     /// # Errors
     /// [`Error::Inconsistent`] for zero threads.
     pub fn with_threads(self, num_threads: usize) -> Result<Self> {
-        let helpers = Mutex::new(Workers::new(thread_count(Some(num_threads))? - 1));
+        let helpers = Mutex::new(WorkerThreads::new(thread_count(Some(num_threads))? - 1));
         Ok(Self { helpers, ..self })
     }
 
@@ -135,7 +135,7 @@ impl Renderer {
         let helpers = self.helpers.lock().unwrap_or_else(PoisonError::into_inner).pool()?;
         match helpers {
             None => work(),
-            Some(pool) => workers::share(&pool, work),
+            Some(pool) => thread_pool::share(&pool, work),
         }
         Ok(())
     }

@@ -6,7 +6,7 @@ use crate::lanes::{Lane, exp_of_negative};
 /// `moving` well above the critical velocity (Stribeck; Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30(7),
 /// 1994, eq. (4)).
 #[inline(always)]
-pub fn stribeck<L: Lane>(fixed: f64, moving: f64, squared_ratio: L) -> L {
+pub fn stribeck<L: Lane>(fixed: L, moving: L, squared_ratio: L) -> L {
     /// Below this four terms of the exponential's series are exact.
     const SMALL: f64 = 1e-3;
     let one = squared_ratio.splat(1.0);
@@ -19,5 +19,5 @@ pub fn stribeck<L: Lane>(fixed: f64, moving: f64, squared_ratio: L) -> L {
     if L::any(large) {
         share = L::select(large, exp_of_negative(squared_ratio), share);
     }
-    share.mul_add_all(fixed - moving, one * moving)
+    share.mul_add(fixed - moving, one * moving)
 }

@@ -2,8 +2,9 @@
 
 pub(crate) mod contact;
 mod friction;
-mod outline;
+mod collision_shape;
 pub mod rigid;
 
+pub(crate) use collision_shape::CollisionShape;
 pub use contact::ContactMotion;
 pub use rigid::RigidMotion;

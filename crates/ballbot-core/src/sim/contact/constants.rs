@@ -1,54 +1,79 @@
-//! What the solver needs of a robot, its floor and a time step: derived once, the same for all lanes.
+//! Constants of the solver: derived once from the parameters and the time step, shared by all lanes or one set a lane.
 
 use crate::kinematics::Omniwheels;
+use crate::lanes::{EIGHT, Eight, Lane, Vec3, cells};
 use crate::params::Params;
-use crate::sim::outline::{BodyShape, wheel_centers};
+use crate::sim::collision_shape::{BodyShape, wheel_centers};
+use std::borrow::Cow;
 
 /// Rate at which overlap is removed, 1/s, and the largest share of it in one step.
 const RECOVERY_RATE: f64 = 100.0;
 const LARGEST_RECOVERY: f64 = 0.2;
 
-/// Numbers in SI units, vectors in the body frame.
-#[derive(Clone, Debug)]
-pub struct Constants {
-    pub sim_dt: f64,
-    pub gravity: f64,
-    pub ball_radius: f64,
-    pub ball_mass_inverse: f64,
-    pub ball_viscous_friction: f64,
-    pub body_mass_inverse: f64,
-    pub body_inertia: [f64; 3],
-    pub body_inertia_inverse: [f64; 3],
-    /// From the body frame's origin up to the CoM.
-    pub com_height: f64,
-    pub wheel_radius: f64,
-    pub wheel_inertia: f64,
-    /// From the CoM.
-    pub wheel_centers: [[f64; 3]; 3],
-    /// u_i; the axle of wheel i is −u_i.
-    pub u: [[f64; 3]; 3],
-    pub wheel_static_friction: f64,
-    pub wheel_dynamic_friction: f64,
-    pub floor_static_friction: f64,
-    pub floor_dynamic_friction: f64,
-    pub critical_velocity_inverse: f64,
-    /// Share of an overlap that a step removes, over its time.
-    pub recovery: f64,
-    /// The cylinder that stands for the body: radius, and its ends from the CoM.
-    pub body_radius: f64,
-    pub body_bottom: f64,
-    pub body_top: f64,
-    /// Distance from the CoM within which all of the bot is.
-    pub reach: f64,
-    /// r_k² / J_k and r_w² / J_w.
-    pub ball_turning: f64,
-    pub wheel_turning: f64,
-    /// Load of a wheel at rest upright, and of the floor.
-    pub static_wheel_load: f64,
-    pub static_floor_load: f64,
+/// Change of the wheels' impulses in a sweep that calls for another, as a share of the static load's.
+const SETTLED_SHARE: f64 = 2e-3;
+
+cells! {
+    /// Numbers in SI units, vectors in the body frame.
+    #[derive(Clone, Debug, Default, PartialEq)]
+    pub struct Constants {
+        pub sim_dt: T,
+        pub sim_dt_inverse: T,
+        pub half_dt: T,
+        /// Speed that gravity adds in a step.
+        pub gravity_dt: T,
+        pub ball_radius: T,
+        pub ball_mass_inverse: T,
+        /// Share of the ball's velocity that viscous friction leaves after a step.
+        pub ball_drag: T,
+        pub body_mass_inverse: T,
+        pub body_inertia: [T; 3],
+        pub body_inertia_inverse: [T; 3],
+        /// From the body frame's origin up to the CoM.
+        pub com_height: T,
+        pub wheel_radius: T,
+        pub wheel_inertia: T,
+        pub wheel_inertia_inverse: T,
+        /// Change of a wheel's spin in a step per torque.
+        pub wheel_dt_inverse_inertia: T,
+        /// r_w / J_w
+        pub wheel_rim_ratio: T,
+        /// From the CoM.
+        pub wheel_centers: [[T; 3]; 3],
+        /// u_i; the axle of wheel i is −u_i.
+        pub u: [[T; 3]; 3],
+        pub wheel_static_friction: T,
+        pub wheel_dynamic_friction: T,
+        pub floor_static_friction: T,
+        pub floor_dynamic_friction: T,
+        /// 1 / (critical velocity of the Stribeck law)².
+        pub critical_velocity_inverse_squared: T,
+        /// Largest dry impulse of a wheel joint in a step, and its viscous impulse for each rad/s.
+        pub joint_dry_impulse: T,
+        pub joint_viscous_impulse: T,
+        /// Share of an overlap that a step removes, over its time.
+        pub recovery: T,
+        /// The cylinder that stands for the body: radius, and its ends from the CoM.
+        pub body_radius: T,
+        pub body_bottom: T,
+        pub body_top: T,
+        /// Distance from the CoM within which all of the bot is.
+        pub reach: T,
+        /// Speed of the farthest point of the bot per angular impulse, at most.
+        pub reach_inverse_inertia: T,
+        /// r_k² / J_k, r_k / J_k and r_w² / J_w.
+        pub ball_surface_compliance: T,
+        pub ball_rim_ratio: T,
+        pub wheel_surface_compliance: T,
+        /// Load of a wheel at rest upright, and of the floor.
+        pub static_wheel_load: T,
+        pub static_floor_load: T,
+        /// Squared change of the wheels' impulses in a sweep that calls for another.
+        pub settled_squared: T,
+    }
 }
 
-impl Constants {
+impl Constants<f64> {
     /// Of `params` (valid ones) in steps of `sim_dt`.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
         let wheels = Omniwheels::new(params);
@@ -58,34 +83,156 @@ impl Constants {
         let row = |i: usize| [wheels.u[(i, 0)], wheels.u[(i, 1)], wheels.u[(i, 2)]];
         let (bottom, top) = (shape.bottom - com, shape.top - com);
         let wheel_reach = centers[0].iter().map(|x| x * x).sum::<f64>().sqrt() + params.wheel_radius;
+        let reach = shape.radius.hypot(bottom.abs().max(top.abs())).max(wheel_reach);
+        let body_inertia_inverse = params.body_inertia.map(f64::recip);
+        let critical_velocity_inverse = params.friction_critical_velocity.recip();
+        let ball_mass_inverse = params.ball_mass.recip();
+        let ball_surface_compliance = params.ball_radius * params.ball_radius / params.ball_inertia;
+        let static_wheel_load = params.static_wheel_load();
+        let settled = SETTLED_SHARE * static_wheel_load * sim_dt;
         Self {
             sim_dt,
-            gravity: params.gravity,
+            sim_dt_inverse: sim_dt.recip(),
+            half_dt: 0.5 * sim_dt,
+            gravity_dt: params.gravity * sim_dt,
             ball_radius: params.ball_radius,
-            ball_mass_inverse: params.ball_mass.recip(),
-            ball_viscous_friction: params.ball_viscous_friction,
+            ball_mass_inverse,
+            ball_drag: 1.0 - sim_dt * params.ball_viscous_friction * ball_mass_inverse,
             body_mass_inverse: params.body_mass.recip(),
             body_inertia: params.body_inertia,
-            body_inertia_inverse: params.body_inertia.map(f64::recip),
+            body_inertia_inverse,
             com_height: com,
             wheel_radius: params.wheel_radius,
             wheel_inertia: params.wheel_inertia,
+            wheel_inertia_inverse: params.wheel_inertia.recip(),
+            wheel_dt_inverse_inertia: sim_dt / params.wheel_inertia,
+            wheel_rim_ratio: params.wheel_radius / params.wheel_inertia,
             wheel_centers: centers,
             u: [row(0), row(1), row(2)],
             wheel_static_friction: params.wheel_static_friction,
             wheel_dynamic_friction: params.wheel_dynamic_friction,
             floor_static_friction: params.floor_static_friction,
             floor_dynamic_friction: params.floor_dynamic_friction,
-            critical_velocity_inverse: params.friction_critical_velocity.recip(),
+            critical_velocity_inverse_squared: critical_velocity_inverse * critical_velocity_inverse,
+            joint_dry_impulse: params.wheel_coulomb_friction * sim_dt,
+            joint_viscous_impulse: params.wheel_viscous_friction * sim_dt,
             recovery: (LARGEST_RECOVERY / sim_dt).min(RECOVERY_RATE),
             body_radius: shape.radius,
             body_bottom: bottom,
             body_top: top,
-            reach: shape.radius.hypot(bottom.abs().max(top.abs())).max(wheel_reach),
-            static_wheel_load: params.static_wheel_load(),
+            reach,
+            reach_inverse_inertia: body_inertia_inverse.iter().copied().fold(0.0, f64::max) * reach,
+            ball_surface_compliance,
+            ball_rim_ratio: ball_surface_compliance / params.ball_radius,
+            wheel_surface_compliance: params.wheel_radius * params.wheel_radius / params.wheel_inertia,
+            static_wheel_load,
             static_floor_load: (params.body_mass + params.ball_mass) * params.gravity,
-            ball_turning: params.ball_radius * params.ball_radius / params.ball_inertia,
-            wheel_turning: params.wheel_radius * params.wheel_radius / params.wheel_inertia,
+            settled_squared: settled * settled,
+        }
+    }
+}
+
+impl<V> Constants<V> {
+    /// Each number changed by `f`.
+    #[inline(always)]
+    pub fn map<U>(&self, f: impl Fn(&V) -> U) -> Constants<U> {
+        let one = |value: &V| f(value);
+        let three = |values: &[V; 3]| [one(&values[0]), one(&values[1]), one(&values[2])];
+        let nine = |rows: &[[V; 3]; 3]| [three(&rows[0]), three(&rows[1]), three(&rows[2])];
+        Constants {
+            sim_dt: one(&self.sim_dt),
+            sim_dt_inverse: one(&self.sim_dt_inverse),
+            half_dt: one(&self.half_dt),
+            gravity_dt: one(&self.gravity_dt),
+            ball_radius: one(&self.ball_radius),
+            ball_mass_inverse: one(&self.ball_mass_inverse),
+            ball_drag: one(&self.ball_drag),
+            body_mass_inverse: one(&self.body_mass_inverse),
+            body_inertia: three(&self.body_inertia),
+            body_inertia_inverse: three(&self.body_inertia_inverse),
+            com_height: one(&self.com_height),
+            wheel_radius: one(&self.wheel_radius),
+            wheel_inertia: one(&self.wheel_inertia),
+            wheel_inertia_inverse: one(&self.wheel_inertia_inverse),
+            wheel_dt_inverse_inertia: one(&self.wheel_dt_inverse_inertia),
+            wheel_rim_ratio: one(&self.wheel_rim_ratio),
+            wheel_centers: nine(&self.wheel_centers),
+            u: nine(&self.u),
+            wheel_static_friction: one(&self.wheel_static_friction),
+            wheel_dynamic_friction: one(&self.wheel_dynamic_friction),
+            floor_static_friction: one(&self.floor_static_friction),
+            floor_dynamic_friction: one(&self.floor_dynamic_friction),
+            critical_velocity_inverse_squared: one(&self.critical_velocity_inverse_squared),
+            joint_dry_impulse: one(&self.joint_dry_impulse),
+            joint_viscous_impulse: one(&self.joint_viscous_impulse),
+            recovery: one(&self.recovery),
+            body_radius: one(&self.body_radius),
+            body_bottom: one(&self.body_bottom),
+            body_top: one(&self.body_top),
+            reach: one(&self.reach),
+            reach_inverse_inertia: one(&self.reach_inverse_inertia),
+            ball_surface_compliance: one(&self.ball_surface_compliance),
+            ball_rim_ratio: one(&self.ball_rim_ratio),
+            wheel_surface_compliance: one(&self.wheel_surface_compliance),
+            static_wheel_load: one(&self.static_wheel_load),
+            static_floor_load: one(&self.static_floor_load),
+            settled_squared: one(&self.settled_squared),
+        }
+    }
+}
+
+impl<L: Lane> Constants<L> {
+    /// u_i as a vector.
+    #[inline(always)]
+    pub fn u(&self, i: usize) -> Vec3<L> {
+        self.u[i].into()
+    }
+
+    /// Center of wheel `i` from the CoM.
+    #[inline(always)]
+    pub fn wheel_center(&self, i: usize) -> Vec3<L> {
+        self.wheel_centers[i].into()
+    }
+}
+
+/// The constants of eight robots.
+#[derive(Clone, Debug)]
+pub enum LaneConstants {
+    /// One set for all.
+    Shared(Box<Constants<f64>>),
+    /// One set a lane.
+    PerLane(Box<Constants<Eight>>),
+}
+
+impl LaneConstants {
+    /// The same constants in every lane.
+    pub fn shared(constants: Constants<f64>) -> Self {
+        Self::Shared(Box::new(constants))
+    }
+
+    /// The constants of one robot.
+    pub fn lane(&self, index: usize) -> Cow<'_, Constants<f64>> {
+        match self {
+            Self::Shared(constants) => Cow::Borrowed(constants),
+            Self::PerLane(constants) => Cow::Owned(constants.lane(index)),
+        }
+    }
+
+    /// Replaces the constants of one robot; lanes whose constants are all equal share them again.
+    pub fn set_lane(&mut self, index: usize, one: &Constants<f64>) {
+        if let Self::Shared(all) = self {
+            if **all == *one {
+                return;
+            }
+            let mut each = Box::<Constants<Eight>>::default();
+            (0..EIGHT).for_each(|i| each.set_lane(i, all));
+            *self = Self::PerLane(each);
+        }
+        if let Self::PerLane(each) = self {
+            each.set_lane(index, one);
+            if (0..EIGHT).all(|i| each.lane(i) == *one) {
+                *self = Self::shared(one.clone());
+            }
         }
     }
 }

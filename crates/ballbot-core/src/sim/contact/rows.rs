@@ -4,7 +4,7 @@
 //! where its inertia is diagonal. Drive and normal impulses are those on the bot; the ball feels the opposite.
 
 use super::constants::Constants;
-use super::quantities::{PerRow, Velocities};
+use super::types::{PerRow, Velocities};
 use crate::lanes::{Lane, Rotation, Vec3};
 
 /// Below this a wheel's axle points at the ball and there is no drive direction, which no wheel in contact comes near.
@@ -35,8 +35,7 @@ pub struct Rows<L> {
 
 impl<L: Lane> Rows<L> {
     #[inline(always)]
-    pub fn new(c: &Constants, rotation: &Rotation<L>, ball: Vec3<L>, body: Vec3<L>) -> Self {
-        let like = ball.x;
+    pub fn new(c: &Constants<L>, rotation: &Rotation<L>, ball: Vec3<L>, body: Vec3<L>) -> Self {
         let ball_in_body = rotation.apply_transposed(ball - body);
         let a = Wheel::new(c, 0, ball_in_body);
         let b = Wheel::new(c, 1, ball_in_body);
@@ -45,7 +44,7 @@ impl<L: Lane> Rows<L> {
         let drives = [rotation.apply(a.drive), rotation.apply(b.drive), rotation.apply(d.drive)];
         Self {
             gaps: [a.gap, b.gap, d.gap],
-            floor_gap: ball.z - like.splat(c.ball_radius),
+            floor_gap: ball.z - c.ball_radius,
             ball_in_body,
             turns: [normals[0].cross(drives[0]), normals[1].cross(drives[1]), normals[2].cross(drives[2])],
             normals,
@@ -58,7 +57,7 @@ impl<L: Lane> Rows<L> {
 
     /// Surface speed of wheel `i` less the ball's along the drive direction.
     #[inline(always)]
-    pub fn slip_speed(&self, c: &Constants, v: &Velocities<L>, i: usize) -> L {
+    pub fn slip_speed(&self, c: &Constants<L>, v: &Velocities<L>, i: usize) -> L {
         let rim = v.spins[i] * self.spin_shares[i] * c.wheel_radius;
         let body = self.drives[i].dot(v.body - v.ball) + self.drive_arms[i].dot(v.body_rate);
         body + rim - self.turns[i].dot(v.ball_rate) * c.ball_radius
@@ -66,19 +65,19 @@ impl<L: Lane> Rows<L> {
 
     /// Velocity of the ball's lowest point, x and y.
     #[inline(always)]
-    pub fn floor_slip(&self, c: &Constants, v: &Velocities<L>) -> [L; 2] {
-        [v.ball_rate.y.mul_add_all(-c.ball_radius, v.ball.x), v.ball_rate.x.mul_add_all(c.ball_radius, v.ball.y)]
+    pub fn floor_slip(&self, c: &Constants<L>, v: &Velocities<L>) -> [L; 2] {
+        [v.ball_rate.y.mul_add(-c.ball_radius, v.ball.x), v.ball_rate.x.mul_add(c.ball_radius, v.ball.y)]
     }
 
     #[inline(always)]
-    fn approach(&self, c: &Constants, v: &Velocities<L>, i: usize) -> L {
+    fn approach(&self, c: &Constants<L>, v: &Velocities<L>, i: usize) -> L {
         let speed = self.normals[i].dot(v.body - v.ball) + self.normal_arms[i].dot(v.body_rate);
         speed + allowance(c, self.gaps[i])
     }
 
     /// What the impulses are to bring to zero: slip, and approach that is faster than the gap allows.
     #[inline(always)]
-    pub fn residuals(&self, c: &Constants, v: &Velocities<L>) -> PerRow<L> {
+    pub fn residuals(&self, c: &Constants<L>, v: &Velocities<L>) -> PerRow<L> {
         let [x, y] = self.floor_slip(c, v);
         PerRow {
             floor: [v.ball.z + allowance(c, self.floor_gap), x, y],
@@ -90,43 +89,43 @@ impl<L: Lane> Rows<L> {
 
     /// Adds what `impulses` do to the velocities.
     #[inline(always)]
-    pub fn apply<const JOINTS: bool>(&self, c: &Constants, impulses: &PerRow<L>, v: &mut Velocities<L>) {
+    pub fn apply<const JOINTS: bool>(&self, c: &Constants<L>, impulses: &PerRow<L>, v: &mut Velocities<L>) {
         let like = v.ball.x;
-        let mut on_bot = Vec3::splat(like, &[0.0; 3]);
-        let mut turning_ball = on_bot;
-        let mut turning_body = on_bot;
+        let mut bot_impulse = Vec3::zero(like);
+        let mut ball_angular_impulse = bot_impulse;
+        let mut body_angular_impulse = bot_impulse;
         for i in 0..3 {
             let (normal, drive) = (impulses.normals[i], impulses.drives[i]);
-            on_bot = on_bot.plus(self.normals[i], normal).plus(self.drives[i], drive);
-            turning_ball = turning_ball.plus(self.turns[i], -drive);
-            turning_body = turning_body.plus(self.normal_arms[i], normal).plus(self.drive_arms[i], drive);
-            let mut on_wheel = drive * self.spin_shares[i] * c.wheel_radius;
+            bot_impulse = bot_impulse.plus(self.normals[i], normal).plus(self.drives[i], drive);
+            ball_angular_impulse = ball_angular_impulse.plus(self.turns[i], -drive);
+            body_angular_impulse = body_angular_impulse.plus(self.normal_arms[i], normal).plus(self.drive_arms[i], drive);
+            let mut wheel_impulse = drive * self.spin_shares[i] * c.wheel_radius;
             if JOINTS {
-                turning_body = turning_body.plus(Vec3::splat(like, &c.u[i]), impulses.joints[i]);
-                on_wheel += impulses.joints[i];
+                body_angular_impulse = body_angular_impulse.plus(c.u(i), impulses.joints[i]);
+                wheel_impulse += impulses.joints[i];
             }
-            v.spins[i] = on_wheel.mul_add_all(c.wheel_inertia.recip(), v.spins[i]);
+            v.spins[i] = wheel_impulse.mul_add(c.wheel_inertia_inverse, v.spins[i]);
         }
         let [z, x, y] = impulses.floor;
-        v.ball = v.ball.plus_all(Vec3::new(x, y, z) - on_bot, c.ball_mass_inverse);
-        turning_ball += Vec3::new(y, -x, like.zero());
-        v.ball_rate = v.ball_rate.plus_all(turning_ball, c.ball_turning / c.ball_radius);
-        v.body = v.body.plus_all(on_bot, c.body_mass_inverse);
-        v.body_rate += turning_body.scaled_by(&c.body_inertia_inverse);
+        v.ball = v.ball.plus(Vec3::new(x, y, z) - bot_impulse, c.ball_mass_inverse);
+        ball_angular_impulse += Vec3::new(y, -x, like.zero());
+        v.ball_rate = v.ball_rate.plus(ball_angular_impulse, c.ball_rim_ratio);
+        v.body = v.body.plus(bot_impulse, c.body_mass_inverse);
+        v.body_rate += body_angular_impulse.scaled_by(c.body_inertia_inverse);
     }
 }
 
 /// Speed at which a gap may close in one step; for an overlap, minus the speed at which it is to open.
 #[inline(always)]
-pub fn allowance<L: Lane>(c: &Constants, gap: L) -> L {
-    let rate = L::select(gap.zero().lt(gap), gap.splat(c.sim_dt.recip()), gap.splat(c.recovery));
+pub fn allowance<L: Lane>(c: &Constants<L>, gap: L) -> L {
+    let rate = L::select(gap.zero().lt(gap), c.sim_dt_inverse, c.recovery);
     (gap * rate).max(gap.splat(-FASTEST_RECOVERY))
 }
 
 /// Rate of wheel `i` against the body.
 #[inline(always)]
-pub fn encoder_rate<L: Lane>(c: &Constants, v: &Velocities<L>, i: usize) -> L {
-    Vec3::splat(v.ball.x, &c.u[i]).dot(v.body_rate) + v.spins[i]
+pub fn encoder_rate<L: Lane>(c: &Constants<L>, v: &Velocities<L>, i: usize) -> L {
+    c.u(i).dot(v.body_rate) + v.spins[i]
 }
 
 /// One wheel on the ball, in the body frame.
@@ -141,11 +140,11 @@ struct Wheel<L> {
 
 impl<L: Lane> Wheel<L> {
     #[inline(always)]
-    fn new(c: &Constants, i: usize, ball: Vec3<L>) -> Self {
+    fn new(c: &Constants<L>, i: usize, ball: Vec3<L>) -> Self {
         let like = ball.x;
         let one = like.splat(1.0);
-        let center = Vec3::splat(like, &c.wheel_centers[i]);
-        let u = Vec3::splat(like, &c.u[i]);
+        let center = c.wheel_center(i);
+        let u = c.u(i);
         let offset = center - ball;
         let distance = offset.norm_squared().sqrt();
         let normal = offset * (one / distance.max(like.splat(f64::MIN_POSITIVE)));

@@ -1,10 +1,9 @@
 //! Impulses of the rows by projected Gauss-Seidel on their Delassus matrix.
 
 use super::constants::Constants;
-use super::memory::Memory;
-use super::quantities::PerRow;
+use super::types::PerRow;
 use super::rows::Rows;
-use crate::lanes::{Lane, Vec3};
+use crate::lanes::Lane;
 
 /// Sweeps of one step at least; they start from the last step's impulses.
 pub const SWEEPS: usize = 4;
@@ -12,13 +11,10 @@ pub const SWEEPS: usize = 4;
 /// Sweeps of one step at most: impacts, hard pushes and wheels that begin to slip take more.
 pub const MOST_SWEEPS: usize = 60;
 
-/// Change of the wheels' impulses in a sweep that calls for another, as a share of the static load's.
-const SETTLED: f64 = 2e-3;
-
 /// How fast the load that bounds a wheel's friction follows the load, in a sweep. Friction of slipping wheels pushes ball
 /// and body sideways and so changes the loads of the others by more than itself: bounded by the load at once, it would
 /// swing from sweep to sweep, and farther each time.
-const BEARING: f64 = 0.33;
+const LOAD_FILTER: f64 = 0.33;
 
 /// Friction coefficients in this step.
 #[derive(Clone, Copy)]
@@ -38,11 +34,8 @@ pub struct JointFriction<L> {
 
 impl<L: Lane> JointFriction<L> {
     #[inline(always)]
-    pub fn load(c: &Constants, token: L::Token, memory: &Memory<L::Cell>) -> Self {
-        Self {
-            dry: L::load(token, &memory.joint_coulomb_friction) * c.sim_dt,
-            viscous: L::load(token, &memory.joint_viscous_friction) * c.sim_dt,
-        }
+    pub fn new(c: &Constants<L>) -> Self {
+        Self { dry: c.joint_dry_impulse, viscous: c.joint_viscous_impulse }
     }
 
     /// Whether any robot has any.
@@ -69,37 +62,38 @@ pub struct Delassus<L> {
     joint_joint: [[L; 3]; 3],
     normal_inverse: [L; 3],
     drive_inverse: [L; 3],
-    floor_diagonal: [f64; 3],
+    floor_diagonal: [L; 3],
+    floor_inverse: [L; 2],
 }
 
 impl<L: Lane> Delassus<L> {
     #[inline(always)]
-    pub fn new<const JOINTS: bool>(c: &Constants, rows: &Rows<L>) -> Self {
+    pub fn new<const JOINTS: bool>(c: &Constants<L>, rows: &Rows<L>) -> Self {
         let zero = rows.floor_gap.zero();
         let none = [[zero; 3]; 3];
         let one = zero.splat(1.0);
         let linear = c.body_mass_inverse + c.ball_mass_inverse;
-        let spin = c.wheel_turning;
+        let spin = c.wheel_surface_compliance;
 
         let (mut nn, mut nd, mut dd) = (none, none, none);
         for i in 0..3 {
-            let normal = rows.normal_arms[i].scaled_by(&c.body_inertia_inverse);
-            let drive = rows.drive_arms[i].scaled_by(&c.body_inertia_inverse);
+            let normal = rows.normal_arms[i].scaled_by(c.body_inertia_inverse);
+            let drive = rows.drive_arms[i].scaled_by(c.body_inertia_inverse);
             nn[i][i] = normal.dot(rows.normal_arms[i]) + linear;
             nd[i][i] = normal.dot(rows.drive_arms[i]);
             let own_spin = rows.spin_shares[i].squared() * spin;
-            dd[i][i] = drive.dot(rows.drive_arms[i]) + own_spin + (linear + c.ball_turning);
+            dd[i][i] = drive.dot(rows.drive_arms[i]) + own_spin + (linear + c.ball_surface_compliance);
             for j in 0..3 {
                 if j > i {
                     nn[i][j] =
-                        rows.normals[i].dot(rows.normals[j]).mul_add_all(linear, normal.dot(rows.normal_arms[j]));
+                        rows.normals[i].dot(rows.normals[j]).mul_add(linear, normal.dot(rows.normal_arms[j]));
                     nn[j][i] = nn[i][j];
-                    let moved = rows.drives[i].dot(rows.drives[j]).mul_add_all(linear, drive.dot(rows.drive_arms[j]));
-                    dd[i][j] = rows.turns[i].dot(rows.turns[j]).mul_add_all(c.ball_turning, moved);
+                    let moved = rows.drives[i].dot(rows.drives[j]).mul_add(linear, drive.dot(rows.drive_arms[j]));
+                    dd[i][j] = rows.turns[i].dot(rows.turns[j]).mul_add(c.ball_surface_compliance, moved);
                     dd[j][i] = dd[i][j];
                 }
                 if j != i {
-                    nd[i][j] = rows.normals[i].dot(rows.drives[j]).mul_add_all(linear, normal.dot(rows.drive_arms[j]));
+                    nd[i][j] = rows.normals[i].dot(rows.drives[j]).mul_add(linear, normal.dot(rows.drive_arms[j]));
                 }
             }
         }
@@ -112,25 +106,25 @@ impl<L: Lane> Delassus<L> {
             zn[1][i] = n.x * ball;
             zn[2][i] = n.y * ball;
             zd[0][i] = d.z * ball;
-            zd[1][i] = u.y.mul_add_all(c.ball_turning, d.x * ball);
-            zd[2][i] = u.x.mul_add_all(-c.ball_turning, d.y * ball);
+            zd[1][i] = u.y.mul_add(c.ball_surface_compliance, d.x * ball);
+            zd[2][i] = u.x.mul_add(-c.ball_surface_compliance, d.y * ball);
         }
 
         let (mut jn, mut jd, mut jj) = (none, none, none);
         if JOINTS {
             for i in 0..3 {
-                let u = Vec3::splat(zero, &c.u[i]).scaled_by(&c.body_inertia_inverse);
+                let u = c.u(i).scaled_by(c.body_inertia_inverse);
                 for j in 0..3 {
                     jn[i][j] = u.dot(rows.normal_arms[j]);
                     jd[i][j] = u.dot(rows.drive_arms[j]);
-                    jj[i][j] = u.dot(Vec3::splat(zero, &c.u[j]));
+                    jj[i][j] = u.dot(c.u(j));
                 }
-                jd[i][i] = rows.spin_shares[i].mul_add_all(c.wheel_radius / c.wheel_inertia, jd[i][i]);
-                jj[i][i] = jj[i][i] + c.wheel_inertia.recip();
+                jd[i][i] = rows.spin_shares[i].mul_add(c.wheel_rim_ratio, jd[i][i]);
+                jj[i][i] = jj[i][i] + c.wheel_inertia_inverse;
             }
         }
 
-        let tangent = c.ball_mass_inverse + c.ball_turning;
+        let tangent = c.ball_mass_inverse + c.ball_surface_compliance;
         Self {
             normal_inverse: [one / nn[0][0], one / nn[1][1], one / nn[2][2]],
             drive_inverse: [one / dd[0][0], one / dd[1][1], one / dd[2][2]],
@@ -143,6 +137,7 @@ impl<L: Lane> Delassus<L> {
             joint_drive: jd,
             joint_joint: jj,
             floor_diagonal: [c.ball_mass_inverse, tangent, tangent],
+            floor_inverse: [one / c.ball_mass_inverse, one / tangent],
         }
     }
 
@@ -167,7 +162,7 @@ impl<L: Lane> Delassus<L> {
 
     #[inline(always)]
     fn add_floor(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
-        r.floor[k] = impulse.mul_add_all(self.floor_diagonal[k], r.floor[k]);
+        r.floor[k] = impulse.mul_add(self.floor_diagonal[k], r.floor[k]);
         for j in 0..3 {
             r.normals[j] = self.floor_normal[k][j].mul_add(impulse, r.normals[j]);
             r.drives[j] = self.floor_drive[k][j].mul_add(impulse, r.drives[j]);
@@ -209,14 +204,13 @@ impl<L: Lane> Delassus<L> {
 
     /// Robots of which the wheels' impulses changed much from one sweep to the next.
     #[inline(always)]
-    pub fn unsettled(c: &Constants, old: &PerRow<L>, new: &PerRow<L>) -> L::Mask {
+    pub fn unsettled(c: &Constants<L>, old: &PerRow<L>, new: &PerRow<L>) -> L::Mask {
         let mut change = new.floor[0].zero();
         for k in 0..3 {
             let (normal, drive) = (new.normals[k] - old.normals[k], new.drives[k] - old.drives[k]);
             change = normal.mul_add(normal, drive.mul_add(drive, change));
         }
-        let limit = SETTLED * c.static_wheel_load * c.sim_dt;
-        change.splat(limit * limit).lt(change)
+        c.settled_squared.lt(change)
     }
 
     /// Improves the impulses of all rows once, each within what its contact can do, and keeps the residuals up to date.
@@ -225,7 +219,7 @@ impl<L: Lane> Delassus<L> {
         &self,
         friction: &Friction<L>,
         joint_friction: &JointFriction<L>,
-        bearing: &mut [L; 3],
+        normal_estimate: &mut [L; 3],
         impulses: &mut PerRow<L>,
         r: &mut PerRow<L>,
     ) {
@@ -237,9 +231,9 @@ impl<L: Lane> Delassus<L> {
             impulses.normals[k] = new;
             self.add_normal::<JOINTS>(k, change, r);
         }
-        for (k, bearing) in bearing.iter_mut().enumerate() {
-            *bearing = (impulses.normals[k] - *bearing).mul_add_all(BEARING, *bearing);
-            let limit = friction.wheels[k] * *bearing;
+        for (k, normal_estimate) in normal_estimate.iter_mut().enumerate() {
+            *normal_estimate = (impulses.normals[k] - *normal_estimate).mul_add_all(LOAD_FILTER, *normal_estimate);
+            let limit = friction.wheels[k] * *normal_estimate;
             let stick = r.drives[k].neg_mul_add(self.drive_inverse[k], impulses.drives[k]);
             let new = stick.min(limit).max(-limit);
             let change = new - impulses.drives[k];
@@ -264,14 +258,14 @@ impl<L: Lane> Delassus<L> {
     #[inline(always)]
     fn sweep_floor(&self, friction: L, impulses: &mut PerRow<L>, r: &mut PerRow<L>) {
         let zero = friction.zero();
-        let [normal, tangent, _] = self.floor_diagonal;
-        let new = r.floor[0].mul_add_all(-normal.recip(), impulses.floor[0]).max(zero);
+        let [normal, tangent] = self.floor_inverse;
+        let new = r.floor[0].mul_add(-normal, impulses.floor[0]).max(zero);
         let change = new - impulses.floor[0];
         impulses.floor[0] = new;
         self.add_floor(0, change, r);
 
-        let x = r.floor[1].mul_add_all(-tangent.recip(), impulses.floor[1]);
-        let y = r.floor[2].mul_add_all(-tangent.recip(), impulses.floor[2]);
+        let x = r.floor[1].mul_add(-tangent, impulses.floor[1]);
+        let y = r.floor[2].mul_add(-tangent, impulses.floor[2]);
         let [x, y] = in_disc([x, y], friction * new);
         let (dx, dy) = (x - impulses.floor[1], y - impulses.floor[2]);
         impulses.floor[1] = x;

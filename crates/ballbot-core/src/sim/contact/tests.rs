@@ -34,7 +34,7 @@ fn params() -> Params {
 }
 
 /// What a robot of its lane starts with; a calm one is not pushed, has no joint friction and does not fall.
-fn start(i: usize, calm: bool) -> Memory<f64> {
+fn start(i: usize, calm: bool) -> ContactState<f64> {
     let params = params();
     let mut robot = ContactMotion::new(&params, 1e-3);
     let angle = i as f64;
@@ -56,7 +56,7 @@ fn start(i: usize, calm: bool) -> Memory<f64> {
     robot.memory().clone()
 }
 
-fn push(memory: &mut Memory<f64>, impulse: f64) {
+fn push(memory: &mut ContactState<f64>, impulse: f64) {
     memory.push = [impulse, -0.5 * impulse, 0.2 * impulse, 0.1 * impulse, 0.0, 0.05 * impulse];
 }
 
@@ -74,7 +74,7 @@ fn torques(i: usize, step: usize) -> [f64; 3] {
 type Calm = [bool; EIGHT];
 
 /// What happens to a lane's robot before a step, besides its torques.
-fn event(i: usize, step: usize, calm: bool, memory: &mut Memory<f64>) {
+fn event(i: usize, step: usize, calm: bool, memory: &mut ContactState<f64>) {
     match (i, step) {
         _ if calm => (),
         (DIVERGING, 100) => push(memory, 1e200),
@@ -85,7 +85,7 @@ fn event(i: usize, step: usize, calm: bool, memory: &mut Memory<f64>) {
     }
 }
 
-fn alone(i: usize, calm: bool) -> Vec<Memory<f64>> {
+fn alone(i: usize, calm: bool) -> Vec<ContactState<f64>> {
     let constants = Constants::new(&params(), 1e-3);
     let mut memory = start(i, calm);
     let step = |k| {
@@ -97,9 +97,9 @@ fn alone(i: usize, calm: bool) -> Vec<Memory<f64>> {
 }
 
 #[inline(always)]
-fn side_by_side<S: Simd>(simd: S, calm: Calm) -> Vec<Memory<Eight>> {
+fn side_by_side<S: Simd>(simd: S, calm: Calm) -> Vec<ContactState<Eight>> {
     let constants = Constants::new(&params(), 1e-3);
-    let mut robots = Memory::<Eight>::default();
+    let mut robots = ContactState::<Eight>::default();
     for (i, &calm) in calm.iter().enumerate() {
         robots.set_lane(i, &start(i, calm));
     }
@@ -124,7 +124,7 @@ fn side_by_side<S: Simd>(simd: S, calm: Calm) -> Vec<Memory<Eight>> {
 }
 
 /// The run with every instruction set that this machine has.
-fn runs(calm: Calm) -> Vec<(&'static str, Vec<Memory<Eight>>)> {
+fn runs(calm: Calm) -> Vec<(&'static str, Vec<ContactState<Eight>>)> {
     let level = Level::new();
     let mut out = Vec::new();
     #[cfg(target_arch = "x86_64")]
@@ -145,12 +145,12 @@ fn runs(calm: Calm) -> Vec<(&'static str, Vec<Memory<Eight>>)> {
 }
 
 /// All its numbers, bit by bit.
-fn bits(memory: &Memory<f64>) -> Vec<u64> {
+fn bits(memory: &ContactState<f64>) -> Vec<u64> {
     crate::snapshot::encode(memory).chunks(8).map(|b| b.iter().fold(0, |bits, b| bits << 8 | u64::from(*b))).collect()
 }
 
 #[track_caller]
-fn assert_same(label: &str, found: &Memory<f64>, expected: &Memory<f64>) {
+fn assert_same(label: &str, found: &ContactState<f64>, expected: &ContactState<f64>) {
     assert!(bits(found) == bits(expected), "{label}:\n{found:?}\n{expected:?}");
 }
 
@@ -173,17 +173,17 @@ fn robots_in_lanes_are_robots_alone() {
 }
 
 /// That a run has in it what it is for.
-fn assert_eventful(expected: &[Vec<Memory<f64>>; EIGHT], falling: bool) {
+fn assert_eventful(expected: &[Vec<ContactState<f64>>; EIGHT], falling: bool) {
     assert_eq!(expected[FALLING][STEPS - 1].bot_on_floor > 0.0, falling);
     for (i, alone) in expected.iter().enumerate() {
         assert_eq!(alone[STEPS - 1].diverged, if i == DIVERGING { 1.0 } else { 0.0 }, "lane {i}");
     }
     // What diverges stays where it was.
     let [before, after] = [99, 100].map(|step| &expected[DIVERGING][step]);
-    assert_same("diverged", &Memory { steps: after.steps, diverged: 1.0, ..before.clone() }, after);
+    assert_same("diverged", &ContactState { steps: after.steps, diverged: 1.0, ..before.clone() }, after);
     assert!(expected[FRICTION][10].joint_impulses != [0.0; 3]);
     assert_eq!(expected[RESET][STEPS - 1].steps, 250.0);
-    let slip = |m: &Memory<f64>| Vector3::from(m.wheel_spins).amax();
+    let slip = |m: &ContactState<f64>| Vector3::from(m.wheel_spins).amax();
     assert!(slip(&expected[SLIPPING][STEPS - 1]) > 20.0, "nothing slips");
 }
 

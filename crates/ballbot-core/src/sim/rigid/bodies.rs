@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
-use crate::sim::outline::wheel_centers;
+use crate::sim::collision_shape::wheel_centers;
 use nalgebra::{Matrix3, Vector3};
 
 /// The body without its wheels, such that body and wheels together have the mass properties of the parameters.

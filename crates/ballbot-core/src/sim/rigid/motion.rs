@@ -8,9 +8,9 @@ use super::world::{Handles, World, integration_parameters, new_pipeline};
 use crate::energy::mechanical_energy;
 use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
-use crate::model::{JointDynamics, Model};
+use crate::model::{Model, same_geometry};
 use crate::params::Params;
-use crate::sim::outline::Outline;
+use crate::sim::collision_shape::CollisionShape;
 use crate::snapshot;
 use crate::state::{Contacts, State};
 use nalgebra::Vector3;
@@ -26,7 +26,7 @@ pub struct RigidMotion {
     pub(super) wheels: Omniwheels,
     /// CoM of the body without its wheels, in the body frame: the multibody's root.
     pub(super) root: Vector3<f64>,
-    pub(super) outline: Outline,
+    pub(super) collision_shape: CollisionShape,
     pub(super) template: World,
     pub(super) handles: Handles,
     pub(super) settings: IntegrationParameters,
@@ -39,7 +39,6 @@ pub struct RigidMotion {
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Memory {
     pub(super) steps: u64,
-    pub(super) joint_dynamics: JointDynamics,
     /// Between wheels and ball; the loads bound the drive friction of the next step.
     pub(super) wheel_forces: [Force; 3],
     pub(super) floor_force: [f64; 3],
@@ -50,8 +49,8 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    fn at_rest(joint_dynamics: JointDynamics, wheel_forces: [Force; 3]) -> Self {
-        Self { steps: 0, joint_dynamics, wheel_forces, floor_force: [0.0; 3], push: [0.0; 6], healthy: true }
+    fn at_rest(wheel_forces: [Force; 3]) -> Self {
+        Self { steps: 0, wheel_forces, floor_force: [0.0; 3], push: [0.0; 6], healthy: true }
     }
 }
 
@@ -63,10 +62,10 @@ impl RigidMotion {
     pub fn new(params: &Params, sim_dt: f64) -> Result<Self> {
         let wheels = Omniwheels::new(params);
         let (template, handles) = World::new(params, &wheels)?;
-        let memory = Memory::at_rest(JointDynamics::of(params), [Force::default(); 3]);
+        let memory = Memory::at_rest([Force::default(); 3]);
         let mut motion = Self {
             root: BodyLink::new(params, &wheels)?.com,
-            outline: Outline::new(params, &wheels),
+            collision_shape: CollisionShape::new(params, &wheels),
             wheels,
             world: template.clone(),
             template,
@@ -76,7 +75,7 @@ impl RigidMotion {
             memory,
             params: params.clone(),
         };
-        motion.reset(&State::upright(params))?;
+        motion.place(&State::upright(params));
         Ok(motion)
     }
 
@@ -120,16 +119,15 @@ impl RigidMotion {
         Vector3::new(velocity.x, velocity.y, 0.0)
     }
 
-    fn apply_joint_dynamics(&mut self) {
-        let dynamics = self.memory.joint_dynamics;
+    fn apply_joint_friction(&mut self) {
         let bot = self.world.multibody_joints.get_multibody_mut(self.handles.bot).expect("the bot is never removed");
         for (i, _) in self.handles.wheels.iter().enumerate() {
-            bot.damping_mut()[6 + i] = dynamics.viscous_friction;
-            bot.frictions_mut()[6 + i] = dynamics.coulomb_friction;
+            bot.damping_mut()[6 + i] = self.params.wheel_viscous_friction;
+            bot.frictions_mut()[6 + i] = self.params.wheel_coulomb_friction;
         }
     }
 
-    fn place(&mut self, state: &State) {
+    fn set_motion(&mut self, state: &State) {
         let world = &mut self.world;
         let ball = &mut world.bodies[self.handles.ball];
         ball.set_position(
@@ -178,18 +176,33 @@ impl Model for RigidMotion {
         self.settings.dt
     }
 
-    fn reset(&mut self, state: &State) -> Result<()> {
-        self.accepts(state)?;
-        self.world = self.template.clone();
-        self.pipeline = new_pipeline();
-        self.place(state);
-        self.memory = Memory::at_rest(self.memory.joint_dynamics, self.first_forces());
-        self.apply_joint_dynamics();
+    fn set_params(&mut self, params: &Params) -> Result<()> {
+        if same_bodies(&self.params, params) {
+            self.params = params.clone();
+        } else {
+            let mut robot = Self::new(params, self.settings.dt)?;
+            if same_geometry(&self.params, params) {
+                robot.set_motion(&self.state());
+                robot.memory = self.memory;
+            }
+            *self = robot;
+        }
+        self.apply_joint_friction();
         Ok(())
     }
 
-    fn step(&mut self, wheel_torques: &[f64; 3]) {
-        self.advance(wheel_torques);
+    fn place(&mut self, state: &State) {
+        self.world = self.template.clone();
+        self.pipeline = new_pipeline();
+        self.set_motion(state);
+        self.memory = Memory::at_rest(self.first_forces());
+        self.apply_joint_friction();
+    }
+
+    fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
+        for _ in 0..steps {
+            self.step(wheel_torques);
+        }
     }
 
     fn time(&self) -> f64 {
@@ -202,7 +215,7 @@ impl Model for RigidMotion {
 
     fn accepts(&self, state: &State) -> Result<()> {
         state.validate()?;
-        self.outline.require_above_floor(state)
+        self.collision_shape.require_above_floor(state)
     }
 
     fn state(&self) -> State {
@@ -266,22 +279,13 @@ impl Model for RigidMotion {
         self.memory.wheel_forces.iter_mut().for_each(|force| force.steady = false);
     }
 
-    fn joint_dynamics(&self) -> JointDynamics {
-        self.memory.joint_dynamics
-    }
-
-    fn set_joint_dynamics(&mut self, dynamics: JointDynamics) {
-        self.memory.joint_dynamics = dynamics;
-        self.apply_joint_dynamics();
-    }
-
     fn save(&self) -> Vec<u8> {
-        snapshot::encode(&(&self.memory, &self.world))
+        snapshot::pack(&(&self.memory, &self.world))
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
         let refused = |reason: String| Error::Decode { what: "snapshot of a rigid world".into(), reason };
-        let (memory, world): (Memory, World) = snapshot::decode("snapshot of a rigid world", bytes)?;
+        let (memory, world): (Memory, World) = snapshot::unpack("snapshot of a rigid world", bytes)?;
         if !world.holds(&self.handles) {
             return Err(refused("it lacks a part of the robot".into()));
         }
@@ -290,4 +294,20 @@ impl Model for RigidMotion {
         self.pipeline = new_pipeline();
         Ok(())
     }
+}
+
+/// Whether two robots are the same to rapier: only values that are read at every step, or set with the joint friction,
+/// differ.
+fn same_bodies(a: &Params, b: &Params) -> bool {
+    let read_each_step = Params {
+        gravity: b.gravity,
+        ball_viscous_friction: b.ball_viscous_friction,
+        max_wheel_torque: b.max_wheel_torque,
+        wheel_viscous_friction: b.wheel_viscous_friction,
+        wheel_coulomb_friction: b.wheel_coulomb_friction,
+        wheel_static_friction: b.wheel_static_friction,
+        wheel_dynamic_friction: b.wheel_dynamic_friction,
+        ..a.clone()
+    };
+    read_each_step == *b
 }

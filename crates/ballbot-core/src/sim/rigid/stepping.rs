@@ -19,7 +19,7 @@ const SETTLED: [usize; 2] = [3, 0];
 const UNSETTLED: [usize; 2] = [8, 1];
 
 impl RigidMotion {
-    pub(super) fn advance(&mut self, wheel_torques: &[f64; 3]) {
+    pub(super) fn step(&mut self, wheel_torques: &[f64; 3]) {
         let contacts = [0, 1, 2].map(|i| self.contact(i));
         let starts = [0, 1, 2].map(|i| self.anchor(i, &contacts[i]));
         self.world.set_bot_colliders(&self.handles, !self.clear());
@@ -68,9 +68,9 @@ impl RigidMotion {
         let attitude = rotation_from_rapier(pose.rotation);
         let position = from_rapier(pose.translation) - attitude * self.root;
         let (velocity, rate) = self.root_velocity();
-        let reach = self.outline.body.top + self.outline.body.radius;
+        let reach = self.collision_shape.body.top + self.collision_shape.body.radius;
         let fastest = velocity.norm() + rate.norm() * reach;
-        self.outline.lowest_point(&position, &attitude).1 > CLEAR + 2.0 * fastest * self.settings.dt
+        self.collision_shape.lowest_point(&position, &attitude).1 > CLEAR + 2.0 * fastest * self.settings.dt
     }
 
     fn set_floor_friction(&mut self) {

@@ -6,7 +6,7 @@ use super::rows;
 use crate::error::Result;
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
-use crate::sim::outline::{BodyShape, wheel_centers};
+use crate::sim::collision_shape::{BodyShape, wheel_centers};
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};

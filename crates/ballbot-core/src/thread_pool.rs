@@ -7,12 +7,12 @@ use std::sync::Arc;
 /// Threads that are made when they are first needed. A forked child has none of its parent's threads, so a pool serves
 /// only the process that made it.
 #[derive(Default)]
-pub struct Workers {
+pub struct WorkerThreads {
     count: usize,
     pool: Option<(u32, Arc<ThreadPool>)>,
 }
 
-impl Workers {
+impl WorkerThreads {
     /// `count` threads, of which there are none yet.
     pub fn new(count: usize) -> Self {
         Self { count, pool: None }
@@ -38,7 +38,7 @@ impl Workers {
     /// The threads, to be shared without keeping hold of `self`; none if there are to be none.
     ///
     /// # Errors
-    /// As [`Workers::share`].
+    /// As [`WorkerThreads::share`].
     pub fn pool(&mut self) -> Result<Option<Arc<ThreadPool>>> {
         if self.count == 0 {
             return Ok(None);

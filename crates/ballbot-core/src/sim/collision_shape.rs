@@ -39,13 +39,13 @@ impl BodyShape {
 }
 
 /// What of the bot can meet the floor.
-pub struct Outline {
+pub struct CollisionShape {
     pub body: BodyShape,
     wheel_centers: [Vector3<f64>; 3],
     wheel_radius: f64,
 }
 
-impl Outline {
+impl CollisionShape {
     pub fn new(params: &Params, wheels: &Omniwheels) -> Self {
         Self {
             body: BodyShape::new(params),

@@ -4,8 +4,8 @@
 //! over these contacts, on the velocities themselves, in turns with the rows' sweeps.
 
 use super::constants::Constants;
-use super::memory::{Memory, Torques};
-use super::quantities::{PerRow, Velocities};
+use super::state::{ContactState, Torques};
+use super::types::{PerRow, Velocities};
 use super::rows::{Rows, allowance};
 use super::solve::{Delassus, Friction, JointFriction, in_disc};
 use super::step::{self, Start};
@@ -25,52 +25,51 @@ const OUT_OF_PLACE: f64 = 0.02;
 
 /// Robots that need the contacts of this module in this step.
 #[inline(always)]
-pub fn near<L: Lane>(c: &Constants, start: &Start<L>, token: L::Token, push: &[L::Cell; 6]) -> L::Mask {
+pub fn near<L: Lane>(c: &Constants<L>, start: &Start<L>, token: L::Token, push: &[L::Cell; 6]) -> L::Mask {
     let (pose, v) = (&start.pose, &start.velocities);
     let zero = pose.ball.x.zero();
     let up = start.rotation.rows[2];
-    let [a, b, d] = &c.wheel_centers;
-    let wheels = (up.dot(Vec3::splat(zero, a))).min(up.dot(Vec3::splat(zero, b))).min(up.dot(Vec3::splat(zero, d)));
+    let wheels = (up.dot(c.wheel_center(0))).min(up.dot(c.wheel_center(1))).min(up.dot(c.wheel_center(2)));
     let rim = up.z.neg_mul_add(up.z, zero.splat(1.0)).max(zero).sqrt() * c.body_radius;
     let cylinder = (up.z * c.body_bottom).min(up.z * c.body_top) - rim;
     let lowest = pose.body.z + (wheels - c.wheel_radius).min(cylinder);
     let (speed, rate) = (v.body, v.body_rate);
-    let [fx, fy, fz, tx, ty, tz] = push;
-    let force = Vec3::<L>::load_parts(token, [fx, fy, fz]);
-    let turning = Vec3::<L>::load_parts(token, [tx, ty, tz]);
-    let pushed = (force.x.abs() + force.y.abs() + force.z.abs()) * c.body_mass_inverse;
-    let lightest = c.body_inertia_inverse.iter().copied().fold(0.0, f64::max);
-    let turned = (turning.x.abs() + turning.y.abs() + turning.z.abs()) * (lightest * c.reach);
-    let fastest = (rate.x.abs() + rate.y.abs() + rate.z.abs())
-        .mul_add_all(c.reach, speed.x.abs() + speed.y.abs() + speed.z.abs());
+    let [px, py, pz, ax, ay, az] = push;
+    let impulse = Vec3::<L>::load_parts(token, [px, py, pz]);
+    let angular_impulse = Vec3::<L>::load_parts(token, [ax, ay, az]);
+    let pushed = (impulse.x.abs() + impulse.y.abs() + impulse.z.abs()) * c.body_mass_inverse;
+    let turned =
+        (angular_impulse.x.abs() + angular_impulse.y.abs() + angular_impulse.z.abs()) * c.reach_inverse_inertia;
+    let fastest =
+        (rate.x.abs() + rate.y.abs() + rate.z.abs()).mul_add(c.reach, speed.x.abs() + speed.y.abs() + speed.z.abs());
     let fastest = fastest + (pushed + turned);
-    let offset = start.rows.ball_in_body + Vec3::splat(zero, &[0.0, 0.0, c.com_height]);
-    let limit = OUT_OF_PLACE * c.ball_radius;
-    lowest.lt(fastest.mul_add_all(c.sim_dt, zero.splat(NEAR))) | zero.splat(limit * limit).lt(offset.norm_squared())
+    let offset = start.rows.ball_in_body + Vec3::new(zero, zero, c.com_height);
+    let limit = c.ball_radius * OUT_OF_PLACE;
+    lowest.lt(fastest.mul_add(c.sim_dt, zero.splat(NEAR))) | limit.squared().lt(offset.norm_squared())
 }
 
 /// One step of a robot that [`near`] has named.
 #[inline(always)]
-pub fn step(c: &Constants, memory: &mut Memory<f64>, torques: &Torques<f64>) {
-    let start = Start::new(c, Scalar, memory);
-    let free = step::free_velocities(c, Scalar, memory, &start, torques);
-    let mut fallen = Fallen {
+pub fn step(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torques<f64>) {
+    let start = Start::new(c, Scalar, state);
+    let free = step::free_velocities(c, Scalar, state, &start, torques);
+    let mut contacts = Contacts {
         c,
         rows: &start.rows,
         delassus: Delassus::new::<true>(c, &start.rows),
         friction: step::friction(c, &start.rows, &start.velocities),
-        joint_friction: JointFriction::load(c, Scalar, memory),
-        impulses: memory.impulses(Scalar),
+        joint_friction: JointFriction::new(c),
+        impulses: state.impulses(Scalar),
         free,
     };
-    let on_floor = fallen.solve(&mut points(c, &start), &mut BallOnBody::new(c, &start));
+    let on_floor = contacts.solve(&mut points(c, &start), &mut BallOnBody::new(c, &start));
     let on_floor = if on_floor { 1.0 } else { 0.0 };
-    step::finish::<f64, true>(c, Scalar, memory, &start, (fallen.free, fallen.impulses), on_floor);
+    step::finish::<f64, true>(c, Scalar, state, &start, (contacts.free, contacts.impulses), on_floor);
 }
 
 /// A robot's rows, and its velocities without their impulses but with those of the contacts of this module.
-struct Fallen<'a> {
-    c: &'a Constants,
+struct Contacts<'a> {
+    c: &'a Constants<f64>,
     rows: &'a Rows<f64>,
     delassus: Delassus<f64>,
     friction: Friction<f64>,
@@ -79,12 +78,12 @@ struct Fallen<'a> {
     free: Velocities<f64>,
 }
 
-impl Fallen<'_> {
+impl Contacts<'_> {
     /// Impulses of these contacts and of the rows, in turns; whether the bot touches the floor.
     #[inline(always)]
     fn solve(&mut self, points: &mut [Point; POINTS], ball: &mut BallOnBody) -> bool {
         let c = self.c;
-        let mut bearing = self.impulses.normals;
+        let mut normal_estimate = self.impulses.normals;
         for _ in 0..SWEEPS {
             let mut now = self.free;
             self.rows.apply::<true>(c, &self.impulses, &mut now);
@@ -96,7 +95,7 @@ impl Fallen<'_> {
             self.delassus.sweep::<true>(
                 &self.friction,
                 &self.joint_friction,
-                &mut bearing,
+                &mut normal_estimate,
                 &mut self.impulses,
                 &mut residuals,
             );
@@ -120,54 +119,49 @@ struct Row {
 
 impl Row {
     #[inline(always)]
-    fn new(c: &Constants, direction: Vec3<f64>, arm: Vec3<f64>, spin: Option<(usize, f64)>) -> Self {
-        let turning = arm.scaled_by(&c.body_inertia_inverse).dot(arm);
-        let spinning = spin.map_or(0.0, |(_, share)| share * share / c.wheel_inertia);
-        Self { direction, arm, spin, inverse: 1.0 / (c.body_mass_inverse + turning + spinning) }
+    fn new(c: &Constants<f64>, direction: Vec3<f64>, arm: Vec3<f64>, spin: Option<(usize, f64)>) -> Self {
+        let angular = arm.scaled_by(c.body_inertia_inverse).dot(arm);
+        let spin_part = spin.map_or(0.0, |(_, share)| share * share / c.wheel_inertia);
+        Self { direction, arm, spin, inverse: 1.0 / (c.body_mass_inverse + angular + spin_part) }
     }
 
     /// Of a point fixed to the body, along an inertial axis.
     #[inline(always)]
-    fn of_body(c: &Constants, rotation: &Rotation<f64>, arm: Vec3<f64>, axis: usize) -> Self {
+    fn of_body(c: &Constants<f64>, rotation: &Rotation<f64>, arm: Vec3<f64>, axis: usize) -> Self {
         Self::new(c, unit(axis), arm.cross(rotation.rows[axis]), None)
     }
 
     /// Of the lowest point of wheel `i`, which turns about its axle with its own spin, not the body's.
     #[inline(always)]
-    fn of_wheel(c: &Constants, rotation: &Rotation<f64>, i: usize, axis: usize) -> Self {
-        let u = Vec3::splat(0.0, &c.u[i]);
+    fn of_wheel(c: &Constants<f64>, rotation: &Rotation<f64>, i: usize, axis: usize) -> Self {
+        let u = c.u(i);
         let across = rotation.rows[2].cross(rotation.rows[axis]);
         let along = across.dot(u);
-        let arm = vector(&c.wheel_centers[i]).cross(rotation.rows[axis]) - (across - u * along) * c.wheel_radius;
+        let arm = c.wheel_center(i).cross(rotation.rows[axis]) - (across - u * along) * c.wheel_radius;
         Self::new(c, unit(axis), arm, Some((i, along * c.wheel_radius)))
     }
 
     /// What a unit impulse of another row of the same point, across it, does to this one.
     #[inline(always)]
-    fn coupling(&self, c: &Constants, other: &Self) -> f64 {
-        let spinning = self.spin.zip(other.spin).map_or(0.0, |((_, a), (_, b))| a * b / c.wheel_inertia);
-        self.arm.scaled_by(&c.body_inertia_inverse).dot(other.arm) + spinning
+    fn coupling(&self, c: &Constants<f64>, other: &Self) -> f64 {
+        let spin_part = self.spin.zip(other.spin).map_or(0.0, |((_, a), (_, b))| a * b / c.wheel_inertia);
+        self.arm.scaled_by(c.body_inertia_inverse).dot(other.arm) + spin_part
     }
 
     #[inline(always)]
     fn speed(&self, v: &Velocities<f64>) -> f64 {
-        let spinning = self.spin.map_or(0.0, |(i, share)| share * v.spins[i]);
-        self.direction.dot(v.body) + self.arm.dot(v.body_rate) + spinning
+        let spin_part = self.spin.map_or(0.0, |(i, share)| share * v.spins[i]);
+        self.direction.dot(v.body) + self.arm.dot(v.body_rate) + spin_part
     }
 
     #[inline(always)]
-    fn push(&self, c: &Constants, impulse: f64, v: &mut Velocities<f64>) {
+    fn push(&self, c: &Constants<f64>, impulse: f64, v: &mut Velocities<f64>) {
         v.body = v.body.plus(self.direction, impulse * c.body_mass_inverse);
-        v.body_rate += self.arm.scaled_by(&c.body_inertia_inverse) * impulse;
+        v.body_rate += self.arm.scaled_by(c.body_inertia_inverse) * impulse;
         if let Some((i, share)) = self.spin {
             v.spins[i] += share * impulse / c.wheel_inertia;
         }
     }
-}
-
-#[inline(always)]
-fn vector(values: &[f64; 3]) -> Vec3<f64> {
-    Vec3::splat(0.0, values)
 }
 
 /// The inertial axis 0 x, 1 y or 2 z.
@@ -175,7 +169,7 @@ fn vector(values: &[f64; 3]) -> Vec3<f64> {
 fn unit(axis: usize) -> Vec3<f64> {
     let mut values = [0.0; 3];
     values[axis] = 1.0;
-    vector(&values)
+    values.into()
 }
 
 /// A point of the bot over the floor.
@@ -192,11 +186,11 @@ struct Point {
 const AXES: [usize; 3] = [2, 0, 1];
 
 #[inline(always)]
-fn points(c: &Constants, start: &Start<f64>) -> [Point; POINTS] {
+fn points(c: &Constants<f64>, start: &Start<f64>) -> [Point; POINTS] {
     let rotation = &start.rotation;
     let height = |arm: Vec3<f64>| start.pose.body.z + rotation.rows[2].dot(arm);
     let wheel = |i: usize| {
-        let gap = height(vector(&c.wheel_centers[i])) - c.wheel_radius;
+        let gap = height(c.wheel_center(i)) - c.wheel_radius;
         Point::new(c, gap, AXES.map(|axis| Row::of_wheel(c, rotation, i, axis)))
     };
     let lowest = lowest_direction(rotation);
@@ -221,7 +215,7 @@ fn lowest_direction(rotation: &Rotation<f64>) -> f64 {
 
 impl Point {
     #[inline(always)]
-    fn new(c: &Constants, gap: f64, rows: [Row; 3]) -> Self {
+    fn new(c: &Constants<f64>, gap: f64, rows: [Row; 3]) -> Self {
         let [_, x, y] = &rows;
         // The larger eigenvalue of the pair's matrix: one number for both axes, or friction would not oppose the slip.
         let (xx, yy, xy) = (1.0 / x.inverse, 1.0 / y.inverse, x.coupling(c, y));
@@ -231,7 +225,7 @@ impl Point {
 
     /// Improves the impulses of this point and changes both sets of velocities by them.
     #[inline(always)]
-    fn sweep(&mut self, c: &Constants, friction: f64, velocities: [&mut Velocities<f64>; 2]) {
+    fn sweep(&mut self, c: &Constants<f64>, friction: f64, velocities: [&mut Velocities<f64>; 2]) {
         let [now, free] = velocities;
         let [normal, x, y] = &self.rows;
         let approach = normal.speed(now) + allowance(c, self.gap);
@@ -265,7 +259,7 @@ struct BallOnBody {
 
 impl BallOnBody {
     #[inline(always)]
-    fn new(c: &Constants, start: &Start<f64>) -> Self {
+    fn new(c: &Constants<f64>, start: &Start<f64>) -> Self {
         let ball = start.rows.ball_in_body;
         let radial = ball.x.hypot(ball.y);
         let share = if radial > c.body_radius { c.body_radius / radial } else { 1.0 };
@@ -275,18 +269,18 @@ impl BallOnBody {
         // A centre inside the cylinder leaves by its lower end, where it came from.
         let normal = if distance > 0.0 { offset * distance.recip() } else { -unit(2) };
         let arm = normal.cross(nearest);
-        let turning = arm.scaled_by(&c.body_inertia_inverse).dot(arm);
+        let angular = arm.scaled_by(c.body_inertia_inverse).dot(arm);
         Self {
             gap: distance - c.ball_radius,
             normal: start.rotation.apply(normal),
             arm,
-            inverse: 1.0 / (turning + c.body_mass_inverse + c.ball_mass_inverse),
+            inverse: 1.0 / (angular + c.body_mass_inverse + c.ball_mass_inverse),
             impulse: 0.0,
         }
     }
 
     #[inline(always)]
-    fn sweep(&mut self, c: &Constants, velocities: [&mut Velocities<f64>; 2]) {
+    fn sweep(&mut self, c: &Constants<f64>, velocities: [&mut Velocities<f64>; 2]) {
         let [now, free] = velocities;
         let opening = self.normal.dot(now.ball - now.body) + self.arm.dot(now.body_rate);
         let pressed = (self.impulse - (opening + allowance(c, self.gap)) * self.inverse).max(0.0);
@@ -294,7 +288,7 @@ impl BallOnBody {
         for v in [now, free] {
             v.ball = v.ball.plus(self.normal, change * c.ball_mass_inverse);
             v.body = v.body.plus(self.normal, -change * c.body_mass_inverse);
-            v.body_rate += self.arm.scaled_by(&c.body_inertia_inverse) * change;
+            v.body_rate += self.arm.scaled_by(c.body_inertia_inverse) * change;
         }
         self.impulse = pressed;
     }

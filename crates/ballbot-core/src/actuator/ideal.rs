@@ -1,0 +1,21 @@
+//! The ideal torque source.
+
+use super::Actuator;
+use crate::lanes::{Lane, Memory};
+
+/// A motor that gives the commanded share of its largest torque, at once and at any speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ideal {
+    /// Torque of a command of 1, N·m.
+    pub max_torque: f64,
+}
+
+impl Actuator for Ideal {
+    const HELD: bool = true;
+    const MEMORY: usize = 0;
+
+    #[inline(always)]
+    fn torques<L: Lane>(&self, [a, b, c]: [L; 3], _: [L; 3], _: &mut Memory<'_, L>) -> [L; 3] {
+        [a * self.max_torque, b * self.max_torque, c * self.max_torque]
+    }
+}

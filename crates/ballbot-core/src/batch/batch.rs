@@ -1,0 +1,507 @@
+//! Many environments in step.
+
+use super::autoreset::Autoreset;
+use super::buffers::StepBuffers;
+use super::chunk::{Chunk, Environments};
+use super::config::EnvConfig;
+use super::robots::Single;
+use super::task_step::TaskStep;
+use crate::actuator::{Actuator, Ideal};
+use crate::error::{Error, Result};
+use crate::lanes::EIGHT;
+use crate::params::Params;
+use crate::robot::{Ballbot, ModelKind};
+use crate::sensor::{Exact, Sensor};
+use crate::sim::contact::ContactLanes;
+use crate::state::{Contacts, State};
+use crate::task::{ACTION_LEN, Task, TaskDescription};
+use crate::thread_pool::{WorkerThreads, thread_count};
+use nalgebra::Vector3;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What [`Batch::reset_with`] does; each slice has one element an environment.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ResetRequest<'a> {
+    /// Which environments to reset; all without one.
+    pub mask: Option<&'a [bool]>,
+    /// Seeds to start the random numbers from; `None` leaves them as they are.
+    pub seeds: Option<&'a [Option<u64>]>,
+    /// States to begin with; `None` draws one.
+    pub starts: Option<&'a [Option<State>]>,
+}
+
+/// Environments of one task that are stepped together, on as many threads as asked.
+///
+/// Environment i is seeded with `seed + i`. Results do not depend on the number of threads.
+pub struct Batch {
+    description: TaskDescription,
+    model: ModelKind,
+    sim_dt: f64,
+    control_dt: f64,
+    substeps: usize,
+    max_episode_steps: usize,
+    max_wheel_torque: f64,
+    scaled: bool,
+    len: usize,
+    /// Environments in order, `width` to a chunk; the last may have fewer.
+    pub(super) chunks: Vec<Box<dyn Chunk>>,
+    pub(super) width: usize,
+    pub(super) autoreset: Autoreset,
+    /// Threads of a step, the caller's among them.
+    threads: usize,
+    /// Worker threads.
+    pub(super) helpers: WorkerThreads,
+}
+
+/// Minimum work for each worker thread, s.
+const WORK_PER_THREAD: f64 = 50e-6;
+
+/// Into how many pieces a step is cut for each thread, to even out the cost of falling robots and busy processors.
+const PIECES_PER_THREAD: usize = 8;
+
+impl Batch {
+    /// `num_envs` environments on up to `num_threads` threads: as many as there are cores if `None`, never more than there
+    /// are environments (eights of them in the contact model), and fewer where waking one would not pay.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for zero environments or threads; what [`EnvConfig::validate`] and [`Ballbot::new`] find.
+    pub fn new<T: Task>(
+        config: &EnvConfig<T>,
+        num_envs: usize,
+        autoreset: Autoreset,
+        num_threads: Option<usize>,
+        seed: u64,
+    ) -> Result<Self> {
+        let actuator = Ideal { max_torque: config.action_torque() };
+        Self::with_stages(config, &actuator, &Exact, num_envs, autoreset, num_threads, seed)
+    }
+
+    /// [`Batch::new`] with stages of one's own between action and torque, and between state and observation.
+    ///
+    /// # Errors
+    /// As [`Batch::new`].
+    pub fn with_stages<T: Task, A: Actuator, S: Sensor>(
+        config: &EnvConfig<T>,
+        actuator: &A,
+        sensor: &S,
+        num_envs: usize,
+        autoreset: Autoreset,
+        num_threads: Option<usize>,
+        seed: u64,
+    ) -> Result<Self> {
+        if num_envs == 0 {
+            return Err(Error::Inconsistent("num_envs = 0, it must be at least 1".into()));
+        }
+        config.validate()?;
+        let threads = thread_count(num_threads)?;
+        let config = Arc::new(config.clone());
+        let description = TaskDescription::of::<T>();
+        let step = Arc::new(TaskStep::new::<A>(
+            &config.task,
+            sensor.clone(),
+            &description,
+            &config.reward,
+            config.scale_observations,
+            config.control_dt,
+        ));
+        let params = Arc::new(config.params.clone());
+        let width = if config.model == ModelKind::Contact { EIGHT } else { 1 };
+        let chunk = |first: usize| -> Result<Box<dyn Chunk>> {
+            let seed = seed.wrapping_add(first as u64);
+            let used = (num_envs - first).min(width);
+            Ok(match config.model {
+                ModelKind::Contact => {
+                    let robots = ContactLanes::new(&params, config.sim_dt);
+                    Box::new(Environments::new(&config, &step, actuator.clone(), robots, used, seed)?)
+                }
+                model => {
+                    let robot = Single::new(Ballbot::new(&params, model, config.sim_dt)?);
+                    Box::new(Environments::new(&config, &step, actuator.clone(), robot, used, seed)?)
+                }
+            })
+        };
+        let chunks = (0..num_envs).step_by(width).map(chunk).collect::<Result<Vec<_>>>()?;
+        let threads = threads.min(chunks.len());
+        let substeps = config.substeps()?;
+        let seconds = (num_envs * substeps) as f64 * config.model.step_seconds();
+        let helpers = (threads - 1).min((seconds / WORK_PER_THREAD) as usize);
+        Ok(Self {
+            description,
+            model: config.model,
+            sim_dt: config.sim_dt,
+            control_dt: config.control_dt,
+            substeps,
+            max_episode_steps: config.max_episode_steps,
+            max_wheel_torque: config.action_torque(),
+            scaled: config.scale_observations,
+            len: num_envs,
+            chunks,
+            width,
+            autoreset,
+            threads,
+            helpers: WorkerThreads::new(helpers),
+        })
+    }
+
+    /// Number of environments.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Always false: a batch has at least one environment.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Number of threads that step them.
+    pub fn num_threads(&self) -> usize {
+        self.threads
+    }
+
+    /// What happens when an episode ends.
+    pub fn autoreset(&self) -> Autoreset {
+        self.autoreset
+    }
+
+    /// The task.
+    pub fn task(&self) -> &TaskDescription {
+        &self.description
+    }
+
+    /// How many numbers an observation has.
+    pub fn observation_len(&self) -> usize {
+        self.description.rows.len()
+    }
+
+    /// Whether observations are scaled.
+    pub fn scale_observations(&self) -> bool {
+        self.scaled
+    }
+
+    /// Model of the robots.
+    pub fn model(&self) -> ModelKind {
+        self.model
+    }
+
+    /// Time step of the model, s.
+    pub fn sim_dt(&self) -> f64 {
+        self.sim_dt
+    }
+
+    /// Time between two actions, s.
+    pub fn control_dt(&self) -> f64 {
+        self.control_dt
+    }
+
+    /// Model steps in one control step.
+    pub fn substeps(&self) -> usize {
+        self.substeps
+    }
+
+    /// Steps after which an episode is truncated.
+    pub fn max_episode_steps(&self) -> usize {
+        self.max_episode_steps
+    }
+
+    /// Torque of an action of 1, N·m.
+    pub fn max_wheel_torque(&self) -> f64 {
+        self.max_wheel_torque
+    }
+
+    /// State of the robot of one environment.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] if there is no such environment.
+    pub fn state(&self, index: usize) -> Result<State> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].state(i))
+    }
+
+    /// States of all robots, in order.
+    pub fn states(&self) -> impl Iterator<Item = State> {
+        self.places().map(|(chunk, i)| self.chunks[chunk].state(i))
+    }
+
+    /// Contact forces of the last model step of one robot.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn contacts(&self, index: usize) -> Result<Contacts> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].contacts(i))
+    }
+
+    /// Parameters of one robot.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn params(&self, index: usize) -> Result<&Params> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].params(i))
+    }
+
+    /// Replaces the parameters of one robot; they outlive resets. If the geometry (radii, wheel angles, height of the CoM)
+    /// is the same, its motion goes on; otherwise the environment must be reset before its next step.
+    ///
+    /// # Errors
+    /// As [`Batch::state`]; those of [`Params::validate`]; [`Error::OutOfRange`] or [`Error::Inconsistent`] if the task or
+    /// its actions do not fit the robot. The robot is then left as it was.
+    pub fn set_params(&mut self, index: usize, params: &Params) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        self.chunks[chunk].set_params(i, params)
+    }
+
+    /// Last observation of one environment.
+    ///
+    /// # Errors
+    /// As [`Batch::state`]; [`Error::Length`] unless `out` has [`Batch::observation_len`] elements.
+    pub fn observation(&self, index: usize, out: &mut [f32]) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        self.expect_len("observation", out.len(), self.observation_len())?;
+        self.chunks[chunk].observation(i, out);
+        Ok(())
+    }
+
+    /// Terms of the last reward of one environment, in the order of [`TaskDescription::terms`].
+    ///
+    /// # Errors
+    /// As [`Batch::state`]; [`Error::Length`] unless `out` has one element a term.
+    pub fn reward_terms(&self, index: usize, out: &mut [f64]) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        self.expect_len("reward terms", out.len(), self.description.terms.len())?;
+        self.chunks[chunk].reward_terms(i, out);
+        Ok(())
+    }
+
+    /// Gives the body of one robot an impulse; see [`Ballbot::push`].
+    ///
+    /// # Errors
+    /// As [`Batch::state`] and [`Ballbot::push`].
+    pub fn push(&mut self, index: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        self.chunks[chunk].push(i, impulse, point)
+    }
+
+    /// Everything that the future of one environment depends on, as bytes for [`Batch::load`].
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn save(&self, index: usize) -> Result<Vec<u8>> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].save(i))
+    }
+
+    /// Continues one environment from bytes of [`Batch::save`] of an environment with the same task, model and time step;
+    /// its robot's parameters are part of them.
+    ///
+    /// # Errors
+    /// As [`Batch::state`]; [`Error::Decode`] if the bytes are not that.
+    pub fn load(&mut self, index: usize, bytes: &[u8]) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        self.chunks[chunk].load(i, bytes)
+    }
+
+    /// The chunk of an environment, and its place there.
+    fn locate(&self, index: usize) -> Result<(usize, usize)> {
+        self.check_index(index)?;
+        Ok((index / self.width, index % self.width))
+    }
+
+    /// Checks that there is an environment `index`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] if there is none.
+    pub fn check_index(&self, index: usize) -> Result<()> {
+        if index < self.len {
+            return Ok(());
+        }
+        Err(Error::OutOfRange {
+            name: "environment index".into(),
+            value: index as f64,
+            limit: format!("below num_envs = {}", self.len),
+        })
+    }
+
+    /// All environments: their chunks and places.
+    fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let width = self.width;
+        (0..self.len).map(move |index| (index / width, index % width))
+    }
+
+    /// Seeds the environments, one number each; `None` leaves one as it is.
+    ///
+    /// # Errors
+    /// [`Error::Length`] unless there is one entry for each environment.
+    pub fn seed(&mut self, seeds: &[Option<u64>]) -> Result<()> {
+        self.expect_len("seeds", seeds.len(), self.len())?;
+        for ((chunk, i), seed) in self.places().zip(seeds) {
+            if let Some(seed) = seed {
+                self.chunks[chunk].seed(i, *seed);
+            }
+        }
+        Ok(())
+    }
+
+    /// Resets the environments whose `mask` is set (all without one) and writes the observations of all.
+    ///
+    /// # Errors
+    /// [`Error::Length`] for buffers of the wrong length.
+    pub fn reset(&mut self, mask: Option<&[bool]>, observations: &mut [f32]) -> Result<()> {
+        self.reset_with(&ResetRequest { mask, ..ResetRequest::default() }, observations)
+    }
+
+    /// Seeds environments, resets them from given states or from ones drawn at random, and writes the observations of
+    /// all. An environment that starts from a given state draws no random numbers.
+    ///
+    /// # Errors
+    /// [`Error::Length`] for anything of the wrong length, [`Error::Inconsistent`] for the start of an environment that
+    /// the mask leaves alone, and what [`crate::Ballbot::reset`] finds in a start. Nothing has changed then.
+    pub fn reset_with(&mut self, request: &ResetRequest<'_>, observations: &mut [f32]) -> Result<()> {
+        let n = self.len();
+        self.expect_len("observations", observations.len(), n * self.observation_len())?;
+        let masked = |i: usize| request.mask.is_none_or(|mask| mask[i]);
+        let start = |i: usize| request.starts.and_then(|starts| starts[i].as_ref());
+        if let Some(mask) = request.mask {
+            self.expect_len("reset mask", mask.len(), n)?;
+        }
+        if let Some(starts) = request.starts {
+            self.expect_len("starts", starts.len(), n)?;
+        }
+        for index in 0..n {
+            if let Some(start) = start(index) {
+                if !masked(index) {
+                    return Err(Error::Inconsistent(format!(
+                        "environment {index} has a start, but the mask leaves it alone"
+                    )));
+                }
+                self.chunks[index / self.width].accepts(index % self.width, start)?;
+            }
+        }
+        if let Some(seeds) = request.seeds {
+            self.seed(seeds)?;
+        }
+        let rows = observations.chunks_exact_mut(self.observation_len());
+        for (index, ((chunk, i), row)) in self.places().zip(rows).enumerate() {
+            if masked(index) {
+                self.chunks[chunk].reset(i, start(index), row)?;
+            } else {
+                self.chunks[chunk].observation(i, row);
+            }
+        }
+        Ok(())
+    }
+
+    /// Spreads the ends of the present episodes evenly over the length of an episode, so that environments reset
+    /// together are not truncated together.
+    pub fn stagger(&mut self) {
+        let n = self.len();
+        let steps = self.max_episode_steps as u128;
+        for (index, (chunk, i)) in self.places().enumerate() {
+            self.chunks[chunk].shorten(i, (steps * (index as u128 + 1) / n as u128) as usize);
+        }
+    }
+
+    /// Steps every environment. `actions` has one row of three an environment, in [-1, 1].
+    ///
+    /// # Errors
+    /// [`Error::Length`] for buffers of the wrong length, [`Error::OutOfRange`] for an action that is not finite,
+    /// [`Error::Inconsistent`] with [`Autoreset::Disabled`] where an episode is over. Nothing has moved then.
+    pub fn step(&mut self, actions: &[f32], buffers: &mut StepBuffers<'_>) -> Result<()> {
+        self.check_actions(actions)?;
+        self.check_buffers(buffers)?;
+        self.check_running()?;
+        let (autoreset, width) = (self.autoreset, self.width);
+        if self.helpers.count() == 0 {
+            step_chunks(&mut self.chunks, width, autoreset, actions, whole(buffers));
+            return Ok(());
+        }
+        let per_piece = self.chunks_per_piece();
+        let shares = pieces(&mut self.chunks, per_piece, width, whole(buffers));
+        let work = Mutex::new(shares.zip(actions.chunks(per_piece * width * ACTION_LEN)));
+        self.helpers.share(|| {
+            let next = || work.lock().unwrap_or_else(PoisonError::into_inner).next();
+            while let Some(((chunks, share), actions)) = next() {
+                step_chunks(chunks, width, autoreset, actions, share);
+            }
+        })
+    }
+
+    pub(super) fn chunks_per_piece(&self) -> usize {
+        self.chunks.len().div_ceil(PIECES_PER_THREAD * (self.helpers.count() + 1))
+    }
+
+    fn check_actions(&self, actions: &[f32]) -> Result<()> {
+        self.expect_len("actions", actions.len(), self.len() * ACTION_LEN)?;
+        if let Some(i) = actions.iter().position(|a| !a.is_finite()) {
+            return Err(Error::OutOfRange {
+                name: format!("actions[{}, {}]", i / ACTION_LEN, i % ACTION_LEN),
+                value: f64::from(actions[i]),
+                limit: "finite".into(),
+            });
+        }
+        Ok(())
+    }
+
+    pub(super) fn check_buffers(&self, buffers: &StepBuffers<'_>) -> Result<()> {
+        let (n, width) = (self.len(), self.observation_len());
+        self.expect_len("observations", buffers.observations.len(), n * width)?;
+        self.expect_len("final observations", buffers.final_observations.len(), n * width)?;
+        for len in [buffers.rewards.len(), buffers.terminated.len(), buffers.truncated.len(), buffers.outcomes.len()] {
+            self.expect_len("a step buffer", len, n)?;
+        }
+        Ok(())
+    }
+
+    /// Checks that every environment can be stepped.
+    pub(super) fn check_running(&self) -> Result<()> {
+        if self.autoreset == Autoreset::NextStep && !self.chunks.iter().any(|chunk| chunk.begun()) {
+            return Err(Error::Inconsistent("step before the first reset".into()));
+        }
+        if self.autoreset != Autoreset::NextStep
+            && let Some((chunk, i)) =
+                self.chunks.iter().enumerate().find_map(|(c, chunk)| Some((c, chunk.first_over()?)))
+        {
+            let i = chunk * self.width + i;
+            return Err(Error::Inconsistent(format!(
+                "the episode of environment {i} is over (or has not begun): reset it before it is stepped"
+            )));
+        }
+        Ok(())
+    }
+
+    pub(super) fn expect_len(&self, name: &str, found: usize, expected: usize) -> Result<()> {
+        if found == expected { Ok(()) } else { Err(Error::Length { name: name.into(), found, expected }) }
+    }
+}
+
+pub(super) fn whole<'a>(buffers: &'a mut StepBuffers<'_>) -> StepBuffers<'a> {
+    buffers.reborrow()
+}
+
+/// `per_piece` chunks of `width` environments at a time, with their share of the buffers.
+pub(super) fn pieces<'a>(
+    chunks: &'a mut [Box<dyn Chunk>],
+    per_piece: usize,
+    width: usize,
+    buffers: StepBuffers<'a>,
+) -> impl Iterator<Item = (&'a mut [Box<dyn Chunk>], StepBuffers<'a>)> {
+    let mut rest = Some(buffers);
+    chunks.chunks_mut(per_piece).map(move |piece| {
+        let (share, others) = rest.take().expect("put back below").split(piece.len() * width);
+        rest = Some(others);
+        (piece, share)
+    })
+}
+
+fn step_chunks(
+    chunks: &mut [Box<dyn Chunk>],
+    width: usize,
+    autoreset: Autoreset,
+    actions: &[f32],
+    buffers: StepBuffers<'_>,
+) {
+    let shares = pieces(chunks, 1, width, buffers);
+    for ((chunk, share), actions) in shares.zip(actions.chunks(width * ACTION_LEN)) {
+        chunk[0].step(autoreset, actions, share);
+    }
+}

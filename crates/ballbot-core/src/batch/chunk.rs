@@ -1,0 +1,424 @@
+//! Environments that are stepped as one: a single one of any model, or eight of the contact model in lanes.
+
+use super::autoreset::Autoreset;
+use super::buffers::{Outcome, StepBuffers};
+use super::config::EnvConfig;
+use super::ledger::{Ledger, Ledgers};
+use super::robots::{Robots, refused};
+use super::task_step::TaskStep;
+use crate::actuator::Actuator;
+use crate::control::{Controller, LaneWidth};
+use crate::error::{Error, Result};
+use crate::lane_state::{LaneState, StateCells};
+use crate::lanes::{Cell, Scalar, run_one};
+use crate::params::Params;
+use crate::sensor::Sensor;
+use crate::setpoint::{Setpoint, SetpointCells};
+use crate::snapshot;
+use crate::state::{Contacts, State};
+use crate::task::{ACTION_LEN, DIVERGED, Task};
+use nalgebra::Vector3;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Environments of one task, whichever it is. Indices count within the chunk.
+pub trait Chunk: Send + Sync {
+    /// Steps all of them; the caller has checked actions and buffers.
+    fn step(&mut self, autoreset: Autoreset, actions: &[f32], buffers: StepBuffers<'_>);
+
+    /// Writes the actions of a controller; `setpoints` has one an environment, or is empty for those of the task.
+    fn control(&mut self, controller: &dyn Controller, setpoints: &[Setpoint], actions: &mut [f32]);
+
+    /// Begins an episode from a given state, or one drawn at random, and writes its first observation.
+    ///
+    /// # Errors
+    /// What [`crate::Ballbot::reset`] finds in the state.
+    fn reset(&mut self, i: usize, start: Option<&State>, observation: &mut [f32]) -> Result<()>;
+
+    /// Checks that a reset would take a state.
+    ///
+    /// # Errors
+    /// As [`Chunk::reset`].
+    fn accepts(&self, i: usize, start: &State) -> Result<()>;
+
+    /// Writes the last observation.
+    fn observation(&self, i: usize, out: &mut [f32]);
+
+    /// Writes the terms of the last reward.
+    fn reward_terms(&self, i: usize, out: &mut [f64]);
+
+    /// State of the robot.
+    fn state(&self, i: usize) -> State;
+
+    /// Contact forces of the last model step.
+    fn contacts(&self, i: usize) -> Contacts;
+
+    /// Parameters of the robot.
+    fn params(&self, i: usize) -> &Params;
+
+    /// Replaces the parameters of the robot; see [`super::Batch::set_params`].
+    ///
+    /// # Errors
+    /// As [`super::Batch::set_params`].
+    fn set_params(&mut self, i: usize, params: &Params) -> Result<()>;
+
+    /// Gives the robot's body an impulse.
+    ///
+    /// # Errors
+    /// As [`crate::Ballbot::push`].
+    fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()>;
+
+    /// Starts the random numbers anew.
+    fn seed(&mut self, i: usize, seed: u64);
+
+    /// Ends the present episode after `steps` steps instead of the configured number.
+    fn shorten(&mut self, i: usize, steps: usize);
+
+    /// The first environment whose episode has ended, or has not begun.
+    fn first_over(&self) -> Option<usize>;
+
+    /// Whether there has been a reset at all.
+    fn begun(&self) -> bool;
+
+    /// Everything that the future of an environment depends on.
+    fn save(&self, i: usize) -> Vec<u8>;
+
+    /// Continues from what [`Chunk::save`] gave.
+    ///
+    /// # Errors
+    /// [`Error::Decode`] if the bytes are not that.
+    fn load(&mut self, i: usize, bytes: &[u8]) -> Result<()>;
+}
+
+/// Numbers that a controller keeps of each robot.
+struct ControlMemory<C> {
+    /// [`Controller::id`] of the controller that the numbers belong to.
+    owner: u64,
+    cells: Vec<C>,
+}
+
+/// Environments whose robots are `R`, with task `T`, actuator `A` and sensor `S`.
+pub struct Environments<R: Robots, T, A, S> {
+    config: Arc<EnvConfig<T>>,
+    step: Arc<TaskStep<T, S>>,
+    actuator: A,
+    substeps: usize,
+    action_torque: f64,
+    /// How many robots are environments; the others stand still.
+    used: usize,
+    pub(super) robots: R,
+    ledger: Ledger<R::Cell>,
+    /// Room for the ledger of one robot.
+    one: Ledger<f64>,
+    control: ControlMemory<R::Cell>,
+    over: Vec<bool>,
+    rngs: Vec<ChaCha8Rng>,
+}
+
+/// Everything that the future of an environment depends on.
+#[derive(Serialize, Deserialize)]
+struct Snapshot {
+    task: String,
+    model: String,
+    sim_dt: f64,
+    params: Vec<f64>,
+    robot: Vec<u8>,
+    seed: [u8; 32],
+    word: u128,
+    ledger: Ledger<f64>,
+    over: bool,
+}
+
+impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
+    /// Environments with seeds `seed`, `seed + 1`, ...; each must be reset before its first step.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] if the model does not accept every start that the task may draw.
+    pub fn new(
+        config: &Arc<EnvConfig<T>>,
+        step: &Arc<TaskStep<T, S>>,
+        actuator: A,
+        robots: R,
+        used: usize,
+        seed: u64,
+    ) -> Result<Self> {
+        let environments = Self {
+            step: Arc::clone(step),
+            actuator,
+            substeps: config.substeps()?,
+            action_torque: config.action_torque(),
+            used,
+            ledger: Ledger::new(step.sizes()),
+            one: Ledger::new(step.sizes()),
+            control: ControlMemory { owner: 0, cells: Vec::new() },
+            over: vec![true; used],
+            rngs: (0..used).map(|i| ChaCha8Rng::seed_from_u64(seed.wrapping_add(i as u64))).collect(),
+            robots,
+            config: Arc::clone(config),
+        };
+        environments.check_starts(0)?;
+        Ok(environments)
+    }
+
+    fn check_starts(&self, i: usize) -> Result<()> {
+        for start in self.step.task.extreme_starts(self.robots.params(i)) {
+            self.robots.accepts(i, &start).map_err(|error| {
+                Error::Inconsistent(format!("the robot cannot start where the task may place it: {error}"))
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Whether the episode has ended, or none has begun.
+    pub fn over(&self, i: usize) -> bool {
+        self.over[i]
+    }
+
+    /// Places robot `i` in an accepted state and begins an episode.
+    fn begin(&mut self, i: usize, start: &State, observation: &mut [f32]) {
+        self.robots.place(i, start);
+        self.one.begin(self.config.max_episode_steps as f64);
+        self.one.episode.next_command = self.step.task.command(&mut self.rngs[i], &mut self.one.task);
+        self.over[i] = false;
+        self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
+        self.observe(i, observation);
+    }
+
+    /// Observes robot `i` anew; `one` is its ledger.
+    fn observe(&mut self, i: usize, observation: &mut [f32]) {
+        let state = LaneState::from(&self.robots.state(i));
+        let (step, one) = (&self.step, &mut self.one);
+        run_one(
+            #[inline(always)]
+            || step.observe::<f64>(Scalar, &state, one),
+        );
+        R::Cell::put(&mut self.ledger, i, &self.one);
+        self.write_observation(i, observation);
+    }
+
+    /// Begins an episode of the first environment from a start drawn at random.
+    pub fn reset_at_random(&mut self, observation: &mut [f32]) {
+        self.begin_at_random(0, observation);
+    }
+
+    fn begin_at_random(&mut self, i: usize, observation: &mut [f32]) {
+        let (params, wheels) = (self.robots.params(i), self.robots.wheels(i));
+        let start = self.step.task.start(params, wheels, &mut self.rngs[i]);
+        // The extreme starts were accepted, and bound this one.
+        self.begin(i, &start, observation);
+    }
+
+    /// Draws commands where they are due; the observation then shows them.
+    fn renew_commands(&mut self, i: usize, observation: &mut [f32]) {
+        let episode = &self.ledger.episode;
+        if episode.steps.get(i) < episode.next_command.get(i) {
+            return;
+        }
+        R::Cell::take(&self.ledger, i, &mut self.one);
+        let steps = self.step.task.command(&mut self.rngs[i], &mut self.one.task);
+        self.one.episode.next_command = self.one.episode.steps + steps;
+        self.observe(i, observation);
+    }
+
+    #[inline]
+    fn write_observation(&self, i: usize, row: &mut [f32]) {
+        for (out, cell) in row.iter_mut().zip(&self.ledger.observation) {
+            *out = cell.get(i) as f32;
+        }
+    }
+
+    fn outcome(&self, i: usize) -> Outcome {
+        let episode = &self.ledger.episode;
+        let terminated = match episode.termination.get(i) as usize {
+            0 => None,
+            reason => Some(T::TERMINATIONS.get(reason - 1).map_or(DIVERGED, |(name, _)| *name)),
+        };
+        Outcome {
+            reward: episode.reward.get(i),
+            terminated,
+            truncated: episode.truncated.get(i) > 0.0,
+            success: episode.success.get(i) > 0.0,
+        }
+    }
+}
+
+impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A, S> {
+    fn step(&mut self, autoreset: Autoreset, actions: &[f32], mut buffers: StepBuffers<'_>) {
+        let width = self.ledger.observation.len();
+        let reset_instead = |over: bool| autoreset == Autoreset::NextStep && over;
+        // A single robot whose episode is over is not simulated; in lanes its neighbors are.
+        if R::Cell::WIDTH > 1 || !reset_instead(self.over[0]) {
+            self.robots.park(self.used);
+            let mut commands = [R::Cell::default(); ACTION_LEN];
+            for (i, action) in actions.chunks_exact(ACTION_LEN).enumerate() {
+                for (cell, value) in commands.iter_mut().zip(action) {
+                    cell.set(i, f64::from(*value).clamp(-1.0, 1.0));
+                }
+            }
+            let (ledger, one) = (&mut self.ledger, &mut self.one);
+            self.robots.drive(&self.actuator, &commands, &mut ledger.actuator, &mut one.actuator, self.substeps);
+            self.robots.conclude(&self.step, &commands, ledger, one);
+        }
+        for i in 0..self.used {
+            let row = i * width..(i + 1) * width;
+            if reset_instead(self.over[i]) {
+                self.begin_at_random(i, &mut buffers.observations[row]);
+                buffers.write(i, Outcome::default());
+                continue;
+            }
+            let observation = &mut buffers.observations[row.clone()];
+            self.write_observation(i, observation);
+            let outcome = self.outcome(i);
+            self.over[i] = outcome.done();
+            if !outcome.done() {
+                self.renew_commands(i, observation);
+            } else if autoreset == Autoreset::SameStep {
+                buffers.final_observations[row].copy_from_slice(observation);
+                self.begin_at_random(i, observation);
+            }
+            buffers.write(i, outcome);
+        }
+    }
+
+    fn control(&mut self, controller: &dyn Controller, setpoints: &[Setpoint], actions: &mut [f32]) {
+        let len = controller.memory_len();
+        if self.control.owner != controller.id() || self.control.cells.len() != len {
+            self.control.owner = controller.id();
+            self.control.cells.clear();
+            self.control.cells.resize(len, R::Cell::default());
+        }
+        let mut states = StateCells::<R::Cell>::default();
+        self.robots.read(&mut states);
+        let mut targets = SetpointCells::<R::Cell>::default();
+        for i in 0..self.used {
+            let setpoint = match setpoints.get(i) {
+                Some(setpoint) => *setpoint,
+                None => {
+                    R::Cell::take(&self.ledger, i, &mut self.one);
+                    self.step.task.setpoint(&self.one.task)
+                }
+            };
+            R::Cell::set_setpoint(&mut targets, i, &setpoint);
+        }
+        let torques = R::Cell::torques(controller, &states, &targets, &mut self.control.cells);
+        for (i, action) in actions.chunks_exact_mut(ACTION_LEN).enumerate() {
+            for (value, torque) in action.iter_mut().zip(&torques) {
+                *value = (torque.get(i) / self.action_torque) as f32;
+            }
+        }
+    }
+
+    fn reset(&mut self, i: usize, start: Option<&State>, observation: &mut [f32]) -> Result<()> {
+        match start {
+            Some(start) => {
+                self.robots.accepts(i, start)?;
+                self.begin(i, start, observation);
+            }
+            None => self.begin_at_random(i, observation),
+        }
+        Ok(())
+    }
+
+    fn accepts(&self, i: usize, start: &State) -> Result<()> {
+        self.robots.accepts(i, start)
+    }
+
+    fn observation(&self, i: usize, out: &mut [f32]) {
+        self.write_observation(i, out);
+    }
+
+    fn reward_terms(&self, i: usize, out: &mut [f64]) {
+        for (out, cell) in out.iter_mut().zip(&self.ledger.terms) {
+            *out = cell.get(i);
+        }
+    }
+
+    fn state(&self, i: usize) -> State {
+        self.robots.state(i)
+    }
+
+    fn contacts(&self, i: usize) -> Contacts {
+        self.robots.contacts(i)
+    }
+
+    fn params(&self, i: usize) -> &Params {
+        self.robots.params(i)
+    }
+
+    fn set_params(&mut self, i: usize, params: &Params) -> Result<()> {
+        params.validate()?;
+        self.config.validate_robot(params)?;
+        self.config.task.validate(params)?;
+        let old = self.robots.params(i).clone();
+        let goes_on = self.robots.set_params(i, params)?;
+        if let Err(error) = self.check_starts(i) {
+            self.robots.set_params(i, &old)?;
+            self.over[i] |= !goes_on;
+            return Err(error);
+        }
+        self.over[i] |= !goes_on;
+        Ok(())
+    }
+
+    fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
+        self.robots.push(i, impulse, point)
+    }
+
+    fn seed(&mut self, i: usize, seed: u64) {
+        self.rngs[i] = ChaCha8Rng::seed_from_u64(seed);
+    }
+
+    fn shorten(&mut self, i: usize, steps: usize) {
+        self.ledger.episode.limit.set(i, steps.clamp(1, self.config.max_episode_steps) as f64);
+    }
+
+    fn first_over(&self) -> Option<usize> {
+        self.over.iter().position(|&over| over)
+    }
+
+    fn begun(&self) -> bool {
+        (0..self.used).any(|i| !self.over[i] || self.ledger.episode.steps.get(i) > 0.0)
+    }
+
+    fn save(&self, i: usize) -> Vec<u8> {
+        let mut ledger = Ledger::new(self.step.sizes());
+        R::Cell::take(&self.ledger, i, &mut ledger);
+        snapshot::encode(&Snapshot {
+            task: T::NAME.to_owned(),
+            model: self.config.model.name().to_owned(),
+            sim_dt: self.config.sim_dt,
+            params: self.robots.params(i).numbers(),
+            robot: self.robots.save(i),
+            seed: self.rngs[i].get_seed(),
+            word: self.rngs[i].get_word_pos(),
+            ledger,
+            over: self.over[i],
+        })
+    }
+
+    fn load(&mut self, i: usize, bytes: &[u8]) -> Result<()> {
+        let snapshot: Snapshot = snapshot::decode("snapshot of an environment", bytes)?;
+        let (model, sim_dt) = (self.config.model.name(), self.config.sim_dt);
+        if (snapshot.task.as_str(), snapshot.model.as_str(), snapshot.sim_dt) != (T::NAME, model, sim_dt) {
+            return Err(refused(format!(
+                "it is of task '{}' with a '{}' robot at sim_dt = {} s, this is task '{}' with a '{model}' robot at {sim_dt} s",
+                snapshot.task, snapshot.model, snapshot.sim_dt, T::NAME
+            )));
+        }
+        if !self.one.fits(&snapshot.ledger) {
+            return Err(refused("its task or stages keep other numbers".into()));
+        }
+        let params = Params::from_numbers(&snapshot.params).ok_or_else(|| refused("it lacks parameters".into()))?;
+        if params != *self.robots.params(i) {
+            self.set_params(i, &params)?;
+        }
+        self.robots.load(i, &snapshot.robot)?;
+        self.rngs[i] = ChaCha8Rng::from_seed(snapshot.seed);
+        self.rngs[i].set_word_pos(snapshot.word);
+        R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
+        self.over[i] = snapshot.over;
+        Ok(())
+    }
+}

@@ -1,0 +1,96 @@
+//! Controllers on all robots of a batch, without a caller in the loop.
+
+use super::batch::{Batch, pieces, whole};
+use super::buffers::StepBuffers;
+use crate::control::Controller;
+use crate::error::{Result, check};
+use crate::setpoint::Setpoint;
+use crate::task::ACTION_LEN;
+use std::sync::{Mutex, PoisonError};
+
+impl Batch {
+    /// Writes the actions of `controller` on every robot, n × 3, in [-1, 1] where its torques are within the torque of an
+    /// action. `setpoints` has one an environment; `None` takes those of the task. What the controller keeps of a robot
+    /// starts anew with its episode, and when another controller is used.
+    ///
+    /// # Errors
+    /// [`crate::Error::Length`] for slices of the wrong length; [`crate::Error::OutOfRange`] if the controller is sampled at another
+    /// rate than the batch.
+    pub fn control(
+        &mut self,
+        controller: &dyn Controller,
+        setpoints: Option<&[Setpoint]>,
+        actions: &mut [f32],
+    ) -> Result<()> {
+        self.check_control(controller, setpoints, actions.len())?;
+        let setpoints = setpoints.unwrap_or_default();
+        let mut first = 0;
+        for (chunk, actions) in self.chunks.iter_mut().zip(actions.chunks_mut(self.width * ACTION_LEN)) {
+            let n = actions.len() / ACTION_LEN;
+            chunk.control(controller, setpoints.get(first..first + n).unwrap_or_default(), actions);
+            first += n;
+        }
+        Ok(())
+    }
+
+    /// One control step under `controller`: [`Batch::control`], then [`Batch::step`] with its actions, which are left in
+    /// `actions`.
+    ///
+    /// # Errors
+    /// As [`Batch::control`] and [`Batch::step`].
+    pub fn step_under(
+        &mut self,
+        controller: &dyn Controller,
+        setpoints: Option<&[Setpoint]>,
+        actions: &mut [f32],
+        buffers: &mut StepBuffers<'_>,
+    ) -> Result<()> {
+        self.check_control(controller, setpoints, actions.len())?;
+        self.check_buffers(buffers)?;
+        self.check_running()?;
+        let setpoints = setpoints.unwrap_or_default();
+        let (autoreset, width) = (self.autoreset, self.width);
+        let step = |chunks: &mut [Box<dyn super::chunk::Chunk>], actions: &mut [f32], first: usize, buffers| {
+            let mut rest: StepBuffers<'_> = buffers;
+            for (k, (chunk, actions)) in chunks.iter_mut().zip(actions.chunks_mut(width * ACTION_LEN)).enumerate() {
+                let n = actions.len() / ACTION_LEN;
+                let from = first + k * width;
+                chunk.control(controller, setpoints.get(from..from + n).unwrap_or_default(), actions);
+                // A controller on a robot that has diverged may give no number; the robot is reset, not stepped on.
+                actions.iter_mut().filter(|a| !a.is_finite()).for_each(|a| *a = 0.0);
+                let (now, later) = rest.split(n);
+                rest = later;
+                chunk.step(autoreset, actions, now);
+            }
+        };
+        if self.helpers.count() == 0 {
+            step(&mut self.chunks, actions, 0, buffers.reborrow());
+            return Ok(());
+        }
+        let per_piece = self.chunks_per_piece();
+        let shares = pieces(&mut self.chunks, per_piece, width, whole(buffers));
+        let work = shares.zip(actions.chunks_mut(per_piece * width * ACTION_LEN)).enumerate();
+        let work = Mutex::new(work);
+        self.helpers.share(|| {
+            let next = || work.lock().unwrap_or_else(PoisonError::into_inner).next();
+            while let Some((k, ((chunks, share), actions))) = next() {
+                step(chunks, actions, k * per_piece * width, share);
+            }
+        })
+    }
+
+    fn check_control(&self, controller: &dyn Controller, setpoints: Option<&[Setpoint]>, actions: usize) -> Result<()> {
+        self.expect_len("actions", actions, self.len() * ACTION_LEN)?;
+        if let Some(setpoints) = setpoints {
+            self.expect_len("setpoints", setpoints.len(), self.len())?;
+        }
+        let control_dt = self.control_dt();
+        check(
+            "control_dt of the controller",
+            controller.control_dt(),
+            format_args!("that of the batch, {control_dt} s"),
+            |dt| (dt - control_dt).abs() <= 1e-9 * control_dt,
+        )?;
+        Ok(())
+    }
+}

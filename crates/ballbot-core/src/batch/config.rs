@@ -1,0 +1,114 @@
+//! Everything that defines an environment.
+
+use crate::control::default_max_torque;
+use crate::error::{Error, Result, check, positive};
+use crate::params::Params;
+use crate::robot::{ModelKind, check_sim_dt};
+use crate::task::{Balance, RewardScales, Task, TaskDescription};
+
+/// A robot, its model, the time steps, and a task. SI units and radians.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EnvConfig<T> {
+    /// The robots, unless [`super::Batch::set_params`] makes them differ.
+    pub params: Params,
+    /// Their model.
+    pub model: ModelKind,
+    /// Time step of the model, s.
+    pub sim_dt: f64,
+    /// Time between two actions, s; a whole multiple of `sim_dt`.
+    pub control_dt: f64,
+    /// Steps after which an episode is truncated.
+    pub max_episode_steps: usize,
+    /// Torque of an action of 1, N·m; at most the motors' limit. `None` is [`default_action_torque`].
+    pub max_wheel_torque: Option<f64>,
+    /// Whether observations are scaled: each row less its value at rest upright, over its typical magnitude, within ±10.
+    pub scale_observations: bool,
+    /// Scales of the reward's terms.
+    pub reward: RewardScales,
+    /// Options of the task.
+    pub task: T,
+}
+
+/// [`EnvConfig`] of the balance task.
+pub type BalanceConfig = EnvConfig<Balance>;
+
+impl<T: Task> Default for EnvConfig<T> {
+    fn default() -> Self {
+        Self {
+            params: Params::paper(),
+            model: ModelKind::default(),
+            sim_dt: 0.002,
+            control_dt: 0.01,
+            max_episode_steps: T::MAX_EPISODE_STEPS,
+            max_wheel_torque: None,
+            scale_observations: true,
+            reward: RewardScales::of(&TaskDescription::of::<T>().terms),
+            task: T::default(),
+        }
+    }
+}
+
+/// Share of the torque that classical controllers use at most, as the torque of an action of 1.
+const ACTION_SHARE: f64 = 0.6;
+
+/// Torque of an action of 1 unless it is configured, N·m: 0.6 of [`default_max_torque`]. At it no wheel of the upright
+/// robot slips, and an untrained policy explores torques that balance a robot instead of torques that throw it.
+pub fn default_action_torque(params: &Params) -> f64 {
+    ACTION_SHARE * default_max_torque(params)
+}
+
+impl<T: Task> EnvConfig<T> {
+    /// Torque of an action of 1, N·m.
+    pub fn action_torque(&self) -> f64 {
+        self.max_wheel_torque.unwrap_or_else(|| default_action_torque(&self.params))
+    }
+
+    /// Model steps in one control step.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] if `control_dt` is not a whole multiple of `sim_dt`.
+    pub fn substeps(&self) -> Result<usize> {
+        check_sim_dt(self.sim_dt)?;
+        positive("control_dt", self.control_dt)?;
+        let ratio = self.control_dt / self.sim_dt;
+        check(
+            "control_dt / sim_dt",
+            ratio,
+            format_args!("a whole number from 1 to 10000 (control_dt = {}, sim_dt = {})", self.control_dt, self.sim_dt),
+            |r| (r - r.round()).abs() <= 1e-6 * r && (0.5..10000.5).contains(&r),
+        )?;
+        Ok(ratio.round() as usize)
+    }
+
+    /// Checks that the environment can be run.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] or [`Error::Inconsistent`] naming the value and the limit.
+    pub fn validate(&self) -> Result<()> {
+        self.params.validate()?;
+        self.substeps()?;
+        if self.max_episode_steps == 0 {
+            return Err(Error::Inconsistent("max_episode_steps = 0, it must be at least 1".into()));
+        }
+        self.validate_robot(&self.params)?;
+        self.task.check_limits()?;
+        self.task.validate(&self.params)?;
+        self.reward.validate()
+    }
+
+    /// Checks that a robot (a valid one) can be driven by the actions of this environment.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] if an action exceeds the motors' limit.
+    pub(super) fn validate_robot(&self, params: &Params) -> Result<()> {
+        let torque = positive("max_wheel_torque", self.action_torque())?;
+        let motor = params.max_wheel_torque;
+        check(
+            "max_wheel_torque",
+            torque,
+            format_args!("at most the motors' limit, params.max_wheel_torque = {motor} N·m"),
+            |t| t <= motor,
+        )?;
+        Ok(())
+    }
+}

@@ -1,0 +1,141 @@
+//! One environment: a robot, a task and a source of random numbers.
+
+use super::buffers::{Outcome, StepBuffers};
+use super::chunk::{Chunk, Environments};
+use super::config::EnvConfig;
+use super::robots::Single;
+use super::task_step::TaskStep;
+use super::Autoreset;
+use crate::actuator::Ideal;
+use crate::error::Result;
+use crate::robot::Ballbot;
+use crate::sensor::Exact;
+use crate::state::State;
+use crate::task::{Balance, Task, TaskDescription};
+use std::sync::Arc;
+
+/// An environment of task `T` with an ideal actuator and exact sensors.
+///
+/// Random numbers come from ChaCha8 (stream 0), seeded by `seed_from_u64`; other streams are left to other uses.
+pub struct Environment<T: Task = Balance> {
+    config: Arc<EnvConfig<T>>,
+    inner: Environments<Single, T, Ideal, Exact>,
+    terms: Vec<&'static str>,
+    observation: Vec<f32>,
+}
+
+impl<T: Task> Environment<T> {
+    /// An environment that must be reset before its first step.
+    ///
+    /// # Errors
+    /// What [`EnvConfig::validate`] and [`Ballbot::new`] find.
+    pub fn new(config: &EnvConfig<T>, seed: u64) -> Result<Self> {
+        config.validate()?;
+        let config = Arc::new(config.clone());
+        let description = TaskDescription::of::<T>();
+        let step = Arc::new(TaskStep::new::<Ideal>(
+            &config.task,
+            Exact,
+            &description,
+            &config.reward,
+            config.scale_observations,
+            config.control_dt,
+        ));
+        let robot = Single::new(Ballbot::new(&config.params, config.model, config.sim_dt)?);
+        let actuator = Ideal { max_torque: config.action_torque() };
+        Ok(Self {
+            inner: Environments::new(&config, &step, actuator, robot, 1, seed)?,
+            terms: description.terms.iter().map(|term| term.name).collect(),
+            observation: vec![0.0; description.rows.len()],
+            config,
+        })
+    }
+
+    /// Its configuration.
+    pub fn config(&self) -> &EnvConfig<T> {
+        &self.config
+    }
+
+    /// How many numbers an observation has.
+    pub fn observation_len(&self) -> usize {
+        self.observation.len()
+    }
+
+    /// Starts the random numbers anew.
+    pub fn seed(&mut self, seed: u64) {
+        self.inner.seed(0, seed);
+    }
+
+    /// Begins an episode from a start drawn at random, and writes its first observation.
+    ///
+    /// # Panics
+    /// If `observation` is not of length [`Environment::observation_len`].
+    pub fn reset(&mut self, observation: &mut [f32]) {
+        assert_eq!(observation.len(), self.observation_len(), "observation buffer");
+        self.inner.reset_at_random(observation);
+    }
+
+    /// Begins an episode from a given state, without drawing random numbers for it.
+    ///
+    /// # Errors
+    /// What [`Ballbot::reset`] finds.
+    pub fn reset_to(&mut self, start: &State, observation: &mut [f32]) -> Result<()> {
+        self.inner.reset(0, Some(start), observation)
+    }
+
+    /// Whether the episode has ended, or none has begun.
+    pub fn over(&self) -> bool {
+        self.inner.over(0)
+    }
+
+    /// Applies an action for one control step and writes the observation that follows. Actions beyond ±1 are clipped;
+    /// the caller has checked that they are finite and that the episode is not over.
+    ///
+    /// # Panics
+    /// If `observation` is not of length [`Environment::observation_len`].
+    pub fn step(&mut self, action: &[f32], observation: &mut [f32]) -> Outcome {
+        assert_eq!(observation.len(), self.observation_len(), "observation buffer");
+        let mut outcome = [Outcome::default()];
+        let buffers = StepBuffers {
+            observations: observation,
+            rewards: &mut [0.0],
+            terminated: &mut [false],
+            truncated: &mut [false],
+            final_observations: &mut self.observation,
+            outcomes: &mut outcome,
+        };
+        self.inner.step(Autoreset::Disabled, action, buffers);
+        outcome[0]
+    }
+
+    /// Names and values of the terms of the last step's reward.
+    pub fn reward_terms(&self) -> Vec<(&'static str, f64)> {
+        let mut values = vec![0.0; self.terms.len()];
+        self.inner.reward_terms(0, &mut values);
+        self.terms.iter().copied().zip(values).collect()
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &Ballbot {
+        &self.inner.robots.robot
+    }
+
+    /// The robot, to push it or to place it.
+    pub fn robot_mut(&mut self) -> &mut Ballbot {
+        &mut self.inner.robots.robot
+    }
+
+    /// Everything that the future depends on, as bytes for [`Environment::load`].
+    pub fn save(&self) -> Vec<u8> {
+        self.inner.save(0)
+    }
+
+    /// Continues from bytes of [`Environment::save`], or of [`super::Batch::save`], of an environment with the same
+    /// configuration.
+    ///
+    /// # Errors
+    /// [`crate::Error::Decode`] if the bytes are not that.
+    pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
+        self.inner.load(0, bytes)
+    }
+}

@@ -1,0 +1,150 @@
+//! Tasks by name: those of this crate, and those that other crates register.
+
+use super::autoreset::Autoreset;
+use super::batch::Batch;
+use super::config::EnvConfig;
+use crate::error::{Error, Result};
+use crate::params::Params;
+use crate::robot::ModelKind;
+use crate::task::{Balance, Task, TaskDescription};
+use std::marker::PhantomData;
+use std::sync::{PoisonError, RwLock};
+
+/// A configuration of a task that is known by its name alone.
+pub trait TaskConfig: Send {
+    /// Replaces the robots' parameters.
+    fn set_params(&mut self, params: Params);
+    /// Replaces the model.
+    fn set_model(&mut self, model: ModelKind);
+    /// Sets an option by its name: a time step, a torque, a switch (0 or 1), or an option of the task.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`], [`Error::Length`] or [`Error::OutOfRange`].
+    fn set(&mut self, name: &str, values: &[f64]) -> Result<()>;
+    /// Value of an option by its name; `None` if there is no such option.
+    fn get(&self, name: &str) -> Option<Vec<f64>>;
+    /// Changes the scale of a reward term.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] if there is no such term.
+    fn set_reward(&mut self, name: &str, scale: f64) -> Result<()>;
+    /// The scales of all reward terms.
+    fn reward(&self) -> Vec<(&'static str, f64)>;
+    /// The environments.
+    ///
+    /// # Errors
+    /// As [`Batch::new`].
+    fn batch(&self, num_envs: usize, autoreset: Autoreset, num_threads: Option<usize>, seed: u64) -> Result<Batch>;
+}
+
+/// A task that is known by its name.
+pub trait TaskKind: Sync {
+    /// Its description.
+    fn description(&self) -> TaskDescription;
+    /// Its default configuration.
+    fn config(&self) -> Box<dyn TaskConfig>;
+}
+
+struct Kind<T>(PhantomData<fn() -> T>);
+
+impl<T: Task> TaskKind for Kind<T> {
+    fn description(&self) -> TaskDescription {
+        TaskDescription::of::<T>()
+    }
+
+    fn config(&self) -> Box<dyn TaskConfig> {
+        Box::new(EnvConfig::<T>::default())
+    }
+}
+
+/// The tasks of this crate.
+static TASKS: [&dyn TaskKind; 1] = [&Kind::<Balance>(PhantomData)];
+
+/// The tasks of other crates.
+static REGISTERED: RwLock<Vec<&'static dyn TaskKind>> = RwLock::new(Vec::new());
+
+/// Makes a task known by its name, as those of this crate are.
+///
+/// # Errors
+/// [`Error::Inconsistent`] if its name is taken.
+pub fn register_task<T: Task>() -> Result<()> {
+    if task_kinds().iter().any(|kind| kind.description().name == T::NAME) {
+        return Err(Error::Inconsistent(format!("there is a task '{}' already", T::NAME)));
+    }
+    let kind: &'static dyn TaskKind = Box::leak(Box::new(Kind::<T>(PhantomData)));
+    REGISTERED.write().unwrap_or_else(PoisonError::into_inner).push(kind);
+    Ok(())
+}
+
+/// All tasks.
+pub fn task_kinds() -> Vec<&'static dyn TaskKind> {
+    let registered = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
+    TASKS.into_iter().chain(registered.iter().copied()).collect()
+}
+
+/// A task by its name.
+///
+/// # Errors
+/// [`Error::UnknownName`] if there is none.
+pub fn task_kind(name: &str) -> Result<&'static dyn TaskKind> {
+    let kinds = task_kinds();
+    let names: Vec<_> = kinds.iter().map(|kind| kind.description().name).collect();
+    let found = names.iter().position(|known| *known == name);
+    found.map(|i| kinds[i]).ok_or_else(|| Error::unknown("task", name, &names))
+}
+
+impl<T: Task> TaskConfig for EnvConfig<T> {
+    fn set_params(&mut self, params: Params) {
+        self.params = params;
+    }
+
+    fn set_model(&mut self, model: ModelKind) {
+        self.model = model;
+    }
+
+    fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {
+        let one = || match values {
+            [value] => Ok(*value),
+            _ => Err(Error::Length { name: name.into(), found: values.len(), expected: 1 }),
+        };
+        match name {
+            "sim_dt" => self.sim_dt = one()?,
+            "control_dt" => self.control_dt = one()?,
+            "max_wheel_torque" => self.max_wheel_torque = Some(one()?),
+            "scale_observations" => self.scale_observations = one()? != 0.0,
+            "max_episode_steps" => {
+                let steps = one()?;
+                crate::error::check(name, steps, "a whole number of at least 1", |s| s >= 1.0 && s.fract() == 0.0)?;
+                self.max_episode_steps = steps as usize;
+            }
+            _ => self.task.set(name, values)?,
+        }
+        Ok(())
+    }
+
+    fn get(&self, name: &str) -> Option<Vec<f64>> {
+        Some(match name {
+            "sim_dt" => vec![self.sim_dt],
+            "control_dt" => vec![self.control_dt],
+            "max_wheel_torque" => vec![self.action_torque()],
+            "scale_observations" => vec![f64::from(u8::from(self.scale_observations))],
+            "max_episode_steps" => vec![self.max_episode_steps as f64],
+            _ => {
+                let index = T::FIELDS.iter().position(|field| field.name == name)?;
+                self.task.values(index).to_vec()
+            }
+        })
+    }
+
+    fn set_reward(&mut self, name: &str, scale: f64) -> Result<()> {
+        self.reward.set(name, scale)
+    }
+
+    fn reward(&self) -> Vec<(&'static str, f64)> {
+        self.reward.names().zip(self.reward.values()).collect()
+    }
+
+    fn batch(&self, num_envs: usize, autoreset: Autoreset, num_threads: Option<usize>, seed: u64) -> Result<Batch> {
+        Batch::new(self, num_envs, autoreset, num_threads, seed)
+    }
+}

@@ -1,0 +1,118 @@
+//! Numbers that environments keep from step to step, of one robot or of eight.
+
+use crate::lanes::{Cell, EIGHT, Eight, cells};
+use crate::task::ACTION_LEN;
+use serde::{Deserialize, Serialize};
+
+cells! {
+    /// The present episode, and the result of its last step.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Episode {
+        pub steps: T,
+        /// The step at which this episode is truncated.
+        pub limit: T,
+        pub last_action: [T; ACTION_LEN],
+        /// The step from which a new command is due.
+        pub next_command: T,
+        pub reward: T,
+        /// 0 if the episode goes on, otherwise 1 + the index of the reason.
+        pub termination: T,
+        /// 1 if the episode reached its last step, else 0.
+        pub truncated: T,
+        /// 1 if the episode is a success if it ends here, else 0.
+        pub success: T,
+    }
+}
+
+/// An episode with the numbers whose count depends on the task and its stages.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Ledger<C> {
+    pub episode: Episode<C>,
+    pub task: Vec<C>,
+    pub actuator: Vec<C>,
+    pub sensor: Vec<C>,
+    pub observation: Vec<C>,
+    pub terms: Vec<C>,
+}
+
+/// How many numbers the parts of a [`Ledger`] have.
+#[derive(Clone, Copy, Debug)]
+pub struct Sizes {
+    pub task: usize,
+    pub actuator: usize,
+    pub sensor: usize,
+    pub observation: usize,
+    pub terms: usize,
+}
+
+impl<C: Cell> Ledger<C> {
+    /// Zeros.
+    pub fn new(sizes: Sizes) -> Self {
+        let zeros = |n: usize| vec![C::default(); n];
+        Self {
+            episode: Episode::default(),
+            task: zeros(sizes.task),
+            actuator: zeros(sizes.actuator),
+            sensor: zeros(sizes.sensor),
+            observation: zeros(sizes.observation),
+            terms: zeros(sizes.terms),
+        }
+    }
+
+    fn parts(&self) -> [&[C]; 5] {
+        [&self.task, &self.actuator, &self.sensor, &self.observation, &self.terms]
+    }
+
+    fn parts_mut(&mut self) -> [&mut [C]; 5] {
+        [&mut self.task, &mut self.actuator, &mut self.sensor, &mut self.observation, &mut self.terms]
+    }
+
+    /// Whether two ledgers have the same sizes.
+    pub fn fits<D: Cell>(&self, other: &Ledger<D>) -> bool {
+        self.parts().map(<[C]>::len) == other.parts().map(<[D]>::len)
+    }
+}
+
+impl Ledger<f64> {
+    /// Zeros everywhere, for an episode of `limit` steps.
+    pub fn begin(&mut self, limit: f64) {
+        self.episode = Episode { limit, next_command: f64::INFINITY, ..Episode::default() };
+        self.parts_mut().into_iter().for_each(|part| part.fill(0.0));
+    }
+}
+
+/// Cells of which the numbers of one robot are taken out and put back.
+pub trait Ledgers: Cell + Sized {
+    /// Copies the numbers of robot `i` to `one`, which has the same sizes.
+    fn take(all: &Ledger<Self>, i: usize, one: &mut Ledger<f64>);
+
+    /// Copies the numbers of robot `i` from `one`.
+    fn put(all: &mut Ledger<Self>, i: usize, one: &Ledger<f64>);
+}
+
+impl Ledgers for f64 {
+    fn take(all: &Ledger<f64>, _: usize, one: &mut Ledger<f64>) {
+        one.clone_from(all);
+    }
+
+    fn put(all: &mut Ledger<f64>, _: usize, one: &Ledger<f64>) {
+        all.clone_from(one);
+    }
+}
+
+impl Ledgers for Eight {
+    fn take(all: &Ledger<Eight>, i: usize, one: &mut Ledger<f64>) {
+        debug_assert!(i < EIGHT);
+        one.episode = all.episode.lane(i);
+        for (to, from) in one.parts_mut().into_iter().zip(all.parts()) {
+            to.iter_mut().zip(from).for_each(|(to, from)| *to = from.0[i]);
+        }
+    }
+
+    fn put(all: &mut Ledger<Eight>, i: usize, one: &Ledger<f64>) {
+        all.episode.set_lane(i, &one.episode);
+        for (to, from) in all.parts_mut().into_iter().zip(one.parts()) {
+            to.iter_mut().zip(from).for_each(|(to, from)| to.0[i] = *from);
+        }
+    }
+}

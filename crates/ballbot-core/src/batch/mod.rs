@@ -1,0 +1,24 @@
+//! Environments: tasks on robots, many of them in step.
+//!
+//! A control step is: action → actuator → model steps → sensor → task. It is written once (`chunk`), for one robot of
+//! any model and for eight robots of the contact model in lanes.
+
+mod autoreset;
+#[allow(clippy::module_inception, reason = "the batch itself")]
+mod batch;
+mod buffers;
+mod chunk;
+mod closed_loop;
+mod config;
+mod environment;
+mod kinds;
+mod ledger;
+mod robots;
+mod task_step;
+
+pub use autoreset::Autoreset;
+pub use batch::{Batch, ResetRequest};
+pub use buffers::{Outcome, StepBuffers};
+pub use config::{BalanceConfig, EnvConfig, default_action_torque};
+pub use environment::Environment;
+pub use kinds::{TaskConfig, TaskKind, register_task, task_kind, task_kinds};

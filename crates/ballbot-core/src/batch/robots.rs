@@ -1,0 +1,325 @@
+//! The robots of a chunk: one of any model, or eight of the contact model in lanes.
+
+use super::ledger::{Ledger, Ledgers};
+use super::task_step::TaskStep;
+use crate::actuator::Actuator;
+use crate::control::LaneWidth;
+use crate::error::{Error, Result};
+use crate::lane_state::{LaneRobot, LaneState, StateCells};
+use crate::lanes::{EIGHT, Eight, Lane, Memory, Scalar, run_one};
+use crate::kinematics::Omniwheels;
+use crate::model::same_geometry;
+use crate::params::Params;
+use crate::robot::{Ballbot, check_push, check_state};
+use crate::sensor::Sensor;
+use crate::sim::contact::{ContactLanes, RobotsKernel};
+use crate::sim::CollisionShape;
+use crate::snapshot;
+use crate::state::{Contacts, State};
+use crate::task::{ACTION_LEN, Task};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// Robots that are stepped together; `i` counts within them.
+pub trait Robots: Send + Sync {
+    /// Their numbers in memory.
+    type Cell: Ledgers + LaneWidth;
+
+    /// Advances all by `steps` model steps under commands in [-1, 1]. `one` is room for the actuator of one robot.
+    fn drive<A: Actuator>(
+        &mut self,
+        actuator: &A,
+        commands: &[Self::Cell; ACTION_LEN],
+        memory: &mut [Self::Cell],
+        one: &mut [f64],
+        steps: usize,
+    );
+
+    /// Concludes a control step; `one` is room for the ledger of one robot.
+    fn conclude<T: Task, S: Sensor>(
+        &self,
+        step: &TaskStep<T, S>,
+        commands: &[Self::Cell; ACTION_LEN],
+        ledger: &mut Ledger<Self::Cell>,
+        one: &mut Ledger<f64>,
+    );
+
+    /// Writes the states of all.
+    fn read(&self, states: &mut StateCells<Self::Cell>);
+
+    /// Starts robot `i` anew from an accepted state.
+    fn place(&mut self, i: usize, state: &State);
+
+    /// Keeps robots from `used` on, which belong to no environment, at rest upright.
+    fn park(&mut self, used: usize);
+
+    /// Checks that [`Robots::place`] would take a state.
+    ///
+    /// # Errors
+    /// As [`Ballbot::reset`].
+    fn accepts(&self, i: usize, state: &State) -> Result<()>;
+
+    /// State of robot `i`.
+    fn state(&self, i: usize) -> State;
+
+    /// Contact forces of the last step of robot `i`.
+    fn contacts(&self, i: usize) -> Contacts;
+
+    /// Parameters of robot `i`.
+    fn params(&self, i: usize) -> &Params;
+
+    /// Wheels of robot `i`.
+    fn wheels(&self, i: usize) -> &Omniwheels;
+
+    /// As [`Ballbot::set_params`].
+    ///
+    /// # Errors
+    /// As [`Ballbot::set_params`].
+    fn set_params(&mut self, i: usize, params: &Params) -> Result<bool>;
+
+    /// As [`Ballbot::push`].
+    ///
+    /// # Errors
+    /// As [`Ballbot::push`].
+    fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()>;
+
+    /// What [`Robots::load`] needs of robot `i`.
+    fn save(&self, i: usize) -> Vec<u8>;
+
+    /// Continues from what [`Robots::save`] gave of a robot of the same model and parameters.
+    ///
+    /// # Errors
+    /// [`Error::Decode`] if the bytes are not that.
+    fn load(&mut self, i: usize, bytes: &[u8]) -> Result<()>;
+}
+
+/// One robot of any model.
+pub struct Single {
+    pub robot: Ballbot,
+    wheels: Omniwheels,
+}
+
+impl Single {
+    pub fn new(robot: Ballbot) -> Self {
+        Self { wheels: Omniwheels::new(robot.params()), robot }
+    }
+}
+
+impl Robots for Single {
+    type Cell = f64;
+
+    fn drive<A: Actuator>(
+        &mut self,
+        actuator: &A,
+        commands: &[f64; ACTION_LEN],
+        memory: &mut [f64],
+        _: &mut [f64],
+        steps: usize,
+    ) {
+        let mut memory = Memory::<f64>::new(Scalar, memory);
+        if A::HELD {
+            let torques = actuator.torques(*commands, [0.0; 3], &mut memory);
+            self.robot.advance(&torques, steps);
+            return;
+        }
+        for _ in 0..steps {
+            let torques = actuator.torques(*commands, self.robot.state().wheel_speeds, &mut memory);
+            self.robot.advance(&torques, 1);
+        }
+    }
+
+    fn conclude<T: Task, S: Sensor>(
+        &self,
+        step: &TaskStep<T, S>,
+        commands: &[f64; ACTION_LEN],
+        ledger: &mut Ledger<f64>,
+        _: &mut Ledger<f64>,
+    ) {
+        let robot = LaneRobot {
+            state: LaneState::from(&self.robot.state()),
+            healthy: self.robot.healthy(),
+            on_floor: self.robot.bot_on_floor(),
+        };
+        run_one(
+            #[inline(always)]
+            || step.run::<f64>(Scalar, &robot, commands, ledger),
+        );
+    }
+
+    fn read(&self, states: &mut StateCells<f64>) {
+        LaneState::from(&self.robot.state()).store(states);
+    }
+
+    fn place(&mut self, _: usize, state: &State) {
+        self.robot.place(state);
+    }
+
+    fn park(&mut self, _: usize) {}
+
+    fn accepts(&self, _: usize, state: &State) -> Result<()> {
+        self.robot.accepts(state)
+    }
+
+    fn state(&self, _: usize) -> State {
+        self.robot.state()
+    }
+
+    fn contacts(&self, _: usize) -> Contacts {
+        self.robot.contacts()
+    }
+
+    fn params(&self, _: usize) -> &Params {
+        self.robot.params()
+    }
+
+    fn wheels(&self, _: usize) -> &Omniwheels {
+        &self.wheels
+    }
+
+    fn set_params(&mut self, _: usize, params: &Params) -> Result<bool> {
+        let goes_on = self.robot.set_params(params)?;
+        self.wheels = Omniwheels::new(params);
+        Ok(goes_on)
+    }
+
+    fn push(&mut self, _: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
+        self.robot.push(impulse, point)
+    }
+
+    fn save(&self, _: usize) -> Vec<u8> {
+        self.robot.save_model()
+    }
+
+    fn load(&mut self, _: usize, bytes: &[u8]) -> Result<()> {
+        self.robot.load_model(bytes)
+    }
+}
+
+impl Robots for ContactLanes {
+    type Cell = Eight;
+
+    fn drive<A: Actuator>(
+        &mut self,
+        actuator: &A,
+        commands: &[Eight; ACTION_LEN],
+        memory: &mut [Eight],
+        one: &mut [f64],
+        steps: usize,
+    ) {
+        self.drive_lanes(actuator, commands, memory, one, steps);
+    }
+
+    fn conclude<T: Task, S: Sensor>(
+        &self,
+        step: &TaskStep<T, S>,
+        commands: &[Eight; ACTION_LEN],
+        ledger: &mut Ledger<Eight>,
+        one: &mut Ledger<f64>,
+    ) {
+        self.read_lanes(Conclude { step, commands, ledger, one });
+    }
+
+    fn read(&self, states: &mut StateCells<Eight>) {
+        self.read_lanes(ReadStates(states));
+    }
+
+    fn place(&mut self, i: usize, state: &State) {
+        self.place_lane(i, state);
+    }
+
+    fn park(&mut self, used: usize) {
+        (used..EIGHT).for_each(|i| self.place_upright(i));
+    }
+
+    fn accepts(&self, i: usize, state: &State) -> Result<()> {
+        check_state(self.lane_params(i), state)?;
+        CollisionShape::new(self.lane_params(i), self.lane_wheels(i)).require_above_floor(state)
+    }
+
+    fn state(&self, i: usize) -> State {
+        self.lane(i).read(&self.constants(i))
+    }
+
+    fn contacts(&self, i: usize) -> Contacts {
+        self.lane(i).contacts(&self.constants(i))
+    }
+
+    fn params(&self, i: usize) -> &Params {
+        self.lane_params(i)
+    }
+
+    fn wheels(&self, i: usize) -> &Omniwheels {
+        self.lane_wheels(i)
+    }
+
+    fn set_params(&mut self, i: usize, params: &Params) -> Result<bool> {
+        params.validate()?;
+        let goes_on = same_geometry(self.lane_params(i), params);
+        self.set_lane_params(i, &Arc::new(params.clone()));
+        if !goes_on {
+            self.place_upright(i);
+        }
+        Ok(goes_on)
+    }
+
+    fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
+        check_push(impulse, point)?;
+        let com = Vector3::z() * self.lane_params(i).body_com_height;
+        let mut state = self.lane(i);
+        state.push(&self.constants(i), impulse, point.unwrap_or(&com));
+        self.set_lane(i, &state);
+        Ok(())
+    }
+
+    fn save(&self, i: usize) -> Vec<u8> {
+        snapshot::pack(&self.lane(i))
+    }
+
+    fn load(&mut self, i: usize, bytes: &[u8]) -> Result<()> {
+        let state = snapshot::unpack("snapshot of a contact model", bytes)?;
+        self.set_lane(i, &state);
+        Ok(())
+    }
+}
+
+/// A control step's conclusion in lanes.
+struct Conclude<'a, T, S> {
+    step: &'a TaskStep<T, S>,
+    commands: &'a [Eight; ACTION_LEN],
+    ledger: &'a mut Ledger<Eight>,
+    one: &'a mut Ledger<f64>,
+}
+
+impl<T: Task, S: Sensor> RobotsKernel for Conclude<'_, T, S> {
+    #[inline(always)]
+    fn run<L: Lane<Cell = Eight>>(self, token: L::Token, robots: &LaneRobot<L>) {
+        self.step.run(token, robots, self.commands, self.ledger);
+    }
+
+    fn run_lane(&mut self, i: usize, robot: &LaneRobot<f64>) {
+        let commands = self.commands.map(|eight| eight.0[i]);
+        Eight::take(self.ledger, i, self.one);
+        self.step.run::<f64>(Scalar, robot, &commands, self.one);
+        Eight::put(self.ledger, i, self.one);
+    }
+}
+
+struct ReadStates<'a>(&'a mut StateCells<Eight>);
+
+impl RobotsKernel for ReadStates<'_> {
+    #[inline(always)]
+    fn run<L: Lane<Cell = Eight>>(self, _: L::Token, robots: &LaneRobot<L>) {
+        robots.state.store(self.0);
+    }
+
+    fn run_lane(&mut self, i: usize, robot: &LaneRobot<f64>) {
+        let mut one = StateCells::default();
+        robot.state.store(&mut one);
+        self.0.set_lane(i, &one);
+    }
+}
+
+/// The error of bytes that are no snapshot of an environment like this one.
+pub fn refused(reason: String) -> Error {
+    Error::Decode { what: "snapshot of an environment".into(), reason }
+}

@@ -1,0 +1,112 @@
+//! The part of a control step that follows the simulation: sensor, reward, termination, observation.
+
+use super::ledger::{Ledger, Sizes};
+use crate::actuator::Actuator;
+use crate::lane_state::{LaneRobot, LaneState};
+use crate::lanes::{Lane, Memory, atan2_positive};
+use crate::sensor::Sensor;
+use crate::task::{ACTION_LEN, RewardScales, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
+
+/// A task with its sensor, shared by all chunks of a batch.
+pub struct TaskStep<T, S> {
+    pub task: T,
+    pub sensor: S,
+    scales: Vec<f64>,
+    scaling: Option<RowScaling>,
+    control_dt: f64,
+    sizes: Sizes,
+}
+
+impl<T: Task, S: Sensor> TaskStep<T, S> {
+    pub fn new<A: Actuator>(
+        task: &T,
+        sensor: S,
+        description: &TaskDescription,
+        scales: &RewardScales,
+        scale_observations: bool,
+        control_dt: f64,
+    ) -> Self {
+        Self {
+            task: task.clone(),
+            sensor,
+            scales: scales.values().collect(),
+            scaling: scale_observations.then(|| description.scaling.clone()),
+            control_dt,
+            sizes: Sizes {
+                task: T::MEMORY,
+                actuator: A::MEMORY,
+                sensor: S::MEMORY,
+                observation: description.rows.len(),
+                terms: description.terms.len(),
+            },
+        }
+    }
+
+    pub fn sizes(&self) -> Sizes {
+        self.sizes
+    }
+
+    /// Counts the step, and computes reward, termination, truncation, success and observation.
+    #[inline(always)]
+    pub fn run<L: Lane>(
+        &self,
+        token: L::Token,
+        robot: &LaneRobot<L>,
+        actions: &[L::Cell; ACTION_LEN],
+        ledger: &mut Ledger<L::Cell>,
+    ) {
+        let Ledger { episode, task: memory, sensor: sensor_memory, observation, terms, .. } = ledger;
+        let state = &robot.state;
+        let zero = state.ball_position.x.zero();
+        let one = zero.splat(1.0);
+        let three = |cells: &[L::Cell; 3]| [L::load(token, &cells[0]), L::load(token, &cells[1]), L::load(token, &cells[2])];
+        let action = three(actions);
+
+        let up = state.body_quaternion.rotation().rows[2];
+        let tilt = atan2_positive(up.x.mul_add(up.x, up.y.squared()).sqrt(), up.z);
+        let step = Step {
+            state,
+            up,
+            tilt,
+            on_floor: robot.on_floor,
+            action,
+            last_action: three(&episode.last_action),
+            control_dt: self.control_dt,
+        };
+
+        let sound = robot.healthy & state.within_bounds();
+        let diverged = zero.splat((T::TERMINATIONS.len() + 1) as f64);
+        let termination = L::select(sound, self.task.terminate(&step), diverged);
+        let terminated = !termination.le(zero);
+        let mut memory = Memory::new(token, memory);
+        let success = self.task.success(&step, terminated, &mut memory);
+        let steps = L::load(token, &episode.steps) + 1.0;
+        let truncated = !terminated & L::load(token, &episode.limit).le(steps);
+
+        let mut written = WriteTerms { cells: terms, scales: &self.scales, sound, sum: zero, next: 0 };
+        self.task.reward(&step, terminated, &memory, &mut written);
+        written.sum.store(&mut episode.reward);
+        termination.store(&mut episode.termination);
+        L::select(truncated, one, zero).store(&mut episode.truncated);
+        L::select(success, one, zero).store(&mut episode.success);
+        steps.store(&mut episode.steps);
+        for (value, cell) in action.into_iter().zip(&mut episode.last_action) {
+            value.store(cell);
+        }
+        let measured = self.sensor.read(state, &mut Memory::new(token, sensor_memory));
+        let mut rows = WriteRows { cells: observation, scaling: self.scaling.as_ref(), next: 0 };
+        self.task.observe(&Sensed { state: &measured, last_action: action }, &memory, &mut rows);
+    }
+
+    /// Computes the observation alone, at the start of an episode or under a new command.
+    #[inline(always)]
+    pub fn observe<L: Lane>(&self, token: L::Token, state: &LaneState<L>, ledger: &mut Ledger<L::Cell>) {
+        let [a, b, c] = &ledger.episode.last_action;
+        let last_action = [L::load(token, a), L::load(token, b), L::load(token, c)];
+        let measured = self.sensor.read(state, &mut Memory::new(token, &mut ledger.sensor));
+        let mut rows =
+            WriteRows { cells: &mut ledger.observation, scaling: self.scaling.as_ref(), next: 0 };
+        let memory = Memory::new(token, &mut ledger.task);
+        self.task.observe(&Sensed { state: &measured, last_action }, &memory, &mut rows);
+    }
+}

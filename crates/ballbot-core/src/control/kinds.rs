@@ -1,0 +1,104 @@
+//! Controllers by name: those of this crate, and those that other crates register.
+
+use super::{Controller, Law, Lqr, LqrWeights, Pid, PidGains, check_max_torque, default_max_torque};
+use crate::error::{Error, Result};
+use crate::fields::{Fields, OptionDescription, describe_options};
+use crate::kinematics::TorqueMap;
+use crate::params::Params;
+use std::sync::{PoisonError, RwLock};
+
+/// A controller that is known by its name.
+#[derive(Clone, Debug)]
+pub struct ControllerKind {
+    /// Its name, as in `lqr`.
+    pub name: &'static str,
+    /// What it is, in one sentence.
+    pub summary: &'static str,
+    /// The sampling time that it is made for, s; `None` if it is designed for any.
+    pub control_dt: Option<f64>,
+    /// The parts of a setpoint that it follows.
+    pub parts: &'static [&'static str],
+    /// Its options.
+    pub options: fn() -> Vec<OptionDescription>,
+    /// Makes one.
+    pub make: MakeController,
+}
+
+/// Makes a controller for `params`, sampled every `control_dt` seconds, no wheel torque above `max_torque` (N·m; `None` is
+/// [`default_max_torque`]), from options by name.
+pub type MakeController =
+    fn(params: &Params, control_dt: f64, max_torque: Option<f64>, options: &[(&str, &[f64])]) -> Result<Box<dyn Controller>>;
+
+/// A struct of fields with some values changed, all within their limits.
+///
+/// # Errors
+/// As [`Fields::set`] and [`Fields::check_limits`].
+pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
+    let mut fields = F::default();
+    options.iter().try_for_each(|(name, values)| fields.set(name, values))?;
+    fields.check_limits()?;
+    Ok(fields)
+}
+
+/// The limit of torques that was asked for, or the default.
+fn limit(params: &Params, max_torque: Option<f64>) -> Result<f64> {
+    max_torque.map_or_else(|| Ok(default_max_torque(params)), |t| check_max_torque(t, params.max_wheel_torque))
+}
+
+/// The controllers of this crate.
+static CONTROLLERS: [ControllerKind; 2] = [
+    ControllerKind {
+        name: "lqr",
+        summary: "Linear-quadratic regulator of position, tilt and heading.",
+        control_dt: None,
+        parts: <Lqr as Law>::PARTS,
+        options: describe_options::<LqrWeights>,
+        make: |params, control_dt, max_torque, options| {
+            let weights = fields_with(options)?;
+            Ok(Box::new(Lqr::with_weights(params, control_dt, &weights, limit(params, max_torque)?)?))
+        },
+    },
+    ControllerKind {
+        name: "pid",
+        summary: "The paper's PID of the tilt; nothing holds the ball's position or the heading.",
+        control_dt: Some(Pid::PAPER_CONTROL_DT),
+        parts: <Pid as Law>::PARTS,
+        options: describe_options::<PidGains>,
+        make: |params, control_dt, max_torque, options| {
+            let pid = Pid::new(params, control_dt, &fields_with(options)?, TorqueMap::Consistent)?;
+            Ok(Box::new(pid.with_max_torque(limit(params, max_torque)?)?))
+        },
+    },
+];
+
+/// The controllers of other crates.
+static REGISTERED: RwLock<Vec<ControllerKind>> = RwLock::new(Vec::new());
+
+/// Makes a controller known by its name, as those of this crate are.
+///
+/// # Errors
+/// [`Error::Inconsistent`] if its name is taken.
+pub fn register_controller(kind: ControllerKind) -> Result<()> {
+    if controller_kinds().iter().any(|known| known.name == kind.name) {
+        return Err(Error::Inconsistent(format!("there is a controller '{}' already", kind.name)));
+    }
+    REGISTERED.write().unwrap_or_else(PoisonError::into_inner).push(kind);
+    Ok(())
+}
+
+/// All controllers.
+pub fn controller_kinds() -> Vec<ControllerKind> {
+    let registered = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
+    CONTROLLERS.iter().chain(registered.iter()).cloned().collect()
+}
+
+/// A controller by its name.
+///
+/// # Errors
+/// [`Error::UnknownName`] if there is none.
+pub fn controller_kind(name: &str) -> Result<ControllerKind> {
+    let kinds = controller_kinds();
+    let names: Vec<_> = kinds.iter().map(|kind| kind.name).collect();
+    let found = kinds.iter().find(|kind| kind.name == name).cloned();
+    found.ok_or_else(|| Error::unknown("controller", name, &names))
+}

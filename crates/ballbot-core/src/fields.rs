@@ -1,0 +1,248 @@
+//! Numbers that are described once: name, unit, default, limit and documentation beside each other.
+
+use crate::error::{Error, Result};
+use std::f64::consts::{PI, TAU};
+use std::fmt;
+use std::slice;
+
+/// An interval of numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limit {
+    low: f64,
+    low_included: bool,
+    high: f64,
+    high_included: bool,
+}
+
+impl Limit {
+    /// Any finite number.
+    pub const FINITE: Self =
+        Self { low: f64::NEG_INFINITY, low_included: false, high: f64::INFINITY, high_included: false };
+    /// Above zero.
+    pub const POSITIVE: Self = Self::above(0.0);
+    /// Zero or more.
+    pub const NOT_NEGATIVE: Self = Self::from(0.0);
+
+    /// From `low` on.
+    pub const fn from(low: f64) -> Self {
+        Self { low, low_included: true, ..Self::FINITE }
+    }
+
+    /// Above `low`.
+    pub const fn above(low: f64) -> Self {
+        Self { low, low_included: false, ..Self::FINITE }
+    }
+
+    /// The same up to `high`.
+    pub const fn to(self, high: f64) -> Self {
+        Self { high, high_included: true, ..self }
+    }
+
+    /// The same below `high`.
+    pub const fn below(self, high: f64) -> Self {
+        Self { high, high_included: false, ..self }
+    }
+
+    /// Whether a number is finite and inside.
+    pub fn contains(&self, value: f64) -> bool {
+        value.is_finite()
+            && (value > self.low || (self.low_included && value == self.low))
+            && (value < self.high || (self.high_included && value == self.high))
+    }
+}
+
+/// A number, with names for multiples of pi.
+struct Named(f64);
+
+impl fmt::Display for Named {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            v if v == PI => f.write_str("pi"),
+            v if v == TAU => f.write_str("2 pi"),
+            v if v == 0.5 * PI => f.write_str("pi/2"),
+            v => write!(f, "{v}"),
+        }
+    }
+}
+
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let low = match (self.low.is_finite(), self.low_included) {
+            (false, _) => None,
+            (true, true) => Some(format!(">= {}", Named(self.low))),
+            (true, false) => Some(format!("> {}", Named(self.low))),
+        };
+        let high = match (self.high.is_finite(), self.high_included) {
+            (false, _) => None,
+            (true, true) => Some(format!("<= {}", Named(self.high))),
+            (true, false) => Some(format!("< {}", Named(self.high))),
+        };
+        match (low, high) {
+            (None, None) => f.write_str("finite"),
+            (Some(one), None) | (None, Some(one)) => f.write_str(&one),
+            (Some(low), Some(high)) => write!(f, "{low} and {high}"),
+        }
+    }
+}
+
+/// Description of one field: a number, or an array of numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Field {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit; empty for a pure number.
+    pub unit: &'static str,
+    /// What it is, as the lines of its doc comment.
+    pub doc: &'static str,
+    /// How many numbers it has.
+    pub len: usize,
+    /// Where each of them must lie.
+    pub limit: Limit,
+}
+
+/// A number or an array of numbers as a slice.
+pub trait Numbers {
+    /// How many.
+    const LEN: usize;
+    /// To read.
+    fn as_slice(&self) -> &[f64];
+    /// To write.
+    fn as_mut_slice(&mut self) -> &mut [f64];
+}
+
+impl Numbers for f64 {
+    const LEN: usize = 1;
+    fn as_slice(&self) -> &[f64] {
+        slice::from_ref(self)
+    }
+    fn as_mut_slice(&mut self) -> &mut [f64] {
+        slice::from_mut(self)
+    }
+}
+
+impl<const N: usize> Numbers for [f64; N] {
+    const LEN: usize = N;
+    fn as_slice(&self) -> &[f64] {
+        self
+    }
+    fn as_mut_slice(&mut self) -> &mut [f64] {
+        self
+    }
+}
+
+/// A struct of numbers that [`fields!`] defined.
+pub trait Fields: Clone + Default {
+    /// Descriptions, in the order of the struct's fields.
+    const FIELDS: &'static [Field];
+
+    /// Values of a field; `index` counts in [`Fields::FIELDS`].
+    fn values(&self, index: usize) -> &[f64];
+
+    /// Values of a field, to change them.
+    fn values_mut(&mut self, index: usize) -> &mut [f64];
+
+    /// Sets a field by its name.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] or [`Error::Length`]. Limits are checked by [`Fields::check_limits`].
+    fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {
+        let Some(index) = Self::FIELDS.iter().position(|field| field.name == name) else {
+            let known: Vec<_> = Self::FIELDS.iter().map(|field| field.name).collect();
+            return Err(Error::unknown("option", name, &known));
+        };
+        let field = self.values_mut(index);
+        if values.len() != field.len() {
+            return Err(Error::Length { name: name.into(), found: values.len(), expected: field.len() });
+        }
+        field.copy_from_slice(values);
+        Ok(())
+    }
+
+    /// Checks every number against the limit of its field.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] naming the first that breaks it.
+    fn check_limits(&self) -> Result<()> {
+        for (index, field) in Self::FIELDS.iter().enumerate() {
+            for (i, &value) in self.values(index).iter().enumerate() {
+                if !field.limit.contains(value) {
+                    let name = if field.len == 1 { field.name.to_owned() } else { format!("{}[{i}]", field.name) };
+                    let unit = if field.unit.is_empty() { String::new() } else { format!(" {}", field.unit) };
+                    return Err(Error::OutOfRange { name, value, limit: format!("{}{unit}", field.limit) });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// An option: a name with its unit, default, limit and documentation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OptionDescription {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit; empty for a pure number.
+    pub unit: &'static str,
+    /// Default values: one, or as many as an array has.
+    pub default: Vec<f64>,
+    /// Where the values must lie, in words.
+    pub limit: String,
+    /// What it is.
+    pub doc: String,
+}
+
+/// The options of a struct of fields.
+pub fn describe_options<F: Fields>() -> Vec<OptionDescription> {
+    let defaults = F::default();
+    let describe = |(index, field): (usize, &Field)| OptionDescription {
+        name: field.name,
+        unit: field.unit,
+        default: defaults.values(index).to_vec(),
+        limit: field.limit.to_string(),
+        doc: field.doc.trim().replace("\n ", "\n"),
+    };
+    F::FIELDS.iter().enumerate().map(describe).collect()
+}
+
+/// Defines a struct of numbers: each field with its documentation, default, unit and limit. The struct implements
+/// `Default` and [`Fields`].
+#[macro_export]
+macro_rules! fields {
+    (
+        $(#[$meta:meta])*
+        pub struct $name:ident {
+            $($(#[doc = $doc:literal])+ pub $field:ident: $type:ty = $default:expr, $unit:literal, $limit:expr;)*
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct $name {
+            $($(#[doc = $doc])+ pub $field: $type,)*
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($field: $default,)* }
+            }
+        }
+
+        impl $crate::fields::Fields for $name {
+            const FIELDS: &'static [$crate::fields::Field] = &[$($crate::fields::Field {
+                name: stringify!($field),
+                unit: $unit,
+                doc: concat!($($doc),+),
+                len: <$type as $crate::fields::Numbers>::LEN,
+                limit: $limit,
+            },)*];
+
+            fn values(&self, index: usize) -> &[f64] {
+                [$($crate::fields::Numbers::as_slice(&self.$field),)*][index]
+            }
+
+            fn values_mut(&mut self, index: usize) -> &mut [f64] {
+                let fields = [$($crate::fields::Numbers::as_mut_slice(&mut self.$field),)*];
+                fields.into_iter().nth(index).expect("an index of FIELDS")
+            }
+        }
+    };
+}

@@ -1,0 +1,32 @@
+//! The heading frame: a vertical z axis and the robot's yaw.
+
+use super::{Lane, Quat};
+
+/// Cosine and sine of the yaw.
+pub struct Heading<L> {
+    /// Cosine.
+    pub cos: L,
+    /// Sine.
+    pub sin: L,
+}
+
+impl<L: Lane> Heading<L> {
+    /// Of a body with attitude `q`: the yaw is 2 atan2(z, w).
+    #[inline(always)]
+    pub fn new(q: Quat<L>) -> Self {
+        let (ww, zz) = (q.w.squared(), q.v.z.squared());
+        let norm = ww + zz;
+        // Upside down there is no yaw.
+        let turned = norm.zero().lt(norm);
+        let one = norm.splat(1.0);
+        let inverse = one / L::select(turned, norm, one);
+        let wz = q.w * q.v.z;
+        Self { cos: L::select(turned, (ww - zz) * inverse, one), sin: (wz + wz) * inverse }
+    }
+
+    /// A horizontal vector of the inertial frame, in the heading frame.
+    #[inline(always)]
+    pub fn of(&self, x: L, y: L) -> [L; 2] {
+        [self.cos.mul_add(x, self.sin * y), self.cos.mul_add(y, -(self.sin * x))]
+    }
+}

@@ -1,0 +1,35 @@
+//! Numbers that a stage, a task or a controller keeps, read and written in lanes.
+
+use super::Lane;
+
+/// Some numbers of one robot or of eight.
+pub struct Memory<'a, L: Lane> {
+    token: L::Token,
+    cells: &'a mut [L::Cell],
+}
+
+impl<'a, L: Lane> Memory<'a, L> {
+    /// The numbers in `cells`.
+    #[inline(always)]
+    pub fn new(token: L::Token, cells: &'a mut [L::Cell]) -> Self {
+        Self { token, cells }
+    }
+
+    /// Number `index`.
+    #[inline(always)]
+    pub fn get(&self, index: usize) -> L {
+        L::load(self.token, &self.cells[index])
+    }
+
+    /// Replaces number `index`.
+    #[inline(always)]
+    pub fn set(&mut self, index: usize, value: L) {
+        value.store(&mut self.cells[index]);
+    }
+
+    /// The same number for all robots.
+    #[inline(always)]
+    pub fn splat(&self, value: f64) -> L {
+        L::from_f64(self.token, value)
+    }
+}

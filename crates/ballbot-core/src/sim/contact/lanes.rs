@@ -1,0 +1,199 @@
+//! Eight robots of the contact model side by side, each with parameters of its own or all with the same.
+
+use super::constants::{Constants, LaneConstants};
+use super::state::{ContactState, Torques};
+use super::step::{advance, advance_wide};
+use crate::actuator::Actuator;
+use crate::kinematics::Omniwheels;
+use crate::lane_state::LaneRobot;
+use crate::lanes::{EIGHT, Eight, Kernel, Lane, LaneValue, Memory, Scalar, Wide, run_eight};
+use crate::params::Params;
+use crate::state::State;
+use fearless_simd::Simd;
+use std::borrow::Cow;
+use std::sync::Arc;
+
+/// Eight robots, in the order of the lanes.
+pub struct ContactLanes {
+    params: [Arc<Params>; EIGHT],
+    wheels: [Arc<Omniwheels>; EIGHT],
+    constants: LaneConstants,
+    state: ContactState<Eight>,
+    sim_dt: f64,
+}
+
+/// A computation on what eight robots do, written over lanes.
+pub trait RobotsKernel {
+    /// All eight at once.
+    fn run<L: Lane<Cell = Eight>>(self, token: L::Token, robots: &LaneRobot<L>);
+
+    /// Robot `i` alone, on processors that step robots one by one.
+    fn run_lane(&mut self, i: usize, robot: &LaneRobot<f64>);
+}
+
+impl ContactLanes {
+    /// At rest upright.
+    pub fn new(params: &Arc<Params>, sim_dt: f64) -> Self {
+        let wheels = Arc::new(Omniwheels::new(params));
+        let mut lanes = Self {
+            constants: LaneConstants::shared(Constants::new(params, sim_dt)),
+            state: ContactState::default(),
+            params: std::array::from_fn(|_| Arc::clone(params)),
+            wheels: std::array::from_fn(|_| Arc::clone(&wheels)),
+            sim_dt,
+        };
+        (0..EIGHT).for_each(|i| lanes.place_upright(i));
+        lanes
+    }
+
+    /// Parameters of robot `i`.
+    pub fn lane_params(&self, i: usize) -> &Params {
+        &self.params[i]
+    }
+
+    /// Wheels of robot `i`.
+    pub fn lane_wheels(&self, i: usize) -> &Omniwheels {
+        &self.wheels[i]
+    }
+
+    /// Constants of robot `i`.
+    pub fn constants(&self, i: usize) -> Cow<'_, Constants<f64>> {
+        self.constants.lane(i)
+    }
+
+    /// Replaces the parameters of robot `i`; its motion is not changed, except that impulses of joint friction start
+    /// anew.
+    pub fn set_lane_params(&mut self, i: usize, params: &Arc<Params>) {
+        self.params[i] = Arc::clone(params);
+        self.wheels[i] = Arc::new(Omniwheels::new(params));
+        self.constants.set_lane(i, &Constants::new(params, self.sim_dt));
+        let mut state = self.state.lane(i);
+        state.joint_impulses = [0.0; 3];
+        self.state.set_lane(i, &state);
+    }
+
+    /// Starts robot `i` anew from an accepted state.
+    pub fn place_lane(&mut self, i: usize, state: &State) {
+        let placed = ContactState::at(&self.constants.lane(i), &self.wheels[i], state);
+        self.state.set_lane(i, &placed);
+    }
+
+    /// Starts robot `i` anew at rest upright.
+    pub fn place_upright(&mut self, i: usize) {
+        self.place_lane(i, &State::upright(&self.params[i]));
+    }
+
+    /// The solver's state of robot `i`.
+    pub fn lane(&self, i: usize) -> ContactState<f64> {
+        self.state.lane(i)
+    }
+
+    /// Replaces the solver's state of robot `i`.
+    pub fn set_lane(&mut self, i: usize, state: &ContactState<f64>) {
+        self.state.set_lane(i, state);
+    }
+
+    /// Advances all by `steps` time steps under commands in [-1, 1]; `one` is room for the actuator's numbers of one robot.
+    pub fn drive_lanes<A: Actuator>(
+        &mut self,
+        actuator: &A,
+        commands: &Torques<Eight>,
+        memory: &mut [Eight],
+        one: &mut [f64],
+        steps: usize,
+    ) {
+        match &self.constants {
+            LaneConstants::Shared(constants) => {
+                run_eight(Drive { constants, state: &mut self.state, actuator, commands, memory, one, steps });
+            }
+            LaneConstants::PerLane(constants) => {
+                run_eight(Drive { constants, state: &mut self.state, actuator, commands, memory, one, steps });
+            }
+        }
+    }
+
+    /// Runs a computation on what the robots do now.
+    pub fn read_lanes(&self, kernel: impl RobotsKernel) {
+        match &self.constants {
+            LaneConstants::Shared(constants) => run_eight(Read { constants, state: &self.state, kernel }),
+            LaneConstants::PerLane(constants) => run_eight(Read { constants, state: &self.state, kernel }),
+        }
+    }
+}
+
+struct Drive<'a, V, A> {
+    constants: &'a Constants<V>,
+    state: &'a mut ContactState<Eight>,
+    actuator: &'a A,
+    commands: &'a Torques<Eight>,
+    memory: &'a mut [Eight],
+    one: &'a mut [f64],
+    steps: usize,
+}
+
+impl<V: LaneValue, A: Actuator> Kernel for Drive<'_, V, A> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { constants, state, actuator, commands, memory, steps, .. } = self;
+        let mut memory = Memory::<Wide<S>>::new(simd, memory);
+        let [a, b, c] = commands;
+        let commands = [Wide::load(simd, a), Wide::load(simd, b), Wide::load(simd, c)];
+        let mut torques = [Eight::default(); 3];
+        let (calls, steps) = if A::HELD { (1, steps) } else { (steps, 1) };
+        for _ in 0..calls {
+            let speeds = if A::HELD {
+                [commands[0].zero(); 3]
+            } else {
+                let c = constants.map(
+                    #[inline(always)]
+                    |value| value.wide(simd),
+                );
+                state.wheel_speeds::<Wide<S>>(simd, &c)
+            };
+            for (torque, cell) in actuator.torques(commands, speeds, &mut memory).into_iter().zip(&mut torques) {
+                torque.store(cell);
+            }
+            advance_wide(simd, constants, state, &torques, steps);
+        }
+    }
+
+    fn run_one_by_one(self) {
+        for i in 0..EIGHT {
+            let c = self.constants.map(|value| value.lane(i));
+            let mut state = self.state.lane(i);
+            self.one.iter_mut().zip(&*self.memory).for_each(|(one, all)| *one = all.0[i]);
+            let commands = self.commands.map(|eight| eight.0[i]);
+            for _ in 0..self.steps {
+                let speeds = state.wheel_speeds::<f64>(Scalar, &c);
+                let torques = self.actuator.torques(commands, speeds, &mut Memory::new(Scalar, self.one));
+                advance(&c, &mut state, &torques, 1);
+            }
+            self.one.iter().zip(&mut *self.memory).for_each(|(one, all)| all.0[i] = *one);
+            self.state.set_lane(i, &state);
+        }
+    }
+}
+
+struct Read<'a, V, K> {
+    constants: &'a Constants<V>,
+    state: &'a ContactState<Eight>,
+    kernel: K,
+}
+
+impl<V: LaneValue, K: RobotsKernel> Kernel for Read<'_, V, K> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let c = self.constants.map(
+            #[inline(always)]
+            |value| value.wide(simd),
+        );
+        self.kernel.run(simd, &self.state.robot::<Wide<S>>(simd, &c));
+    }
+
+    fn run_one_by_one(mut self) {
+        for i in 0..EIGHT {
+            let c = self.constants.map(|value| value.lane(i));
+            self.kernel.run_lane(i, &self.state.lane(i).robot::<f64>(Scalar, &c));
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! One robot's solver state from and to the common vocabulary: [`State`], [`Contacts`], pushes.
+
+use super::constants::Constants;
+use super::state::ContactState;
+use crate::kinematics::Omniwheels;
+use crate::lanes::{Scalar, run_one};
+use crate::state::{Contacts, State, wxyz};
+use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
+
+/// Largest gap at which the first impulses of a contact assume the robot's weight, m.
+const CONTACT_TOLERANCE: f64 = 1e-4;
+
+impl ContactState<f64> {
+    /// At time zero in `state`, which has been accepted.
+    pub fn at(c: &Constants<f64>, wheels: &Omniwheels, state: &State) -> Self {
+        let com = Vector3::z() * c.com_height;
+        let rate = state.body_angular_velocity;
+        let spins = Vector3::from(state.wheel_speeds) - wheels.u * rate;
+        let position = state.body_position + state.body_quaternion * com;
+        let velocity = state.body_velocity + state.body_quaternion * rate.cross(&com);
+        let load = c.static_wheel_load * c.sim_dt;
+        let touches = |i: usize| {
+            let center = position + state.body_quaternion * Vector3::from(c.wheel_centers[i]);
+            (center - state.ball_position).norm() - c.ball_radius - c.wheel_radius <= CONTACT_TOLERANCE
+        };
+        let on_floor = state.ball_position.z - c.ball_radius <= CONTACT_TOLERANCE;
+        Self {
+            ball_position: state.ball_position.into(),
+            ball_quaternion: wxyz(&state.ball_quaternion),
+            ball_velocity: state.ball_velocity.into(),
+            ball_rate: state.ball_angular_velocity.into(),
+            body_position: position.into(),
+            body_quaternion: wxyz(&state.body_quaternion),
+            body_velocity: velocity.into(),
+            body_rate: rate.into(),
+            wheel_angles: state.wheel_angles,
+            wheel_spins: spins.into(),
+            normal_impulses: [0, 1, 2].map(|i| if touches(i) { load } else { 0.0 }),
+            floor_impulse: [if on_floor { c.static_floor_load * c.sim_dt } else { 0.0 }, 0.0, 0.0],
+            ..Self::default()
+        }
+    }
+
+    /// The state in the common vocabulary.
+    pub fn read(&self, c: &Constants<f64>) -> State {
+        run_one(
+            #[inline(always)]
+            || self.lane_state::<f64>(Scalar, c).into(),
+        )
+    }
+
+    /// Contact forces of the last step; zeros before the first.
+    pub fn contacts(&self, c: &Constants<f64>) -> Contacts {
+        // Before the first step the impulses are only the solver's initial guess.
+        let per_second = if self.steps > 0.0 { c.sim_dt.recip() } else { 0.0 };
+        let [z, x, y] = self.floor_impulse;
+        let r = c.ball_radius;
+        Contacts {
+            wheel_normal_forces: self.normal_impulses.map(|impulse| impulse * per_second),
+            wheel_tractions: self.drive_impulses.map(|impulse| -impulse * per_second),
+            wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(c, i)),
+            floor_force: Vector3::new(x, y, z) * per_second,
+            floor_slip_velocity: Vector2::new(
+                self.ball_velocity[0] - r * self.ball_rate[1],
+                self.ball_velocity[1] + r * self.ball_rate[0],
+            ),
+            bot_on_floor: self.bot_on_floor > 0.0,
+        }
+    }
+
+    /// Adds an impulse (inertial frame, N·s) on the body at `point` (body frame, m), to act over the next step.
+    pub fn push(&mut self, c: &Constants<f64>, impulse: &Vector3<f64>, point: &Vector3<f64>) {
+        let com = Vector3::z() * c.com_height;
+        let angular_impulse = (rotation(self.body_quaternion) * (point - com)).cross(impulse);
+        for i in 0..3 {
+            self.push[i] += impulse[i];
+            self.push[3 + i] += angular_impulse[i];
+        }
+    }
+
+    /// Surface speed of wheel `i` less the ball's along its drive direction, m/s.
+    fn slip_speed(&self, c: &Constants<f64>, i: usize) -> f64 {
+        let body = rotation(self.body_quaternion);
+        let rate = Vector3::from(self.body_rate);
+        let u = body * Vector3::from(c.u[i]);
+        let center = body * Vector3::from(c.wheel_centers[i]);
+        let normal = (center + Vector3::from(self.body_position) - Vector3::from(self.ball_position)).normalize();
+        let drive = u.cross(&normal).normalize();
+        // The wheel turns with the body, but about its axle −u with its own spin.
+        let wheel_rate = body * rate - u * (self.wheel_spins[i] + Vector3::from(c.u[i]).dot(&rate));
+        let rim = Vector3::from(self.body_velocity) + (body * rate).cross(&center)
+            - wheel_rate.cross(&normal) * c.wheel_radius;
+        let ball = Vector3::from(self.ball_velocity) + Vector3::from(self.ball_rate).cross(&normal) * c.ball_radius;
+        (rim - ball).dot(&drive)
+    }
+}
+
+fn rotation([w, x, y, z]: [f64; 4]) -> UnitQuaternion<f64> {
+    UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z))
+}

@@ -1,0 +1,190 @@
+//! State and warm-start impulses of one robot or of eight: what a step reads and writes.
+
+use super::constants::Constants;
+use super::rows::encoder_rate;
+use super::types::{PerRow, Pose, Velocities};
+use crate::lane_state::{LaneRobot, LaneState};
+use crate::lanes::{Cell, Lane, Quat, Vec3, cells};
+use serde::{Deserialize, Serialize};
+
+/// Squared speeds and rates from which arithmetic would overflow soon.
+const MAX_SPEED_SQUARED: f64 = 1e30;
+
+/// Torques of the three motors, N·m.
+pub type Torques<T> = [T; 3];
+
+cells! {
+    /// State and contact impulses of one robot or of eight. Inertial frame and SI units unless said.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ContactState {
+        /// Since the reset.
+        pub steps: T,
+        pub ball_position: [T; 3],
+        pub ball_quaternion: [T; 4],
+        pub ball_velocity: [T; 3],
+        pub ball_rate: [T; 3],
+        /// Of the CoM.
+        pub body_position: [T; 3],
+        pub body_quaternion: [T; 4],
+        /// Of the CoM.
+        pub body_velocity: [T; 3],
+        /// Body frame.
+        pub body_rate: [T; 3],
+        pub wheel_angles: [T; 3],
+        /// Absolute spins about the axles: encoder rate less u_i · Ω.
+        pub wheel_spins: [T; 3],
+        /// Of the last step, on the ball: normal, x, y.
+        pub floor_impulse: [T; 3],
+        /// Of the last step, on the bot.
+        pub normal_impulses: [T; 3],
+        /// Of the last step, on the bot.
+        pub drive_impulses: [T; 3],
+        /// Of the last step.
+        pub joint_impulses: [T; 3],
+        /// Impulse on the body and angular impulse about its CoM that act in the next step.
+        pub push: [T; 6],
+        /// 1 while the bot touches the floor, else 0.
+        pub bot_on_floor: T,
+        /// 1 once a step met numbers that are not finite, else 0.
+        pub diverged: T,
+    }
+}
+
+impl<T: Cell> ContactState<T> {
+    /// The state: the body at its frame's origin instead of its CoM, the wheels' rates against the body.
+    #[inline(always)]
+    pub fn lane_state<L: Lane<Cell = T>>(&self, token: L::Token, c: &Constants<L>) -> LaneState<L> {
+        let (pose, v) = (self.pose::<L>(token), self.velocities::<L>(token));
+        let rotation = pose.body_quaternion.rotation();
+        let mast = Vec3::new(rotation.rows[0].z, rotation.rows[1].z, rotation.rows[2].z);
+        // Ω × e3
+        let turning = rotation.apply(Vec3::new(v.body_rate.y, -v.body_rate.x, v.body_rate.x.zero()));
+        LaneState {
+            ball_position: pose.ball,
+            ball_quaternion: pose.ball_quaternion,
+            ball_velocity: v.ball,
+            ball_angular_velocity: v.ball_rate,
+            body_position: pose.body.plus(mast, -c.com_height),
+            body_quaternion: pose.body_quaternion,
+            body_velocity: v.body.plus(turning, -c.com_height),
+            body_angular_velocity: v.body_rate,
+            wheel_angles: pose.wheel_angles,
+            wheel_speeds: [encoder_rate(c, &v, 0), encoder_rate(c, &v, 1), encoder_rate(c, &v, 2)],
+        }
+    }
+}
+
+impl<T: Cell> ContactState<T> {
+    /// Encoder rates of the wheels.
+    #[inline(always)]
+    pub fn wheel_speeds<L: Lane<Cell = T>>(&self, token: L::Token, c: &Constants<L>) -> [L; 3] {
+        let v = self.velocities::<L>(token);
+        [encoder_rate(c, &v, 0), encoder_rate(c, &v, 1), encoder_rate(c, &v, 2)]
+    }
+
+    /// The robot as tasks and controllers see it.
+    #[inline(always)]
+    pub fn robot<L: Lane<Cell = T>>(&self, token: L::Token, c: &Constants<L>) -> LaneRobot<L> {
+        let diverged = L::load(token, &self.diverged);
+        LaneRobot {
+            state: self.lane_state(token, c),
+            healthy: diverged.le(diverged.zero()),
+            on_floor: diverged.zero().lt(L::load(token, &self.bot_on_floor)),
+        }
+    }
+
+    #[inline(always)]
+    pub fn pose<L: Lane<Cell = T>>(&self, token: L::Token) -> Pose<L> {
+        Pose {
+            ball: Vec3::load(token, &self.ball_position),
+            ball_quaternion: Quat::load(token, &self.ball_quaternion),
+            body: Vec3::load(token, &self.body_position),
+            body_quaternion: Quat::load(token, &self.body_quaternion),
+            wheel_angles: load3(token, &self.wheel_angles),
+        }
+    }
+
+    #[inline(always)]
+    pub fn velocities<L: Lane<Cell = T>>(&self, token: L::Token) -> Velocities<L> {
+        Velocities {
+            ball: Vec3::load(token, &self.ball_velocity),
+            ball_rate: Vec3::load(token, &self.ball_rate),
+            body: Vec3::load(token, &self.body_velocity),
+            body_rate: Vec3::load(token, &self.body_rate),
+            spins: load3(token, &self.wheel_spins),
+        }
+    }
+
+    #[inline(always)]
+    pub fn impulses<L: Lane<Cell = T>>(&self, token: L::Token) -> PerRow<L> {
+        PerRow {
+            floor: load3(token, &self.floor_impulse),
+            normals: load3(token, &self.normal_impulses),
+            drives: load3(token, &self.drive_impulses),
+            joints: load3(token, &self.joint_impulses),
+        }
+    }
+
+    /// Stores the result of a step. A robot with velocities that are not finite or near overflow keeps its pose and is
+    /// marked as diverged.
+    #[inline(always)]
+    pub fn take<L: Lane<Cell = T>>(
+        &mut self,
+        token: L::Token,
+        pose: &Pose<L>,
+        velocities: &Velocities<L>,
+        impulses: &PerRow<L>,
+        on_floor: L,
+    ) {
+        let size = velocities.norm_squared();
+        let sound = size.lt(size.splat(MAX_SPEED_SQUARED));
+        if !L::any(!sound) {
+            self.write(pose, velocities, impulses, on_floor);
+            return;
+        }
+        let marked = L::load(token, &self.diverged);
+        L::select(sound, marked, size.splat(1.0)).store(&mut self.diverged);
+        let pose = Pose::select(sound, pose, &self.pose(token));
+        let velocities = Velocities::select(sound, velocities, &self.velocities(token));
+        let impulses = PerRow::select(sound, impulses, &self.impulses(token));
+        let on_floor = L::select(sound, on_floor, L::load(token, &self.bot_on_floor));
+        self.write(&pose, &velocities, &impulses, on_floor);
+    }
+
+    #[inline(always)]
+    fn write<L: Lane<Cell = T>>(
+        &mut self,
+        pose: &Pose<L>,
+        velocities: &Velocities<L>,
+        impulses: &PerRow<L>,
+        on_floor: L,
+    ) {
+        pose.ball.store(&mut self.ball_position);
+        pose.ball_quaternion.store(&mut self.ball_quaternion);
+        pose.body.store(&mut self.body_position);
+        pose.body_quaternion.store(&mut self.body_quaternion);
+        store3(pose.wheel_angles, &mut self.wheel_angles);
+        velocities.ball.store(&mut self.ball_velocity);
+        velocities.ball_rate.store(&mut self.ball_rate);
+        velocities.body.store(&mut self.body_velocity);
+        velocities.body_rate.store(&mut self.body_rate);
+        store3(velocities.spins, &mut self.wheel_spins);
+        store3(impulses.floor, &mut self.floor_impulse);
+        store3(impulses.normals, &mut self.normal_impulses);
+        store3(impulses.drives, &mut self.drive_impulses);
+        store3(impulses.joints, &mut self.joint_impulses);
+        on_floor.store(&mut self.bot_on_floor);
+    }
+}
+
+#[inline(always)]
+fn load3<L: Lane>(token: L::Token, [a, b, c]: &[L::Cell; 3]) -> [L; 3] {
+    [L::load(token, a), L::load(token, b), L::load(token, c)]
+}
+
+#[inline(always)]
+fn store3<L: Lane>([a, b, c]: [L; 3], cells: &mut [L::Cell; 3]) {
+    a.store(&mut cells[0]);
+    b.store(&mut cells[1]);
+    c.store(&mut cells[2]);
+}

@@ -1,0 +1,126 @@
+//! Tasks: Markov decision processes on a ballbot, each in one file.
+//!
+//! A task is a struct of options ([`crate::fields!`]) that implements [`Task`]. Its computations are written once over
+//! lanes. Observation rows and reward terms carry their description beside their value, so that spaces, scaling, bindings
+//! and documentation follow from the same line.
+
+mod balance;
+mod description;
+mod rows;
+
+pub use balance::Balance;
+pub use description::TaskDescription;
+pub use rows::{RewardScales, Row, RowScaling, Rows, SCALED_BOUND, Term, Terms};
+pub(crate) use rows::{WriteRows, WriteTerms};
+
+use crate::error::Result;
+use crate::fields::Fields;
+use crate::kinematics::Omniwheels;
+use crate::lane_state::LaneState;
+use crate::lanes::{Lane, Memory, Vec3};
+use crate::params::Params;
+use crate::setpoint::Setpoint;
+use crate::state::State;
+use rand_chacha::ChaCha8Rng;
+
+/// Number of actions: one command for each wheel.
+pub const ACTION_LEN: usize = 3;
+
+/// Reason for the termination of an episode whose simulation diverged; shared by all tasks.
+pub const DIVERGED: &str = "diverged";
+
+/// A task: what an episode starts from, what is observed, what is rewarded, when it ends.
+pub trait Task: Fields + Send + Sync + 'static {
+    /// Name, as in `balance`.
+    const NAME: &'static str;
+
+    /// Id with Gymnasium, as in `ballbot/Balance-v0`.
+    const ID: &'static str;
+
+    /// What the robot is to do, in one sentence.
+    const SUMMARY: &'static str;
+
+    /// Length of an episode unless it is configured, in control steps.
+    const MAX_EPISODE_STEPS: usize = 1000;
+
+    /// Mean return of a policy that counts as having solved the task, if that is defined.
+    const REWARD_THRESHOLD: Option<f64> = None;
+
+    /// Reasons for termination, each with its condition; [`DIVERGED`] is added to them.
+    const TERMINATIONS: &'static [(&'static str, &'static str)];
+
+    /// What counts as success, in one sentence; empty if nothing does.
+    const SUCCESS: &'static str = "";
+
+    /// How many numbers the task keeps in an episode (counters, commands); zeros before [`Task::command`].
+    const MEMORY: usize = 0;
+
+    /// Checks what the limits of single options do not: options against each other and against the robot.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] or [`crate::Error::Inconsistent`] naming the value and the limit.
+    fn validate(&self, params: &Params) -> Result<()>;
+
+    /// The starts that come nearest to the floor: if the model accepts them, it accepts all that [`Task::start`] draws.
+    fn extreme_starts(&self, params: &Params) -> Vec<State>;
+
+    /// Draws the first state of an episode.
+    fn start(&self, params: &Params, wheels: &Omniwheels, rng: &mut ChaCha8Rng) -> State;
+
+    /// Draws a command into the memory at the start of an episode and whenever the last one has run out. Returns after
+    /// how many control steps the next one is due; infinity if never.
+    fn command(&self, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
+        let _ = (rng, memory);
+        f64::INFINITY
+    }
+
+    /// What a classical controller is to bring about under the present command.
+    fn setpoint(&self, memory: &[f64]) -> Setpoint {
+        let _ = memory;
+        Setpoint::default()
+    }
+
+    /// Gives the rows of the observation, always the same in the same order.
+    fn observe<L: Lane>(&self, sensed: &Sensed<'_, L>, memory: &Memory<'_, L>, rows: &mut impl Rows<L>);
+
+    /// Why the episode is terminated: 0 for no reason, otherwise 1 + the index in [`Task::TERMINATIONS`].
+    fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L;
+
+    /// Whether the episode is a success if it ends here. `terminated` robots are not; memory may be updated.
+    fn success<L: Lane>(&self, step: &Step<'_, L>, terminated: L::Mask, memory: &mut Memory<'_, L>) -> L::Mask;
+
+    /// Gives the terms of the reward, always the same in the same order.
+    fn reward<L: Lane>(
+        &self,
+        step: &Step<'_, L>,
+        terminated: L::Mask,
+        memory: &Memory<'_, L>,
+        terms: &mut impl Terms<L>,
+    );
+}
+
+/// What a task observes.
+pub struct Sensed<'a, L: Lane> {
+    /// The state as the sensors measure it.
+    pub state: &'a LaneState<L>,
+    /// The last action, in [-1, 1].
+    pub last_action: [L; ACTION_LEN],
+}
+
+/// A control step that has just been simulated.
+pub struct Step<'a, L: Lane> {
+    /// The true state at its end.
+    pub state: &'a LaneState<L>,
+    /// The vertical in the body frame.
+    pub up: Vec3<L>,
+    /// Angle between the mast and the vertical, rad.
+    pub tilt: L,
+    /// Whether the body or a wheel touches the floor.
+    pub on_floor: L::Mask,
+    /// The action, in [-1, 1].
+    pub action: [L; ACTION_LEN],
+    /// The action before it.
+    pub last_action: [L; ACTION_LEN],
+    /// Duration of a control step, s.
+    pub control_dt: f64,
+}

@@ -1,0 +1,89 @@
+//! Descriptions of tasks and controllers as plain Python data.
+
+use ballbot_core::batch::task_kinds;
+use ballbot_core::control::controller_kinds;
+use ballbot_core::fields::OptionDescription;
+use ballbot_core::task::SCALED_BOUND;
+use ballbot_core::{ModelKind, Params};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+fn option<'py>(py: Python<'py>, option: &OptionDescription) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("name", option.name)?;
+    dict.set_item("unit", option.unit)?;
+    match option.default.as_slice() {
+        [number] => dict.set_item("default", number)?,
+        numbers => dict.set_item("default", numbers)?,
+    }
+    dict.set_item("limit", &option.limit)?;
+    dict.set_item("doc", &option.doc)?;
+    Ok(dict)
+}
+
+fn options<'py>(py: Python<'py>, all: &[OptionDescription]) -> PyResult<Bound<'py, PyList>> {
+    PyList::new(py, all.iter().map(|o| option(py, o)).collect::<PyResult<Vec<_>>>()?)
+}
+
+/// Tasks by name: id, summary, options, observation rows, reward terms, reasons for termination.
+pub(crate) fn tasks(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let tasks = PyDict::new(py);
+    for kind in task_kinds() {
+        let description = kind.description();
+        let task = PyDict::new(py);
+        task.set_item("id", description.id)?;
+        task.set_item("summary", description.summary)?;
+        task.set_item("success", description.success)?;
+        task.set_item("max_episode_steps", description.max_episode_steps)?;
+        task.set_item("reward_threshold", description.reward_threshold)?;
+        task.set_item("options", options(py, &description.options)?)?;
+        let rows = PyList::empty(py);
+        for (row, rest) in description.rows.iter().zip(&description.scaling.rest) {
+            let dict = PyDict::new(py);
+            dict.set_item("name", row.name)?;
+            dict.set_item("unit", row.unit)?;
+            dict.set_item("bound", row.bound)?;
+            dict.set_item("rest", rest)?;
+            dict.set_item("typical", row.typical)?;
+            rows.append(dict)?;
+        }
+        task.set_item("observation", rows)?;
+        let terms = PyList::empty(py);
+        for term in &description.terms {
+            let dict = PyDict::new(py);
+            dict.set_item("name", term.name)?;
+            dict.set_item("scale", term.scale)?;
+            dict.set_item("cost", term.cost)?;
+            dict.set_item("formula", term.formula)?;
+            terms.append(dict)?;
+        }
+        task.set_item("rewards", terms)?;
+        task.set_item("terminations", description.terminations)?;
+        tasks.set_item(description.name, task)?;
+    }
+    Ok(tasks)
+}
+
+/// Controllers by name: summary, sampling time, parts of the setpoint, options.
+pub(crate) fn controllers(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let controllers = PyDict::new(py);
+    for kind in controller_kinds() {
+        let controller = PyDict::new(py);
+        controller.set_item("summary", kind.summary)?;
+        controller.set_item("control_dt", kind.control_dt)?;
+        controller.set_item("setpoint", kind.parts)?;
+        controller.set_item("options", options(py, &(kind.options)())?)?;
+        controllers.set_item(kind.name, controller)?;
+    }
+    Ok(controllers)
+}
+
+/// Adds what is known by name.
+pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let py = module.py();
+    module.add("TASKS", tasks(py)?)?;
+    module.add("CONTROLLERS", controllers(py)?)?;
+    module.add("MODELS", ModelKind::ALL.map(ModelKind::name))?;
+    module.add("ROBOTS", Params::preset_names())?;
+    module.add("SCALED_BOUND", SCALED_BOUND)
+}

@@ -1,0 +1,17 @@
+"""Exceptions of the package; all derive from `BallbotError` and from the built-in that Python users expect."""
+
+
+class BallbotError(Exception):
+    """Base of every exception that this package defines."""
+
+
+class InvalidInputError(BallbotError, ValueError):
+    """A value is out of range, inconsistent or not known; the message has the value and the limit."""
+
+
+class DivergedError(BallbotError, ArithmeticError):
+    """The state left the bounds of the simulation."""
+
+
+class UrdfError(BallbotError, ValueError):
+    """A URDF is malformed, or does not describe a ballbot."""
