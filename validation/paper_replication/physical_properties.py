@@ -9,16 +9,16 @@ XML by itself.
 
 import math
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import numpy as np
 
 import ballbot_rs as bb
 from validation.claim import Claim
 from validation.mechanics import Array
-from validation.page import DOCS
 from validation.topic import Comparison, Findings
 
-_ASSETS = DOCS.parent / "assets"
+_ASSETS = Path(__file__).parents[2] / "assets"
 
 #: Table II, and what else follows from it.
 PRINTED = {
