@@ -62,13 +62,13 @@ docs:
 	cargo doc --locked --no-deps --package ballbot-core
 
 paper: $(PLOT_INSTALLED)
-	$(BIN)/python -m verification.paper
+	$(BIN)/python -m validation.paper_replication
 
 verify: $(VERIFY_INSTALLED)
-	$(BIN)/python -m verification $(if $(ALLOW_MISSING),--allow-missing)
+	$(BIN)/python -m validation $(if $(ALLOW_MISSING),--allow-missing)
 
 bench: $(BENCH_INSTALLED)
-	$(BIN)/python -m benchmarks
+	$(BIN)/python -m validation.benchmarks
 
 bench-core:
 	cargo bench --locked
@@ -87,7 +87,7 @@ soak:
 	BALLBOT_SOAK_STEPS=$(SOAK_STEPS) cargo test --locked --release --test soak -- --nocapture
 
 cad: $(CAD_INSTALLED)
-	$(BIN)/python -m assets.cad
+	$(BIN)/python -m cad
 
 format: $(INSTALLED)
 	cargo fmt --all

@@ -7,57 +7,29 @@ import numpy as np
 import pytest
 
 from ballbot_rs import Lqr, Params, State
+from tests.support.paths import ASSETS
+from tests.support.tiny_config import TINY_CONFIG
 
 try:
     import torch
 except ModuleNotFoundError:
     # A core-only installation has neither torch nor Stable-Baselines3: leave out what needs them.
     collect_ignore = [
-        "test_bad_policy.py",
-        "test_cli.py",
-        "test_evaluation.py",
-        "test_export.py",
-        "test_plotting.py",
-        "test_readme.py",
-        "test_report.py",
-        "test_reset.py",
-        "test_sb3_vec_env.py",
-        "test_sb3_learning.py",
-        "test_training.py",
+        "analysis/test_evaluation.py",
+        "cli/test_cli.py",
+        "control/test_bad_policy.py",
+        "docs/test_readme.py",
+        "envs/test_reset.py",
+        "envs/test_sb3_vec_env.py",
+        "media/test_plotting.py",
+        "media/test_report.py",
+        "training/test_export.py",
+        "training/test_sb3_learning.py",
+        "training/test_training.py",
+        "validation/test_numpy_task.py",
     ]
 else:
     torch.set_num_threads(1)
-
-ROOT = Path(__file__).parent.parent
-
-#: A configuration that trains for a second: every part of a run, at the smallest size.
-TINY_CONFIG = """\
-env_id = "ballbot/Balance-v0"
-algorithm = "PPO"
-total_timesteps = 768
-num_envs = 8
-num_threads = 1
-
-[env]
-model = "spatial"
-max_episode_steps = 60
-
-[evaluation]
-every_timesteps = 256
-episodes = 4
-
-[algorithm_arguments]
-n_steps = 32
-batch_size = 64
-n_epochs = 1
-learning_rate = 1e-3
-
-[schedule]
-learning_rate = "linear"
-
-[policy]
-net_arch = [8]
-"""
 
 
 @pytest.fixture(scope="session")
@@ -67,7 +39,7 @@ def paper() -> Params:
 
 @pytest.fixture(scope="session")
 def assets() -> Path:
-    return ROOT / "assets"
+    return ASSETS
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,34 @@
+"""Controllers compared on one task."""
+
+import pytest
+
+from ballbot_rs.evaluation import compare, evaluate
+from tests.support.policies import edited_policy
+
+SHORT = {"model": "spatial", "max_episode_steps": 60}
+
+
+def test_controllers_beside_a_policy_run_its_task(tiny_run):
+    results = compare([str(tiny_run), "lqr"], episodes=2)
+    assert [result.model for result in results] == ["spatial", "spatial"]
+    assert results[0].control_dt == results[1].control_dt
+
+
+def test_policies_of_different_tasks_are_not_compared(tiny_run, tmp_path):
+    other = tmp_path / "other.zip"
+    edited_policy(
+        tiny_run / "final_model.zip", other, lambda data: data["ballbot_metadata"]["env_options"].update(model="planar")
+    )
+    with pytest.raises(ValueError, match="not one task"):
+        compare([str(tiny_run), str(other)], episodes=1)
+
+
+@pytest.mark.parametrize(("sim_dt", "expected"), [(0.001, 0.002), (0.002, 0.002), (0.005, 0.005)])
+def test_the_pid_runs_at_about_500_hz(sim_dt, expected):
+    result = evaluate("pid", episodes=1, env_options={**SHORT, "sim_dt": sim_dt})
+    assert result.control_dt == pytest.approx(expected)
+
+
+def test_the_same_starts_give_the_same_result():
+    assert evaluate("lqr", episodes=3, env_options=SHORT) == evaluate("lqr", episodes=3, env_options=SHORT)
+    assert evaluate("lqr", episodes=3, env_options=SHORT) != evaluate("lqr", episodes=3, seed=5, env_options=SHORT)

@@ -1,0 +1,60 @@
+"""Files that are no policy for the environment are refused, and the message says why."""
+
+import zipfile
+
+import pytest
+
+from ballbot_rs.evaluation import evaluate
+from tests.support.policies import edited_policy
+
+#: (change of the data, what the message must have)
+POLICY_EDITS = {
+    "environment": (
+        lambda d: d["ballbot_metadata"].update(env_id="ballbot/Walk-v0"),
+        "another environment: env_id is 'ballbot/Walk-v0', expected 'ballbot/Balance-v0'",
+    ),
+    "observation": (
+        lambda d: d["ballbot_metadata"].update(observation=["tilt"]),
+        r"another environment: observation is \['tilt'\]",
+    ),
+    "algorithm": (
+        lambda d: d["ballbot_metadata"].update(algorithm="DQN"),
+        "unknown algorithm 'DQN', expected one of PPO, SAC",
+    ),
+    "wrong algorithm": (lambda d: d["ballbot_metadata"].update(algorithm="SAC"), "holds no SAC policy"),
+    "no algorithm": (lambda d: d["ballbot_metadata"].pop("algorithm") and None, "does not say its algorithm"),
+    "no options": (lambda d: d["ballbot_metadata"].pop("env_options") and None, "does not say its env_options"),
+    "options": (lambda d: d["ballbot_metadata"].update(env_options=[1]), "does not say its env_options"),
+    "metadata": (lambda d: d.update(ballbot_metadata=[1]), "does not say which environment"),
+    "no metadata": (lambda d: d.pop("ballbot_metadata") and None, "does not say which environment"),
+    "data": (lambda _: [1], "is not a policy file"),
+}
+
+
+@pytest.mark.parametrize("name", POLICY_EDITS)
+def test_a_policy_for_something_else_is_refused(name, tiny_run, tmp_path):
+    edit, message = POLICY_EDITS[name]
+    path = edited_policy(tiny_run / "best_model.zip", tmp_path / "policy.zip", edit)
+    with pytest.raises(ValueError, match=message) as caught:
+        evaluate(str(path), episodes=1)
+    assert str(path) in str(caught.value)
+
+
+def test_files_that_are_no_policy_are_refused(tiny_run, tmp_path):
+    whole = (tiny_run / "best_model.zip").read_bytes()
+    contents = {"empty": b"", "text": b"hello", "cut": whole[: len(whole) // 2], "garbled": whole[:100] + whole[150:]}
+    for name, content in contents.items():
+        (tmp_path / f"{name}.zip").write_bytes(content)
+        with pytest.raises(ValueError, match=rf"{name}\.zip is not a policy file"):
+            evaluate(str(tmp_path / f"{name}.zip"), episodes=1)
+    with zipfile.ZipFile(tmp_path / "other.zip", "w") as other:
+        other.writestr("a.txt", "no policy")
+    with pytest.raises(ValueError, match=r"other\.zip does not say which environment"):
+        evaluate(str(tmp_path / "other.zip"), episodes=1)
+    with zipfile.ZipFile(tmp_path / "hollow.zip", "w") as hollow, zipfile.ZipFile(tiny_run / "best_model.zip") as old:
+        hollow.writestr("data", old.read("data"))
+    with pytest.raises(ValueError, match=r"hollow\.zip holds no PPO policy"):
+        evaluate(str(tmp_path / "hollow.zip"), episodes=1)
+    for missing in (tmp_path / "nowhere.zip", tmp_path):
+        with pytest.raises(FileNotFoundError, match="no policy at"):
+            evaluate(str(missing), episodes=1)

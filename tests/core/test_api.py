@@ -1,0 +1,278 @@
+"""Parameters, states, closed-form models and controllers, as Python users see them."""
+
+import copy
+import json
+import pickle
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ballbot_rs
+from ballbot_rs import (
+    PAPER_BALL_VISCOUS_FRICTION,
+    BalanceEnv,
+    Ballbot,
+    DivergedError,
+    Lqr,
+    Params,
+    Pid,
+    PlanarModel,
+    SpatialModel,
+    State,
+    UrdfError,
+    virtual_to_wheel_torques,
+    wheel_to_virtual_torques,
+)
+from ballbot_rs._core import Batch
+from ballbot_rs.batch_owner import OPTIONS
+from tests.support.paths import ROOT
+
+VECTORS = ROOT / "crates/ballbot-core/tests/data/spatial_vectors.json"
+
+
+def test_every_exported_name_exists():
+    pytest.importorskip("stable_baselines3", reason="BallbotVecEnv is exported too")
+    for name in ballbot_rs.__all__:
+        assert getattr(ballbot_rs, name) is not None
+    with pytest.raises(AttributeError, match="nothing"):
+        ballbot_rs.nothing  # noqa: B018
+
+
+def test_exceptions_are_what_users_would_catch():
+    assert issubclass(UrdfError, ValueError)
+    assert issubclass(DivergedError, ArithmeticError)
+    assert UrdfError.__module__ == DivergedError.__module__ == "ballbot_rs"
+
+
+class TestParams:
+    def test_paper_is_table_ii(self, paper):
+        table = {
+            "ball_mass": 1.437,
+            "ball_inertia": 0.0112,
+            "ball_radius": 0.112,
+            "body_mass": 2.228,
+            "body_inertia": (0.0583, 0.0583, 0.0137),
+            "body_com_height": 0.142,
+            "wheel_inertia": 0.000149,
+            "wheel_radius": 0.05,
+            "wheel_zenith": np.pi / 4,
+            "gravity": 9.81,
+            "ball_viscous_friction": 0.0,
+        }
+        for name, value in table.items():
+            assert getattr(paper, name) == pytest.approx(value, rel=1e-15)
+            assert paper.to_dict()[name] == getattr(paper, name)
+        np.testing.assert_allclose(np.rad2deg(paper.wheel_azimuths), [0, 120, 240])
+        assert pytest.approx(49.849) == PAPER_BALL_VISCOUS_FRICTION
+
+    def test_presets(self, paper):
+        names = Params.preset_names()
+        assert names[0] == "paper"
+        assert len(names) == len(set(names)) >= 4
+        assert Params.preset("paper") == paper
+        assert all(Params.preset(name) != paper for name in names[1:])
+        with pytest.raises(ValueError, match="unknown robot preset 'r2d2': expected one of paper, "):
+            Params.preset("r2d2")
+
+    @pytest.mark.parametrize("convert", [str, Path])
+    def test_urdf_files_describe_the_paper(self, assets, paper, convert):
+        found = Params.from_urdf(convert(assets / "bot.urdf"), convert(assets / "ball.urdf"))
+        expected = paper.to_dict()
+        assert found.to_dict().keys() == expected.keys()
+        for name, value in found.to_dict().items():
+            np.testing.assert_allclose(value, expected[name], rtol=1e-12, atol=1e-12, err_msg=name)
+
+    def test_values_survive_every_way_of_copying(self, paper):
+        heavy = paper.replace(body_mass=4.0, body_inertia=[0.1, 0.1, 0.02])
+        for again in (
+            Params(**heavy.to_dict()),
+            pickle.loads(pickle.dumps(heavy)),
+            copy.deepcopy(heavy),
+            eval(repr(heavy), {"Params": Params}),
+            heavy.replace(),
+        ):
+            assert again == heavy
+            assert again is not paper
+            assert again.to_dict() == heavy.to_dict()
+        assert heavy != paper
+        assert paper.body_mass == 2.228, "replace changed the original"
+        assert (paper == 3) is False
+
+    def test_defaults(self):
+        required = {k: v for k, v in Params.paper().to_dict().items() if "friction" not in k and k != "gravity"}
+        assert Params(**required).gravity == 9.81
+
+    def test_attributes_are_listed_and_read_only(self, paper):
+        assert set(paper.to_dict()) <= set(dir(paper))
+        with pytest.raises(AttributeError, match="ball_weight"):
+            paper.ball_weight  # noqa: B018
+        with pytest.raises(AttributeError):
+            paper.ball_mass = 1.0
+        paper.to_dict()["ball_mass"] = 99.0
+        assert paper.ball_mass == 1.437
+
+    def test_missing_and_unknown_names(self, paper):
+        with pytest.raises(ValueError, match="parameter ball_inertia is missing"):
+            Params(ball_mass=1.0)
+        with pytest.raises(ValueError, match="unknown parameter 'ball_weight': expected one of ball_mass"):
+            paper.replace(ball_weight=1.0)
+        with pytest.raises(TypeError):
+            Params(1.0)
+
+
+class TestState:
+    def test_defaults_are_at_rest(self):
+        state = State((1.0, 2.0, 0.112), ball_velocity=(0.1, 0.2, 0.0))
+        np.testing.assert_array_equal(state.body_position, [1.0, 2.0, 0.112])
+        np.testing.assert_array_equal(state.body_velocity, [0.1, 0.2, 0.0])
+        np.testing.assert_array_equal(state.body_quaternion, [1, 0, 0, 0])
+        np.testing.assert_array_equal(state.wheel_speeds, [0, 0, 0])
+        assert state.tilt == 0.0
+        assert state.yaw == 0.0
+
+    def test_upright_with_tilt_and_yaw(self, paper):
+        state = State.upright(paper, tilt=(0.03, -0.04), yaw=0.5)
+        assert state.tilt == pytest.approx(0.05, abs=1e-12)
+        np.testing.assert_allclose(state.tilt_components, [0.03, -0.04], atol=1e-12)
+        assert state.yaw == pytest.approx(0.5, abs=1e-12)
+        assert state.ball_position[2] == paper.ball_radius
+        assert np.linalg.norm(state.body_quaternion) == pytest.approx(1.0, abs=1e-15)
+
+    def test_rolling_has_no_slip(self, paper):
+        state = State.rolling(paper, (0.3, -0.2), ball_spin=0.7)
+        np.testing.assert_allclose(state.ball_angular_velocity, [0.2 / 0.112, 0.3 / 0.112, 0.7], rtol=1e-12)
+        np.testing.assert_array_equal(state.body_velocity, [0.3, -0.2, 0.0])
+        speeds = SpatialModel(paper, ball_spins_about_vertical=True).wheel_speeds(
+            state.body_quaternion,
+            [0.3, -0.2, 0, 0, 0, 0.7],
+        )
+        np.testing.assert_allclose(state.wheel_speeds, speeds, rtol=1e-12)
+        assert np.abs(speeds).max() > 1.0
+
+    def test_array_round_trip(self, paper):
+        state = State.rolling(paper, (0.3, -0.2)).replace(wheel_angles=(1.0, 2.0, 3.0))
+        array = state.to_array()
+        assert array.shape == (32,)
+        assert State.from_array(array) == state
+        np.testing.assert_array_equal(array[26:29], [1, 2, 3])
+        np.testing.assert_array_equal(array[:3], state.ball_position)
+
+    def test_copies_are_equal(self, paper):
+        state = State.upright(paper, tilt=(0.1, 0.2), yaw=-1.0)
+        for again in (pickle.loads(pickle.dumps(state)), copy.deepcopy(state), eval(repr(state), {"State": State})):
+            assert again == state
+        assert state.replace() == state
+        assert state.replace(ball_velocity=(1, 0, 0)) != state
+        assert state != "state"
+
+    def test_attributes_are_copies(self, paper):
+        state = State.upright(paper)
+        state.ball_position[:] = 9.0
+        assert state.ball_position[0] == 0.0
+        with pytest.raises(AttributeError):
+            state.ball_position = (0, 0, 0)
+
+
+class TestSpatialModel:
+    @pytest.mark.parametrize("case", json.loads(VECTORS.read_text())["accelerations"][::9], ids=lambda c: c["name"])
+    def test_accelerations_of_an_independent_reference(self, paper, case):
+        params = paper.replace(
+            ball_viscous_friction=case["ball_viscous_friction"], wheel_viscous_friction=case["wheel_viscous_friction"]
+        )
+        model = SpatialModel(params, case["absolute_wheel_spin"], case["ball_spins_about_vertical"])
+        motion = (case["body_quaternion_wxyz"], case["generalized_velocity"])
+        found = model.accelerations(*motion, case["wheel_torques"])
+        expected = np.array(case["generalized_acceleration"])
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * max(1.0, np.abs(expected).max()))
+        np.testing.assert_allclose(model.wheel_speeds(*motion), case["wheel_speeds"], rtol=1e-10, atol=1e-10)
+        assert model.energy(*motion) == pytest.approx(case["energy"], rel=1e-10)
+        contacts = model.contacts(*motion, case["wheel_torques"])
+        for name in ("floor_force", "wheel_normal_forces", "wheel_tractions"):
+            np.testing.assert_allclose(getattr(contacts, name), case[name], rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+class TestPlanarModel:
+    @pytest.mark.parametrize(
+        ("friction", "expected"),
+        [(0.0, [-6.10762538, 0.0, 0.0, 6.10762538]), (49.849, [-14.11227169, -5.04038319, 0.0, 5.66158298])],
+    )
+    def test_poles(self, paper, friction, expected):
+        a, b = PlanarModel(paper.replace(ball_viscous_friction=friction)).linearize()
+        assert a.shape == (4, 4)
+        assert b.shape == (4,)
+        poles = np.linalg.eigvals(a)
+        # A double pole at zero is only as exact as the square root of the rounding error.
+        np.testing.assert_allclose(np.sort(poles.real), expected, atol=1e-7)
+        np.testing.assert_allclose(poles.imag, 0.0, atol=1e-7)
+
+    def test_linearization_is_the_slope_of_the_accelerations(self, paper):
+        model = PlanarModel(paper, plane="xz")
+        a, b = model.linearize()
+        h = 1e-6
+        for i in range(2):
+            step = np.eye(2)[i] * h
+            slope = (model.accelerations(step, [0, 0], 0) - model.accelerations(-step, [0, 0], 0)) / (2 * h)
+            np.testing.assert_allclose(a[2:, i], slope, atol=1e-6)
+        np.testing.assert_allclose(b[2:], model.accelerations([0, 0], [0, 0], 1.0), rtol=1e-9)
+        assert model.energy([0, 0], [0, 0]) == pytest.approx(2.228 * 9.81 * 0.142)
+
+
+class TestTorqueMaps:
+    def test_printed_torques_are_too_large_by_the_known_factors(self, paper):
+        def virtual(wanted, mapping):
+            return wheel_to_virtual_torques(paper, virtual_to_wheel_torques(paper, wanted, mapping))
+
+        wanted = np.array([0.1, -0.2, 0.3])
+        np.testing.assert_allclose(virtual(wanted, "consistent"), wanted, rtol=1e-12)
+        np.testing.assert_allclose(virtual(wanted, "as_printed") / wanted, [1.68, 1.68, 3.36], rtol=1e-12)
+
+    def test_unknown_mapping(self, paper):
+        with pytest.raises(ValueError, match="unknown torque mapping 'x': expected one of consistent, as_"):
+            virtual_to_wheel_torques(paper, [0, 0, 0], "x")
+
+
+class TestControllers:
+    @pytest.mark.parametrize("model", ["rigid", "contact", "spatial", "planar"])
+    @pytest.mark.parametrize("make", [lambda: Pid(control_dt=0.002), lambda: Lqr(control_dt=0.002)])
+    def test_they_balance(self, model, make):
+        robot, controller = Ballbot(model=model, sim_dt=0.002), make()
+        assert controller.control_dt == 0.002
+        robot.reset(tilt=(np.deg2rad(3.0), np.deg2rad(-2.0)))
+        for _ in range(2000):
+            torques = controller(robot.state)
+            assert np.abs(torques).max() <= robot.params.max_wheel_torque
+            robot.step(torques)
+        assert np.rad2deg(robot.state.tilt) < 0.5
+
+    def test_lqr_goes_where_it_is_told(self):
+        robot, regulator = Ballbot(model="spatial", sim_dt=0.002), Lqr(control_dt=0.002)
+        for _ in range(4000):
+            robot.step(regulator(robot.state, position=(0.2, -0.1), yaw=0.3))
+        np.testing.assert_allclose(robot.state.ball_position[:2], [0.2, -0.1], atol=0.01)
+        assert robot.state.yaw == pytest.approx(0.3, abs=0.02)
+        assert regulator.residual < 1e-9
+
+    def test_a_reset_pid_forgets(self, paper):
+        pid, tilted = Pid(control_dt=0.002), State.upright(paper, tilt=(0.002, 0.0))
+        first = pid(tilted)
+        assert not np.array_equal(pid(tilted), first)
+        pid.reset()
+        np.testing.assert_array_equal(pid(tilted), first)
+
+    def test_max_torque_is_kept(self, paper):
+        leaning = State.upright(paper, tilt=(0.3, 0.1))
+        for controller in (Pid(max_torque=0.05), Lqr(max_torque=0.05)):
+            assert np.abs(controller(leaning)).max() == pytest.approx(0.05, rel=1e-12)
+
+
+def test_the_options_that_cannot_be_set_are_those_of_the_task():
+    """The list that `set_attr` refuses by is the one that the core accepts, no more and no less."""
+    defaults = {"params": "paper", "model": "rigid", "max_episode_steps": 10, "setpoint": (0, 0)}
+    defaults |= {"reward": {}, "sim_dt": 0.001, "fall_tilt": 0.5}
+    for name in OPTIONS:
+        Batch(1, "disabled", **{name: defaults.get(name, 0.01)})
+    documented = set(re.findall(r"`(\w+)`", BalanceEnv.__doc__.split("## Arguments")[1].split("Raises")[0]))
+    assert documented - {"max_episode_steps"} <= set(OPTIONS)
+    assert set(OPTIONS) <= documented | {"max_episode_steps", "reward", "params"}

@@ -1,0 +1,270 @@
+"""Training: the configuration, what a run leaves behind, and what the trained policies are compared with."""
+
+import json
+import shutil
+import zipfile
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO
+
+from ballbot_rs import BallbotVecEnv, __version__
+from ballbot_rs.controllers import PID_CONTROL_DT
+from ballbot_rs.evaluation import evaluate
+from ballbot_rs.registration import BALANCE
+from ballbot_rs.training import config, train
+from ballbot_rs.training.policy import METADATA, ScaledObservation, find_policy, load_policy
+from tests.support.tiny_config import TINY_CONFIG
+
+
+def bad(old, new):
+    assert old in TINY_CONFIG, "the test edits nothing"
+    return TINY_CONFIG.replace(old, new, 1)
+
+
+class TestConfig:
+    def test_the_default_configuration_is_complete(self):
+        loaded, text = config.load("balance")
+        assert loaded == config.parse(text, "again")
+        assert (loaded.env_id, loaded.algorithm) == (BALANCE, "PPO")
+        assert loaded.total_timesteps > 100_000
+
+    def test_every_key_arrives(self):
+        parsed = config.parse(TINY_CONFIG, "tiny")
+        assert parsed.env == {"model": "spatial", "max_episode_steps": 60}
+        assert parsed.evaluation == config.Evaluation(every_timesteps=256, episodes=4)
+        assert parsed.algorithm_arguments["n_steps"] == 32
+        assert parsed.schedule == {"learning_rate": "linear"}
+        assert parsed.policy == {"net_arch": [8]}
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("a = ", "source: "),
+            ("total_timestep = 5", "unknown key 'total_timestep': expected one of env_id, "),
+            ("[evaluation]\nepisode = 5", r"\[evaluation\]: unknown key 'episode': expected one of every_timesteps"),
+            ("env_id = 'ballbot/Walk-v0'", "unknown environment 'ballbot/Walk-v0': expected ballbot/Balance-v0"),
+            ("algorithm = 'DQN'", "unknown algorithm 'DQN': expected one of PPO, SAC"),
+            ("total_timesteps = 0", "total_timesteps = 0 is out of range: .* at least 1"),
+            ("num_envs = -4", "num_envs = -4 is out of range"),
+            ("num_envs = 2.5", "num_envs = 2.5 is out of range: it must be a whole number"),
+            ("torch_threads = true", "torch_threads = True is out of range"),
+            ("num_threads = 0", "num_threads = 0 is out of range"),
+            ("num_threads = 'all'", "num_threads = 'all' is out of range"),
+            ("[evaluation]\nepisodes = 0", "evaluation.episodes = 0 is out of range"),
+            ("evaluation = 5", "evaluation = 5 must be a table"),
+            ("env = 5", "env = 5 must be a table"),
+            ("schedule = []", r"schedule = \[\] must be a table"),
+            ("policy = 'big'", "policy = 'big' must be a table"),
+            ("algorithm_arguments = 1", "algorithm_arguments = 1 must be a table"),
+            ("schedule.gamma = 'linear'", "schedule.gamma has no value of that name"),
+            ("schedule.gamma = 'cosine'\nalgorithm_arguments.gamma = 0.9", "'cosine': expected 'linear'"),
+            ("schedule.gamma = 'linear'\nalgorithm_arguments.gamma = 'x'", "gamma = 'x': a scheduled value must be"),
+        ],
+    )  # fmt: skip
+    def test_mistakes_are_named_with_their_source(self, text, message):
+        with pytest.raises(ValueError, match=message) as caught:
+            config.parse(text, "source")
+        assert str(caught.value).startswith("source: ")
+
+    def test_unknown_tasks_and_files(self, tmp_path):
+        with pytest.raises(ValueError, match="unknown task 'walk': expected one of balance"):
+            config.load("walk")
+        with pytest.raises(ValueError, match="unknown task 'walk'"):
+            config.load("walk", tmp_path / "tiny.toml")
+        with pytest.raises(FileNotFoundError):
+            config.load("balance", tmp_path / "nowhere.toml")
+
+    @pytest.mark.parametrize("written", ["total_timesteps = 768", "  total_timesteps=768", "total_timesteps   = 7_68"])
+    def test_other_timesteps_change_nothing_else(self, written):
+        text = config.with_timesteps(bad("total_timesteps = 768", written), 99)
+        expected = config.parse(TINY_CONFIG, "tiny")
+        found = config.parse(text, "changed")
+        assert found.total_timesteps == 99
+        assert {**vars(found), "total_timesteps": 768} == vars(expected)
+
+
+class TestScaledObservation:
+    def test_a_robot_at_rest_reads_as_zeros(self):
+        env = BallbotVecEnv(num_envs=1, reset_tilt=0, reset_ball_speed=0, reset_tilt_rate=0, setpoint=(0.0, 0.0))
+        layer = ScaledObservation(env.observation_space)
+        at_rest = torch.as_tensor(env.reset())
+        np.testing.assert_allclose(layer(at_rest).numpy(), 0.0, atol=1e-6)
+        assert layer.features_dim == 16
+
+    def test_outliers_are_cut_off_and_nothing_is_learned(self):
+        layer = ScaledObservation(BallbotVecEnv(num_envs=1).observation_space)
+        wild = torch.full((1, 16), 1e6)
+        np.testing.assert_array_equal(layer(wild).numpy(), 10.0)
+        assert not list(layer.parameters())
+        assert set(layer.state_dict()) == {"at_rest", "gain"}, "the scales are not saved with the policy"
+
+
+class TestRun:
+    def test_leaves_everything_behind(self, tiny_run):
+        assert (tiny_run / "config.toml").read_text(encoding="utf-8") == TINY_CONFIG
+        record = json.loads((tiny_run / "run.json").read_text(encoding="utf-8"))
+        assert record["seed"] == 5
+        assert record["versions"]["ballbot_rs"] == __version__
+        assert set(record["versions"]) == {"ballbot_rs", "gymnasium", "stable_baselines3", "torch", "python"}
+        steps = sorted(int(path.stem.split("_")[-2]) for path in (tiny_run / "checkpoints").glob("*.zip"))
+        assert steps == [256, 512, 768]
+        assert list((tiny_run / "tensorboard").rglob("events.*"))
+        evaluations = np.load(tiny_run / "evaluations.npz")
+        assert evaluations["timesteps"].tolist() == [256, 512, 768]
+        assert evaluations["results"].shape == (3, 4)
+
+    def test_keeps_the_best_policy(self, tiny_run):
+        evaluations = np.load(tiny_run / "evaluations.npz")
+        best = evaluations["timesteps"][evaluations["results"].mean(axis=1).argmax()]
+        assert PPO.load(tiny_run / "best_model.zip").num_timesteps == best
+        assert PPO.load(tiny_run / "final_model.zip").num_timesteps == 768
+        assert find_policy(tiny_run) == tiny_run / "best_model.zip"
+
+    def test_a_policy_says_what_it_was_trained_for(self, tiny_run):
+        model, found = load_policy(tiny_run, BALANCE)
+        assert isinstance(model, PPO)
+        assert found == getattr(model, METADATA)
+        assert found["env_id"] == BALANCE
+        assert found["algorithm"] == "PPO"
+        assert found["env_options"] == {"model": "spatial", "max_episode_steps": 60}
+        assert len(found["observation"]) == 16
+        with zipfile.ZipFile(tiny_run / "best_model.zip") as archive:
+            assert json.loads(archive.read("data"))[METADATA] == found, "other tools cannot read the metadata"
+
+    def test_the_learning_rate_falls_linearly(self, tiny_run):
+        rates = [
+            PPO.load(path).policy.optimizer.param_groups[0]["lr"]
+            for path in sorted((tiny_run / "checkpoints").glob("*.zip"))
+        ]
+        # A checkpoint has the rate of the update before it; the first precedes any update.
+        np.testing.assert_allclose(rates[1:], [1e-3 * (1 - 256 / 768), 1e-3 * (1 - 512 / 768)], rtol=1e-6)
+
+    def test_is_reproducible(self, tiny_run, tmp_path):
+        train.train(config.parse(TINY_CONFIG, "tiny"), TINY_CONFIG, tmp_path / "again", seed=5, progress_bar=False)
+        first, second = (PPO.load(folder / "final_model.zip") for folder in (tiny_run, tmp_path / "again"))
+        for a, b in zip(first.policy.parameters(), second.policy.parameters(), strict=True):
+            assert torch.equal(a, b)
+
+    def test_sac_too(self, tmp_path):
+        text = bad('algorithm = "PPO"', 'algorithm = "SAC"').replace("n_steps = 32\n", "learning_starts = 50\n")
+        text = text.replace("n_epochs = 1\n", "buffer_size = 1000\n").replace("768", "256")
+        folder = tmp_path / "sac"
+        policy = train.train(config.parse(text, "sac"), text, folder, progress_bar=False)
+        assert load_policy(policy, BALANCE)[1]["algorithm"] == "SAC"
+        assert evaluate(str(folder), episodes=2).episodes == 2
+
+    @pytest.mark.parametrize(
+        ("old", "new"),
+        [
+            ("n_steps = 32", "n_step = 32"),
+            ("n_steps = 32", "n_steps = 0"),
+            ("n_steps = 32", "n_steps = 'many'"),
+            ("batch_size = 64", "batch_size = 1"),
+            ("net_arch", "net_arc"),
+            ('model = "spatial"', 'modle = "spatial"'),
+            ('model = "spatial"', 'model = "spatia"'),
+            ('model = "spatial"', "num_envs = 3"),
+        ],
+    )
+    def test_a_refused_configuration_touches_nothing(self, tiny_run, tmp_path, old, new):
+        text = bad(old, new)
+        with pytest.raises(ValueError, match=r"does not fit PPO|unknown model"):
+            train.train(config.parse(text, "bad"), text, tmp_path / "new", progress_bar=False)
+        assert not (tmp_path / "new").exists()
+        run = shutil.copytree(tiny_run, tmp_path / "old")
+        with pytest.raises(ValueError, match=r"does not fit PPO|unknown model"):
+            train.train(config.parse(text, "bad"), text, run, overwrite=True, progress_bar=False)
+        assert (run / "best_model.zip").is_file(), "the earlier run was deleted"
+        assert (run / "config.toml").read_text(encoding="utf-8") == TINY_CONFIG
+
+    def test_an_earlier_run_is_not_overwritten_unasked(self, tiny_run, tmp_path):
+        parsed = config.parse(TINY_CONFIG, "tiny")
+        run = shutil.copytree(tiny_run, tmp_path / "run")
+        with pytest.raises(FileExistsError, match="holds an earlier run: resume it, overwrite it, or name another"):
+            train.train(parsed, TINY_CONFIG, run, progress_bar=False)
+        (tmp_path / "other").mkdir()
+        (tmp_path / "other" / "thesis.tex").write_text("do not delete")
+        with pytest.raises(FileExistsError, match="is not a training run, so it is not overwritten"):
+            train.train(parsed, TINY_CONFIG, tmp_path / "other", overwrite=True, progress_bar=False)
+        assert (tmp_path / "other" / "thesis.tex").is_file()
+        train.train(parsed, TINY_CONFIG, run, seed=6, overwrite=True, progress_bar=False)
+        assert json.loads((run / "run.json").read_text())["seed"] == 6
+
+
+class TestResume:
+    @pytest.fixture
+    def interrupted(self, tiny_run, tmp_path):
+        """A run that was to have 1024 steps and stopped after 512."""
+        run = shutil.copytree(tiny_run, tmp_path / "run")
+        (run / "config.toml").write_text(config.with_timesteps(TINY_CONFIG, 1024), encoding="utf-8")
+        (run / "checkpoints" / "rl_model_768_steps.zip").unlink()
+        (run / "final_model.zip").unlink()
+        return run
+
+    def test_reaches_the_configured_number_of_steps(self, interrupted):
+        train.resume(interrupted, progress_bar=False)
+        assert PPO.load(interrupted / "final_model.zip").num_timesteps == 1024
+        assert (interrupted / "checkpoints" / "rl_model_1024_steps.zip").is_file()
+        assert load_policy(interrupted, BALANCE)[1]["env_options"]["max_episode_steps"] == 60
+
+    def test_only_a_better_policy_replaces_the_best(self, interrupted):
+        record = dict(np.load(interrupted / "evaluations.npz"))
+        record["results"][0] = 1e6
+        np.savez(interrupted / "evaluations.npz", **record)
+        before = (interrupted / "best_model.zip").read_bytes()
+        assert train.resume(interrupted, progress_bar=False) == interrupted / "best_model.zip"
+        assert (interrupted / "best_model.zip").read_bytes() == before
+        assert np.load(interrupted / "evaluations.npz")["timesteps"].tolist() == [256, 512, 768, 768, 1024]
+
+    def test_a_finished_run_goes_on_for_more_steps(self, tiny_run, tmp_path):
+        run = shutil.copytree(tiny_run, tmp_path / "run")
+        train.resume(run, timesteps=1024, progress_bar=False)
+        assert PPO.load(run / "final_model.zip").num_timesteps == 1024
+        assert config.load("balance", run / "config.toml")[0].total_timesteps == 1024
+
+    def test_a_finished_run_stays_as_it_is(self, tiny_run, tmp_path):
+        run = shutil.copytree(tiny_run, tmp_path / "run")
+        assert train.resume(run, progress_bar=False) == run / "best_model.zip"
+        assert PPO.load(run / "final_model.zip").num_timesteps == 768
+
+    def test_what_cannot_be_resumed(self, interrupted, tmp_path):
+        with pytest.raises(FileNotFoundError, match="holds no training run"):
+            train.resume(tmp_path / "nowhere")
+        shutil.rmtree(interrupted / "checkpoints")
+        with pytest.raises(FileNotFoundError, match="has no checkpoint to resume from"):
+            train.resume(interrupted)
+
+
+class TestEvaluation:
+    def test_lqr_succeeds_and_doing_nothing_fails(self):
+        lqr = evaluate("lqr", episodes=100)
+        assert (lqr.model, lqr.episodes, lqr.control_dt) == ("rigid", 100, 0.01)
+        assert lqr.success_rate >= 0.99
+        assert lqr.survival_rate >= 0.99
+        assert lqr.settling_time < 3.0
+        assert lqr.mean_reward > 0.9
+        zero = evaluate("zero", episodes=100)
+        assert (zero.success_rate, zero.survival_rate, zero.settling_time) == (0.0, 0.0, None)
+        assert zero.torque_rms == 0.0
+        assert zero.mean_reward < 0.1
+        assert zero.tilt_rms > 5 * lqr.tilt_rms
+
+    def test_pid_runs_at_its_own_rate(self):
+        options = {"model": "spatial"}
+        pid = evaluate("pid", episodes=5, env_options=options)
+        assert pid.control_dt == PID_CONTROL_DT == 0.002
+        assert pid.survival_rate == 1.0
+        slower = evaluate("pid", episodes=5, env_options={**options, "control_dt": 0.004})
+        assert slower.control_dt == 0.004
+
+    def test_results_depend_on_seeds_not_on_threads(self):
+        first = evaluate("lqr", episodes=6, num_threads=1, env_options={"model": "spatial"})
+        assert evaluate("lqr", episodes=6, num_threads=2, env_options={"model": "spatial"}) == first
+        assert evaluate("lqr", episodes=6, seed=1, env_options={"model": "spatial"}) != first
+
+    def test_a_policy_runs_on_what_it_was_trained_for(self, tiny_run):
+        result = evaluate(str(tiny_run), episodes=3)
+        assert result.model == "spatial"
+        assert evaluate(str(tiny_run), episodes=3, env_options={"model": "planar"}).model == "planar"

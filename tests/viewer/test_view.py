@@ -1,0 +1,290 @@
+"""`ballbot view` as a user meets it: the command, the server, and the page in a headless Chromium."""
+
+import contextlib
+import io
+import re
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+
+viser = pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs[view]'")
+
+from PIL import Image  # noqa: E402
+from websockets.exceptions import ConnectionClosed  # noqa: E402
+from websockets.sync.client import connect  # noqa: E402
+
+from ballbot_rs import Params  # noqa: E402
+from ballbot_rs.viewer import shapes, urdf  # noqa: E402
+from ballbot_rs.viewer.server import free_port  # noqa: E402
+from ballbot_rs.viewer.session import Session  # noqa: E402
+from ballbot_rs.viewer.view import View  # noqa: E402
+from tests.support.chromium import Chromium, find_browser  # noqa: E402
+from tests.support.paths import ASSETS  # noqa: E402
+
+
+def ask(view, function, seconds=5.0):
+    """What a function says of the session, in the thread that owns it."""
+    answers = []
+    assert view.runner.submit(lambda session: answers.append(function(session)))
+    wait_until(lambda: answers, seconds)
+    return answers[0]
+
+
+def wait_until(condition, seconds=10.0):
+    ends = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < ends
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def view():
+    view = View(Session(), port=18730)
+    yield view
+    view.stop()
+    assert view.runner.error is None
+
+
+def state(view):
+    return ask(view, lambda session: session.frame().states[0])
+
+
+def button(name):
+    return f"[...document.querySelectorAll('button')].find(b => b.innerText.trim() === '{name}')"
+
+
+def place_of(page, expression):
+    box = f"(({expression}).scrollIntoView({{block: 'center'}}), ({expression}).getBoundingClientRect())"
+    return page.evaluate(f"(b => [b.x + b.width / 2, b.y + b.height / 2])({box})")
+
+
+def click(page, expression):
+    page.click(*place_of(page, expression))
+
+
+def choose(page, label, option):
+    """Picks an option of a dropdown as a user does."""
+    field = f"[...document.querySelectorAll('label')].find(l => l.innerText.trim() === '{label}')"
+    click(page, f"({field}).closest('.mantine-Flex-root, div').parentElement.querySelector('input')")
+    matches = f"o => o.offsetParent && o.innerText.trim() === '{option}'"
+    found = f"[...document.querySelectorAll('[role=option]')].find({matches})"
+    page.wait_for(found, 5.0)
+    click(page, found)
+
+
+def scene_of(picture):
+    """The part of a screenshot that the controls do not cover."""
+    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"))[:, :860].astype(int)
+
+
+@pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
+def test_the_page_in_a_browser(view, tmp_path):
+    page = Chromium(find_browser(), tmp_path)
+    try:
+        page.call("Page.navigate", url=view.url)
+        page.wait_for(f"document.querySelector('canvas') && {button('Push')}")
+
+        # The scene has the ball's red, the wheels' blue and the top's orange.
+        def shows_a_robot():
+            colors = scene_of(page.screenshot(tmp_path / "page.png"))
+            red, green, blue = colors.transpose(2, 0, 1)
+            seen = {
+                "ball": (red > 1.8 * green) & (red > 1.8 * blue),
+                "wheels": (blue > 1.8 * red) & (blue > 1.3 * green),
+                "top": (red > 1.3 * green) & (green > 2 * blue) & (red > 150),
+            }
+            return all(mask.sum() > 20 for mask in seen.values())
+
+        wait_until(shows_a_robot, 15.0)
+
+        # A push at rest moves the robot.
+        view.runner.submit(lambda session: session.reset((0.0, 0.0)))
+        assert np.abs(state(view)[7:9]).max() < 1e-6
+        click(page, button("Push"))
+        wait_until(lambda: np.linalg.norm(state(view)[7:9]) > 0.01, 5.0)
+
+        # The text says what the session does.
+        page.wait_for("[...document.querySelectorAll('input')].some(i => /s, running/.test(i.value))")
+
+        # A click on the floor moves the setpoint there.
+        page.click(300, 560)
+        wait_until(lambda: np.linalg.norm(ask(view, lambda s: s.setpoint)) > 0.1, 5.0)
+
+        # Controllers and models are chosen while it runs.
+        click(page, button("Robot"))
+        for label, option, chosen in (
+            ("Controller", "pid", lambda s: s.controller),
+            ("Controller", "lqr", lambda s: s.controller),
+            ("Model", "rigid", lambda s: s.robots.model),
+            ("Robot", "kugle", lambda s: s.robots.name),
+        ):
+            choose(page, label, option)
+            wait_until(lambda option=option, chosen=chosen: ask(view, chosen) == option, 5.0)
+
+        # A single step pauses; a replay stays open at its end.
+        click(page, button("Run"))
+        click(page, button("Step"))
+        wait_until(lambda: ask(view, lambda s: s.paused), 5.0)
+        time_ = ask(view, lambda s: s.time)
+        click(page, button("Step"))
+        wait_until(lambda: ask(view, lambda s: s.time) == pytest.approx(time_ + 0.01), 5.0)
+        view.runner.submit(lambda session: setattr(session, "paused", False))
+        click(page, button("Record"))
+        click(page, "[...document.querySelectorAll('button')].filter(b => b.innerText.trim() === 'Record')[1]")
+        wait_until(lambda: ask(view, lambda s: s.recording.duration) > 0.3, 5.0)
+        click(page, button("Replay"))
+        at_end = lambda s: s.replay_time is not None and s.replay_time == s.recording.duration  # noqa: E731
+        wait_until(lambda: ask(view, at_end), 5.0)
+        page.wait_for("[...document.querySelectorAll('input')].some(i => /replay/.test(i.value))")
+        click(page, button("Back to the simulation"))
+        wait_until(lambda: ask(view, lambda s: s.replay_time is None), 5.0)
+
+        # Plots draw.
+        click(page, button("Plots"))
+        page.wait_for("document.querySelectorAll('.js-plotly-plot .scatterlayer path.js-line').length >= 15", 10.0)
+        page.screenshot(tmp_path / "plots.png")
+        assert page.errors == []
+    finally:
+        page.screenshot(tmp_path / "last.png")
+        page.close()
+    # The client that vanished left no trace.
+    before = ask(view, lambda session: session.time)
+    wait_until(lambda: ask(view, lambda session: session.time) > before + 0.2)
+    assert not ask(view, lambda session: list(session.notices))
+
+
+@pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
+def test_dragging_the_handle_pulls_the_robot(view, tmp_path):
+    page = Chromium(find_browser(), tmp_path)
+    try:
+        page.call("Page.navigate", url=view.url)
+        page.wait_for(f"document.querySelector('canvas') && {button('Push')}")
+        wait_until(lambda: view.server.get_clients())
+        time.sleep(2.0)
+        view.runner.submit(lambda session: session.reset((0.0, 0.0)))
+        pulls = []
+
+        def listen(session):
+            pull = session.pull
+            session.pull = lambda point: (pulls.append(point), pull(point))
+
+        view.runner.submit(listen)
+        # The tip of the arrow along x; the camera is where it was put.
+        page.drag((682, 302), (760, 285))
+        page.screenshot(tmp_path / "drag.png")
+        # The handle pulled along x, then let go; the end of the drag was not taken for a click on the floor.
+        wait_until(lambda: pulls and pulls[-1] is None)
+        assert max(point[0] for point in pulls if point is not None) > 0.1
+        assert np.array_equal(ask(view, lambda session: session.setpoint), [0.0, 0.0])
+        assert page.errors == []
+    finally:
+        page.close()
+
+
+def test_the_urdf_and_the_parameters_put_the_wheels_in_the_same_places():
+    params = Params.paper()
+    described, made = urdf.from_urdf(params, *urdf.URDFS["paper"]), shapes.from_params(params)
+    for one, other in zip(described.wheels, made.wheels, strict=True):
+        np.testing.assert_allclose(one.mount, other.mount, atol=1e-12)
+        np.testing.assert_allclose(one.axle, other.axle, atol=1e-12)
+        # Where the rim is nearest to the ball centre, it touches the ball.
+        for wheel in (one, other):
+            tyre = next(piece for piece in wheel.pieces if piece.color == shapes.TYRE)
+            points = tyre.vertices @ wheel.mount[:3, :3].T + wheel.mount[:3, 3]
+            assert np.linalg.norm(points, axis=1).min() == pytest.approx(params.ball_radius, abs=1e-3)
+    # Its own colours, one a material, and a mast that stands well above the wheels.
+    assert len({piece.color for piece in described.body}) == len(described.body) > 2
+    assert 0.5 < max(piece.vertices[:, 2].max() for piece in described.body) < 0.7
+
+
+def test_the_command_stops_by_itself_and_says_how_fast_it_was():
+    command = [sys.executable, "-m", "ballbot_rs.cli", "view", "--batch", "16", "--seconds", "2", "--no-open"]
+    done = subprocess.run([*command, "--port", "18740"], capture_output=True, text=True, timeout=60, check=True)
+    assert "http://127.0.0.1:" in done.stdout
+    assert "real-time factor" in done.stdout
+    assert "16 robots paper, contact, lqr" in done.stdout
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("path", "headers"),
+    [
+        ("/", {"Host": "evil.example"}),
+        ("/", {"Origin": "https://evil.example"}),
+        ("/", {"Origin": "null"}),
+        ("/../../../../../../../../../../etc/passwd", {}),
+        ("/assets/../../../__init__.py", {}),
+        ("//etc/passwd", {}),
+        ("/C:/Windows/win.ini", {}),
+        ("/..\\..\\x", {}),
+        ("/..%5C..%5Cx", {}),
+    ],
+)
+def test_other_sites_and_other_files_are_refused(view, path, headers):
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(urllib.request.Request(view.url + path, headers=headers), timeout=5)
+    assert refused.value.code == 403
+
+
+def test_a_search_for_a_free_port_ends():
+    with socket.socket() as taken:
+        with contextlib.suppress(OSError):
+            taken.bind(("127.0.0.1", 65535))
+            taken.listen()
+        with pytest.raises(OSError, match="no port is free from 65535 to 65535"):
+            free_port(65535)
+    assert 18800 <= free_port(18800) <= 65535
+
+
+def test_a_urdf_whose_mesh_is_missing_is_refused(tmp_path):
+    bot, ball = (tmp_path / name for name in ("bot.urdf", "ball.urdf"))
+    for path in (bot, ball):
+        path.write_bytes((ASSETS / path.name).read_bytes())
+    with pytest.raises((OSError, ValueError), match=r"\.stl"):
+        View(Session(), port=18790, urdfs={"paper": (bot, ball)})
+
+
+def test_the_page_is_served_and_calls_nobody(view):
+    with urllib.request.urlopen(view.url, timeout=5) as answer:
+        page = answer.read().decode()
+    assert "<div id=" in page
+    assert "<script" in page
+    assert "gtag" not in re.sub("<!--.*?-->", "", page, flags=re.DOTALL)
+    assert view.server.request_share_url() is None
+
+
+def test_garbage_and_many_clients_that_vanish_do_no_harm(view, capfd):
+    address = view.url.replace("http", "ws")
+    for garbage in (b"\xff\x00garbage", b"", "text", b"\x81\xa4type\xa7NoSuchM", b"\xc1" * 1000):
+        # The server may close the connection at any time.
+        with contextlib.suppress(ConnectionClosed), connect(address, max_size=None, close_timeout=0.1) as client:
+            client.send(garbage)
+    with contextlib.suppress(ConnectionClosed), contextlib.ExitStack() as stack:
+        for client in [stack.enter_context(connect(address, max_size=None, close_timeout=0.1)) for _ in range(8)]:
+            client.socket.shutdown(socket.SHUT_RDWR)
+    before = ask(view, lambda session: session.time)
+    wait_until(lambda: ask(view, lambda session: session.time) > before + 0.3)
+    with urllib.request.urlopen(view.url, timeout=5) as answer:
+        assert answer.status == 200
+    capfd.readouterr()
+
+
+def test_choices_that_are_not_offered_are_refused(view):
+    """What a client that is no browser may put into a control; viser lets all text through."""
+    page = view._page
+    event = viser.GuiEvent(client=None, client_id=3, target=None)
+    controls = (page._model, page._robot, page._count, page._controller)
+    now = [control.value for control in controls]
+    for values in (("flat", "nobody", "1e9", "../x"), ("", "", "", ""), ("rigid\0", "kugle", "-1", "a.pkl")):
+        for control, value in zip(controls, values, strict=True):
+            control.value = value
+        page._choose(event)
+        wait_until(lambda: [control.value for control in controls] == now)
+    assert ask(view, lambda s: (s.robots.model, s.robots.name, s.controller)) == ("contact", "paper", "lqr")
+    assert ask(view, lambda session: len(session.notices)) == 3

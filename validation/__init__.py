@@ -1,0 +1,1 @@
+"""The evidence: closed forms, other engines, the paper and benchmarks, each beside this simulator, with numbers."""

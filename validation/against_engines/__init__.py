@@ -1,0 +1,9 @@
+"""The same robot in Pinocchio, MuJoCo and PyBullet: as they read it, as they move it, and who is right.
+
+Where an engine is not there, it is said what was not run, and why; `--allow-missing` makes that no failure.
+"""
+
+from validation.against_engines import free_flight, headings, recovery, schedule, urdf
+from validation.topic import Topic
+
+TOPICS = [Topic.of(module) for module in (urdf, free_flight, recovery, schedule, headings)]

@@ -1,0 +1,1 @@
+"""One benchmark of this simulator, MuJoCo and PyBullet: the same robot, the same task, the same run."""

@@ -1,0 +1,24 @@
+"""This simulator, as the benchmark asks for it."""
+
+from typing import Any
+
+import ballbot_rs as bb
+from ballbot_rs._core import MODELS
+from validation.benchmarks import task
+
+#: Models to benchmark, the most interesting first; one that this build does not know is left out.
+WANTED = ("contact", "rigid", "spatial")
+
+
+def known_models(wanted: tuple[str, ...] = WANTED) -> list[str]:
+    """Those of `wanted` that this build knows, with a printed line for each that it does not."""
+    for model in wanted:
+        if model not in MODELS:
+            print(f"model '{model}' is not in this build: left out", flush=True)
+    return [model for model in wanted if model in MODELS]
+
+
+def make_env(model: str, num_envs: int, num_threads: int, **options: Any) -> bb.BallbotVecEnv:
+    """The balance task of `num_envs` robots on `num_threads` threads, started as those of the other engines are."""
+    options = {"reset_yaw": task.RESET_YAW} | options
+    return bb.BallbotVecEnv(num_envs=num_envs, model=model, num_threads=num_threads, seed=0, **options)

@@ -1,0 +1,192 @@
+"""The Markdown report, made from the JSON alone."""
+
+from typing import Any
+
+from validation.benchmarks.names import label, measured, strongest
+
+Rows = list[dict[str, Any]]
+
+_METHOD = """\
+## What is compared
+
+The robot of `Params.paper()` in every engine, at time steps of 2 ms, five of them an action; the task of
+`ballbot/Balance-v0` (16 numbers, reward, fall at 20 deg, 1000 steps, reset within the step); the same actions, drawn
+evenly from ±0.1 N·m, under which a robot falls about twice a second. Episodes start at yaw 0 everywhere: there MuJoCo's
+robot works. Rates are medians over rounds in which all simulators take turns, with the smallest and the largest.
+One core means a process pinned to one core; linear algebra has one thread throughout.
+
+- **MuJoCo batch**: `mujoco.batch`, MuJoCo's own thread pool, under a `VecEnv` in NumPy that reads the state rows in
+  place. Newton solver from the last step's forces with tolerance 1e-4, elliptic cones, four contact pairs and nothing
+  else enabled. With 20 iterations of its line search instead of MuJoCo's 50, or with the `implicitfast` integrator at
+  this tolerance, the growth rate below is off by percents or more.
+- **PyBullet**: a URDF with anisotropic friction, 10 solver iterations, friction cone off, substeps inside Bullet.
+- **Gymnasium** environments of both share the batch's NumPy task, on one robot, in SB3's `DummyVecEnv` (one process)
+  and `SubprocVecEnv` (a process a robot, all cores).
+- Bodies in MuJoCo and PyBullet have no hull, and contact with the floor is not checked; ours have one, and it is.
+"""
+
+
+def markdown(found: dict[str, Any]) -> str:
+    """The report of everything that `found` has."""
+    machine = found["machine"]
+    versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items())
+    load = machine["load_before"]
+    parts = [
+        "# Benchmark\n",
+        f"`{machine['command']}`, {machine['date']}. {machine['processor']}, {machine['cores']} core(s), "
+        f"{machine['memory_gib']} GiB, {machine['system']}"
+        + (f", load average before the run {load[0]:.2f}" if load else "")
+        + f".\n\n{versions}. All numbers are in `benchmark.json`.\n",
+        _METHOD,
+    ]
+    if len(set(found["measured"].values())) > 1:
+        parts.insert(2, "".join(f"- {name}: {when}\n" for name, when in found["measured"].items()))
+    for name, section in (
+        ("throughput", _throughput),
+        ("accuracy", _accuracy),
+        ("scaling", _scaling),
+        ("memory", _memory),
+    ):
+        if name in found:
+            parts.append(section(found[name]))
+    return "\n".join(parts)
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, [":--"] + ["--:"] * (len(head) - 1), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def _absent(rows: Rows, key: str = "simulator") -> str:
+    lines = [f"- {label(r[key])} ({r.get('quantity', 'all')}): {r['reason']}" for r in rows if "reason" in r]
+    return "\n".join([*dict.fromkeys(lines), ""]) if lines else ""
+
+
+def _throughput(rows: Rows) -> str:
+    text = "## Throughput\n\n"
+    for quantity, title in (
+        ("environment", "Environment steps per second, through the `VecEnv`"),
+        ("physics", "Physics steps per second, the engine alone (ours: through the environment, 25 steps an action)"),
+    ):
+        for threads in sorted({r["threads"] for r in rows if r.get("quantity") == quantity and "threads" in r}):
+            at = measured(rows, quantity, threads)
+            batch = {r["robots"]: r["median"] for r in at if r["simulator"] == "mujoco-batch"}
+            best = max(batch.values(), default=None)
+            body = []
+            for r in sorted(at, key=lambda r: (r["robots"], -r["median"])):
+                reference = batch.get(r["robots"], best)
+                name = label(r["simulator"], quantity)
+                ratio = f"{r['median'] / reference:.2f}" if reference else ""
+                body.append(
+                    [
+                        name,
+                        str(r["robots"]),
+                        *_rate(r),
+                        ratio,
+                    ]
+                )
+            where = "one core" if threads == 1 else f"{threads} threads"
+            head = ["simulator", "robots", "median", "min", "max", "× MuJoCo batch"]
+            text += f"### {title}, {where}\n\n{_table(head, body)}\n"
+    return text + _absent(rows)
+
+
+def _rate(row: dict[str, Any]) -> list[str]:
+    return [f"{row[k]:,.0f}" for k in ("median", "min", "max")]
+
+
+def _range(values: list[float], digits: int) -> str:
+    low, _, high = values
+    return f"{low:.{digits}f} … {high:.{digits}f}"
+
+
+def _accuracy(rows: Rows) -> str:
+    head = [
+        "engine",
+        "wheel load at rest (N)",
+        "growth rate, yaw 0 (1/s)",
+        "growth rate, any yaw (1/s)",
+        "drive direction off, yaw 0 (deg)",
+        "any yaw (deg)",
+        "drive strength, any yaw",
+        "slip limit over static μN, any yaw",
+        "falls (1/s)",
+    ]
+    body, exact, note = [], None, ""
+    for r in rows:
+        if "task" in r:
+            t = r["task"]
+            note = (
+                f"The task in NumPy differs from ours by {t['observation']:.1g} in an observation and "
+                f"{t['reward']:.1g} in a reward, and disagrees on {t['falls_disagreeing']} falls, over 3840 steps with "
+                f"{t['falls']} falls.\n"
+            )
+        if "wheel_load" not in r:
+            continue
+        exact = r
+        body.append(
+            [
+                label(r["engine"]),
+                f"{min(r['wheel_load']):.3f} … {max(r['wheel_load']):.3f}",
+                _range(r["growth_yaw_0"], 4),
+                _range(r["growth_all_yaws"], 4),
+                f"{r['drive_direction_error_yaw_0_deg']:.2f}",
+                f"{r['drive_direction_error_all_yaws_deg']:.2f}",
+                _range(r["drive_strength_all_yaws"], 3),
+                "no slip" if r["engine"] == "ours:spatial" else _range(r["slip_limit_all_yaws"], 3),
+                f"{r['falls_per_second']:.2f}",
+            ]
+        )
+    text = "## Is it a ballbot\n\n"
+    if exact:
+        text += (
+            f"Exact: {exact['exact_wheel_load']:.4f} N a wheel, a small tilt that grows at "
+            f"{exact['exact_growth']:.4f} 1/s, direction off by 0, strength and slip limit 1. Ranges run over "
+            "directions of tilt, wheels and, where it says so, headings. Direction and strength are those of the "
+            "ball's motion when one wheel is driven, against `spatial`, which has no slip, hence no limit. Falls are "
+            "those of one robot under the actions of the throughput.\n\n" + _table(head, body)
+        )
+    text += (
+        "\nStock MuJoCo lays a contact's friction directions by the normal and the world's axes, not by the wheel: "
+        "beyond some degrees of yaw the wheels hold where they should roll and roll where they should drive. Bullet "
+        "splits a wheel's friction over two rows, both along its drive, which together slip at a limit that varies "
+        "with the heading. MuJoCo's convex contacts let the load grow with the slip, so that slipping wheels hop. The "
+        "throughput's torques are at most a fifth of what slips.\n\n"
+    )
+    return text + note + _absent(rows, "engine")
+
+
+def _scaling(rows: Rows) -> str:
+    text = "## How the cost grows\n\nEnvironment steps per second, and time of a physics step of one robot.\n\n"
+    for model in dict.fromkeys(r["model"] for r in rows):
+        for axis in dict.fromkeys(r["axis"] for r in rows):
+            at = [r for r in rows if r["model"] == model and r["axis"] == axis]
+            fixed = ", ".join(
+                f"{at[0][k]} {k if at[0][k] > 1 else k[:-1]}" for k in ("robots", "substeps", "threads") if k != axis
+            )
+            body = [
+                [
+                    str(r[axis]),
+                    *_rate(r),
+                    f"{1e9 / (r['median'] * r['substeps']):,.0f}",
+                ]
+                for r in at
+            ]
+            text += f"`{model}`, {fixed}:\n\n{_table([axis, 'median', 'min', 'max', 'ns'], body)}\n"
+    return text
+
+
+def _memory(rows: Rows) -> str:
+    body = [
+        [label(r["simulator"]), str(r["robots"]), f"{r['bytes_per_robot'] / 1024:,.1f}"]
+        for r in rows
+        if "reason" not in r
+    ]
+    text = "## Memory\n\nGrowth of the resident set of a process over that many environments, after a step.\n\n"
+    return text + _table(["simulator", "robots", "KiB a robot"], body) + "\n" + _absent(rows)
+
+
+def summary(throughput: Rows) -> str:
+    """One line a simulator, for the terminal."""
+    rows = sorted(strongest(throughput, "environment", 1), key=lambda r: -float(r["median"]))
+    return "\n".join(f"{label(r['simulator']):36} {r['median']:>12,.0f} environment steps/s on one core" for r in rows)

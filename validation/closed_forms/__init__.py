@@ -1,0 +1,39 @@
+"""This simulator beside what is known of the motion without it: closed forms, conservation laws, promises of theory.
+
+Three sections have no closed form: the energy ledger is a balance, convergence compares with a finer step, and
+determinism with another run.
+"""
+
+from validation.closed_forms import (
+    convergence,
+    determinism,
+    energy_ledger,
+    flight,
+    friction_limit,
+    growth,
+    holdable_tilt,
+    incline,
+    momentum_kept,
+    regulator_cost,
+    sliding_ball,
+    tumbling,
+)
+from validation.topic import Topic
+
+TOPICS = [
+    Topic.of(module)
+    for module in (
+        growth,
+        sliding_ball,
+        incline,
+        holdable_tilt,
+        friction_limit,
+        flight,
+        tumbling,
+        momentum_kept,
+        energy_ledger,
+        regulator_cost,
+        convergence,
+        determinism,
+    )
+]

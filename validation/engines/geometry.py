@@ -1,0 +1,87 @@
+"""The robot of `ballbot_rs.Params` as links, joints and directions, from which each other engine's model is made.
+
+A second derivation, independent of the Rust core on purpose: agreement between the two is evidence. Do not replace it
+by calls of the core.
+"""
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+import ballbot_rs as bb
+
+Array = npt.NDArray[np.float64]
+
+#: Time step of every engine, s, and steps of it in one action.
+SIM_DT = 0.002
+SUBSTEPS = 5
+
+#: Inertia of a disc across its axle over that about it; a hair more than 1/2, which MuJoCo's rounding refuses.
+_ACROSS = 0.5 * (1.0 + 1e-6)
+
+
+@dataclasses.dataclass(frozen=True)
+class Link:
+    """A rigid body: mass (kg), centre of mass in the body frame (3, m), inertia about it, body axes (3×3, kg·m²)."""
+
+    mass: float
+    com: Array
+    inertia: Array
+
+
+@dataclasses.dataclass(frozen=True)
+class RobotGeometry:
+    """Geometry and masses in the body frame, whose origin is the ball's centre and whose z axis is the mast."""
+
+    params: bb.Params
+    #: p_i, unit vectors from the ball's centre to each wheel contact, (3, 3).
+    contacts: Array
+    #: d_i, unit vectors along which each wheel drives the ball's surface, (3, 3).
+    drives: Array
+    #: Unit vectors about which each wheel turns; a positive torque pushes the ball along d_i, (3, 3).
+    axles: Array
+    #: Wheel centres, (3, 3), m.
+    centers: Array
+    #: Body without its wheels.
+    body: Link
+    #: Inertia of each wheel about its centre, body axes, (3, 3, 3), kg·m².
+    wheel_inertias: Array
+
+    @property
+    def wheel_map(self) -> Array:
+        """Wheel speeds of a ball rate relative to the body, both in the body frame: (3, 3), pure numbers."""
+        return -self.axles * (self.params.ball_radius / self.params.wheel_radius)
+
+
+def _offset_inertia(mass: float, offset: Array) -> Array:
+    """Inertia of a point mass at an offset, (3, 3), kg·m²."""
+    return np.asarray(mass * (offset @ offset * np.eye(3) - np.outer(offset, offset)))
+
+
+def robot_geometry(params: bb.Params | None = None) -> RobotGeometry:
+    """The paper's robot, or the one of `params`.
+
+    Body and wheels together have the mass properties of the parameters; a wheel is a thin disc, whose inertia about
+    its own axle the parameters count apart.
+    """
+    params = bb.Params.paper() if params is None else params
+    azimuth, zenith = np.array(params.wheel_azimuths), params.wheel_zenith
+    flat = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(3)], axis=1)
+    contacts = np.sin(zenith) * flat + np.cos(zenith) * np.array([0.0, 0.0, 1.0])
+    drives = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros(3)], axis=1)
+    axles = -np.cross(contacts, drives)
+    centers = contacts * (params.ball_radius + params.wheel_radius)
+
+    whole_com = np.array([0.0, 0.0, params.body_com_height])
+    mass = params.body_mass - 3.0 * params.wheel_mass
+    com = (params.body_mass * whole_com - params.wheel_mass * centers.sum(axis=0)) / mass
+    inertia = np.diag(params.body_inertia) - _offset_inertia(mass, com - whole_com)
+    wheel_inertias = []
+    for axle, center in zip(axles, centers, strict=True):
+        about_axle, across = np.outer(axle, axle), _ACROSS * params.wheel_inertia
+        inertia -= across * (np.eye(3) - about_axle) + _offset_inertia(params.wheel_mass, center - whole_com)
+        wheel_inertias.append(across * (np.eye(3) - about_axle) + params.wheel_inertia * about_axle)
+    # Rounding off the diagonal would make Bullet turn the frame.
+    inertia[np.abs(inertia) < 1e-12] = 0.0
+    return RobotGeometry(params, contacts, drives, axles, centers, Link(mass, com, inertia), np.array(wheel_inertias))

@@ -1,0 +1,45 @@
+"""Repeats the paper's experiments and writes docs/paper.md; the exit code tells whether all claims hold."""
+
+import sys
+from collections.abc import Sequence
+
+from validation import page
+from validation.page import anchor, table
+from validation.paper_replication import CHAPTERS
+from validation.topic import Findings, Topic
+
+_HEAD = """# The paper's experiments
+
+M. Abdelrahman et al., "Ballbot Simulation System: Modeling, Verification, and Gym Environment Development", is where
+this project starts: a robot of three omniwheels on a ball, designed in CAD and described by two URDFs; planar
+equations of motion; a PID controller tuned on these and tried on a Simscape model of the CAD robot; and a Gym
+environment on PyBullet, in which training is left as a next step. Here all of it is repeated with this simulator.
+
+Everything on this page, text apart, is made by `make paper`, which fails if a claim does not hold. A *claim* is a
+number of ours that we assert, beside what it must be. What the paper prints is no claim: it stands beside ours, in
+the summary and in each section, as *printed*. Nothing is tuned to match. The figures of the paper are compared by the
+numbers that its text gives; printed values are dashed lines in ours. "Section", "eq.", "Table" and "Fig." mean the
+paper's. Symbols are those of Table I; tilts $\\theta_x$ and $\\theta_y$ lean towards $+y$ and $+x$; wheels are
+numbered 1 to 3 as in eq. (8). Each section has the command that runs it alone and prints its claims; `--figures DIR`
+draws its figure too.
+
+## Summary
+"""
+
+
+def main() -> int:
+    """The command `python -m validation.paper_replication`."""
+    return page.write("paper", "validation.paper_replication", __doc__, CHAPTERS, _head)
+
+
+def _head(found: Sequence[tuple[Topic, Findings]]) -> str:
+    rows = [
+        [f"[{c.what}](#{anchor(topic.title)})", c.where, c.printed, c.ours, c.why]
+        for topic, findings in found
+        for c in findings.compared
+    ]
+    return f"{_HEAD}\n{table(['', 'paper', 'printed', 'ours', 'why they differ'], rows, align='---')}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

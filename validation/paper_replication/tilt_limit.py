@@ -1,0 +1,90 @@
+r"""Section III-A: falling above 30°.
+
+The paper says that the robot "falls immediately" once the tilt exceeds 30°, and gives no reason. Traction gives one.
+To hold a tilt, the ball has to accelerate under the body, and the wheels have to pass on what that takes. The largest
+tilt is where the first wheel's traction reaches $\mu N$; it depends on the direction of the lean, and the worst
+counts. The closed form, and what `contact` and `rigid` do, are on [the other page](verification.md). With the printed
+wheel friction the limit is 29.7° (dynamic, 1.0) to 31.6° (static, 1.1).
+
+The points are the tilt at which the model without slip, `spatial`, finds the traction to be used up: it holds the tilt
+by torques of its own equations of motion, and has its own loads and tractions (`SpatialModel.contacts`).
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import ballbot_rs as bb
+from validation.claim import Claim
+from validation.closed_forms import holdable_tilt
+from validation.closed_forms.holdable_tilt import AZIMUTHS, FRICTIONS
+from validation.mechanics import Array
+from validation.search import largest
+from validation.topic import Comparison, Findings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PRINTED_DEGREES = 30.0
+
+
+def run() -> Findings:
+    """The limit over friction, and that of the model without slip at the worst azimuth."""
+    frictions = np.linspace(0.3, 1.3, 21)
+    limits = {
+        float(mu): np.degrees(holdable_tilt.largest_tilts(holdable_tilt.robot(float(mu))))
+        for mu in (*frictions, *FRICTIONS)
+    }
+    claims: list[Claim] = []
+    measured: list[float] = []
+    for mu in FRICTIONS:
+        azimuth = float(AZIMUTHS[int(limits[mu].argmin())])
+        measured.append(modelled_limit(holdable_tilt.robot(mu), azimuth))
+        what = f"largest tilt held at μ = {mu:g}, `SpatialModel`"
+        claims.append(Claim(what, measured[-1], float(limits[mu].min()), 1e-9, "deg"))
+    dynamic, static = float(limits[1.0].min()), float(limits[1.1].min())
+    compared = Comparison(
+        "largest tilt",
+        "Section III-A",
+        "falls above 30°",
+        f"{dynamic:.1f}° to {static:.1f}° before a wheel slips (μ = 1.0 to 1.1)",
+        "no reason is printed; traction gives the same number",
+    )
+
+    def draw(fig: "Figure") -> None:
+        from ballbot_rs.plotting.style import COLOURS, INK, MODEL_COLOURS
+
+        ax = fig.subplots()
+        worst = np.array([limits[float(mu)].min() for mu in frictions])
+        best = np.array([limits[float(mu)].max() for mu in frictions])
+        ax.fill_between(frictions, worst, best, color=COLOURS[4], alpha=0.3, linewidth=0, label="other directions")
+        ax.plot(frictions, worst, color=INK, label="worst direction of lean")
+        ax.plot(FRICTIONS, measured, "o", markersize=5, color=MODEL_COLOURS["spatial"], label="spatial")
+        ax.axhline(PRINTED_DEGREES, color=INK, linestyle="--", linewidth=0.8, label="printed")
+        ax.set(xlabel="friction coefficient of the wheels", ylabel="largest tilt held (deg)", ylim=(0.0, 60.0))
+        ax.legend(loc="upper left")
+
+    return Findings(claims, draw, compared=(compared,))
+
+
+def holding_torques(params: bb.Params, tilt: float, azimuth: float) -> tuple[Array, bb.Contacts]:
+    """Wheel torques under which a robot at rest keeps its tilt towards `azimuth`, and the forces then."""
+    model = bb.SpatialModel(params)
+    about = tilt * np.array([-np.sin(azimuth), np.cos(azimuth)])
+    quaternion = bb.State.upright(params, about).body_quaternion
+    rest = np.zeros(5)
+    free = model.accelerations(quaternion, rest, np.zeros(3))
+    per_torque = np.array([model.accelerations(quaternion, rest, unit) - free for unit in np.eye(3)]).T
+    torques = np.linalg.solve(per_torque[2:], -free[2:])
+    return torques, model.contacts(quaternion, rest, torques)
+
+
+def modelled_limit(params: bb.Params, azimuth: float) -> float:
+    """The largest tilt held towards `azimuth`, deg."""
+
+    def holds(tilt: float) -> bool:
+        contacts = holding_torques(params, tilt, azimuth)[1]
+        used = np.abs(contacts.wheel_tractions) - params.wheel_dynamic_friction * contacts.wheel_normal_forces
+        return bool(np.all(used <= 0.0))
+
+    return float(np.degrees(largest(holds, 0.0, 1.4, to=1e-11)))

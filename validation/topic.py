@@ -1,0 +1,53 @@
+"""A topic: one thing that is verified. Its module's docstring is its title and text, its `run` the evidence."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from inspect import cleandoc
+from types import ModuleType
+from typing import TYPE_CHECKING, NamedTuple
+
+from validation.claim import Claim
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Comparison(NamedTuple):
+    """A row of a page's summary: a printed number beside ours, as text, and why they differ."""
+
+    what: str
+    #: Section, equation, table or figure.
+    where: str
+    printed: str
+    ours: str
+    why: str
+
+
+class Findings(NamedTuple):
+    """What a topic's `run` gives: claims, how to draw them, and further Markdown to stand below."""
+
+    claims: list[Claim]
+    draw: "Callable[[Figure], None] | None" = None
+    markdown: str = ""
+    #: Of the figure, inches.
+    size: tuple[float, float] = (8.0, 3.2)
+    #: Where the topic repeats what others have printed.
+    compared: tuple[Comparison, ...] = ()
+    #: What could not be run, and why; each without a full stop.
+    missing: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Topic:
+    """`name` is that of the figure's file; `run` needs no matplotlib, the `draw` it returns does."""
+
+    name: str
+    title: str
+    text: str
+    run: Callable[[], Findings]
+
+    @classmethod
+    def of(cls, module: ModuleType) -> "Topic":
+        """The topic that a module is."""
+        title, _, text = cleandoc(module.__doc__ or "").partition("\n")
+        return cls(module.__name__.rpartition(".")[2], title.rstrip("."), text.strip(), module.run)

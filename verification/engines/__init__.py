@@ -1,9 +1,0 @@
-"""The same robot in Pinocchio, MuJoCo and PyBullet: as they read it, as they move it, and who is right.
-
-Where an engine is not there, it is said what was not run, and why; `--allow-missing` makes that no failure.
-"""
-
-from verification.engines import free_flight, headings, recovery, schedule, urdf
-from verification.topic import Topic
-
-TOPICS = [Topic.of(module) for module in (urdf, free_flight, recovery, schedule, headings)]
