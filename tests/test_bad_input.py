@@ -17,8 +17,8 @@ from ballbot_rs import (
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
-from ballbot_rs.evaluation import evaluate
-from ballbot_rs.registration import BALANCE
+from ballbot_rs.analysis.episodes import evaluate
+from ballbot_rs.envs.registration import BALANCE
 
 NAN, INF = float("nan"), float("inf")
 UPRIGHT = [1, 0, 0, 0]

@@ -5,7 +5,7 @@ import zipfile
 
 import pytest
 
-from ballbot_rs.evaluation import evaluate
+from ballbot_rs.analysis.episodes import evaluate
 
 
 def edited_policy(source, target, edit):

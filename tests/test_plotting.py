@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ballbot_rs import recovery, trajectory
+from ballbot_rs.analysis import recovery_map as recovery
+from ballbot_rs.analysis import trajectory
 from ballbot_rs.cli import main
-from ballbot_rs.plotting import learning_curve, phase_portrait, recovery_map, trajectories
-from ballbot_rs.plotting.style import save
+from ballbot_rs.media.figures import learning_curve, phase_portrait, recovery_map, trajectories
+from ballbot_rs.media.figures.style import save
 from ballbot_rs.training import curve
 
 CONTACT = {"model": "contact"}

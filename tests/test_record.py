@@ -7,10 +7,10 @@ import pytest
 from PIL import Image
 
 import ballbot_rs as bb
-from ballbot_rs import trajectory
 from ballbot_rs._core import Batch
+from ballbot_rs.analysis import trajectory
 from ballbot_rs.cli import main
-from ballbot_rs.recording import frame_count, picture, renderer_for, write_video
+from ballbot_rs.media.video import frame_count, picture, renderer_for, write_video
 
 CONTACT = {"model": "contact"}
 SMALL = {"width": 96, "height": 72, "samples": 1}

@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 import pytest
 
 from ballbot_rs.cli import main
-from ballbot_rs.reporting import page
+from ballbot_rs.media.report import page
 
 
 class Page(HTMLParser):

@@ -10,9 +10,9 @@ import torch
 from stable_baselines3 import PPO
 
 from ballbot_rs import BallbotVecEnv, __version__
-from ballbot_rs.controllers import PID_CONTROL_DT
-from ballbot_rs.evaluation import evaluate
-from ballbot_rs.registration import BALANCE
+from ballbot_rs.analysis.episodes import evaluate
+from ballbot_rs.control.resolve import PID_CONTROL_DT
+from ballbot_rs.envs.registration import BALANCE
 from ballbot_rs.training import config, train
 from ballbot_rs.training.policy import METADATA, ScaledObservation, find_policy, load_policy
 from conftest import TINY_CONFIG

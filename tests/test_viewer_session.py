@@ -192,10 +192,10 @@ def test_the_package_that_reads_policies_is_found_by_name(tmp_path, monkeypatch)
     import sys
     import types
 
-    module = types.ModuleType("ballbot_rs.onnx_policy")
+    module = types.ModuleType("ballbot_rs.control.onnx_policy")
     module.OnnxPolicy = lambda path: Linear(opened=path)
-    monkeypatch.setitem(sys.modules, "ballbot_rs.onnx_policy", module)
-    monkeypatch.setattr("ballbot_rs.onnx_policy", module, raising=False)
+    monkeypatch.setitem(sys.modules, "ballbot_rs.control.onnx_policy", module)
+    monkeypatch.setattr("ballbot_rs.control.onnx_policy", module, raising=False)
     path = tmp_path / "a.onnx"
     path.write_bytes(b"onnx")
     assert load_onnx(str(path)).env_options == {"opened": path}

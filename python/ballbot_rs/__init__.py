@@ -24,12 +24,12 @@ from ballbot_rs._core import (
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
-from ballbot_rs.env import BalanceEnv
-from ballbot_rs.registration import register_environments
-from ballbot_rs.vector_env import BalanceVectorEnv
+from ballbot_rs.envs.gymnasium_env import BalanceEnv
+from ballbot_rs.envs.registration import register_environments
+from ballbot_rs.envs.vector_env import BalanceVectorEnv
 
 if TYPE_CHECKING:
-    from ballbot_rs.sb3 import BallbotVecEnv
+    from ballbot_rs.envs.sb3 import BallbotVecEnv
 
 __all__ = [
     "PAPER_BALL_VISCOUS_FRICTION",
@@ -59,7 +59,7 @@ def __getattr__(name: str) -> Any:
     # Stable-Baselines3 brings torch: load it only for those who ask.
     if name == "BallbotVecEnv":
         try:
-            from ballbot_rs.sb3 import BallbotVecEnv
+            from ballbot_rs.envs.sb3 import BallbotVecEnv
         except ModuleNotFoundError as error:
             raise ModuleNotFoundError(
                 f"BallbotVecEnv needs {error.name}: install it with `pip install 'ballbot-rs[train]'`",

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ballbot_rs.evaluation import Result, compare
+from ballbot_rs.analysis.episodes import Result, compare
 from verification.claim import Claim
 from verification.page import table
 from verification.topic import Comparison, Findings
@@ -56,7 +56,7 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import COLOURS
+        from ballbot_rs.media.figures.style import COLOURS
 
         left, right = fig.subplots(1, 2)
         thousands = steps / 1e3

@@ -5,10 +5,10 @@ import json
 from typing import Any
 
 from ballbot_rs import __version__
+from ballbot_rs._text_table import print_table
+from ballbot_rs.analysis.episodes import compare
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.evaluation import compare
-from ballbot_rs.registration import TASKS
-from ballbot_rs.reporting.table import print_table
+from ballbot_rs.envs.registration import TASKS
 
 
 def add_to(commands: Any) -> None:

@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> None:
         ) from error
     difference = export.export(arguments.policy, target)
     if arguments.json:
-        from ballbot_rs.onnx_policy import OnnxPolicy
+        from ballbot_rs.control.onnx_policy import OnnxPolicy
 
         report = {"policy": str(target), "difference": difference, "metadata": OnnxPolicy(target).metadata}
         print(json.dumps(report, indent=2))

@@ -9,8 +9,8 @@ from typing import Any
 
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.controllers import CONTROLLERS, common_options, find
-from ballbot_rs.registration import BALANCE
+from ballbot_rs.control.resolve import CONTROLLERS, common_options, find
+from ballbot_rs.envs.registration import BALANCE
 
 FIGURES = ("trajectories", "phase_portrait", "recovery_map", "learning_curve")
 
@@ -35,7 +35,7 @@ def add_to(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     try:
-        from ballbot_rs.plotting.style import save
+        from ballbot_rs.media.figures.style import save
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
             f"figures need {error.name}: install it with `pip install 'ballbot-rs[plot]'`", name=error.name
@@ -54,8 +54,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[str]) -> list[tuple[str, Any]]:
-    from ballbot_rs import recovery
-    from ballbot_rs.plotting import learning_curve, phase_portrait, recovery_map, trajectories
+    from ballbot_rs.analysis import recovery_map as recovery
+    from ballbot_rs.media.figures import learning_curve, phase_portrait, recovery_map, trajectories
     from ballbot_rs.training.curve import read
 
     quiet = arguments.quiet or arguments.json

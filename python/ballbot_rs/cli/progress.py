@@ -4,7 +4,7 @@ import contextlib
 import sys
 from collections.abc import Iterator
 
-from ballbot_rs.evaluation import Progress
+from ballbot_rs._progress import Progress
 
 
 @contextlib.contextmanager

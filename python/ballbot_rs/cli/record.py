@@ -7,7 +7,7 @@ from typing import Any
 
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.recording import picture, renderer_for, write_picture, write_video
+from ballbot_rs.media.video import picture, renderer_for, write_picture, write_video
 
 
 def add_to(commands: Any) -> None:

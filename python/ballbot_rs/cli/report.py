@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ballbot_rs._progress import Progress
+from ballbot_rs.analysis.episodes import Result
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.evaluation import Progress, Result
-from ballbot_rs.reporting.report import write
+from ballbot_rs.media.report.report import write
 
 
 def add_to(commands: Any) -> None:

@@ -4,9 +4,9 @@ import argparse
 import dataclasses
 from typing import Any
 
-from ballbot_rs.controllers import Controller
-from ballbot_rs.registration import TASKS
-from ballbot_rs.trajectory import Push, Trajectory, run
+from ballbot_rs.analysis.trajectory import Push, Trajectory, run
+from ballbot_rs.control.resolve import Controller
+from ballbot_rs.envs.registration import TASKS
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ballbot_rs._text_table import print_table
+from ballbot_rs.analysis.episodes import compare
 from ballbot_rs.cli import report
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.evaluation import compare
-from ballbot_rs.reporting.table import print_table
 
 
 def add_to(commands: Any) -> None:

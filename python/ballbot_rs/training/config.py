@@ -11,7 +11,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-from ballbot_rs.registration import BALANCE, TASKS, check_id
+from ballbot_rs.envs.registration import BALANCE, TASKS, check_id
 
 ALGORITHMS = ("PPO", "SAC")
 

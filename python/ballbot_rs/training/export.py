@@ -17,8 +17,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from ballbot_rs import __version__
 from ballbot_rs._core import OBSERVATION, Batch
-from ballbot_rs.onnx_policy import PREFIX, OnnxPolicy, observation_layout
-from ballbot_rs.registration import BALANCE
+from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy, observation_layout
+from ballbot_rs.envs.registration import BALANCE
 from ballbot_rs.training.policy import AT_REST, TYPICAL, find_policy, load_policy
 
 #: By how much an exported action may differ from its source, and on how many observations that is checked.

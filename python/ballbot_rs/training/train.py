@@ -16,7 +16,7 @@ from stable_baselines3.common.callbacks import CheckpointCallback, EvalCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
 import ballbot_rs
-from ballbot_rs.sb3 import BallbotVecEnv
+from ballbot_rs.envs.sb3 import BallbotVecEnv
 from ballbot_rs.training import config as config_module
 from ballbot_rs.training.config import TrainConfig
 from ballbot_rs.training.policy import CLASSES, METADATA, ScaledObservation, metadata

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Lqr, Params, Pid, State
-from ballbot_rs.controllers import PID_CONTROL_DT
+from ballbot_rs.control.resolve import PID_CONTROL_DT
 from ballbot_rs.viewer.policy import Policy, PolicyDriver, load_onnx
 
 Torques = npt.NDArray[np.float64]

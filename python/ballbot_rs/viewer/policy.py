@@ -14,7 +14,7 @@ MAX_FILE_SIZE = 64 * 2**20
 
 
 class Policy(Protocol):
-    """What a session needs of a policy; `ballbot_rs.onnx_policy.OnnxPolicy` is one."""
+    """What a session needs of a policy; `ballbot_rs.control.onnx_policy.OnnxPolicy` is one."""
 
     @property
     def env_options(self) -> Mapping[str, Any]:
@@ -40,7 +40,7 @@ def load_onnx(name: str) -> Policy:
     if path.stat().st_size > MAX_FILE_SIZE:
         raise ValueError(f"{name} has {path.stat().st_size} bytes, more than {MAX_FILE_SIZE}: no policy of this task")
     try:
-        from ballbot_rs.onnx_policy import OnnxPolicy
+        from ballbot_rs.control.onnx_policy import OnnxPolicy
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
             f"a policy file needs {error.name}, which is not installed", name=error.name

@@ -8,12 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Batch
-from ballbot_rs.batch_owner import check_count, check_seed
-from ballbot_rs.controllers import BatchController, common_options, find
-from ballbot_rs.registration import BALANCE, check_id
-
-#: Told how much of how much is done.
-Progress = Callable[[int, int], None]
+from ballbot_rs._progress import Progress
+from ballbot_rs.control.resolve import BatchController, common_options, find
+from ballbot_rs.envs._batch_env import check_count, check_seed
+from ballbot_rs.envs.registration import BALANCE, check_id
 
 #: Where things stand in a row of `Batch.states`.
 _BALL_POSITION = slice(0, 2)

@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from ballbot_rs._core import TERMINATIONS, Params, State
-from ballbot_rs.batch_owner import (
+from ballbot_rs.envs._batch_env import (
     BatchOwner,
     FloatArray,
     action_space,
@@ -18,8 +18,8 @@ from ballbot_rs.batch_owner import (
     observation_space,
     refuse_option,
 )
-from ballbot_rs.registration import MAX_EPISODE_STEPS
-from ballbot_rs.rendering import RENDER_MODES, Frames, Rendered, warn_without_mode
+from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
+from ballbot_rs.envs.registration import MAX_EPISODE_STEPS
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Params, State
-from ballbot_rs.batch_owner import (
+from ballbot_rs.envs._batch_env import (
     BatchOwner,
     FloatArray,
     action_space,
@@ -15,8 +15,8 @@ from ballbot_rs.batch_owner import (
     check_seed,
     observation_space,
 )
-from ballbot_rs.registration import MAX_EPISODE_STEPS
-from ballbot_rs.rendering import RENDER_MODES, Frames, Rendered, warn_without_mode
+from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
+from ballbot_rs.envs.registration import MAX_EPISODE_STEPS
 
 #: More steps than an episode can have: 248 days at the default control rate.
 NEVER: Final = 2**31

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import OBSERVATION
-from ballbot_rs.registration import BALANCE
+from ballbot_rs.envs.registration import BALANCE
 
 #: What an exported policy says of itself, each a JSON text; the keys of its file begin with `PREFIX`.
 FIELDS = {

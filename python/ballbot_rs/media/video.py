@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from ballbot_rs._core import Renderer
-from ballbot_rs.evaluation import Progress
-from ballbot_rs.rendering import Frames
-from ballbot_rs.trajectory import Trajectory
+from ballbot_rs._progress import Progress
+from ballbot_rs.analysis.trajectory import Trajectory
+from ballbot_rs.envs._render import Frames
 
 
 def renderer_for(trajectory: Trajectory, **options: Any) -> Renderer:

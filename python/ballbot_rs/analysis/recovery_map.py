@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import State
-from ballbot_rs.controllers import Controller, common_options, find
-from ballbot_rs.evaluation import Progress
-from ballbot_rs.registration import BALANCE
+from ballbot_rs._progress import Progress
+from ballbot_rs.control.resolve import Controller, common_options, find
+from ballbot_rs.envs.registration import BALANCE
 
 #: Beyond this tilt (rad) the robot has fallen: not the task's limit, which would decide about half of the map.
 FALLEN = 1.0

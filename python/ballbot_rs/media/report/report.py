@@ -7,12 +7,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ballbot_rs import recovery, trajectory
-from ballbot_rs.controllers import find
-from ballbot_rs.evaluation import Progress, Result, compare
-from ballbot_rs.recording import renderer_for, write_video
-from ballbot_rs.reporting import page
-from ballbot_rs.reporting.table import LEGEND, rows
+from ballbot_rs._progress import Progress
+from ballbot_rs._text_table import LEGEND, rows
+from ballbot_rs.analysis import recovery_map as recovery
+from ballbot_rs.analysis import trajectory
+from ballbot_rs.analysis.episodes import Result, compare
+from ballbot_rs.control.resolve import find
+from ballbot_rs.media.report import page
+from ballbot_rs.media.video import renderer_for, write_video
 from ballbot_rs.training import curve
 
 #: What a policy is compared with.
@@ -46,8 +48,8 @@ def write(
         ModuleNotFoundError: matplotlib or moviepy is not installed.
     """
     try:
-        from ballbot_rs.plotting import learning_curve, recovery_map
-        from ballbot_rs.plotting.labels import short
+        from ballbot_rs.media.figures import learning_curve, recovery_map
+        from ballbot_rs.media.figures.labels import short
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
             f"a report needs {error.name}: install it with `pip install 'ballbot-rs[plot,video]'`", name=error.name

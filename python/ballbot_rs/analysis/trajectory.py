@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Ballbot, Contacts, DivergedError, Params, State
-from ballbot_rs.controllers import Controller, common_options, find
-from ballbot_rs.registration import BALANCE
+from ballbot_rs.control.resolve import Controller, common_options, find
+from ballbot_rs.envs.registration import BALANCE
 
 Array = npt.NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 
 from ballbot_rs._core import Params, State
-from ballbot_rs.batch_owner import (
+from ballbot_rs.envs._batch_env import (
     BatchOwner,
     action_space,
     check_options,
@@ -17,8 +17,8 @@ from ballbot_rs.batch_owner import (
     observation_space,
     refuse_option,
 )
-from ballbot_rs.registration import BALANCE, MAX_EPISODE_STEPS, check_id
-from ballbot_rs.rendering import Rendered
+from ballbot_rs.envs._render import Rendered
+from ballbot_rs.envs.registration import BALANCE, MAX_EPISODE_STEPS, check_id
 
 
 class EnvView:

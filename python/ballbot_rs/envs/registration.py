@@ -21,8 +21,8 @@ def register_environments() -> None:
     if BALANCE not in gymnasium.registry:
         gymnasium.register(
             BALANCE,
-            entry_point="ballbot_rs.env:without_time_limit",
-            vector_entry_point="ballbot_rs.vector_env:BalanceVectorEnv",
+            entry_point="ballbot_rs.envs.gymnasium_env:without_time_limit",
+            vector_entry_point="ballbot_rs.envs.vector_env:BalanceVectorEnv",
             max_episode_steps=MAX_EPISODE_STEPS,
             reward_threshold=REWARD_THRESHOLD,
         )

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 
-from ballbot_rs.evaluation import Result
+from ballbot_rs.analysis.episodes import Result
 
 _COLUMNS: dict[str, Callable[[Result], str]] = {
     "controller": lambda r: r.controller,

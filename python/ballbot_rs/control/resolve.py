@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Batch, Lqr, Pid
-from ballbot_rs.registration import BALANCE, check_id
+from ballbot_rs.envs.registration import BALANCE, check_id
 
 Observations = npt.NDArray[np.float32]
 
@@ -116,7 +116,7 @@ def _sampled_for_pid(batch: Batch) -> dict[str, Any]:
 
 
 def _onnx(path: Path, env_id: str) -> tuple[BatchController, Mapping[str, Any]]:
-    from ballbot_rs.onnx_policy import OnnxPolicy
+    from ballbot_rs.control.onnx_policy import OnnxPolicy
 
     policy = OnnxPolicy(path, env_id)
     return lambda observations: policy.act(observations), policy.env_options
