@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ballbot_rs.envs._batch_env import action_space, observation_space
+from ballbot_rs.envs.spaces import action_space, observation_space
 from benchmarks import task
 from peers.any_robot import make_peer
 from peers.robot import SUBSTEPS, make_robot

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 
-from ballbot_rs.envs._batch_env import action_space, observation_space
+from ballbot_rs.envs.spaces import action_space, observation_space
 from benchmarks import task
 from peers.mujoco_robot import BALL_VELOCITY, BODY_QUATERNION, BODY_RATE, WHEEL_SPEEDS, mjcf
 from peers.robot import SUBSTEPS, make_robot

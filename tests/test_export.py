@@ -15,9 +15,10 @@ from ballbot_rs._core import OBSERVATION
 from ballbot_rs.analysis.episodes import compare
 from ballbot_rs.cli import main
 from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy
+from ballbot_rs.control.sb3_policy import METADATA, metadata
 from ballbot_rs.envs.registration import BALANCE
 from ballbot_rs.training import export
-from ballbot_rs.training.policy import METADATA, ScaledObservation, metadata
+from ballbot_rs.training.policy import ScaledObservation
 from conftest import ROOT
 
 BOUNDS = np.array([bound for _, _, bound in OBSERVATION], dtype=np.float32)

@@ -33,7 +33,7 @@ def assert_same_step(found, expected):
 
 
 def test_attributes_that_learners_read():
-    env = BallbotVecEnv(BALANCE, 3, control_dt=0.02)
+    env = BallbotVecEnv(3, control_dt=0.02)
     assert isinstance(env, VecEnv)
     assert env.num_envs == 3
     assert env.observation_space.shape == (16,)

@@ -1,21 +1,22 @@
-"""Controllers and policies on the same starts, and the numbers by which they are compared."""
+"""Controllers and policies compared over episodes from the same starts."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ballbot_rs._checks import check_count, check_seed
 from ballbot_rs._core import Batch
-from ballbot_rs._progress import Progress
-from ballbot_rs.control.resolve import BatchController, common_options, find
-from ballbot_rs.envs._batch_env import check_count, check_seed
-from ballbot_rs.envs.registration import BALANCE, check_id
+from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs._state_rows import BALL_POSITION, tilt_of
+from ballbot_rs.analysis.rollout import batch_for, rollout
+from ballbot_rs.analysis.settling import settling_times
+from ballbot_rs.control.resolve import Controller, Source, common_options, find
+from ballbot_rs.envs.registration import DEFAULT_TASK
 
-#: Where things stand in a row of `Batch.states`.
-_BALL_POSITION = slice(0, 2)
-_BODY_QUATERNION = slice(16, 20)
+#: Tilt within which a robot has settled, rad.
+SETTLED_TILT = np.deg2rad(1.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,58 +45,61 @@ class Result:
     mean_reward: float
 
 
-def evaluate(controller: str, **arguments: Any) -> Result:
+def evaluate(controller: Source, **arguments: Any) -> Result:
     """The result of one controller; arguments as in `compare`."""
     return compare([controller], **arguments)[0]
 
 
 def compare(
-    controllers: Sequence[str],
+    controllers: Sequence[Source],
     *,
-    env_id: str = BALANCE,
+    task: str | None = None,
     episodes: int = 100,
     seed: int = 1000,
     num_threads: int | None = None,
     env_options: Mapping[str, Any] | None = None,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
 ) -> list[Result]:
     """Runs episodes of one task from the starts that `seed` gives, the same for every controller.
 
     Args:
-        controllers: each "pid" (at 500 Hz, unless a `control_dt` is given), "lqr", "zero", or the path of a policy file
-            (of Stable-Baselines3, or ONNX) or of a training run.
-        env_id: the environment.
-        episodes: how many; episode i is that of an environment seeded with seed + i.
+        controllers: each "pid" (at 500 Hz, unless a `control_dt` is given), "lqr", "zero", the path of a policy file
+            (of Stable-Baselines3, or ONNX) or of a training run, or an object that maps a `State` to wheel torques in
+            N·m (one that takes `position` gets the setpoint, m).
+        task: name of the task ("balance"). It, or `env_options`, is needed for policy files without metadata.
+        episodes: number of episodes; episode i is that of an environment seeded with seed + i.
         seed: of the first episode.
         num_threads: threads that step the robots; None takes all cores.
-        env_options: arguments of the environment, over those that the policies were trained with.
-        progress: told how many of how many steps are done.
+        env_options: options of the environment, over those that the policies were trained with.
+        progress: called with the number of steps done and their total.
 
     Raises:
-        ValueError: a name that is not known, a number out of range, a policy for another environment, or policies
-            that were trained with different arguments of the environment.
+        ValueError: an unknown name, a number out of range, a policy for another environment, or policies that were
+            trained with different options of the environment.
         FileNotFoundError: there is no policy at that path.
     """
-    check_id(env_id)
     check_count("episodes", episodes)
     seed = check_seed(seed)
-    found = [find(name, env_id) for name in controllers]
+    found = [find(source, task=task, env_options=env_options) for source in controllers]
     options = common_options(found, env_options)
-    batches = [controller.batch(episodes, num_threads, seed, options) for controller in found]
+    batches = [
+        batch_for(controller, episodes, task=task or DEFAULT_TASK, num_threads=num_threads, seed=seed, options=options)
+        for controller in found
+    ]
     total = sum(batch.max_episode_steps for batch in batches)
     results: list[Result] = []
-    for i, (controller, batch) in enumerate(zip(found, batches, strict=True)):
-        before = sum(batch.max_episode_steps for batch in batches[:i])
+    before = 0
+    for controller, batch in zip(found, batches, strict=True):
 
         def advance(step: int, before: int = before) -> None:
-            if progress is not None:
-                progress(before + step, total)
+            progress(before + step, total)
 
-        results.append(_run(controller.name, batch, controller.on(batch), advance))
+        results.append(_run(controller, batch, advance))
+        before += batch.max_episode_steps
     return results
 
 
-def _run(name: str, batch: Batch, act: BatchController, advance: Callable[[int], None]) -> Result:
+def _run(controller: Controller, batch: Batch, advance: Callable[[int], None]) -> Result:
     n, steps = batch.num_envs, batch.max_episode_steps
     running = np.ones(n, dtype=bool)
     success = np.zeros(n, dtype=bool)
@@ -104,29 +108,24 @@ def _run(name: str, batch: Batch, act: BatchController, advance: Callable[[int],
     distances = np.full((steps, n), np.nan)
     squared_torques = np.full((steps, n), np.nan)
     returns = np.zeros(n)
-    observations = batch.reset()
-    for step in range(steps):
-        actions = np.asarray(act(observations), dtype=np.float32)
-        states = batch.states()
-        tilts[step, running] = _tilt(states[running])
-        away = states[running, _BALL_POSITION] - np.asarray(batch.setpoint)
-        distances[step, running] = np.linalg.norm(away, axis=1)
-        torques = np.clip(actions, -1.0, 1.0) * batch.max_wheel_torque
-        squared_torques[step, running] = np.mean(torques[running] ** 2, axis=1)
-        observations, rewards, terminated, truncated = batch.step(actions)
-        returns[running] += rewards[running]
-        ended = (terminated | truncated) & running
-        if ended.any():
-            success[ended] = batch.endings()[0][ended]
-            survived[ended] = truncated[ended]
-            running &= ~ended
-        advance(step + 1)
+    for frame in rollout(batch, controller, steps):
+        tilts[frame.step, running] = tilt_of(frame.states[running])
+        away = frame.states[running, BALL_POSITION][:, :2] - np.asarray(batch.setpoint)
+        distances[frame.step, running] = np.linalg.norm(away, axis=1)
+        torques = frame.actions[running] * batch.max_wheel_torque
+        squared_torques[frame.step, running] = np.mean(torques**2, axis=1)
+        returns[running] += frame.rewards[running]
+        success |= frame.success & running
+        survived |= frame.truncated & ~frame.terminated & running
+        running &= ~(frame.terminated | frame.truncated)
+        advance(frame.step + 1)
         if not running.any():
             break
     advance(steps)
-    median = float(np.median(_settling_times(tilts, survived, np.deg2rad(1.0), batch.control_dt)))
+    settling = np.where(survived, settling_times(tilts, SETTLED_TILT, batch.control_dt), np.inf)
+    median = float(np.median(settling))
     return Result(
-        controller=name,
+        controller=controller.name,
         model=batch.model,
         control_dt=batch.control_dt,
         episodes=n,
@@ -138,21 +137,3 @@ def _run(name: str, batch: Batch, act: BatchController, advance: Callable[[int],
         torque_rms=float(np.sqrt(np.nanmean(squared_torques))),
         mean_reward=float(returns.mean()) / steps,
     )
-
-
-def _tilt(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    w, x, y, z = states[:, _BODY_QUATERNION].T
-    mast = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x)])
-    up = 1 - 2 * (x * x + y * y)
-    angle: npt.NDArray[np.float64] = np.arctan2(np.linalg.norm(mast, axis=0), up)
-    return angle
-
-
-def _settling_times(
-    tilts: npt.NDArray[np.float64], survived: npt.NDArray[np.bool_], limit: float, control_dt: float
-) -> npt.NDArray[np.float64]:
-    """Time of the first step from which each column stays within `limit`; infinite where it never does."""
-    outside = tilts > limit
-    last_outside = np.where(outside.any(axis=0), len(tilts) - 1 - np.argmax(outside[::-1], axis=0), -1)
-    settled = survived & (last_outside < len(tilts) - 1)
-    return np.where(settled, (last_outside + 1) * control_dt, np.inf)

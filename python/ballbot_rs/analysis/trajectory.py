@@ -1,4 +1,4 @@
-"""One robot under one controller, and everything that can be seen of it."""
+"""One robot under one controller: states, contacts and torques over time."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Ballbot, Contacts, DivergedError, Params, State
-from ballbot_rs.control.resolve import Controller, common_options, find
-from ballbot_rs.envs.registration import BALANCE
+from ballbot_rs._core import Contacts, Params, State
+from ballbot_rs.analysis.rollout import batch_for, run_one
+from ballbot_rs.control.resolve import Source, common_options, find
+from ballbot_rs.envs.registration import DEFAULT_TASK
 
 Array = npt.NDArray[np.float64]
 
@@ -51,13 +52,13 @@ class Trajectory:
 
 
 def run(
-    controller: str | Controller,
+    controller: Source,
     *,
     seconds: float = 5.0,
     tilt: tuple[float, float] = (0.05, 0.0),
     yaw: float = 0.0,
     push: Push | None = None,
-    env_id: str = BALANCE,
+    task: str | None = None,
     env_options: Mapping[str, Any] | None = None,
 ) -> Trajectory:
     """Runs a controller on a robot that starts at rest, tilted.
@@ -66,66 +67,37 @@ def run(
     the floor ends there.
 
     Args:
-        controller: a name or a path, as `controllers.find` takes it.
+        controller: a name, a path or an object, as in `compare`.
         seconds: simulated time.
         tilt: initial tilt components, rad.
         yaw: initial heading, rad.
         push: on the body.
-        env_id: the task.
-        env_options: arguments of the environment, over those that a policy was trained with.
+        task: name of the task, as in `compare`.
+        env_options: options of the environment, over those that a policy was trained with.
 
     Raises:
-        ValueError: a number out of range, or as `controllers.find`.
+        ValueError: a number out of range, or as `compare`.
     """
     if not 0.0 < seconds <= 3600.0:
         raise ValueError(f"seconds = {seconds} is out of range: it must be above 0 and at most 3600")
     if push is not None and not 0.0 <= push.time < seconds:
         raise ValueError(f"a push at {push.time} s is out of range: it must be from 0 to before the end, {seconds} s")
-    found = find(controller, env_id) if isinstance(controller, str) else controller
-    # Nothing ends an episode but a fall: lengths in steps are for the first, lower rate.
-    options = {**common_options([found], env_options), "max_episode_steps": 10_000_000}
-    batch = found.batch(1, 1, 0, options)
-    act = found.on(batch)
-    start = State.upright(batch.params, tilt=tilt, yaw=yaw)
-    observations = batch.reset(starts=[start])
-    robot = Ballbot(batch.params, batch.model, batch.sim_dt)
-    robot.reset(start)
-    substeps = round(batch.control_dt / batch.sim_dt)
+    found = find(controller, task=task, env_options=env_options)
+    # Only a fall ends the episode: lengths in steps are for the task's own rate.
+    options = {**common_options([found], env_options), "max_episode_steps": None}
+    batch = batch_for(found, 1, task=task or DEFAULT_TASK, num_threads=1, seed=0, options=options)
     steps = max(round(seconds / batch.control_dt), 1)
-    push_step = None if push is None else min(round(push.time / batch.control_dt), steps - 1)
-    fell_at = None
-    states, contacts, torques = [robot.state], [robot.contacts], []
-    for step in range(steps):
-        if fell_at is None:
-            action = np.clip(np.asarray(act(observations), np.float32), -1.0, 1.0)
-            torque = action[0].astype(float) * batch.max_wheel_torque
-        else:
-            torque = np.zeros(3)
-        if push is not None and step == push_step:
-            robot.push(push.impulse)
-            batch.push(0, push.impulse)
-        try:
-            robot.step(torque, substeps)
-        except DivergedError:
-            fell_at = fell_at if fell_at is not None else step * batch.control_dt
-            break
-        torques.append(torque)
-        states.append(robot.state)
-        contacts.append(robot.contacts)
-        if fell_at is None:
-            observations, _, terminated, _ = batch.step(action)
-            if terminated[0]:
-                fell_at = (step + 1) * batch.control_dt
-                if batch.model in ("planar", "spatial"):
-                    break
-    torques.append(torques[-1] if torques else np.zeros(3))
+    pushes = {} if push is None else {min(round(push.time / batch.control_dt), steps - 1): push.impulse}
+    start = State.upright(batch.params, tilt=tilt, yaw=yaw)
+    done = run_one(batch, found, steps, start, pushes)
+    last = done.torques[-1:] if len(done.torques) else np.zeros((1, 3))
     return Trajectory(
         controller=found.name,
         model=batch.model,
         params=batch.params,
-        times=np.array([row * batch.control_dt for row in range(len(states))]),
-        states=states,
-        contacts=contacts,
-        torques=np.array(torques),
-        fell_at=fell_at,
+        times=np.array([row * batch.control_dt for row in range(len(done.states))]),
+        states=done.states,
+        contacts=done.contacts,
+        torques=np.concatenate([done.torques, last]),
+        fell_at=None if done.fell_at is None else done.fell_at * batch.control_dt,
     )

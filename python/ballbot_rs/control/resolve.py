@@ -1,134 +1,189 @@
-"""Controllers by name or by path, as functions from the observations of a batch to its actions."""
+"""Controllers by name, by path or as objects."""
 
+import copy
 import dataclasses
+import inspect
 from collections.abc import Callable, Mapping, Sequence
+from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Batch, Lqr, Pid
-from ballbot_rs.envs.registration import BALANCE, check_id
-
-Observations = npt.NDArray[np.float32]
+from ballbot_rs._checks import did_you_mean
+from ballbot_rs._core import Lqr, Params, Pid, State
+from ballbot_rs._extras import require
+from ballbot_rs.control.onnx_policy import OnnxPolicy
+from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 
 #: Controllers by name; anything else is the path of a policy.
-CONTROLLERS = ("pid", "lqr", "zero")
+CONTROLLERS: Final = ("lqr", "pid", "zero")
 
-#: The paper's PID has a derivative filter of 327 rad/s, which 100 Hz cannot sample: it runs at its own rate.
-PID_CONTROL_DT = 0.002
+#: The derivative filter of the paper's PID, 327 rad/s, is unstable at 100 Hz.
+PID_CONTROL_DT: Final = 0.002
+
+#: Largest file that is read for someone who is not trusted; exported policies have some 30 kB.
+MAX_FILE_SIZE: Final = 64 * 2**20
+
+#: Actions in [-1, 1], shape (n, 3), for observations, shape (n, m).
+Policy: TypeAlias = Callable[[npt.NDArray[np.float32]], npt.ArrayLike]
 
 
-class BatchController(Protocol):
-    """Chooses the actions of all robots at once."""
+class Law(Protocol):
+    """A feedback law: wheel torques (three, N·m) of one robot from its state."""
 
-    def __call__(self, observations: Observations) -> npt.ArrayLike:
-        """Actions, shape (n, 3), for observations, shape (n, 16)."""
+    def __call__(self, state: State, /) -> npt.ArrayLike:
+        """Wheel torques for the next control step."""
+
+
+#: A name, a path, an object that maps a state to wheel torques, or what `find` has made of one of them.
+Source: TypeAlias = "str | PathLike[str] | Law | Controller"
 
 
 @dataclasses.dataclass(frozen=True)
 class Controller:
-    """A controller that was found, not yet on any robot."""
+    """A controller that is not on any robot yet: either a policy or a feedback law."""
 
     name: str
-    #: Arguments of the environment that a policy was trained with.
-    env_options: Mapping[str, Any]
-    _policy: BatchController | None = None
+    #: Options of the environment that a policy was trained with.
+    env_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    policy: Policy | None = None
+    make_laws: Callable[[Params, float, int], Sequence[Law]] | None = None
+    #: Rate at which the law is to run, s; None takes the task's.
+    control_dt: float | None = None
 
-    def batch(self, num_envs: int, num_threads: int | None, seed: int, options: Mapping[str, Any]) -> Batch:
-        """Robots that restart by themselves, sampled as this controller needs it."""
-        batch = Batch(num_envs, "same_step", num_threads, seed, **options)
-        if self.name != "pid" or "control_dt" in options:
-            return batch
-        return Batch(num_envs, "same_step", num_threads, seed, **{**options, **_sampled_for_pid(batch)})
+    def laws(self, count: int, params: Params, control_dt: float) -> "list[Torques]":
+        """The feedback law for each of `count` robots, as functions of state and position setpoint.
 
-    def on(self, batch: Batch) -> BatchController:
-        """The controller on the robots of a batch."""
-        if self._policy is not None:
-            return self._policy
-        if self.name == "zero":
-            return _zero
-        # The environment clips each torque at its own limit; a controller that knows it keeps their direction.
-        params = batch.params.replace(max_wheel_torque=batch.max_wheel_torque)
-        law: type[Pid] | type[Lqr] = Pid if self.name == "pid" else Lqr
-        return _Feedback(batch, lambda: law(params, batch.control_dt))
+        Raises:
+            TypeError: an object that cannot be copied, for more than one robot.
+        """
+        assert self.make_laws is not None
+        return [_with_setpoint(law) for law in self.make_laws(params, control_dt, count)]
 
 
-def find(name: str, env_id: str = BALANCE) -> Controller:
-    """A controller by its name, or the policy at a path: of Stable-Baselines3, of a training run, or ONNX.
+#: Wheel torques, N·m, from a state and the position setpoint.
+Torques: TypeAlias = Callable[[State, npt.ArrayLike], npt.ArrayLike]
+
+
+def find(
+    source: Source,
+    *,
+    task: str | None = None,
+    env_options: Mapping[str, Any] | None = None,
+    trusted: bool = True,
+) -> Controller:
+    """A controller from its name, from the path of a policy (Stable-Baselines3, ONNX or a training run) or an object.
+
+    Args:
+        source: "lqr", "pid", "zero", a path, or an object that maps a `State` to three wheel torques in N·m; its
+            attribute `name` is optional.
+        task: the task. It, or `env_options`, is needed for a policy file that does not name its own.
+        env_options: options of the environment that such a policy file was trained with.
+        trusted: whether files with pickled code may be loaded; ONNX files have none.
 
     Raises:
-        ValueError: an unknown environment, or a policy for another one.
+        ValueError: an unknown task or controller, or a policy for another task.
         FileNotFoundError: there is no policy at that path.
-        ModuleNotFoundError: what runs such a policy is not installed; the message says what to install.
+        ModuleNotFoundError: an optional dependency is missing; the message says what to install.
+        TypeError: the object cannot be called.
     """
-    check_id(env_id)
-    if name in CONTROLLERS:
-        return Controller(name, {})
-    load = _onnx if Path(name).suffix == ".onnx" else _stable_baselines
-    policy, options = load(Path(name), env_id)
-    return Controller(name, options, policy)
+    env_id = env_id_of(DEFAULT_TASK if task is None else task)
+    if isinstance(source, Controller):
+        return source
+    if not isinstance(source, (str, PathLike)):
+        return _from_object(source)
+    name = fspath(source)
+    if name == "lqr":
+        # It has no memory: one serves all robots.
+        return Controller(name, make_laws=lambda params, control_dt, count: [Lqr(params, control_dt)] * count)
+    if name == "pid":
+        return Controller(
+            name,
+            make_laws=lambda params, control_dt, count: [Pid(params, control_dt) for _ in range(count)],
+            control_dt=PID_CONTROL_DT,
+        )
+    if name == "zero":
+        return Controller(name, make_laws=lambda params, control_dt, count: [_no_torque] * count)  # noqa: ARG005
+    path = Path(name)
+    if path.suffix == ".onnx":
+        if not trusted:
+            _check_size(path)
+        onnx = OnnxPolicy(path, env_id)
+        return Controller(name, onnx.env_options, onnx.act)
+    if not trusted:
+        raise ValueError(
+            f"unknown controller '{name}': expected {', '.join(CONTROLLERS)} or a policy file that ends in .onnx"
+        )
+    if not path.exists() and path.suffix != ".zip":
+        known = f"expected {', '.join(CONTROLLERS)} or the path of a policy"
+        raise FileNotFoundError(f"no policy at {name}: {known}{did_you_mean(name, CONTROLLERS)}")
+    with require("a policy file", "train"):
+        from ballbot_rs.control import sb3_policy
+    given = None if task is None and not env_options else env_options or {}
+    model, found = sb3_policy.load(path, env_id, given)
+    return Controller(name, found["env_options"], lambda observations: sb3_policy.act(model, observations))
+
+
+def _check_size(path: Path) -> None:
+    if path.is_file() and path.stat().st_size > MAX_FILE_SIZE:
+        raise ValueError(f"{path} has {path.stat().st_size} bytes, more than {MAX_FILE_SIZE}: no policy of this task")
 
 
 def common_options(controllers: Sequence[Controller], env_options: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """The environment's arguments that the policies among the controllers share, then `env_options` over them.
+    """The options of the environment that the policies among the controllers share, updated by `env_options`.
 
     Raises:
-        ValueError: policies that were trained with different arguments.
+        ValueError: policies that were trained with different options.
     """
-    options: Mapping[str, Any] = {}
-    for controller in controllers:
-        if controller.name in CONTROLLERS:
-            continue
-        if options and controller.env_options != options:
+    policies = [controller for controller in controllers if controller.policy is not None]
+    options: Mapping[str, Any] = policies[0].env_options if policies else {}
+    for controller in policies:
+        if controller.env_options != options:
             raise ValueError(
                 f"{controller.name} was trained with {dict(controller.env_options)}, "
-                f"another policy with {dict(options)}: not one task"
+                f"{policies[0].name} with {dict(options)}: not one task"
             )
-        options = controller.env_options
     return {**options, **(env_options or {})}
 
 
-class _Feedback:
-    """A controller of this package on every robot of a batch."""
+def _from_object(law: Any) -> Controller:
+    if not callable(law):
+        raise TypeError(f"{law!r} is no controller: expected a name, a path, or an object that maps a state to torques")
+    name = str(getattr(law, "name", None) or getattr(law, "__name__", None) or type(law).__name__.lower())
 
-    def __init__(self, batch: Batch, make: Callable[[], Lqr | Pid]) -> None:
-        self._batch = batch
-        self._controllers = [make() for _ in range(batch.num_envs)]
+    def laws(params: Params, control_dt: float, count: int) -> Sequence[Law]:  # noqa: ARG001
+        if isinstance(law, Lqr):
+            return [law] * count
+        if hasattr(law, "reset"):
+            law.reset()
+        # Copies, so that no robot has another one's memory.
+        try:
+            return [law, *(copy.deepcopy(law) for _ in range(count - 1))]
+        except TypeError as error:
+            raise TypeError(f"{name} cannot be copied for {count} robots: {error}") from error
 
-    def __call__(self, observations: Observations) -> npt.ArrayLike:  # noqa: ARG002
-        position = self._batch.setpoint
-        torques = [
-            controller(self._batch.state(i), position=position) for i, controller in enumerate(self._controllers)
-        ]
-        return np.asarray(torques) / self._batch.max_wheel_torque
-
-
-def _zero(observations: Observations) -> npt.ArrayLike:
-    return np.zeros((len(observations), 3), np.float32)
-
-
-def _sampled_for_pid(batch: Batch) -> dict[str, Any]:
-    control_dt = max(round(PID_CONTROL_DT / batch.sim_dt), 1) * batch.sim_dt
-    seconds = batch.max_episode_steps * batch.control_dt
-    return {"control_dt": control_dt, "max_episode_steps": round(seconds / control_dt)}
+    return Controller(name, make_laws=laws, control_dt=getattr(law, "control_dt", None))
 
 
-def _onnx(path: Path, env_id: str) -> tuple[BatchController, Mapping[str, Any]]:
-    from ballbot_rs.control.onnx_policy import OnnxPolicy
-
-    policy = OnnxPolicy(path, env_id)
-    return lambda observations: policy.act(observations), policy.env_options
+def _no_torque(state: State) -> npt.ArrayLike:  # noqa: ARG001
+    return np.zeros(3)
 
 
-def _stable_baselines(path: Path, env_id: str) -> tuple[BatchController, Mapping[str, Any]]:
+def _with_setpoint(law: Law) -> Torques:
+    if not _takes_position(law):
+        return lambda state, position: law(state)  # noqa: ARG005
+    with_position: Any = law
+    return lambda state, position: with_position(state, position=position)
+
+
+def _takes_position(law: Law) -> bool:
+    if isinstance(law, Lqr):
+        return True
+    if isinstance(law, Pid):
+        return False
     try:
-        from ballbot_rs.training.policy import act, load_policy
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"a policy file needs {error.name}: install it with `pip install 'ballbot-rs[train]'`",
-            name=error.name,
-        ) from error
-    model, metadata = load_policy(path, env_id)
-    return lambda observations: act(model, observations), metadata["env_options"]
+        return "position" in inspect.signature(law).parameters
+    except (TypeError, ValueError):
+        return False

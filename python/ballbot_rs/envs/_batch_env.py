@@ -1,64 +1,171 @@
-"""What every front end shares: a batch of environments, its spaces, and how it is copied and pickled."""
+"""What the front ends share: a batch of environments, its attributes, and how it is copied and pickled."""
 
-import operator
 import secrets
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any, Final
 
-import numpy as np
 import numpy.typing as npt
-from gymnasium import spaces
 
-from ballbot_rs._core import OBSERVATION, Batch
-
-FloatArray = npt.NDArray[np.float32]
-
-
-def observation_space() -> spaces.Space[FloatArray]:
-    """Space of one observation: 16 float32, finite bounds, rows as documented by `BalanceEnv`."""
-    high = np.array([bound for _, _, bound in OBSERVATION], dtype=np.float32)
-    return cast("spaces.Space[FloatArray]", spaces.Box(-high, high, dtype=np.float32))
-
-
-def action_space() -> spaces.Space[FloatArray]:
-    """Space of one action: three float32 in [-1, 1]."""
-    return cast("spaces.Space[FloatArray]", spaces.Box(-1.0, 1.0, (3,), dtype=np.float32))
-
+from ballbot_rs._checks import check_count, check_seed, did_you_mean
+from ballbot_rs._core import Batch, Params, State
+from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 
 #: Options of the task, fixed once an environment is made.
-OPTIONS = (
+OPTIONS: Final = (
     *("params", "model", "sim_dt", "control_dt", "max_episode_steps", "max_wheel_torque", "setpoint", "reward"),
     *("reset_tilt", "reset_yaw", "reset_ball_speed", "reset_tilt_rate"),
     *("fall_tilt", "success_window", "success_tilt", "success_radius"),
 )
 
-
-def refuse_option(name: str) -> None:
-    """Raises AttributeError for an option of the task: setting it as an attribute would change nothing."""
-    if name in OPTIONS:
-        raise AttributeError(f"{name} is fixed once an environment is made: make one with {name}=...")
+#: More steps than an episode can have: 248 days at the default control rate.
+NO_TIME_LIMIT: Final = 2**31
 
 
-class BatchOwner:
-    """Owns a `Batch` and carries it through `copy.deepcopy` and `pickle` with everything the future depends on."""
+def new_batch(
+    num_envs: int,
+    *,
+    task: str = DEFAULT_TASK,
+    autoreset: str = "same_step",
+    num_threads: int | None = None,
+    seed: int = 0,
+    options: Mapping[str, Any] | None = None,
+) -> Batch:
+    """A batch of a task.
+
+    `params` may also be a dict of parameters, and `max_episode_steps` None.
+    """
+    env_id_of(task)
+    options = dict(options or {})
+    if isinstance(options.get("params"), Mapping):
+        options["params"] = Params(**options["params"])
+    if "max_episode_steps" in options and options["max_episode_steps"] is None:
+        options["max_episode_steps"] = NO_TIME_LIMIT
+    return Batch(num_envs, autoreset, num_threads, seed, **options)
+
+
+def fixed_option(name: str) -> str | None:
+    """Why an option of the task cannot be set as an attribute; None for other names."""
+    return f"{name} is fixed once an environment is made: make one with {name}=..." if name in OPTIONS else None
+
+
+class SharedAttributes:
+    """Attributes that all robots of a batch share."""
 
     _batch: Batch
+
+    @property
+    def params(self) -> Params:
+        """The robot's parameters."""
+        return self._batch.params
+
+    @property
+    def model(self) -> str:
+        """Name of the simulated model."""
+        return self._batch.model
+
+    @property
+    def sim_dt(self) -> float:
+        """Time step of the simulation, s."""
+        return self._batch.sim_dt
+
+    @property
+    def control_dt(self) -> float:
+        """Time between two actions, s."""
+        return self._batch.control_dt
+
+    @property
+    def max_wheel_torque(self) -> float:
+        """Torque of a wheel motor at an action of 1, N·m."""
+        return self._batch.max_wheel_torque
+
+
+class OneRobot(SharedAttributes):
+    """One robot of a batch."""
+
+    _index: int = 0
+
+    @property
+    def state(self) -> State:
+        """The robot's full state, of which the observation is a part."""
+        return self._batch.state(self._index)
+
+    @property
+    def is_success(self) -> bool:
+        """Whether an episode that ended with the last step would be a success."""
+        return self._batch.ending(self._index)[0]
+
+    def reward_terms(self) -> dict[str, float]:
+        """The terms whose sum was the last reward; zeros right after a reset."""
+        return self._batch.reward_terms(self._index)
+
+    def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
+        """Gives the body an impulse; see `Ballbot.push`."""
+        self._batch.push(self._index, impulse, point)
+
+    def set_joint_dynamics(self, viscous_friction: float | None = None, coulomb_friction: float | None = None) -> None:
+        """Changes the friction of the wheel joints; see `Ballbot.set_joint_dynamics`."""
+        self._batch.set_joint_dynamics(self._index, viscous_friction, coulomb_friction)
+
+
+class ManyRobots(SharedAttributes):
+    """All robots of a batch."""
+
+    @property
+    def states(self) -> npt.NDArray[Any]:
+        """Full states, shape (num_envs, 32), rows as in `State.to_array`."""
+        return self._batch.states()
+
+    def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None, index: int | None = None) -> None:
+        """Gives the body of robot `index` an impulse, or of every robot; see `Ballbot.push`."""
+        for i in range(self._batch.num_envs) if index is None else (index,):
+            self._batch.push(i, impulse, point)
+
+
+class BatchEnv(SharedAttributes):
+    """Owns a `Batch` and carries it through `copy.deepcopy` and `pickle` with everything the future depends on."""
+
+    task: str
 
     def _make_batch(
         self,
         num_envs: int,
+        options: dict[str, Any],
+        *,
+        task: str = DEFAULT_TASK,
         autoreset: str,
         num_threads: int | None,
         seed: int | None,
-        options: Mapping[str, Any],
     ) -> None:
+        self.task = task
         check_count("num_envs", num_envs)
-        check_count("max_episode_steps", options["max_episode_steps"])
+        self._check_names(options)
+        if options["max_episode_steps"] is not None:
+            check_count("max_episode_steps", options["max_episode_steps"])
         if num_threads is not None:
             check_count("num_threads", num_threads)
-        self._batch_arguments = (num_envs, autoreset, num_threads, dict(options))
-        seed = secrets.randbits(63) if seed is None else check_seed(seed)
-        self._batch = Batch(num_envs, autoreset, num_threads, seed, **options)
+        self._batch_arguments = (num_envs, task, autoreset, num_threads, dict(options))
+        self._first_seed = secrets.randbits(63) if seed is None else check_seed(seed)
+        self._batch = new_batch(
+            num_envs, task=task, autoreset=autoreset, num_threads=num_threads, seed=self._first_seed, options=options
+        )
+
+    def _check_names(self, options: Mapping[str, Any]) -> None:
+        for name in options:
+            if name not in OPTIONS:
+                # TorchRL looks for these words.
+                message = f"{type(self).__name__} got an unexpected keyword argument '{name}'"
+                raise TypeError(f"{message}{self._hint(name) or did_you_mean(name, OPTIONS)}")
+
+    def _hint(self, name: str) -> str:  # noqa: ARG002
+        return ""
+
+    @property
+    def task_options(self) -> dict[str, Any]:
+        """The options that the environment was made with, as JSON can hold them."""
+        options = dict(self._batch_arguments[-1])
+        if isinstance(options.get("params"), Params):
+            options["params"] = options["params"].to_dict()
+        return options
 
     def __getstate__(self) -> dict[str, Any]:
         state = self.__dict__.copy()
@@ -70,37 +177,7 @@ class BatchOwner:
     def __setstate__(self, state: dict[str, Any]) -> None:
         snapshots = state.pop("_snapshots")
         self.__dict__.update(state)
-        num_envs, autoreset, num_threads, options = self._batch_arguments
-        self._batch = Batch(num_envs, autoreset, num_threads, 0, **options)
+        num_envs, task, autoreset, num_threads, options = self._batch_arguments
+        self._batch = new_batch(num_envs, task=task, autoreset=autoreset, num_threads=num_threads, options=options)
         for i, snapshot in enumerate(snapshots):
             self._batch.restore(i, snapshot)
-
-
-def check_count(name: str, value: int) -> None:
-    """Raises TypeError or ValueError, naming the value, unless it is a whole number of at least 1."""
-    if _whole(name, value) < 1:
-        raise ValueError(f"{name} = {value}, it must be at least 1")
-
-
-def _whole(name: str, value: int) -> int:
-    try:
-        return operator.index(value)
-    except TypeError:
-        raise TypeError(f"{name} = {value!r} is not a whole number") from None
-
-
-def check_seed(seed: int) -> int:
-    """The seed as an int; TypeError or ValueError, naming it, unless it is a whole number in [0, 2**64)."""
-    seed = _whole("seed", seed)
-    if not 0 <= seed < 2**64:
-        raise ValueError(f"seed = {seed} is out of range: it must be from 0 to 2**64 - 1")
-    return seed
-
-
-def check_options(options: Mapping[str, Any] | None, known: tuple[str, ...]) -> dict[str, Any]:
-    """Reset options as a dict; a ValueError names one that is not known."""
-    options = dict(options or {})
-    for name in options:
-        if name not in known:
-            raise ValueError(f"unknown reset option '{name}': expected one of {', '.join(known)}")
-    return options

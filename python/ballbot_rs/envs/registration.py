@@ -1,13 +1,16 @@
-"""The environments' ids, and their registration with Gymnasium."""
+"""The tasks, the ids of their environments, and their registration with Gymnasium."""
 
 from typing import Final
 
 import gymnasium
 
+from ballbot_rs._checks import did_you_mean
+
 BALANCE: Final = "ballbot/Balance-v0"
 
-#: Environments by the name that the command line gives their task.
+#: Ids of the environments by the name of their task.
 TASKS: Final = {"balance": BALANCE}
+DEFAULT_TASK: Final = "balance"
 
 #: Length of an episode at the default control rate: 10 s.
 MAX_EPISODE_STEPS: Final = 1000
@@ -28,7 +31,24 @@ def register_environments() -> None:
         )
 
 
-def check_id(env_id: str) -> None:
-    """Raises ValueError unless `env_id` is an environment of this package."""
-    if env_id != BALANCE:
-        raise ValueError(f"unknown environment '{env_id}': expected {BALANCE}")
+def env_id_of(task: str) -> str:
+    """The environment's id of a task.
+
+    Raises:
+        ValueError: there is no such task.
+    """
+    if task not in TASKS:
+        raise ValueError(f"unknown task '{task}': expected one of {', '.join(TASKS)}{did_you_mean(task, TASKS)}")
+    return TASKS[task]
+
+
+def task_of(env_id: str) -> str:
+    """The task of an environment's id.
+
+    Raises:
+        ValueError: it is no environment of this package.
+    """
+    for task, known in TASKS.items():
+        if env_id == known:
+            return task
+    raise ValueError(f"unknown environment '{env_id}': expected {', '.join(TASKS.values())}")
