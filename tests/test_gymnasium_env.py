@@ -64,7 +64,7 @@ def test_spaces_and_python_types():
     assert type(reward) is float
     assert type(terminated) is bool
     assert type(truncated) is bool
-    assert info == {"is_success": False}
+    assert info == {}
 
 
 def test_observation_rows_are_what_the_documentation_says():

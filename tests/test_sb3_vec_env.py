@@ -368,5 +368,7 @@ def test_no_environments_are_refused(num_envs):
 
 
 def test_an_unknown_environment_is_refused():
-    with pytest.raises(ValueError, match=r"unknown environment 'ballbot/Walk-v0': expected ballbot/Balance-v0"):
-        BallbotVecEnv("ballbot/Walk-v0")
+    with pytest.raises(ValueError, match="unknown task 'walk': expected one of balance"):
+        BallbotVecEnv(task="walk")
+    with pytest.raises(TypeError, match="BallbotVecEnv got an unexpected keyword argument 'env_id'"):
+        BallbotVecEnv(env_id=BALANCE)

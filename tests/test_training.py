@@ -79,7 +79,7 @@ class TestConfig:
 
     @pytest.mark.parametrize("written", ["total_timesteps = 768", "  total_timesteps=768", "total_timesteps   = 7_68"])
     def test_other_timesteps_change_nothing_else(self, written):
-        text = config.with_timesteps(bad("total_timesteps = 768", written), 99)
+        text = config.with_values(bad("total_timesteps = 768", written), {"total_timesteps": 99})
         expected = config.parse(TINY_CONFIG, "tiny")
         found = config.parse(text, "changed")
         assert found.total_timesteps == 99
@@ -199,7 +199,7 @@ class TestResume:
     def interrupted(self, tiny_run, tmp_path):
         """A run that was to have 1024 steps and stopped after 512."""
         run = shutil.copytree(tiny_run, tmp_path / "run")
-        (run / "config.toml").write_text(config.with_timesteps(TINY_CONFIG, 1024), encoding="utf-8")
+        (run / "config.toml").write_text(config.with_values(TINY_CONFIG, {"total_timesteps": 1024}), encoding="utf-8")
         (run / "checkpoints" / "rl_model_768_steps.zip").unlink()
         (run / "final_model.zip").unlink()
         return run

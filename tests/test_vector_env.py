@@ -113,7 +113,7 @@ def test_make_vec_with_defaults():
     assert info == {}
     observations, rewards, terminated, truncated, info = env.step(env.action_space.sample())
     assert observations in env.observation_space
-    assert (rewards.shape, rewards.dtype) == ((3,), np.float32)
+    assert (rewards.shape, rewards.dtype) == ((3,), np.float64)
     assert (terminated.dtype, truncated.dtype) == (np.bool_, np.bool_)
     assert info == {}
     env.close()

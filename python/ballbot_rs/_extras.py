@@ -23,8 +23,8 @@ def require(feature: str, *extras: str) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        missing = error.name or "more packages"
-        if missing.split(".")[0] == "ballbot_rs":
+        missing = (error.name or "more packages").split(".")[0]
+        if missing == "ballbot_rs":
             raise
         raise ModuleNotFoundError(
             f"{feature} needs {missing}: install it with `{install_hint(*extras)}`", name=error.name

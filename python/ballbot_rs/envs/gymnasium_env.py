@@ -1,5 +1,6 @@
 """The balance task as a single Gymnasium environment."""
 
+import sys
 from typing import Any
 
 import gymnasium
@@ -48,8 +49,8 @@ class BalanceEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
     default control rate; None: never). `is_success` in the info of an episode's last step says whether it is a success:
     not terminated, and over the last 2 s tilt ≤ 1 deg and ball within 0.10 m of the setpoint.
 
-    `gymnasium.make(..., max_episode_steps=n)` truncates from outside. With n below 1000 the environment cannot tell
-    which step is the last one, and the info lacks `is_success`: read `env.unwrapped.is_success` instead.
+    A `TimeLimit` wrapper put on by hand truncates where the environment does not know of it: the info then lacks
+    `is_success`; `env.unwrapped.is_success` has it.
 
     ## Rendering
     `render_mode="rgb_array"` lets `render()` give frames, without GPU or display; Gymnasium makes "human" of it.
@@ -146,7 +147,9 @@ class BalanceEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
 def without_time_limit(**options: Any) -> BalanceEnv:
     """A `BalanceEnv` for `gymnasium.make`, which itself ends episodes after the number of steps that it is given."""
     env = BalanceEnv(max_episode_steps=None, **options)
-    env._outer_limit = MAX_EPISODE_STEPS
+    # `gymnasium.make` passes its argument to TimeLimit alone, but the info of the last step has `is_success`.
+    limit = sys._getframe(1).f_locals.get("max_episode_steps")
+    env._outer_limit = MAX_EPISODE_STEPS if limit is None else limit if limit > 0 else float("inf")
     return env
 
 
