@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from stable_baselines3 import PPO
 
-from ballbot_rs import Params, __version__
+from ballbot_rs import Params, __version__, _toml
 from ballbot_rs.cli import main
 
 
@@ -122,8 +122,9 @@ def test_evaluate_prints_a_table(capsys):
     controllers = ["--controller", "lqr", "--controller", "zero"]
     code, out, err = run(capsys, "evaluate", "balance", *controllers, "--episodes", 3, "--model", "spatial")
     assert (code, err) == (0, "")
-    header, rule, *rows = out.split("\n\n")[0].splitlines()
+    header, units, rule, *rows = out.split("\n\n")[0].splitlines()
     assert "success" in header
+    assert units.split() == ["Hz", "s", "deg", "m", "N·m"]
     assert set(rule) == {"-", " "}
     assert [row.split()[0] for row in rows] == ["lqr", "zero"]
     assert "100 %" in rows[0]
@@ -255,12 +256,7 @@ def test_shared_options_are_the_same_and_in_the_same_order_everywhere(capsys):
 
 def test_evaluate_takes_a_robot_by_name_or_file(capsys, tmp_path):
     file = tmp_path / "mine.toml"
-
-    file.write_text(
-        "\n".join(
-            f"{k} = {list(v) if isinstance(v, tuple) else v}" for k, v in Params.preset("kugle").to_dict().items()
-        )
-    )
+    file.write_text(_toml.dumps(Params.preset("kugle").to_dict()), encoding="utf-8")
     results = []
     for robot in ("kugle", file):
         arguments = ("--robot", robot, "--model", "spatial", "--episodes", 2, "--json")
@@ -268,9 +264,8 @@ def test_evaluate_takes_a_robot_by_name_or_file(capsys, tmp_path):
         assert (code, err) == (0, "")
         results.append(parse_json(out)["results"])
     assert results[0] == results[1]
-    assert (
-        results[0] != parse_json(run(capsys, "evaluate", "--model", "spatial", "--episodes", 2, "--json")[1])["results"]
-    )
+    _, out, _ = run(capsys, "evaluate", "--model", "spatial", "--episodes", 2, "--json")
+    assert results[0] != parse_json(out)["results"]
 
 
 def test_the_table_fits_100_columns(capsys, tiny_run):
@@ -298,3 +293,11 @@ def test_completion_without_shtab_says_what_to_install(capsys, monkeypatch):
     code, _, err = run(capsys, "--print-completion", "bash")
     assert code == 1
     assert "needs shtab: install it with `pip install" in err
+
+
+def test_view_takes_a_training_run(capsys, tiny_run):
+    pytest.importorskip("viser")
+    arguments = ["--batch", 1, "--seconds", 0.5, "--no-open", "--port", 18760]
+    code, out, err = run(capsys, "view", "--controller", tiny_run, *arguments)
+    assert (code, err) == (0, "")
+    assert f"1 robot paper, spatial, {tiny_run}" in out

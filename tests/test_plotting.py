@@ -143,9 +143,8 @@ def test_the_same_numbers_give_the_same_file(moving, tmp_path):
 
 def test_the_command_writes_vectors_and_pixels(tiny_run, tmp_path, capsys):
     what = ["--figure", "trajectories", "--figure", "learning_curve", "--seconds", "0.3", "--model", "contact"]
-    assert (
-        main(["plot", "--controller", "lqr", "--controller", str(tiny_run), "-o", str(tmp_path), "--json", *what]) == 0
-    )
+    controllers = ["--controller", "lqr", "--controller", str(tiny_run)]
+    assert main(["plot", *controllers, "-o", str(tmp_path), "--json", *what]) == 0
     files = json.loads(capsys.readouterr().out)["files"]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(file.rsplit("/", 1)[1] for file in files)
     assert ET.parse(tmp_path / "trajectories.svg").getroot().tag.endswith("svg")

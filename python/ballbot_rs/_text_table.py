@@ -33,16 +33,21 @@ def rows(results: Sequence[Result]) -> list[list[str]]:
 
 
 def print_table(results: Sequence[Result]) -> None:
-    """Prints one row a controller, and what the columns mean."""
-    full = rows(results)
-    rest = sum(max(len(row[i]) for row in full) + 2 for i in range(1, len(_COLUMNS)))
-    cells = [[_shortened(row[0], WIDTH - rest), *row[1:]] for row in full]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(_COLUMNS))]
-    for number, row in enumerate(cells):
-        line = (cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True)))
-        print("  ".join(line))
-        if number == 0:
-            print("  ".join("-" * width for width in widths))
+    """Prints one row a controller within `WIDTH` columns, and the meaning of the columns."""
+    header, *body = rows(results)
+    # Units have a line of their own, so that names of controllers have room.
+    lines = [
+        [name.partition(" (")[0] for name in header],
+        [name.partition(" (")[2].rstrip(")") for name in header],
+        *body,
+    ]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(header))]
+    widths[0] = min(widths[0], WIDTH - sum(width + 2 for width in widths[1:]))
+    lines.insert(2, ["-" * width for width in widths])
+    for first, *rest in lines:
+        cells = [_shortened(first, widths[0]).ljust(widths[0])]
+        cells += [cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True)]
+        print("  ".join(cells).rstrip())
     print(f"\n{results[0].episodes} episodes each, model {results[0].model}.\n{LEGEND}")
 
 

@@ -148,7 +148,9 @@ def without_time_limit(**options: Any) -> BalanceEnv:
     """A `BalanceEnv` for `gymnasium.make`, which itself ends episodes after the number of steps that it is given."""
     env = BalanceEnv(max_episode_steps=None, **options)
     # `gymnasium.make` passes its argument to TimeLimit alone, but the info of the last step has `is_success`.
-    limit = sys._getframe(1).f_locals.get("max_episode_steps")
+    caller = sys._getframe(1)
+    is_make = caller.f_globals.get("__name__") == "gymnasium.envs.registration"
+    limit = caller.f_locals.get("max_episode_steps") if is_make else None
     env._outer_limit = MAX_EPISODE_STEPS if limit is None else limit if limit > 0 else float("inf")
     return env
 
