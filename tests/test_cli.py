@@ -276,7 +276,10 @@ def test_the_table_fits_100_columns(capsys, tiny_run):
 
 
 def test_train_takes_values_over_the_configuration(capsys, tmp_path, tiny_config):
+    robot = tmp_path / "mine.toml"
+    robot.write_text(_toml.dumps(Params.preset("kugle").to_dict()), encoding="utf-8")
     changes = ["--model", "planar", "--set", "algorithm_arguments.gamma=0.9", "--set", "total_timesteps=256"]
+    changes += ["--robot", robot]
     how = ["--run", tmp_path / "run", "--quiet", "--episodes", 0, "--no-report"]
     assert run(capsys, "train", "--config", tiny_config, *changes, *how)[0] == 0
     from ballbot_rs.training import config
@@ -286,6 +289,10 @@ def test_train_takes_values_over_the_configuration(capsys, tmp_path, tiny_config
     assert kept.algorithm_arguments["gamma"] == 0.9
     assert kept.total_timesteps == 256
     assert kept.policy == {"net_arch": [8]}
+    assert Params(**kept.env["params"]) == Params.preset("kugle")
+    code, out, _ = run(capsys, "evaluate", "--controller", tmp_path / "run", "--episodes", 1, "--json")
+    assert code == 0
+    assert parse_json(out)["results"][0]["model"] == "planar"
 
 
 def test_completion_without_shtab_says_what_to_install(capsys, monkeypatch):

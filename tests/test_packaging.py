@@ -118,3 +118,13 @@ def test_the_list_of_learning_modules_is_current():
     for module in LEARNING:
         roots = {name.split(".")[0] for name in imports_of(module)}
         assert roots & {"torch", "stable_baselines3"}, f"{module} needs no exception any more"
+
+
+def test_an_installed_package_is_told_to_install_from_the_index(tmp_path, monkeypatch):
+    from ballbot_rs import _extras
+
+    assert _extras.install_hint("view", "onnx") == "pip install -e '.[view,onnx]'"
+    monkeypatch.setattr(_extras, "__file__", str(tmp_path / "site-packages" / "ballbot_rs" / "_extras.py"))
+    message = r"a page needs no_such: install it with `pip install 'ballbot-rs\[view\]'`"
+    with pytest.raises(ModuleNotFoundError, match=message), _extras.require("a page", "view"):
+        import no_such.module  # noqa: F401

@@ -294,3 +294,16 @@ def test_choices_that_are_not_offered_are_refused(view):
         wait_until(lambda: [control.value for control in controls] == now)
     assert ask(view, lambda s: (s.robots.model, s.robots.name, s.controller)) == ("contact", "paper", "lqr")
     assert ask(view, lambda session: len(session.notices)) == 3
+
+
+def test_a_viser_that_cannot_be_restricted_is_not_used(monkeypatch):
+    import viser
+
+    from ballbot_rs.viewer.server import LocalServer
+
+    stopped = []
+    monkeypatch.setattr(viser.ViserServer, "__init__", lambda *_, **__: None)
+    monkeypatch.setattr(viser.ViserServer, "stop", lambda _: stopped.append(True))
+    with pytest.raises(RuntimeError, match="it cannot be restricted"):
+        LocalServer(18770)
+    assert stopped == [True]
