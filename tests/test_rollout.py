@@ -105,3 +105,22 @@ def test_settling_time(series, expected):
     assert settling_times(series, 1.0, 0.1) == pytest.approx(expected)
     columns = np.column_stack([series, np.zeros(len(series))])
     assert settling_times(columns, 1.0, 0.1) == pytest.approx([expected, 0.0])
+
+
+def test_a_controller_in_a_python_file_is_taken_by_path(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "import ballbot_rs as bb\n\nregulator = bb.Lqr()\n\n\nclass Mine:\n"
+        "    def __call__(self, state):\n        return regulator(state)\n",
+        encoding="utf-8",
+    )
+    named, mine, shared = bb.compare(["lqr", f"{file}:Mine", f"{file}:regulator"], episodes=2, env_options=SHORT)
+    assert mine.controller == f"{file}:Mine"
+    assert mine.success_rate == named.success_rate
+    assert vars(shared) == {**vars(named), "controller": f"{file}:regulator"}
+    with pytest.raises(ValueError, match="has no Mime: did you mean 'Mine'"):
+        find(f"{file}:Mime")
+    with pytest.raises(FileNotFoundError, match="no Python file at"):
+        find(f"{tmp_path}/other.py:Mine")
+    with pytest.raises(ValueError, match="unknown controller"):
+        find(f"{file}:Mine", trusted=False)

@@ -35,7 +35,7 @@ def _task(name: str) -> str:
 
 def add_controller(command: Any, *, several: bool = False) -> None:
     """Adds the controller, or several."""
-    what = "a controller, a policy file or a training run"
+    what = "a controller, a policy file, a training run, or FILE.py:NAME with your own"
     if several:
         command.add_argument(
             "--controller", action="append", metavar=CONTROLLER_METAVAR, help=f"{what}; repeat for more (default lqr)"

@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import importlib.util
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
@@ -77,11 +78,12 @@ def find(
     """A controller from its name, from the path of a policy (Stable-Baselines3, ONNX or a training run) or an object.
 
     Args:
-        source: "lqr", "pid", "zero", a path, or an object that maps a `State` to three wheel torques in N·m; its
-            attribute `name` is optional.
+        source: "lqr", "pid", "zero", the path of a policy, "file.py:NAME" (a function, an object, or a class to be
+            called without arguments), or an object. Objects map a `State` to three wheel torques in N·m; those that
+            take `position` get the setpoint, m; an attribute `name` and the method `reset` are optional.
         task: the task. It, or `env_options`, is needed for a policy file that does not name its own.
         env_options: options of the environment that such a policy file was trained with.
-        trusted: whether files with pickled code may be loaded; ONNX files have none.
+        trusted: whether files with code may be loaded; ONNX files have none.
 
     Raises:
         ValueError: an unknown task or controller, or a policy for another task.
@@ -116,6 +118,9 @@ def find(
         raise ValueError(
             f"unknown controller '{name}': expected {', '.join(CONTROLLERS)} or a policy file that ends in .onnx"
         )
+    file, _, attribute = name.rpartition(":")
+    if file.endswith(".py"):
+        return _from_object(_imported(Path(file), attribute), name)
     if not path.exists() and path.suffix != ".zip":
         known = f"expected {', '.join(CONTROLLERS)} or the path of a policy"
         raise FileNotFoundError(f"no policy at {name}: {known}{did_you_mean(name, CONTROLLERS)}")
@@ -148,10 +153,26 @@ def common_options(controllers: Sequence[Controller], env_options: Mapping[str, 
     return {**options, **(env_options or {})}
 
 
-def _from_object(law: Any) -> Controller:
+def _imported(file: Path, attribute: str) -> Any:
+    """An object of a Python file, or an instance of a class of it."""
+    if not file.is_file():
+        raise FileNotFoundError(f"no Python file at {file}")
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    if not hasattr(module, attribute):
+        raise ValueError(f"{file} has no {attribute}{did_you_mean(attribute, vars(module))}")
+    found = getattr(module, attribute)
+    return found() if isinstance(found, type) else found
+
+
+def _from_object(law: Any, name: str | None = None) -> Controller:
     if not callable(law):
         raise TypeError(f"{law!r} is no controller: expected a name, a path, or an object that maps a state to torques")
-    name = str(getattr(law, "name", None) or getattr(law, "__name__", None) or type(law).__name__.lower())
+    own = getattr(law, "name", None) or getattr(law, "__name__", None) or type(law).__name__.lower()
+    name = str(own) if name is None else name
 
     def laws(params: Params, control_dt: float, count: int) -> Sequence[Law]:  # noqa: ARG001
         if isinstance(law, Lqr):
