@@ -83,7 +83,7 @@ def draw(topic: Topic, findings: Findings, folder: Path) -> None:
     """Writes the topic's figure, if it has one, into `folder`."""
     if findings.draw is None:
         return
-    from ballbot_rs.plotting import style
+    from ballbot_rs.media.figures import style
 
     folder.mkdir(parents=True, exist_ok=True)
     fig = style.figure(*findings.size)

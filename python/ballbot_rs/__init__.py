@@ -1,8 +1,9 @@
 """A fast, verified simulator of a robot that balances on a ball.
 
-The physics is in Rust; this package gives it to Python: single robots (`Ballbot`), closed-form models
-(`SpatialModel`, `PlanarModel`), controllers (`Pid`, `Lqr`) and environments for reinforcement learning. Importing it
-registers `ballbot/Balance-v0` with Gymnasium. SI units and radians throughout; quaternions are `[w, x, y, z]`.
+The physics is in Rust; this package gives it to Python: single robots (`Ballbot`), batches (`Batch`), closed-form
+models (`SpatialModel`, `PlanarModel`), controllers (`Pid`, `Lqr`), environments for reinforcement learning, and the
+comparison of controllers and policies (`compare`, `run`). Importing it registers `ballbot/Balance-v0` with Gymnasium.
+SI units and radians throughout; quaternions are `[w, x, y, z]`.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ballbot_rs._core import (
     PAPER_BALL_VISCOUS_FRICTION,
     Ballbot,
+    Batch,
     Contacts,
     DivergedError,
     Lqr,
@@ -24,12 +26,16 @@ from ballbot_rs._core import (
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
-from ballbot_rs.env import BalanceEnv
-from ballbot_rs.registration import register_environments
-from ballbot_rs.vector_env import BalanceVectorEnv
+from ballbot_rs.analysis.episodes import Result, compare, evaluate
+from ballbot_rs.analysis.trajectory import Push, Trajectory, run
+from ballbot_rs.control.onnx_policy import OnnxPolicy
+from ballbot_rs.envs.gymnasium_env import BalanceEnv
+from ballbot_rs.envs.registration import register_environments
+from ballbot_rs.envs.vector_env import BalanceVectorEnv
 
 if TYPE_CHECKING:
-    from ballbot_rs.sb3 import BallbotVecEnv
+    from ballbot_rs.control.sb3_policy import save
+    from ballbot_rs.envs.sb3 import BallbotVecEnv
 
 __all__ = [
     "PAPER_BALL_VISCOUS_FRICTION",
@@ -37,36 +43,45 @@ __all__ = [
     "BalanceVectorEnv",
     "Ballbot",
     "BallbotVecEnv",
+    "Batch",
     "Contacts",
     "DivergedError",
     "Lqr",
+    "OnnxPolicy",
     "Params",
     "Pid",
     "PlanarModel",
+    "Push",
     "Renderer",
+    "Result",
     "SpatialModel",
     "State",
+    "Trajectory",
     "UrdfError",
     "__version__",
+    "compare",
+    "evaluate",
+    "run",
+    "save",
     "virtual_to_wheel_torques",
     "wheel_to_virtual_torques",
 ]
+
+#: Names whose modules import PyTorch, loaded at their first use.
+_LEARNING = {"BallbotVecEnv": "ballbot_rs.envs.sb3", "save": "ballbot_rs.control.sb3_policy"}
 
 register_environments()
 
 
 def __getattr__(name: str) -> Any:
-    # Stable-Baselines3 brings torch: load it only for those who ask.
-    if name == "BallbotVecEnv":
-        try:
-            from ballbot_rs.sb3 import BallbotVecEnv
-        except ModuleNotFoundError as error:
-            raise ModuleNotFoundError(
-                f"BallbotVecEnv needs {error.name}: install it with `pip install 'ballbot-rs[train]'`",
-                name=error.name,
-            ) from error
-        return BallbotVecEnv
-    raise AttributeError(f"module 'ballbot_rs' has no attribute '{name}'")
+    if name not in _LEARNING:
+        raise AttributeError(f"module 'ballbot_rs' has no attribute '{name}'")
+    import importlib
+
+    from ballbot_rs._extras import require
+
+    with require(name, "train"):
+        return getattr(importlib.import_module(_LEARNING[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ballbot_rs.evaluation import compare, evaluate
+from ballbot_rs.analysis.episodes import compare, evaluate
 from tests.support.policies import edited_policy
 
 SHORT = {"model": "spatial", "max_episode_steps": 60}

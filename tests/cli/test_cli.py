@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from stable_baselines3 import PPO
 
-from ballbot_rs import __version__
+from ballbot_rs import Params, __version__, _toml
 from ballbot_rs.cli import main
 
 
@@ -52,13 +52,12 @@ def test_help(capsys, arguments):
 @pytest.mark.parametrize(
     "arguments",
     [
-        [],
         ["fly"],
-        ["train"],
-        ["evaluate", "balance"],
         ["evaluate", "walk", "--controller", "lqr"],
         ["evaluate", "balance", "--controller", "lqr", "--episodes", "many"],
         ["train", "balance", "--bogus"],
+        ["train", "walk"],
+        ["plot", "lqr"],
     ],
 )
 def test_a_wrong_command_line_exits_with_2(capsys, arguments):
@@ -71,7 +70,6 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["train", "walk"], "unknown task 'walk': expected one of balance"),
         (["train", "balance", "--timesteps", "0"], "total_timesteps = 0 is out of range"),
         (["train", "balance", "--config", "nowhere.toml"], "nowhere.toml"),
         (["train", "balance", "--resume", "nowhere"], "nowhere holds no training run"),
@@ -79,13 +77,21 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["train", "balance", "--resume", "nowhere", "--seed", "0"], "--seed has no place beside it"),
         (["train", "balance", "--resume", "nowhere", "--overwrite"], "--overwrite has no place beside it"),
         (["train", "balance", "--seed", "-1"], "seed = -1"),
-        (["evaluate", "balance", "--controller", "lqrr"], "no policy at lqrr"),
+        (
+            ["evaluate", "balance", "--controller", "lqrr"],
+            "no policy at lqrr: expected lqr, pid, zero or the path of",
+        ),
         (["evaluate", "balance", "--controller", "lqr", "--episodes", "0"], "episodes = 0, it must be at least 1"),
         (["evaluate", "balance", "--controller", "lqr", "--seed", "-1"], "seed = -1 is out of range"),
         (["evaluate", "balance", "--controller", "lqr", "--model", "flat"], "unknown model 'flat': expected one of"),
         (["view", "--model", "flat"], "unknown model 'flat': expected one of planar, spatial"),
         (["view", "--robot", "r2d2"], "r2d2"),
-        (["view", "--controller", "run.zip"], "unknown controller 'run.zip': expected lqr, pid, zero or a policy file"),
+        (["view", "--controller", "run.zip"], "no policy at run.zip"),
+        (["view", "--robot", "kugel"], "did you mean 'kugle'?"),
+        (["evaluate", "--robot", "nowhere.toml"], "nowhere.toml"),
+        (["evaluate", "--env-option", "control_dt"], "--env-option control_dt: expected NAME=VALUE"),
+        (["train", "--set", "algorithm_argument.gamma=1"], "unknown key 'algorithm_argument'"),
+        (["train", "--resume", "nowhere", "--model", "rigid"], "it takes no other values"),
         (["view", "--controller", "run.onnx"], "no policy at run.onnx"),
         (["view", "--batch", "0"], "num_robots = 0 is out of range: expected 1 to 64"),
         (["view", "--port", "0"], "port = 0 is out of range: expected 1 to 65535"),
@@ -116,8 +122,9 @@ def test_evaluate_prints_a_table(capsys):
     controllers = ["--controller", "lqr", "--controller", "zero"]
     code, out, err = run(capsys, "evaluate", "balance", *controllers, "--episodes", 3, "--model", "spatial")
     assert (code, err) == (0, "")
-    header, rule, *rows = out.split("\n\n")[0].splitlines()
+    header, units, rule, *rows = out.split("\n\n")[0].splitlines()
     assert "success" in header
+    assert units.split() == ["Hz", "s", "deg", "m", "N·m"]
     assert set(rule) == {"-", " "}
     assert [row.split()[0] for row in rows] == ["lqr", "zero"]
     assert "100 %" in rows[0]
@@ -203,3 +210,101 @@ def test_the_installed_command():
     failed = subprocess.run([script, "evaluate", "balance", "--controller", "x"], capture_output=True, timeout=60)
     assert failed.returncode == 1
     assert b"Traceback" not in failed.stderr
+
+
+def test_no_command_prints_the_help(capsys):
+    code, out, err = run(capsys)
+    assert (code, err) == (0, "")
+    assert "usage: ballbot" in out
+    assert "evaluate" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (["recrod"], "did you mean 'record'?"),
+        (["record", "--controler", "lqr"], "unknown option --controler: did you mean '--controller'?"),
+        (["evaluate", "balanse"], "unknown task 'balanse', expected one of balance: did you mean 'balance'?"),
+        (["plot", "pid"], "a controller is named by --controller pid"),
+        (["plot", "--figure", "trajectory"], "did you mean 'trajectories'?"),
+    ],
+)
+def test_a_misspelt_word_is_answered_with_the_closest_one(capsys, arguments, hint):
+    code, _, err = run(capsys, *arguments)
+    assert code == 2
+    assert hint in err
+    if len(arguments) > 1:
+        assert f"usage: ballbot {arguments[0]}" in err
+
+
+SHARED = ("--controller", "--model", "--robot", "--env-option")
+
+
+def test_shared_options_are_the_same_and_in_the_same_order_everywhere(capsys):
+    shown = {}
+    for command in ("evaluate", "plot", "record", "view"):
+        _, out, _ = run(capsys, command, "--help")
+        positions = [out.index(f"  {flag} ") for flag in SHARED]
+        assert positions == sorted(positions), command
+        assert out.index("TASK") < positions[0]
+        start = out.index("  --model")
+        shown[command] = out[start : out.index("  --env-option")]
+    assert len(set(shown.values())) == 1
+    for command in ("record", "plot", "report", "export"):
+        assert "-o " in run(capsys, command, "--help")[1]
+
+
+def test_evaluate_takes_a_robot_by_name_or_file(capsys, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(_toml.dumps(Params.preset("kugle").to_dict()), encoding="utf-8")
+    results = []
+    for robot in ("kugle", file):
+        arguments = ("--robot", robot, "--model", "spatial", "--episodes", 2, "--json")
+        code, out, err = run(capsys, "evaluate", *arguments)
+        assert (code, err) == (0, "")
+        results.append(parse_json(out)["results"])
+    assert results[0] == results[1]
+    _, out, _ = run(capsys, "evaluate", "--model", "spatial", "--episodes", 2, "--json")
+    assert results[0] != parse_json(out)["results"]
+
+
+def test_the_table_fits_100_columns(capsys, tiny_run):
+    names = ["--controller", tiny_run, "--controller", "lqr"]
+    code, out, _ = run(capsys, "evaluate", *names, "--episodes", 1)
+    assert code == 0
+    assert max(map(len, out.splitlines())) <= 100
+
+
+def test_train_takes_values_over_the_configuration(capsys, tmp_path, tiny_config):
+    robot = tmp_path / "mine.toml"
+    robot.write_text(_toml.dumps(Params.preset("kugle").to_dict()), encoding="utf-8")
+    changes = ["--model", "planar", "--set", "algorithm_arguments.gamma=0.9", "--set", "total_timesteps=256"]
+    changes += ["--robot", robot]
+    how = ["--run", tmp_path / "run", "--quiet", "--episodes", 0, "--no-report"]
+    assert run(capsys, "train", "--config", tiny_config, *changes, *how)[0] == 0
+    from ballbot_rs.training import config
+
+    kept, _ = config.load("balance", tmp_path / "run" / "config.toml")
+    assert kept.env["model"] == "planar"
+    assert kept.algorithm_arguments["gamma"] == 0.9
+    assert kept.total_timesteps == 256
+    assert kept.policy == {"net_arch": [8]}
+    assert Params(**kept.env["params"]) == Params.preset("kugle")
+    code, out, _ = run(capsys, "evaluate", "--controller", tmp_path / "run", "--episodes", 1, "--json")
+    assert code == 0
+    assert parse_json(out)["results"][0]["model"] == "planar"
+
+
+def test_completion_without_shtab_says_what_to_install(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "shtab", None)
+    code, _, err = run(capsys, "--print-completion", "bash")
+    assert code == 1
+    assert "needs shtab: install it with `pip install" in err
+
+
+def test_view_takes_a_training_run(capsys, tiny_run):
+    pytest.importorskip("viser")
+    arguments = ["--batch", 1, "--seconds", 0.5, "--no-open", "--port", 18760]
+    code, out, err = run(capsys, "view", "--controller", tiny_run, *arguments)
+    assert (code, err) == (0, "")
+    assert f"1 robot paper, spatial, {tiny_run}" in out

@@ -4,7 +4,7 @@ import zipfile
 
 import pytest
 
-from ballbot_rs.evaluation import evaluate
+from ballbot_rs.analysis.episodes import evaluate
 from tests.support.policies import edited_policy
 
 #: (change of the data, what the message must have)
@@ -19,7 +19,7 @@ POLICY_EDITS = {
     ),
     "algorithm": (
         lambda d: d["ballbot_metadata"].update(algorithm="DQN"),
-        "unknown algorithm 'DQN', expected one of PPO, SAC",
+        "unknown algorithm 'DQN', expected one of PPO, A2C, SAC, TD3, DDPG",
     ),
     "wrong algorithm": (lambda d: d["ballbot_metadata"].update(algorithm="SAC"), "holds no SAC policy"),
     "no algorithm": (lambda d: d["ballbot_metadata"].pop("algorithm") and None, "does not say its algorithm"),

@@ -26,7 +26,7 @@ from ballbot_rs import (
     wheel_to_virtual_torques,
 )
 from ballbot_rs._core import Batch
-from ballbot_rs.batch_owner import OPTIONS
+from ballbot_rs.envs._batch_env import OPTIONS
 from tests.support.paths import ROOT
 
 VECTORS = ROOT / "crates/ballbot-core/tests/data/spatial_vectors.json"

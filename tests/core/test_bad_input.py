@@ -17,8 +17,8 @@ from ballbot_rs import (
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
-from ballbot_rs.evaluation import evaluate
-from ballbot_rs.registration import BALANCE
+from ballbot_rs.analysis.episodes import evaluate
+from ballbot_rs.envs.registration import BALANCE
 
 NAN, INF = float("nan"), float("inf")
 UPRIGHT = [1, 0, 0, 0]
@@ -39,9 +39,9 @@ CASES = {
     # Actions.
     "action NaN": (lambda: stepped([0, NAN, 0]), ValueError, r"actions\[0, 1\] = NaN .* finite"),
     "action inf": (lambda: stepped([0, 0, -INF]), ValueError, r"actions\[0, 2\] = -inf .* finite"),
-    "action too short": (lambda: stepped([0, 0]), ValueError, r"shape \(1, 2\), expected \(1, 3\)"),
+    "action too short": (lambda: stepped([0, 0]), ValueError, r"shape \(2,\), expected \(3,\) for one robot"),
     "action scalar": (lambda: stepped(0.5), ValueError, "shape"),
-    "action 2-D": (lambda: stepped(np.zeros((1, 3))), ValueError, r"shape \(1, 1, 3\)"),
+    "action 2-D": (lambda: stepped(np.zeros((1, 3))), ValueError, r"shape \(1, 3\), .* BalanceVectorEnv takes"),
     "action text": (lambda: stepped("abc"), TypeError, "actions must be an array of numbers"),
     "action None": (lambda: stepped(None), (TypeError, ValueError), "actions"),
     "action dict": (lambda: stepped({"a": 1}), TypeError, "actions must be an array of numbers"),
@@ -120,8 +120,16 @@ CASES = {
     "limit negative": (lambda: BalanceEnv(max_episode_steps=-5), ValueError, "max_episode_steps = -5"),
     "limit float": (lambda: BalanceEnv(max_episode_steps=1.5), TypeError, "max_episode_steps = 1.5"),
     "env model": (lambda: BalanceEnv(model="x"), ValueError, "unknown model 'x'"),
-    "env unknown option": (lambda: BalanceEnv(sim_tim=1), TypeError, "no option 'sim_tim'"),
-    "vec unknown option": (lambda: BalanceVectorEnv(2, sim_tim=1), TypeError, "no option 'sim_tim'"),
+    "env unknown option": (
+        lambda: BalanceEnv(sim_tim=1),
+        TypeError,
+        "BalanceEnv got an unexpected keyword argument 'sim_tim': did you mean 'sim_dt'",
+    ),
+    "vec unknown option": (
+        lambda: BalanceVectorEnv(2, sim_tim=1),
+        TypeError,
+        "BalanceVectorEnv got an unexpected keyword argument 'sim_tim'",
+    ),
     "env positional": (lambda: BalanceEnv("rigid"), TypeError, "positional"),
     "control_dt uneven": (lambda: BalanceEnv(control_dt=0.0033), ValueError, "1.65 .* whole number.*0.0033.*0.002"),
     "control_dt zero": (lambda: BalanceEnv(control_dt=0), ValueError, "control_dt = 0"),
@@ -151,9 +159,32 @@ CASES = {
     ),
     "vec mask type": (
         lambda: BalanceVectorEnv(2).reset(options={"reset_mask": np.ones(2)}),
-        ValueError,
+        TypeError,
         "float64, expected bool",
     ),
+    "vec mask list": (
+        lambda: BalanceVectorEnv(2).reset(options={"reset_mask": [True, False]}),
+        TypeError,
+        "of type list, expected a NumPy array",
+    ),
+    "vec mask empty": (
+        lambda: BalanceVectorEnv(2).reset(options={"reset_mask": np.zeros(2, bool)}),
+        ValueError,
+        "nothing to reset",
+    ),
+    "make num_envs": (
+        lambda: gymnasium.make(BALANCE, num_envs=4),
+        TypeError,
+        "unexpected keyword argument 'num_envs': .* gymnasium.make_vec",
+    ),
+    "make num_threads": (lambda: gymnasium.make(BALANCE, num_threads=4), TypeError, "use gymnasium.make_vec"),
+    "make autoreset": (lambda: gymnasium.make(BALANCE, autoreset_mode="x"), TypeError, "use gymnasium.make_vec"),
+    "frameskip": (
+        lambda: gymnasium.make(BALANCE, frameskip=1),
+        TypeError,
+        "got an unexpected keyword argument 'frameskip'",
+    ),
+    "vec task": (lambda: BalanceVectorEnv(2, task="walk"), ValueError, "unknown task 'walk'"),
     "vec states": (
         lambda: BalanceVectorEnv(2).reset(options={"states": [None]}),
         ValueError,
@@ -163,9 +194,11 @@ CASES = {
     "env name": (lambda: gymnasium.make("ballbot/Walk-v0"), gymnasium.error.NameNotFound, "Walk"),
     "env version": (lambda: gymnasium.make("ballbot/Balance-v9"), gymnasium.error.VersionNotFound, "v9"),
     # Evaluation.
-    "evaluate env": (lambda: evaluate("zero", env_id="x"), ValueError, "unknown environment 'x'"),
+    "evaluate env": (lambda: evaluate("zero", task="x"), ValueError, "unknown task 'x'"),
     "evaluate episodes": (lambda: evaluate("zero", episodes=0), ValueError, "episodes = 0"),
     "evaluate seed": (lambda: evaluate("zero", episodes=1, seed=-1), ValueError, "seed = -1"),
+    "evaluate name": (lambda: evaluate("lpr"), FileNotFoundError, "no policy at lpr: .*did you mean 'lqr'"),
+    "evaluate object": (lambda: evaluate(3), TypeError, "3 is no controller"),
     "evaluate option": (lambda: evaluate("zero", episodes=1, env_options={"x": 1}), TypeError, "no option 'x'"),
 }
 

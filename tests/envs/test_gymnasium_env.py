@@ -10,7 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from ballbot_rs import BalanceEnv, Params, State
-from ballbot_rs.registration import BALANCE, REWARD_THRESHOLD
+from ballbot_rs.envs.registration import BALANCE, REWARD_THRESHOLD
 
 MODELS = ["rigid", "contact", "spatial", "planar"]
 ZERO = np.zeros(3, dtype=np.float32)
@@ -64,7 +64,7 @@ def test_spaces_and_python_types():
     assert type(reward) is float
     assert type(terminated) is bool
     assert type(truncated) is bool
-    assert info == {"is_success": False}
+    assert info == {}
 
 
 def test_observation_rows_are_what_the_documentation_says():

@@ -13,7 +13,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from ballbot_rs import BalanceEnv, BalanceVectorEnv, BallbotVecEnv, Params, State
-from ballbot_rs.registration import BALANCE
+from ballbot_rs.envs.registration import BALANCE
 
 #: Falls and truncations both happen within the steps that the tests take.
 SHORT = {"model": "spatial", "max_episode_steps": 45}
@@ -33,7 +33,7 @@ def assert_same_step(found, expected):
 
 
 def test_attributes_that_learners_read():
-    env = BallbotVecEnv(BALANCE, 3, control_dt=0.02)
+    env = BallbotVecEnv(3, control_dt=0.02)
     assert isinstance(env, VecEnv)
     assert env.num_envs == 3
     assert env.observation_space.shape == (16,)
@@ -368,5 +368,7 @@ def test_no_environments_are_refused(num_envs):
 
 
 def test_an_unknown_environment_is_refused():
-    with pytest.raises(ValueError, match=r"unknown environment 'ballbot/Walk-v0': expected ballbot/Balance-v0"):
-        BallbotVecEnv("ballbot/Walk-v0")
+    with pytest.raises(ValueError, match="unknown task 'walk': expected one of balance"):
+        BallbotVecEnv(task="walk")
+    with pytest.raises(TypeError, match="BallbotVecEnv got an unexpected keyword argument 'env_id'"):
+        BallbotVecEnv(env_id=BALANCE)

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 
 from ballbot_rs import BalanceEnv, BalanceVectorEnv, State
-from ballbot_rs.registration import BALANCE
+from ballbot_rs.envs.registration import BALANCE
 
 #: Falls and truncations both happen within the steps that the tests take.
 SHORT = {"model": "spatial", "max_episode_steps": 45}
@@ -24,9 +24,9 @@ def actions_of(num_envs, steps, seed=0, scale=1.0):
 
 
 def assert_same_endings(found, expected, ended):
-    """Ours says of ended episodes what single environments say of every step, and nothing of other steps."""
+    """The infos of ended episodes are those of single environments; other steps have none."""
     if not ended.any():
-        assert found == {}
+        assert found == expected == {}
         return
     if "final_obs" in expected:
         np.testing.assert_array_equal(found["_final_obs"], ended)
@@ -36,6 +36,7 @@ def assert_same_endings(found, expected, ended):
         np.testing.assert_array_equal(found["_final_info"], ended)
         found, expected = found["final_info"], expected["final_info"]
     np.testing.assert_array_equal(found["_is_success"], ended)
+    np.testing.assert_array_equal(expected["_is_success"], ended)
     np.testing.assert_array_equal(found["is_success"][ended], expected["is_success"][ended])
     assert ("termination" in found) == ("termination" in expected)
     if "termination" in found:
@@ -113,7 +114,7 @@ def test_make_vec_with_defaults():
     assert info == {}
     observations, rewards, terminated, truncated, info = env.step(env.action_space.sample())
     assert observations in env.observation_space
-    assert (rewards.shape, rewards.dtype) == ((3,), np.float32)
+    assert (rewards.shape, rewards.dtype) == ((3,), np.float64)
     assert (terminated.dtype, truncated.dtype) == (np.bool_, np.bool_)
     assert info == {}
     env.close()
@@ -382,3 +383,14 @@ def test_the_scalar_time_limit_is_refused():
 def test_step_before_reset_is_refused():
     with pytest.raises(ValueError, match="before the first reset"):
         BalanceVectorEnv(2).step(np.zeros((2, 3)))
+
+
+def test_infos_equal_those_of_make_vec_without_our_batch():
+    made = {"num_envs": 3, "max_episode_steps": 40, "model": "spatial"}
+    fast, slow = (gymnasium.make_vec(BALANCE, vectorization_mode=mode, **made) for mode in (None, "sync"))
+    fast.reset(seed=1)
+    slow.reset(seed=1)
+    for actions in actions_of(3, 100, scale=0.2):
+        found, expected = fast.step(actions), slow.step(actions)
+        assert found[1].dtype == expected[1].dtype
+        assert_same_endings(found[4], expected[4], found[2] | found[3])

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ballbot_rs import recovery, trajectory
+from ballbot_rs.analysis import recovery_map as recovery
+from ballbot_rs.analysis import trajectory
 from ballbot_rs.cli import main
-from ballbot_rs.plotting import learning_curve, phase_portrait, recovery_map, trajectories
-from ballbot_rs.plotting.style import save
+from ballbot_rs.media.figures import learning_curve, phase_portrait, recovery_map, trajectories
+from ballbot_rs.media.figures.style import save
 from ballbot_rs.training import curve
 
 CONTACT = {"model": "contact"}
@@ -142,18 +143,19 @@ def test_the_same_numbers_give_the_same_file(moving, tmp_path):
 
 def test_the_command_writes_vectors_and_pixels(tiny_run, tmp_path, capsys):
     what = ["--figure", "trajectories", "--figure", "learning_curve", "--seconds", "0.3", "--model", "contact"]
-    assert main(["plot", "lqr", str(tiny_run), "--out", str(tmp_path), "--json", *what]) == 0
+    controllers = ["--controller", "lqr", "--controller", str(tiny_run)]
+    assert main(["plot", *controllers, "-o", str(tmp_path), "--json", *what]) == 0
     files = json.loads(capsys.readouterr().out)["files"]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(file.rsplit("/", 1)[1] for file in files)
     assert ET.parse(tmp_path / "trajectories.svg").getroot().tag.endswith("svg")
     with Image.open(tmp_path / "learning_curve.png") as image:
         assert image.size == (1200, 480)
-    assert main(["plot", "lqr", "--figure", "phase_portrait", "--format", "pdf", "--out", str(tmp_path)]) == 0
+    assert main(["plot", "--figure", "phase_portrait", "--format", "pdf", "--output", str(tmp_path)]) == 0
     assert (tmp_path / "phase_portrait.pdf").read_bytes().startswith(b"%PDF")
 
 
 def test_a_learning_curve_of_a_controller_is_refused(capsys, tmp_path):
-    assert main(["plot", "lqr", "--figure", "learning_curve", "--out", str(tmp_path / "f")]) == 1
+    assert main(["plot", "--controller", "lqr", "--figure", "learning_curve", "--output", str(tmp_path / "f")]) == 1
     assert "a learning curve is of training runs" in capsys.readouterr().err
     assert not (tmp_path / "f").exists()
 

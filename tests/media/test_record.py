@@ -7,10 +7,10 @@ import pytest
 from PIL import Image
 
 import ballbot_rs as bb
-from ballbot_rs import trajectory
 from ballbot_rs._core import Batch
+from ballbot_rs.analysis import trajectory
 from ballbot_rs.cli import main
-from ballbot_rs.recording import frame_count, picture, renderer_for, write_video
+from ballbot_rs.media.video import frame_count, picture, renderer_for, write_video
 
 CONTACT = {"model": "contact"}
 SMALL = {"width": 96, "height": 72, "samples": 1}
@@ -113,7 +113,7 @@ def test_the_command_writes_a_video_and_a_picture(tmp_path, capsys):
     out = tmp_path / "lqr.mp4"
     what = ["--model", "contact", "--seconds", "0.4", "--push", "0.2", "0", "0", "--push-at", "0.1"]
     how = ["--size", "64", "48", "--samples", "1", "--forces", "--still", "--json"]
-    code = main(["record", "balance", "--out", str(out), *what, *how])
+    code = main(["record", "balance", "--output", str(out), *what, *how])
     report = json.loads(capsys.readouterr().out)
     assert code == 0
     assert report == {
@@ -133,7 +133,7 @@ def test_the_command_writes_a_video_and_a_picture(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--out", "a.avi"], "the name of a video ends in .mp4"),
+        (["--output", "a.avi"], "the name of a video ends in .mp4"),
         (["--size", "65", "48"], "width and height must be even"),
         (["--frame-rate", "0"], "frame_rate = 0.0 is out of range"),
         (["--no-video"], "ask for a picture with --still"),

@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 import pytest
 
 from ballbot_rs.cli import main
-from ballbot_rs.reporting import page
+from ballbot_rs.media.report import page
 
 
 class Page(HTMLParser):
@@ -118,7 +118,7 @@ print(after_training(Path(sys.argv[1]), [], True))
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "None\n"
     assert done.stderr.startswith("no report: ")
-    assert "pip install 'ballbot-rs[" in done.stderr
+    assert f"needs {missing}: install it with `pip install -e '.[" in done.stderr
     assert done.stderr.count("\n") == 1
 
 

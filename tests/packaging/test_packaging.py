@@ -14,7 +14,7 @@ PACKAGE = Path(ballbot_rs.__file__).parent
 MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
 
 #: Modules that may import torch and Stable-Baselines3; nothing else may, so that the core runs without them.
-LEARNING = {"sb3.py", "training/export.py", "training/policy.py", "training/train.py"}
+LEARNING = {"control/sb3_policy.py", "envs/sb3.py", "training/export.py", "training/policy.py", "training/train.py"}
 
 
 def run_python(code):
@@ -27,9 +27,9 @@ import sys, gymnasium, ballbot_rs
 env = gymnasium.make("ballbot/Balance-v0")
 env.reset(seed=0)
 gymnasium.make_vec("ballbot/Balance-v0", 2).reset()
-import ballbot_rs.evaluation, ballbot_rs.cli
+import ballbot_rs.analysis.episodes, ballbot_rs.cli
 ballbot_rs.cli.parser()
-ballbot_rs.evaluation.evaluate("lqr", episodes=1, env_options={"model": "planar"})
+ballbot_rs.analysis.episodes.evaluate("lqr", episodes=1, env_options={"model": "planar"})
 heavy = {"torch", "stable_baselines3", "tensorboard", "matplotlib", "viser", "trimesh", "plotly"}
 print(sorted({m.split(".")[0] for m in sys.modules} & heavy))
 """
@@ -39,13 +39,13 @@ print(sorted({m.split(".")[0] for m in sys.modules} & heavy))
 @pytest.mark.parametrize(
     ("use", "message"),
     [
-        ("ballbot_rs.BallbotVecEnv", "BallbotVecEnv needs torch: install it with `pip install 'ballbot-rs[train]'`"),
-        ("main(['train', 'balance'])", "training needs torch: install it with `pip install 'ballbot-rs[train]'`"),
+        ("ballbot_rs.BallbotVecEnv", "BallbotVecEnv needs torch: install it with `pip install -e '.[train]'`"),
+        ("main(['train', 'balance'])", "training needs torch: install it with `pip install -e '.[train]'`"),
         (
             "main(['evaluate', 'balance', '--controller', 'x.zip'])",
-            "a policy file needs torch: install it with `pip install 'ballbot-rs[train]'`",
+            "a policy file needs torch: install it with `pip install -e '.[train]'`",
         ),
-        ("main(['view'])", "the page needs viser: install it with `pip install 'ballbot-rs[view]'`"),
+        ("main(['view'])", "the page needs viser: install it with `pip install -e '.[view]'`"),
     ],
 )
 def test_without_the_learner_the_message_says_what_to_install(use, message):
@@ -103,19 +103,28 @@ def test_imports_go_downwards(module):
     roots = {name.split(".")[0] for name in imports_of(module)}
     if module not in LEARNING:
         assert not roots & {"torch", "stable_baselines3"}
-    if not module.startswith("plotting/"):
+    if not module.startswith("media/figures/"):
         assert "matplotlib" not in roots
     own = {name for name in imports_of(module) if name.startswith("ballbot_rs.")}
     if not module.startswith("cli/"):
         assert not any(name.startswith("ballbot_rs.cli") for name in own), "only the command line knows itself"
-    if module in {"batch_owner.py", "registration.py", "rendering.py"}:
-        assert own <= {"ballbot_rs._core"}
-    if module in {"env.py", "vector_env.py", "sb3.py"}:
-        below = ("_core", "batch_owner", "registration", "rendering")
-        assert own <= {f"ballbot_rs.{name}" for name in below}
+    if module.startswith("envs/"):
+        assert all(name.startswith(("ballbot_rs._", "ballbot_rs.envs.")) for name in own), "environments are the base"
+    if module.startswith("control/"):
+        assert all(name.startswith(("ballbot_rs._", "ballbot_rs.envs.", "ballbot_rs.control")) for name in own)
 
 
 def test_the_list_of_learning_modules_is_current():
     for module in LEARNING:
         roots = {name.split(".")[0] for name in imports_of(module)}
         assert roots & {"torch", "stable_baselines3"}, f"{module} needs no exception any more"
+
+
+def test_an_installed_package_is_told_to_install_from_the_index(tmp_path, monkeypatch):
+    from ballbot_rs import _extras
+
+    assert _extras.install_hint("view", "onnx") == "pip install -e '.[view,onnx]'"
+    monkeypatch.setattr(_extras, "__file__", str(tmp_path / "site-packages" / "ballbot_rs" / "_extras.py"))
+    message = r"a page needs no_such: install it with `pip install 'ballbot-rs\[view\]'`"
+    with pytest.raises(ModuleNotFoundError, match=message), _extras.require("a page", "view"):
+        import no_such.module  # noqa: F401

@@ -12,12 +12,13 @@ from stable_baselines3 import PPO, SAC
 
 import ballbot_rs as bb
 from ballbot_rs._core import OBSERVATION
+from ballbot_rs.analysis.episodes import compare
 from ballbot_rs.cli import main
-from ballbot_rs.evaluation import compare
-from ballbot_rs.onnx_policy import PREFIX, OnnxPolicy
-from ballbot_rs.registration import BALANCE
+from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy
+from ballbot_rs.control.sb3_policy import METADATA, metadata
+from ballbot_rs.envs.registration import BALANCE
 from ballbot_rs.training import export
-from ballbot_rs.training.policy import METADATA, ScaledObservation, metadata
+from ballbot_rs.training.policy import ScaledObservation
 from tests.support.paths import ROOT
 
 BOUNDS = np.array([bound for _, _, bound in OBSERVATION], dtype=np.float32)
@@ -153,7 +154,7 @@ def test_the_policy_in_the_box_balances_without_torch():
     code = """
 import sys
 sys.modules["torch"] = sys.modules["stable_baselines3"] = None
-from ballbot_rs.evaluation import evaluate
+from ballbot_rs.analysis.episodes import evaluate
 for model in ("contact", "rigid"):
     print(evaluate("assets/policies/balance.onnx", episodes=20, env_options={"model": model}).success_rate)
 """

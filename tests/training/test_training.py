@@ -10,11 +10,12 @@ import torch
 from stable_baselines3 import PPO
 
 from ballbot_rs import BallbotVecEnv, __version__
-from ballbot_rs.controllers import PID_CONTROL_DT
-from ballbot_rs.evaluation import evaluate
-from ballbot_rs.registration import BALANCE
+from ballbot_rs.analysis.episodes import evaluate
+from ballbot_rs.control.resolve import PID_CONTROL_DT
+from ballbot_rs.control.sb3_policy import METADATA, find_file, load
+from ballbot_rs.envs.registration import BALANCE
 from ballbot_rs.training import config, train
-from ballbot_rs.training.policy import METADATA, ScaledObservation, find_policy, load_policy
+from ballbot_rs.training.policy import ScaledObservation
 from tests.support.tiny_config import TINY_CONFIG
 
 
@@ -78,7 +79,7 @@ class TestConfig:
 
     @pytest.mark.parametrize("written", ["total_timesteps = 768", "  total_timesteps=768", "total_timesteps   = 7_68"])
     def test_other_timesteps_change_nothing_else(self, written):
-        text = config.with_timesteps(bad("total_timesteps = 768", written), 99)
+        text = config.with_values(bad("total_timesteps = 768", written), {"total_timesteps": 99})
         expected = config.parse(TINY_CONFIG, "tiny")
         found = config.parse(text, "changed")
         assert found.total_timesteps == 99
@@ -120,10 +121,10 @@ class TestRun:
         best = evaluations["timesteps"][evaluations["results"].mean(axis=1).argmax()]
         assert PPO.load(tiny_run / "best_model.zip").num_timesteps == best
         assert PPO.load(tiny_run / "final_model.zip").num_timesteps == 768
-        assert find_policy(tiny_run) == tiny_run / "best_model.zip"
+        assert find_file(tiny_run) == tiny_run / "best_model.zip"
 
     def test_a_policy_says_what_it_was_trained_for(self, tiny_run):
-        model, found = load_policy(tiny_run, BALANCE)
+        model, found = load(tiny_run, BALANCE)
         assert isinstance(model, PPO)
         assert found == getattr(model, METADATA)
         assert found["env_id"] == BALANCE
@@ -152,7 +153,7 @@ class TestRun:
         text = text.replace("n_epochs = 1\n", "buffer_size = 1000\n").replace("768", "256")
         folder = tmp_path / "sac"
         policy = train.train(config.parse(text, "sac"), text, folder, progress_bar=False)
-        assert load_policy(policy, BALANCE)[1]["algorithm"] == "SAC"
+        assert load(policy, BALANCE)[1]["algorithm"] == "SAC"
         assert evaluate(str(folder), episodes=2).episodes == 2
 
     @pytest.mark.parametrize(
@@ -198,7 +199,7 @@ class TestResume:
     def interrupted(self, tiny_run, tmp_path):
         """A run that was to have 1024 steps and stopped after 512."""
         run = shutil.copytree(tiny_run, tmp_path / "run")
-        (run / "config.toml").write_text(config.with_timesteps(TINY_CONFIG, 1024), encoding="utf-8")
+        (run / "config.toml").write_text(config.with_values(TINY_CONFIG, {"total_timesteps": 1024}), encoding="utf-8")
         (run / "checkpoints" / "rl_model_768_steps.zip").unlink()
         (run / "final_model.zip").unlink()
         return run
@@ -207,7 +208,7 @@ class TestResume:
         train.resume(interrupted, progress_bar=False)
         assert PPO.load(interrupted / "final_model.zip").num_timesteps == 1024
         assert (interrupted / "checkpoints" / "rl_model_1024_steps.zip").is_file()
-        assert load_policy(interrupted, BALANCE)[1]["env_options"]["max_episode_steps"] == 60
+        assert load(interrupted, BALANCE)[1]["env_options"]["max_episode_steps"] == 60
 
     def test_only_a_better_policy_replaces_the_best(self, interrupted):
         record = dict(np.load(interrupted / "evaluations.npz"))

@@ -204,8 +204,14 @@ def test_the_urdf_and_the_parameters_put_the_wheels_in_the_same_places():
 
 
 def test_the_command_stops_by_itself_and_says_how_fast_it_was():
-    command = [sys.executable, "-m", "ballbot_rs.cli", "view", "--batch", "16", "--seconds", "2", "--no-open"]
-    done = subprocess.run([*command, "--port", "18740"], capture_output=True, text=True, timeout=60, check=True)
+    command = [sys.executable, "-m", "ballbot_rs.cli", "view", "--model", "contact", "--batch", "16"]
+    done = subprocess.run(
+        [*command, "--seconds", "2", "--no-open", "--port", "18740"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
     assert "http://127.0.0.1:" in done.stdout
     assert "real-time factor" in done.stdout
     assert "16 robots paper, contact, lqr" in done.stdout
@@ -288,3 +294,16 @@ def test_choices_that_are_not_offered_are_refused(view):
         wait_until(lambda: [control.value for control in controls] == now)
     assert ask(view, lambda s: (s.robots.model, s.robots.name, s.controller)) == ("contact", "paper", "lqr")
     assert ask(view, lambda session: len(session.notices)) == 3
+
+
+def test_a_viser_that_cannot_be_restricted_is_not_used(monkeypatch):
+    import viser
+
+    from ballbot_rs.viewer.server import LocalServer
+
+    stopped = []
+    monkeypatch.setattr(viser.ViserServer, "__init__", lambda *_, **__: None)
+    monkeypatch.setattr(viser.ViserServer, "stop", lambda _: stopped.append(True))
+    with pytest.raises(RuntimeError, match="it cannot be restricted"):
+        LocalServer(18770)
+    assert stopped == [True]

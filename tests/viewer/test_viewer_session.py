@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from ballbot_rs import BalanceEnv, Ballbot, Lqr, Params
+from ballbot_rs.control.resolve import Controller
+from ballbot_rs.viewer.drivers import LawDriver, PolicyDriver
 from ballbot_rs.viewer.history import SERIES, SPAN
-from ballbot_rs.viewer.policy import load_onnx
 from ballbot_rs.viewer.recording import CAPACITY, Recording
 from ballbot_rs.viewer.runner import MAX_COMMANDS, Runner
 from ballbot_rs.viewer.session import Session
@@ -19,17 +20,20 @@ MODELS = ["planar", "spatial", "contact", "rigid"]
 
 
 class Linear:
-    """A stand-in for `OnnxPolicy`: linear in the observation, or what `choose` says."""
+    """A policy that is linear in the observation, or what `choose` says."""
 
     def __init__(self, choose=None, **env_options):
         self.env_options = env_options
         self._gain = np.random.default_rng(0).normal(scale=0.5, size=(3, 16)).astype(np.float32)
         self._choose = choose or (lambda observation: self._gain @ observation)
 
-    def act(self, observation):
-        assert observation.shape == (16,)
-        assert observation.dtype == np.float32
-        return self._choose(observation)
+    def act(self, observations):
+        assert observations.shape == (1, 16)
+        assert observations.dtype == np.float32
+        return np.asarray(self._choose(observations[0]))[np.newaxis]
+
+    def named(self, name):
+        return Controller(name, self.env_options, self.act)
 
 
 def run(session, seconds):
@@ -119,7 +123,7 @@ def test_a_policy_sees_and_does_what_it_would_in_the_environment(model):
     """The reference is the environment itself, with the same setpoint and start: observations equal to the last bit."""
     policy = Linear(control_dt=0.02, max_wheel_torque=0.5, sim_dt=0.001)
     session = Session(model)
-    session.choose(controller="any.onnx", policy=policy)
+    session.choose(controller=policy.named("any.onnx"))
     session.move_setpoint(0.1, -0.2)
     session.reset((0.02, -0.01))
     env = BalanceEnv(model=model, setpoint=(0.1, -0.2), fall_tilt=1.0, **policy.env_options)
@@ -127,7 +131,7 @@ def test_a_policy_sees_and_does_what_it_would_in_the_environment(model):
     for step in range(60):
         seen = session.driver.observe(0, session.robots.states[0], session.setpoint)
         np.testing.assert_allclose(seen, observation, rtol=1e-5, atol=1e-6, err_msg=f"step {step}")
-        observation, _, terminated, _, _ = env.step(policy.act(observation))
+        observation, _, terminated, _, _ = env.step(policy.act(observation[np.newaxis])[0])
         session.step()
         np.testing.assert_allclose(session.frame().states[0], env.state.to_array(), rtol=1e-7, atol=1e-7)
         if terminated:
@@ -149,7 +153,7 @@ def fail(_):
 )
 def test_a_policy_that_chooses_nonsense_turns_the_motors_off(choose, message):
     session = Session()
-    session.choose(controller="bad.onnx", policy=Linear(choose))
+    session.choose(controller=Linear(choose).named("bad.onnx"))
     runner = Runner(session)
     runner.start()
     wait_until(lambda: session.controller == "zero")
@@ -161,11 +165,12 @@ def test_a_policy_that_chooses_nonsense_turns_the_motors_off(choose, message):
 
 def test_a_policy_goes_on_when_the_model_is_switched_and_ends_with_another_controller():
     session = Session()
-    session.choose(controller="a.onnx", policy=Linear())
+    session.choose(controller=Linear().named("a.onnx"))
     session.choose(model="rigid")
-    assert isinstance(session.driver.policy, Linear)
+    assert isinstance(session.driver, PolicyDriver)
+    assert session.controller == "a.onnx"
     session.choose(controller="lqr")
-    assert not hasattr(session.driver, "policy")
+    assert isinstance(session.driver, LawDriver)
 
 
 @pytest.mark.parametrize(
@@ -186,19 +191,6 @@ def test_only_onnx_files_are_read(tmp_path, name, content, error, message):
         session.choose(controller=str(path))
     assert session.controller == "lqr"
     run(session, 0.1)
-
-
-def test_the_package_that_reads_policies_is_found_by_name(tmp_path, monkeypatch):
-    import sys
-    import types
-
-    module = types.ModuleType("ballbot_rs.onnx_policy")
-    module.OnnxPolicy = lambda path: Linear(opened=path)
-    monkeypatch.setitem(sys.modules, "ballbot_rs.onnx_policy", module)
-    monkeypatch.setattr("ballbot_rs.onnx_policy", module, raising=False)
-    path = tmp_path / "a.onnx"
-    path.write_bytes(b"onnx")
-    assert load_onnx(str(path)).env_options == {"opened": path}
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ballbot_rs.batch_owner import action_space, observation_space
+from ballbot_rs.envs.spaces import action_space, observation_space
 from validation.benchmarks import task
 from validation.engines.any_robot import make_external_robot
 from validation.engines.geometry import SUBSTEPS, robot_geometry

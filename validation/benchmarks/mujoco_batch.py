@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 
-from ballbot_rs.batch_owner import action_space, observation_space
+from ballbot_rs.envs.spaces import action_space, observation_space
 from validation.benchmarks import task
 from validation.engines.geometry import SUBSTEPS, robot_geometry
 from validation.engines.mujoco_robot import BALL_VELOCITY, BODY_QUATERNION, BODY_RATE, WHEEL_SPEEDS, mjcf

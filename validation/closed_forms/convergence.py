@@ -47,7 +47,7 @@ def run() -> Findings:
         claims.append(Claim(f"order, `{model}`", slope, order, off, absolute=True))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import MODEL_COLOURS
+        from ballbot_rs.media.figures.style import MODEL_COLOURS
 
         ax = fig.subplots()
         for model, (steps, order, _) in _ORDERS.items():

@@ -61,7 +61,7 @@ def run() -> Findings:
             claims.append(Claim(what, given.holding / turnover, 0.0, _GIVEN[model], absolute=True))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import MODEL_COLOURS
+        from ballbot_rs.media.figures.style import MODEL_COLOURS
 
         left, right = fig.subplots(1, 2)
         times = np.arange(len(ledgers["contact"])) * _DT

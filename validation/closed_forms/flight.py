@@ -85,7 +85,7 @@ def run() -> Findings:
         ]
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
 
         ax = fig.subplots()
         ax.plot(times, exact * 1e3, color=INK, linewidth=4, alpha=0.25, label="closed form")

@@ -52,7 +52,7 @@ def run() -> Findings:
         ]
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
 
         ax = fig.subplots(subplot_kw={"projection": "polar"})
         around = np.linspace(0.0, 2.0 * np.pi, 200)

@@ -46,7 +46,7 @@ def run() -> Findings:
         claims.append(Claim(f"growth rate, `{model}`, 1 kHz", growth_rate(times, tilts[model]), pole, limit, "1/s"))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
 
         left, right = fig.subplots(1, 2)
         left.plot(times, np.degrees(_TILT * np.cosh(pole * times)), color=INK, linewidth=4, alpha=0.25, label="cosh λt")

@@ -66,7 +66,7 @@ def run() -> Findings:
             claims.append(Claim(f"`{model}`, μ = {mu}", float(np.degrees(found)), exact, limit, "deg"))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
 
         ax = fig.subplots()
         ax.plot(FRICTIONS, curves["formula"], color=INK, linewidth=4, alpha=0.25, label="closed form")

@@ -45,7 +45,7 @@ def run() -> Findings:
         ]
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import MODEL_COLOURS
+        from ballbot_rs.media.figures.style import MODEL_COLOURS
 
         axes = fig.subplots(1, 2)
         for model, quantities in off.items():

@@ -40,7 +40,7 @@ def run() -> Findings:
                 claims.append(Claim(f"the same at 2 kHz over that at 1 kHz, `{model}`", halved / drift, 0.5, 2e-2))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import MODEL_COLOURS
+        from ballbot_rs.media.figures.style import MODEL_COLOURS
 
         for ax, column, name in zip(fig.subplots(1, 2), (0, 1), _NAMES, strict=True):
             for model, drifts in shown.items():

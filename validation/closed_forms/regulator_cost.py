@@ -45,7 +45,7 @@ def run() -> Findings:
     costs = f"Of the 60 changes of a single gain the cheapest costs {least:.1e} of the promise, the dearest {most:.1e}."
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import MODEL_COLOURS
+        from ballbot_rs.media.figures.style import MODEL_COLOURS
 
         ax = fig.subplots()
         for model, ratio in ratios.items():

@@ -52,7 +52,7 @@ def run() -> Findings:
         claims.append(Claim(f"spread of it over 24 directions, `{model}`", spread, 0.0, 1e-14, "", absolute=True))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
 
         left, right = fig.subplots(1, 2)
         left.plot(times, exact, color=INK, linewidth=4, alpha=0.25, label="closed form")

@@ -52,7 +52,7 @@ def run() -> Findings:
             claims.append(Claim(what, half / whole, ratio, 5e-2))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
 
         left, right = fig.subplots(1, 2)
         tilts = np.degrees(np.arccos(masts[:, 2]))

@@ -73,7 +73,7 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import COLOURS
+        from ballbot_rs.media.figures.style import COLOURS
 
         axes = fig.subplots(2, 2, sharex=True).ravel()
         degrees = np.degrees(1.0)

@@ -83,7 +83,7 @@ def run() -> Findings:
         claims.append(Claim(f"rate at which an overlap is removed at 1 kHz, `{model}`", found, rate, 1e-2, "1/s"))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
 
         axes = fig.subplots(1, 2, sharey=True)
         speeds = np.linspace(0.0, _FASTEST, 200)

@@ -69,7 +69,7 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import COLOURS, INK
+        from ballbot_rs.media.figures.style import COLOURS, INK
 
         axes = fig.subplots(1, 3)
         for ax, incline in zip(axes, INCLINES, strict=True):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import ballbot_rs as bb
+from ballbot_rs.analysis.settling import settling_times
 from validation.mechanics import Array
 from validation.search import largest
 
@@ -36,10 +37,9 @@ class Run:
 
     def time_within(self, degrees: float) -> float:
         """From which the tilt stays within a bound; infinite if it does not."""
-        outside = np.nonzero(self.tilt > np.radians(degrees))[0]
-        if self.fell or (len(outside) and outside[-1] == len(self.tilt) - 1):
+        if self.fell:
             return float("inf")
-        return float(self.times[outside[-1] + 1]) if len(outside) else 0.0
+        return float(settling_times(self.tilt, np.radians(degrees), self.times[1] - self.times[0]))
 
 
 def balance(

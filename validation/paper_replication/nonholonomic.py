@@ -128,7 +128,7 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import COLOURS, INK
+        from ballbot_rs.media.figures.style import COLOURS, INK
 
         left, right = fig.subplots(1, 2)
         for values, name, colour in zip(apart.values(), ("relative", "absolute"), COLOURS, strict=False):

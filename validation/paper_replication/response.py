@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 import ballbot_rs as bb
+from ballbot_rs.analysis.settling import settling_times
 from validation.mechanics import Array
 
 #: Section III-A.
@@ -104,8 +105,7 @@ def linear_tilt(friction: float, times: Array) -> Array:
 
 def analyse(tilts: Array, dt: float) -> Analysis:
     """Of tilts every `dt` after a step of 1 rad."""
-    outside = np.nonzero(np.abs(tilts - 1.0) > 0.02)[0]
-    return Analysis(float(tilts.max() - 1.0), float(outside[-1] + 1) * dt)
+    return Analysis(float(tilts.max() - 1.0), float(settling_times(tilts - 1.0, 0.02, dt)))
 
 
 def sampled_step(control_dt: float, seconds: float = 1.0, friction: float = VISCOUS_FRICTION) -> Array:

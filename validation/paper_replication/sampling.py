@@ -52,7 +52,7 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import COLOURS, INK
+        from ballbot_rs.media.figures.style import COLOURS, INK
 
         ax = fig.subplots()
         for mapping, colour in zip(MAPS, (COLOURS[1], COLOURS[0]), strict=True):

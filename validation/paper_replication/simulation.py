@@ -173,7 +173,7 @@ def _rolling_on() -> Claim:
 
 
 def _draw(fig: "Figure", shown: dict[str, Run], cap: float) -> None:
-    from ballbot_rs.plotting.style import COLOURS, INK
+    from ballbot_rs.media.figures.style import COLOURS, INK
 
     axes = fig.subplots(3, 2, sharex="col", sharey="row")
     for column, (mapping, r) in zip(axes.T, shown.items(), strict=True):

@@ -106,7 +106,7 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import COLOURS, INK
+        from ballbot_rs.media.figures.style import COLOURS, INK
 
         axes = fig.subplots(2, 2, sharex=True).ravel()
         shown = {

@@ -52,7 +52,7 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import COLOURS, INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import COLOURS, INK, MODEL_COLOURS
 
         ax = fig.subplots()
         worst = np.array([limits[float(mu)].min() for mu in frictions])

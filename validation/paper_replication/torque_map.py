@@ -51,7 +51,7 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import COLOURS, INK
+        from ballbot_rs.media.figures.style import COLOURS, INK
 
         ax = fig.subplots()
         zeniths = np.arange(20.0, 71.0, 5.0)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ballbot_rs.evaluation import Result, compare
+from ballbot_rs.analysis.episodes import Result, compare
 from validation.claim import Claim
 from validation.page import table
 from validation.topic import Comparison, Findings
@@ -39,9 +39,7 @@ def run() -> Findings:
         policy = train.train(settings, changed, Path(folder) / "run", seed=_SEED, progress_bar=False)
         with np.load(policy.parent / "evaluations.npz") as log:
             steps, returns, successes = log["timesteps"], log["results"], log["successes"]
-        results = compare(
-            [str(policy), "lqr", "pid"], env_id=settings.env_id, episodes=_EPISODES, env_options=settings.env
-        )
+        results = compare([str(policy), "lqr", "pid"], episodes=_EPISODES, env_options=settings.env)
     names = ("policy (PPO)", "LQR", "PID of the paper")
     rows = [[name, *_cells(result)] for name, result in zip(names, results, strict=True)]
     claims = [
@@ -56,7 +54,7 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import COLOURS
+        from ballbot_rs.media.figures.style import COLOURS
 
         left, right = fig.subplots(1, 2)
         thousands = steps / 1e3

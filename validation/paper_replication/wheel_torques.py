@@ -83,7 +83,7 @@ def run() -> Findings:
     r = balance("rigid", (_INCLINE, 0.0), max_torque=PRINTED_TORQUE, seconds=1.0)
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.plotting.style import COLOURS, INK
+        from ballbot_rs.media.figures.style import COLOURS, INK
 
         axes = fig.subplots(1, 3)
         shown = int((r.times < 0.12).sum())

@@ -1,17 +1,28 @@
-"""`ballbot export`: a trained policy as an ONNX file, which runs without torch."""
+"""`ballbot export`: a trained policy as an ONNX file, which runs without PyTorch."""
 
 import argparse
 import json
 from pathlib import Path
 from typing import Any
 
+from ballbot_rs._extras import require
+from ballbot_rs.cli import scenario
+from ballbot_rs.control.onnx_policy import OnnxPolicy
+from ballbot_rs.envs.registration import DEFAULT_TASK, TASKS
+
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("export", help="write a policy as ONNX, which runs without torch")
-    command.add_argument("policy", type=Path, metavar="RUN", help="a training run, or a policy file of its")
-    command.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: policy.onnx in the run")
-    command.add_argument("--json", action="store_true", help="print what the file says of itself as JSON")
+    command = commands.add_parser("export", help="write a policy as ONNX, which runs without PyTorch")
+    command.add_argument("policy", type=Path, metavar="RUN", help="a training run, or a policy file")
+    command.add_argument(
+        "--task",
+        choices=sorted(TASKS),
+        help="the task of a policy file without metadata (ballbot_rs.save adds it)",
+    )
+    scenario.add_robot(command)
+    scenario.add_output(command, "FILE.onnx", "the file (default policy.onnx in the run)")
+    command.add_argument("--json", action="store_true", help="print the file's metadata as JSON")
     command.set_defaults(carry_out=run)
 
 
@@ -23,18 +34,14 @@ def run(arguments: argparse.Namespace) -> None:
         target = (source if source.is_dir() else source.parent) / "policy.onnx"
     if target.suffix != ".onnx":
         raise ValueError(f"{target}: the name of an ONNX file ends in .onnx")
-    try:
+    with require("exporting", "train", "export"):
         from ballbot_rs.training import export
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"exporting needs {error.name}: install it with `pip install 'ballbot-rs[train,export]'`", name=error.name
-        ) from error
-    difference = export.export(arguments.policy, target)
+    options = scenario.env_options(arguments)
+    given = options if options or arguments.task is not None else None
+    difference = export.export(arguments.policy, target, TASKS[arguments.task or DEFAULT_TASK], given)
     if arguments.json:
-        from ballbot_rs.onnx_policy import OnnxPolicy
-
         report = {"policy": str(target), "difference": difference, "metadata": OnnxPolicy(target).metadata}
         print(json.dumps(report, indent=2))
         return
     size = target.stat().st_size / 1024
-    print(f"wrote {target} ({size:.0f} KiB); its actions are those of its source to {difference:.0e}")
+    print(f"wrote {target} ({size:.0f} KiB); largest difference of its actions from the source: {difference:.0e}")

@@ -11,8 +11,8 @@ from typing import Any
 
 from ballbot_rs import __version__
 from ballbot_rs._core import MODELS, Params
-from ballbot_rs.controllers import CONTROLLERS
-from ballbot_rs.registration import TASKS
+from ballbot_rs.control.resolve import CONTROLLERS
+from ballbot_rs.envs.registration import TASKS
 
 #: What the package may work with.
 LIBRARIES = (

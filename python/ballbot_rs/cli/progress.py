@@ -4,27 +4,23 @@ import contextlib
 import sys
 from collections.abc import Iterator
 
-from ballbot_rs.evaluation import Progress
+from ballbot_rs._progress import Progress, no_progress
 
 
 @contextlib.contextmanager
 def bar(what: str, quiet: bool = False) -> Iterator[Progress]:
     """A progress bar, to be told how much of how much is done; nothing is shown when quiet or not on a terminal."""
     if quiet or not sys.stderr.isatty():
-        yield _nowhere
+        yield no_progress
         return
     try:
         from rich.console import Console
         from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
         from rich.progress import Progress as Bars
     except ModuleNotFoundError:
-        yield _nowhere
+        yield no_progress
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Bars(*columns, console=Console(stderr=True), transient=True) as shown:
         task = shown.add_task(what, total=None)
         yield lambda done, total: shown.update(task, completed=done, total=total)
-
-
-def _nowhere(done: int, total: int) -> None:
-    pass

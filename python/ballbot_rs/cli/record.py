@@ -7,18 +7,16 @@ from typing import Any
 
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.recording import picture, renderer_for, write_picture, write_video
+from ballbot_rs.media.video import picture, renderer_for, write_picture, write_video
 
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("record", help="record a video of a controller or policy")
     scenario.add_task(command)
-    command.add_argument(
-        "--controller", default="lqr", metavar="pid|lqr|zero|PATH", help="a controller, a policy or a run (default lqr)"
-    )
-    scenario.add_to(command, seconds=5.0)
-    command.add_argument("-o", "--out", type=Path, metavar="FILE.mp4", help="the video (default CONTROLLER.mp4)")
+    scenario.add_controller(command)
+    scenario.add_robot(command)
+    scenario.add_output(command, "FILE.mp4", "the video (default CONTROLLER.mp4)")
     command.add_argument(
         "--still",
         type=float,
@@ -36,8 +34,8 @@ def add_to(commands: Any) -> None:
     command.add_argument("--frame-rate", type=float, default=50.0, help="frames a second (default 50)")
     command.add_argument("--camera", type=float, nargs=2, metavar=("AZIMUTH", "ELEVATION"), help="direction in rad")
     command.add_argument("--distance", type=float, help="of the camera, m")
-    command.add_argument("--quiet", action="store_true", help="no progress bar")
-    command.add_argument("--json", action="store_true", help="print what was recorded as JSON")
+    scenario.add_scenario(command, seconds=5.0)
+    scenario.add_verbosity(command, "the files")
     command.set_defaults(carry_out=run)
 
 
@@ -45,13 +43,13 @@ def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     if arguments.no_video and arguments.still is None:
         raise ValueError("--no-video leaves nothing to write: ask for a picture with --still")
-    out = arguments.out or Path(f"{Path(arguments.controller).stem}.mp4")
+    out = arguments.output or Path(f"{Path(arguments.controller).stem}.mp4")
     if out.suffix != ".mp4":
         raise ValueError(f"{out}: the name of a video ends in .mp4")
     camera = {} if arguments.camera is None else dict(zip(("azimuth", "elevation"), arguments.camera, strict=True))
     if arguments.distance is not None:
         camera["distance"] = arguments.distance
-    trajectory = scenario.scenario(arguments).of(arguments.controller)
+    trajectory = scenario.scenario(arguments).of(scenario.controllers(arguments)[0])
     width, height = arguments.size
     renderer = renderer_for(trajectory, width=width, height=height, samples=arguments.samples, camera=camera or None)
     report: dict[str, Any] = {

@@ -8,20 +8,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ballbot_rs._progress import Progress
+from ballbot_rs.analysis.episodes import Result
+from ballbot_rs.cli import scenario
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.evaluation import Progress, Result
-from ballbot_rs.reporting.report import write
+from ballbot_rs.media.report.report import write
 
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("report", help="write a training run's report, one HTML file")
     command.add_argument("run", type=Path, metavar="RUN", help="the run's folder")
-    command.add_argument("-o", "--out", type=Path, help="the file (default report.html in the run)")
+    scenario.add_output(command, "FILE.html", "the file (default report.html in the run)")
     command.add_argument("--episodes", type=int, default=100, help="episodes of the comparison (default 100, 0: none)")
     command.add_argument("--video-seconds", type=float, default=4.0, help="length of the video (default 4, 0: none)")
-    command.add_argument("--quiet", action="store_true", help="no progress bars")
-    command.add_argument("--json", action="store_true", help="print the file's name as JSON")
+    scenario.add_verbosity(command, "the file's name")
     command.set_defaults(carry_out=run)
 
 
@@ -30,7 +31,7 @@ def run(arguments: argparse.Namespace) -> None:
     path = _write(
         arguments.run,
         arguments.quiet or arguments.json,
-        target=arguments.out,
+        target=arguments.output,
         episodes=arguments.episodes,
         video_seconds=arguments.video_seconds,
     )

@@ -1,12 +1,135 @@
-"""Options of the command line that say what happens to one robot, the same for every command that shows one."""
+"""Options that several commands share: every command spells, explains and orders them alike."""
 
 import argparse
 import dataclasses
+import json
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
-from ballbot_rs.controllers import Controller
-from ballbot_rs.registration import TASKS
-from ballbot_rs.trajectory import Push, Trajectory, run
+from ballbot_rs import _toml
+from ballbot_rs._checks import did_you_mean
+from ballbot_rs._core import MODELS, Params
+from ballbot_rs.analysis.trajectory import Push, Trajectory, run
+from ballbot_rs.control.resolve import CONTROLLERS, Controller, Source, find
+from ballbot_rs.envs.registration import DEFAULT_TASK, TASKS
+
+CONTROLLER_METAVAR = f"{'|'.join(CONTROLLERS)}|PATH"
+
+
+def add_task(command: Any) -> None:
+    """Adds the task, the first argument."""
+    command.add_argument(
+        "task", nargs="?", type=_task, metavar="TASK", help=f"{', '.join(sorted(TASKS))} (default {DEFAULT_TASK})"
+    )
+
+
+def _task(name: str) -> str:
+    if name in TASKS:
+        return name
+    hint = did_you_mean(name, TASKS)
+    if name in CONTROLLERS or Path(name).exists():
+        hint = f": a controller is named by --controller {name}"
+    raise argparse.ArgumentTypeError(f"unknown task '{name}', expected one of {', '.join(sorted(TASKS))}{hint}")
+
+
+def add_controller(command: Any, *, several: bool = False) -> None:
+    """Adds the controller, or several."""
+    what = "a controller, a policy file, a training run, or FILE.py:NAME with your own"
+    if several:
+        command.add_argument(
+            "--controller", action="append", metavar=CONTROLLER_METAVAR, help=f"{what}; repeat for more (default lqr)"
+        )
+    else:
+        command.add_argument("--controller", default="lqr", metavar=CONTROLLER_METAVAR, help=f"{what} (default lqr)")
+
+
+def add_robot(command: Any, *, otherwise: str = "the policy's own, else") -> None:
+    """Adds the model, the robot and other options of the environment."""
+    command.add_argument("--model", help=f"{', '.join(MODELS)} (default: {otherwise} rigid)")
+    command.add_argument(
+        "--robot",
+        metavar="NAME|FILE.toml",
+        help=f"{', '.join(Params.preset_names())}, or a file with parameters (default: {otherwise} paper)",
+    )
+    command.add_argument(
+        "--env-option",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="an option of the environment, for example max_wheel_torque=0.5; repeat for more",
+    )
+
+
+def add_seed(command: Any, what: str, default: int | None) -> None:
+    """Adds the seed."""
+    command.add_argument("--seed", type=int, default=default, help=what)
+
+
+def add_output(command: Any, metavar: str, what: str) -> None:
+    """Adds the file or folder to write."""
+    command.add_argument("-o", "--output", type=Path, metavar=metavar, help=what)
+
+
+def add_verbosity(command: Any, what: str) -> None:
+    """Adds `--quiet` and `--json`."""
+    command.add_argument("--quiet", action="store_true", help="no progress bar")
+    command.add_argument("--json", action="store_true", help=f"print {what} as JSON")
+
+
+def robot_option(name: str) -> Any:
+    """The option `params` of an environment for a preset's name or a TOML file.
+
+    Raises:
+        ValueError: a malformed file, or a parameter that is not known.
+        OSError: the file cannot be read.
+    """
+    if Path(name).suffix != ".toml":
+        known = Params.preset_names()
+        if name not in known:
+            hint = did_you_mean(name, known)
+            raise ValueError(f"unknown robot '{name}': expected one of {', '.join(known)}, or FILE.toml{hint}")
+        return name
+    try:
+        return Params(**_toml.loads(Path(name).read_text(encoding="utf-8"))).to_dict()
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{name}: {error}") from error
+
+
+def value_of(text: str) -> Any:
+    """A value of the command line: a number, true, false or a list as JSON has it, otherwise text."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def assignments(given: Sequence[str], flag: str) -> dict[str, Any]:
+    """Values by name of texts NAME=VALUE."""
+    values = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise ValueError(f"{flag} {text}: expected NAME=VALUE")
+        values[name] = value_of(value)
+    return values
+
+
+def env_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The options of the environment that the command line names."""
+    options = assignments(arguments.env_option, "--env-option")
+    if arguments.model is not None:
+        options["model"] = arguments.model
+    if arguments.robot is not None:
+        options["params"] = robot_option(arguments.robot)
+    return options
+
+
+def controllers(arguments: argparse.Namespace) -> list[Controller]:
+    """The controllers that the command line names."""
+    options = env_options(arguments)
+    given = arguments.controller if isinstance(arguments.controller, list) else [arguments.controller or "lqr"]
+    return [find(name, task=arguments.task, env_options=options) for name in given]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -19,8 +142,8 @@ class Scenario:
     push: Push | None
     env_options: dict[str, Any]
 
-    def of(self, controller: str | Controller) -> Trajectory:
-        """What a controller makes of it."""
+    def of(self, controller: Source) -> Trajectory:
+        """The trajectory under a controller."""
         return run(
             controller,
             seconds=self.seconds,
@@ -31,16 +154,9 @@ class Scenario:
         )
 
 
-def add_task(command: Any) -> None:
-    """Adds the optional task."""
-    command.add_argument("task", nargs="?", default="balance", choices=sorted(TASKS), help="the task (default balance)")
-
-
-def add_to(command: Any, seconds: float) -> None:
-    """Adds the options to a command."""
-    group = command.add_argument_group("what happens (SI units and radians)")
-    group.add_argument("--model", help="rigid, contact, spatial or planar (default: the policy's own, else rigid)")
-    group.add_argument("--robot", help="a preset, for example kugle (default: the policy's own, else paper)")
+def add_scenario(command: Any, seconds: float) -> None:
+    """Adds duration, start and push."""
+    group = command.add_argument_group("scenario (SI units and radians)")
     group.add_argument("--seconds", type=float, default=seconds, help=f"simulated time (default {seconds:g})")
     group.add_argument(
         "--tilt", type=float, nargs=2, metavar=("X", "Y"), default=(0.08, 0.05), help="initial tilt (default 0.08 0.05)"
@@ -53,9 +169,6 @@ def add_to(command: Any, seconds: float) -> None:
 
 
 def scenario(arguments: argparse.Namespace) -> Scenario:
-    """What the options say."""
-    options = {} if arguments.model is None else {"model": arguments.model}
-    if arguments.robot is not None:
-        options["params"] = arguments.robot
+    """The scenario that the command line describes."""
     push = None if arguments.push is None else Push(tuple(arguments.push), arguments.push_at)
-    return Scenario(arguments.seconds, tuple(arguments.tilt), arguments.yaw, push, options)
+    return Scenario(arguments.seconds, tuple(arguments.tilt), arguments.yaw, push, env_options(arguments))

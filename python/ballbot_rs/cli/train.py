@@ -8,18 +8,28 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ballbot_rs.cli import report
+from ballbot_rs._extras import require
+from ballbot_rs._text_table import print_table
+from ballbot_rs.analysis.episodes import compare
+from ballbot_rs.cli import report, scenario
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.evaluation import compare
-from ballbot_rs.reporting.table import print_table
+from ballbot_rs.envs.registration import DEFAULT_TASK, task_of
 
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("train", help="train a policy with Stable-Baselines3")
-    command.add_argument("task", help="the task: balance")
+    scenario.add_task(command)
+    scenario.add_robot(command, otherwise="the configuration's, else")
+    scenario.add_seed(command, "seed of the run (default 0)", None)
     command.add_argument("--config", type=Path, help="TOML file to use instead of the task's own")
-    command.add_argument("--seed", type=int, help="seed of the run (default 0)")
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a value over the configuration's, for example algorithm_arguments.gamma=0.98; repeat for more",
+    )
     command.add_argument("--run", type=Path, help="folder of the run (default runs/TASK-seed-SEED-TIME)")
     command.add_argument(
         "--resume", type=Path, metavar="RUN", help="continue a run; with --timesteps even a finished one"
@@ -28,20 +38,18 @@ def add_to(commands: Any) -> None:
     command.add_argument("--timesteps", type=int, help="have this many steps in all instead of the configured")
     command.add_argument("--episodes", type=int, default=100, help="episodes of the comparison (default 100, 0: none)")
     command.add_argument("--no-report", action="store_true", help="do not end with a report, one HTML file")
-    command.add_argument("--quiet", action="store_true", help="no progress bar")
-    command.add_argument("--json", action="store_true", help="print the result as JSON")
+    scenario.add_verbosity(command, "the result")
     command.set_defaults(carry_out=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
-    try:
+    with require("training", "train"):
         from ballbot_rs.training import config as config_module
         from ballbot_rs.training import train
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"training needs {error.name}: install it with `pip install 'ballbot-rs[train]'`", name=error.name
-        ) from error
+    task = arguments.task or DEFAULT_TASK
+    values = scenario.assignments(arguments.set, "--set")
+    values |= {f"env.{name}": value for name, value in scenario.env_options(arguments).items()}
     started = time.perf_counter()
     progress_bar = not (arguments.quiet or arguments.json)
     if arguments.resume is not None:
@@ -49,23 +57,27 @@ def run(arguments: argparse.Namespace) -> None:
         given = [name for name in beside if getattr(arguments, name) is not None]
         if given:
             raise ValueError(f"--resume continues a run as it was configured: --{given[0]} has no place beside it")
+        if values:
+            raise ValueError("--resume continues a run as it was configured: it takes no other values")
         folder = arguments.resume
         policy = _interruptible(
-            arguments.task,
+            task,
             folder,
             lambda: train.resume(folder, timesteps=arguments.timesteps, progress_bar=progress_bar),
         )
-        config, _ = config_module.load(arguments.task, arguments.resume / "config.toml")
+        config, _ = config_module.load(task, arguments.resume / "config.toml")
     else:
-        config, text = config_module.load(arguments.task, arguments.config)
+        config, text = config_module.load(task, arguments.config)
         if arguments.timesteps is not None:
-            text = config_module.with_timesteps(text, arguments.timesteps)
-            config = config_module.parse(text, "--timesteps")
+            values["total_timesteps"] = arguments.timesteps
+        if values:
+            text = config_module.with_values(text, values)
+            config = config_module.parse(text, "the configuration")
         seed = 0 if arguments.seed is None else arguments.seed
         stamp = time.strftime("%Y%m%d-%H%M%S")
-        folder = arguments.run or Path("runs") / f"{arguments.task}-seed-{seed}-{stamp}"
+        folder = arguments.run or Path("runs") / f"{task}-seed-{seed}-{stamp}"
         policy = _interruptible(
-            arguments.task,
+            task,
             folder,
             lambda: train.train(
                 config, text, folder, seed=seed, overwrite=bool(arguments.overwrite), progress_bar=progress_bar
@@ -76,7 +88,7 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.episodes > 0:
         with bar("comparing", not progress_bar) as progress:
             results = compare(
-                [str(policy), "lqr", "pid"], env_id=config.env_id, episodes=arguments.episodes, progress=progress
+                [str(policy), "lqr", "pid"], task=task_of(config.env_id), episodes=arguments.episodes, progress=progress
             )
     written = None if arguments.no_report else report.after_training(folder, results, not progress_bar)
     if arguments.json:

@@ -1,13 +1,17 @@
 """`ballbot view`: the robot in the browser."""
 
 import argparse
+import dataclasses
 import sys
 import time
 import webbrowser
 from pathlib import Path
 from typing import Any
 
-from ballbot_rs._core import MODELS, Params
+from ballbot_rs._core import Params
+from ballbot_rs._extras import require
+from ballbot_rs.cli import scenario
+from ballbot_rs.control.resolve import common_options
 from ballbot_rs.viewer.session import MAX_ROBOTS, Session
 
 PORT = 8080
@@ -16,13 +20,11 @@ PORT = 8080
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("view", help="show the robot in the browser, push it, plot it")
-    command.add_argument("--model", default="contact", help=f"{', '.join(MODELS)} (default contact)")
-    command.add_argument("--robot", default="paper", help=f"{', '.join(Params.preset_names())} (default paper)")
+    scenario.add_task(command)
+    scenario.add_controller(command)
+    scenario.add_robot(command)
     command.add_argument(
         "--urdf", type=Path, nargs=2, metavar=("BOT", "BALL"), help="a robot as two URDFs, instead of --robot"
-    )
-    command.add_argument(
-        "--controller", default="lqr", metavar="lqr|pid|zero|PATH", help="a controller, or an ONNX policy (default lqr)"
     )
     command.add_argument(
         "--batch", type=int, default=1, metavar="N", help=f"robots at once, 1 to {MAX_ROBOTS} (default 1)"
@@ -37,17 +39,14 @@ def run(arguments: argparse.Namespace) -> None:
     """Carries the command out; ends with the real-time factor."""
     if arguments.seconds is not None and not 0.0 < arguments.seconds <= 1e6:
         raise ValueError(f"--seconds {arguments.seconds} is out of range: it must be positive")
-    robot, params, urdfs = arguments.robot, None, {}
-    if arguments.urdf is not None:
-        robot, params = arguments.urdf[0].stem, Params.from_urdf(*arguments.urdf)
-        urdfs = {robot: tuple(arguments.urdf)}
-    session = Session(arguments.model, robot, arguments.controller, arguments.batch, params)
-    try:
+    (controller,) = scenario.controllers(arguments)
+    options = common_options([controller], scenario.env_options(arguments))
+    robot, params = _robot(arguments, options.get("params", "paper"))
+    urdfs = {} if arguments.urdf is None else {robot: tuple(arguments.urdf)}
+    controller = dataclasses.replace(controller, env_options=options)
+    session = Session(options.get("model", "rigid"), robot, controller, arguments.batch, params)
+    with require("the page", "view"):
         from ballbot_rs.viewer.view import View
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"the page needs {error.name}: install it with `pip install 'ballbot-rs[view]'`", name=error.name
-        ) from error
     view = View(session, arguments.port, urdfs)
     try:
         print(f"{view.url} shows the robot; Ctrl-C ends it", flush=True)
@@ -63,3 +62,12 @@ def run(arguments: argparse.Namespace) -> None:
     if view.runner.error is not None:
         raise RuntimeError("the simulation has stopped") from view.runner.error
     print(view.runner.report())
+
+
+def _robot(arguments: argparse.Namespace, chosen: Any) -> tuple[str, Params | None]:
+    """Name of the robot and, unless it is a preset, its parameters."""
+    if arguments.urdf is not None:
+        return arguments.urdf[0].stem, Params.from_urdf(*arguments.urdf)
+    if isinstance(chosen, str):
+        return chosen, None
+    return ("policy" if arguments.robot is None else Path(arguments.robot).stem), Params(**chosen)

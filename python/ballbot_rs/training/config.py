@@ -1,17 +1,13 @@
 """The training configuration: one TOML file, checked as it is read."""
 
 import dataclasses
-import sys
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
-from ballbot_rs.registration import BALANCE, TASKS, check_id
+from ballbot_rs import _toml
+from ballbot_rs.envs.registration import BALANCE, env_id_of, task_of
 
 ALGORITHMS = ("PPO", "SAC")
 
@@ -41,7 +37,7 @@ class TrainConfig:
     policy: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        check_id(self.env_id)
+        task_of(self.env_id)
         for name in ("env", "algorithm_arguments", "schedule", "policy"):
             if not isinstance(getattr(self, name), dict):
                 raise ValueError(f"{name} = {getattr(self, name)!r} must be a table")
@@ -75,8 +71,8 @@ def parse(text: str, source: str) -> TrainConfig:
         ValueError: malformed TOML, a key that is not known, or a value out of range.
     """
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = _toml.loads(text)
+    except ValueError as error:
         raise ValueError(f"{source}: {error}") from error
     _check_keys(source, table, TrainConfig)
     if "evaluation" in table:
@@ -103,8 +99,7 @@ def default_text(task: str) -> str:
     Raises:
         ValueError: there is no such task.
     """
-    if task not in TASKS:
-        raise ValueError(f"unknown task '{task}': expected one of {', '.join(TASKS)}")
+    env_id_of(task)
     return (resources.files(__package__) / "configs" / f"{task}.toml").read_text(encoding="utf-8")
 
 
@@ -121,7 +116,25 @@ def load(task: str, path: Path | None = None) -> tuple[TrainConfig, str]:
     return parse(text, f"{task}.toml" if path is None else str(path)), text
 
 
-def with_timesteps(text: str, timesteps: int) -> str:
-    """The text with another `total_timesteps`, so that what a run keeps is what it did."""
-    kept = [line for line in text.splitlines() if not line.lstrip().startswith("total_timesteps")]
-    return "\n".join([f"total_timesteps = {timesteps}", *kept]) + "\n"
+def with_values(text: str, values: Mapping[str, Any]) -> str:
+    """The text with other values, so that a run keeps the configuration that it used.
+
+    Args:
+        text: TOML; its comments are lost if there are values.
+        values: by dotted name, for example `env.model`.
+
+    Raises:
+        ValueError: a name within something that is not a table.
+    """
+    if not values:
+        return text
+    table = _toml.loads(text)
+    for name, value in values.items():
+        *path, last = name.split(".")
+        inner = table
+        for part in path:
+            inner = inner.setdefault(part, {})
+            if not isinstance(inner, dict):
+                raise ValueError(f"{name} = {value!r}: {part} is not a table")
+        inner[last] = value
+    return _toml.dumps(table)

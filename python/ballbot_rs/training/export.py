@@ -6,6 +6,7 @@ import json
 import logging
 import platform
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,10 +17,13 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from ballbot_rs import __version__
-from ballbot_rs._core import OBSERVATION, Batch
-from ballbot_rs.onnx_policy import PREFIX, OnnxPolicy, observation_layout
-from ballbot_rs.registration import BALANCE
-from ballbot_rs.training.policy import AT_REST, TYPICAL, find_policy, load_policy
+from ballbot_rs._core import OBSERVATION
+from ballbot_rs._extras import require
+from ballbot_rs.control import sb3_policy
+from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy, observation_layout
+from ballbot_rs.envs._batch_env import new_batch
+from ballbot_rs.envs.registration import BALANCE, task_of
+from ballbot_rs.training.policy import AT_REST, TYPICAL, ScaledObservation
 
 #: By how much an exported action may differ from its source, and on how many observations that is checked.
 TOLERANCE: Final = 1e-5
@@ -32,13 +36,15 @@ class _Action(torch.nn.Module):
     def __init__(self, model: BaseAlgorithm) -> None:
         super().__init__()
         self._policy: Any = model.policy
-        self._is_sac = hasattr(model, "actor")
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
         """The most likely action, within [-1, 1]."""
         policy = self._policy
-        if self._is_sac:
-            mean = torch.tanh(policy.actor.get_action_dist_params(observation)[0])
+        actor: Any = getattr(policy, "actor", None)
+        if actor is not None and hasattr(actor, "get_action_dist_params"):
+            mean = torch.tanh(actor.get_action_dist_params(observation)[0])
+        elif actor is not None:
+            mean = actor(observation)
         else:
             features = policy.extract_features(observation, policy.pi_features_extractor)
             mean = policy.action_net(policy.mlp_extractor.forward_actor(features))
@@ -46,27 +52,41 @@ class _Action(torch.nn.Module):
         return mean.clamp(-1.0, 1.0)
 
 
-def export(source: Path, target: Path, env_id: str = BALANCE) -> float:
+def export(source: Path, target: Path, env_id: str = BALANCE, env_options: Mapping[str, Any] | None = None) -> float:
     """Writes the policy at `source` (a file or a run) to `target`; returns the largest difference of actions.
+
+    Args:
+        source: a file of Stable-Baselines3, or a training run.
+        target: the ONNX file.
+        env_id: the environment.
+        env_options: options of the environment, for a file without metadata; None refuses such a file.
 
     Raises:
         FileNotFoundError: there is no policy.
         ValueError: it is a policy for something else, or its ONNX form does not act as it does; nothing is written.
         ModuleNotFoundError: what exports is not installed.
     """
-    model, found = load_policy(source, env_id)
-    content = _with_metadata(_graph(model), _metadata(found))
+    model, found = sb3_policy.load(source, env_id, env_options)
+    if not _is_known(model):
+        raise ValueError(f"{source}: a policy of {found['algorithm']} cannot be exported")
+    content = _with_metadata(_graph(model), _metadata(found, model))
     target.parent.mkdir(parents=True, exist_ok=True)
     unchecked = target.with_name(f".{target.stem}-unchecked.onnx")
     try:
         unchecked.write_bytes(content)
         difference = _difference(model, OnnxPolicy(unchecked, env_id))
         if not difference <= TOLERANCE:
-            raise ValueError(f"{find_policy(source)} and its ONNX form differ by {difference:.1e} > {TOLERANCE:.0e}")
+            raise ValueError(
+                f"{sb3_policy.find_file(source)} and its ONNX form differ by {difference:.1e} > {TOLERANCE:.0e}"
+            )
         unchecked.replace(target)
     finally:
         unchecked.unlink(missing_ok=True)
     return difference
+
+
+def _is_known(model: BaseAlgorithm) -> bool:
+    return hasattr(model.policy, "actor") or hasattr(model.policy, "mlp_extractor")
 
 
 def _graph(model: BaseAlgorithm) -> Any:
@@ -75,7 +95,7 @@ def _graph(model: BaseAlgorithm) -> Any:
     # The exporter prints its progress and warns of what this network does not have.
     with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(), _silent("torch.onnx", "onnxscript"):
         warnings.simplefilter("ignore")
-        try:
+        with require("exporting", "train", "export"):
             program = torch.onnx.export(
                 action,
                 (example,),
@@ -86,10 +106,6 @@ def _graph(model: BaseAlgorithm) -> Any:
                 external_data=False,
                 verbose=False,
             )
-        except ModuleNotFoundError as error:
-            raise ModuleNotFoundError(
-                f"exporting needs {error.name}: install it with `pip install 'ballbot-rs[export]'`", name=error.name
-            ) from error
     assert program is not None
     return program.model_proto
 
@@ -107,14 +123,16 @@ def _silent(*names: str) -> Any:
             logger.setLevel(level)
 
 
-def _metadata(found: dict[str, Any]) -> dict[str, Any]:
-    task = Batch(1, "disabled", 1, 0, **found["env_options"])
+def _metadata(found: dict[str, Any], model: BaseAlgorithm) -> dict[str, Any]:
+    task = new_batch(1, task=task_of(found["env_id"]), num_threads=1, options=found["env_options"])
+    is_scaled = isinstance(getattr(model.policy, "features_extractor", None), ScaledObservation)
+    scaling = {"at_rest": _plain(AT_REST), "typical": _plain(TYPICAL), "cutoff": 10.0} if is_scaled else {}
     return {
         "env_id": found["env_id"],
         "env_options": found["env_options"],
         "observation": observation_layout(),
         # Part of the network: what it sees is (observation - at_rest) / typical, cut off.
-        "normalisation": {"at_rest": _plain(AT_REST), "typical": _plain(TYPICAL), "cutoff": 10.0},
+        "normalisation": scaling,
         "max_wheel_torque": task.max_wheel_torque,
         "control_dt": task.control_dt,
         "algorithm": found["algorithm"],

@@ -16,10 +16,12 @@ from stable_baselines3.common.callbacks import CheckpointCallback, EvalCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
 import ballbot_rs
-from ballbot_rs.sb3 import BallbotVecEnv
+from ballbot_rs.control.sb3_policy import METADATA, algorithms, metadata
+from ballbot_rs.envs.registration import task_of
+from ballbot_rs.envs.sb3 import BallbotVecEnv
 from ballbot_rs.training import config as config_module
 from ballbot_rs.training.config import TrainConfig
-from ballbot_rs.training.policy import CLASSES, METADATA, ScaledObservation, metadata
+from ballbot_rs.training.policy import ScaledObservation
 
 #: Seeds of environments: each run has its own range, evaluations have its end, and `compare` stays below all of them.
 SEEDS_PER_RUN = 10_000_000
@@ -91,7 +93,7 @@ def resume(folder: Path, *, timesteps: int | None = None, progress_bar: bool = T
     seed = int(json.loads(record.read_text(encoding="utf-8"))["seed"])
     text = (folder / "config.toml").read_text(encoding="utf-8")
     if timesteps is not None:
-        text = config_module.with_timesteps(text, timesteps)
+        text = config_module.with_values(text, {"total_timesteps": timesteps})
     config = config_module.parse(text, str(folder / "config.toml"))
     checkpoints = sorted((folder / "checkpoints").glob("rl_model_*_steps.zip"), key=_steps_of)
     if config.algorithm == "SAC":
@@ -100,7 +102,7 @@ def resume(folder: Path, *, timesteps: int | None = None, progress_bar: bool = T
         raise FileNotFoundError(f"{folder} has no checkpoint to resume from")
     (folder / "config.toml").write_text(text, encoding="utf-8")
     torch.set_num_threads(config.torch_threads)
-    model = CLASSES[config.algorithm].load(checkpoints[-1], env=_environment(config), device="cpu")
+    model = algorithms()[config.algorithm].load(checkpoints[-1], env=_environment(config), device="cpu")
     # Loading seeds everything as at the start of the run: go on with other numbers.
     model.set_random_seed(seed + model.num_timesteps)
     _seed_environments(model, _first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
@@ -113,8 +115,9 @@ def resume(folder: Path, *, timesteps: int | None = None, progress_bar: bool = T
 def _environment(config: TrainConfig) -> VecMonitor:
     return VecMonitor(
         BallbotVecEnv(
-            config.env_id,
             config.num_envs,
+            task=task_of(config.env_id),
+            torch_threads=None,
             num_threads=config.num_threads,
             stagger=True,
             **config.env,
@@ -137,7 +140,7 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
     for name in config.schedule:
         arguments[name] = _linear(float(arguments[name]))
     try:
-        model: BaseAlgorithm = CLASSES[config.algorithm](
+        model: BaseAlgorithm = algorithms()[config.algorithm](
             "MlpPolicy",
             _environment(config),
             policy_kwargs={"features_extractor_class": ScaledObservation, **config.policy},
@@ -159,8 +162,9 @@ def _learn(
 ) -> Path:
     every = max(config.evaluation.every_timesteps // config.num_envs, 1)
     evaluation = BallbotVecEnv(
-        config.env_id,
         min(config.evaluation.episodes, 100),
+        task=task_of(config.env_id),
+        torch_threads=None,
         num_threads=config.num_threads,
         seed=_first_seed(seed) + EVALUATION_SEEDS,
         **config.env,

@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from ballbot_rs._core import MODELS
-from ballbot_rs.viewer.controllers import CONTROLLERS
+from ballbot_rs.control.resolve import CONTROLLERS
 from ballbot_rs.viewer.handle import PullHandle
 from ballbot_rs.viewer.plots import Plots
 from ballbot_rs.viewer.recording import Frame

@@ -14,11 +14,6 @@ CAPACITY = 60_000
 #: Least simulated time between two frames of a recording, s.
 PERIOD = 0.01
 
-#: Where things stand in a row of `Frame.states`.
-BALL_POSITION, BALL_QUATERNION = slice(0, 3), slice(3, 7)
-BODY_POSITION, BODY_QUATERNION = slice(13, 16), slice(16, 20)
-WHEEL_ANGLES = slice(26, 29)
-
 
 @dataclasses.dataclass(frozen=True)
 class Frame:

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Ballbot, DivergedError, Params, State
+from ballbot_rs._state_rows import mast_of
 from ballbot_rs.viewer.recording import Frame
 
 FloatArray = npt.NDArray[np.float64]
@@ -81,9 +82,7 @@ class Robots:
     def com(self) -> FloatArray:
         """Where the centre of mass of robot 0's body is, m."""
         state = self._robots[0].state
-        w, x, y, z = state.body_quaternion
-        mast = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-        com: FloatArray = state.body_position + self.params.body_com_height * mast
+        com: FloatArray = state.body_position + self.params.body_com_height * mast_of(state.to_array())
         return com
 
     def step(self, torques: FloatArray, steps: int) -> list[int]:

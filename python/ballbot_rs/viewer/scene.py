@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from ballbot_rs.viewer.recording import (
+from ballbot_rs._state_rows import (
     BALL_POSITION,
     BALL_QUATERNION,
     BODY_POSITION,
     BODY_QUATERNION,
     WHEEL_ANGLES,
-    Frame,
 )
+from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.shapes import Look, Piece
 
 FloatArray = npt.NDArray[np.float64]

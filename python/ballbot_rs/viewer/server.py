@@ -11,7 +11,6 @@ import time
 import urllib.parse
 from collections.abc import Callable, Iterator
 from typing import Any
-from unittest import mock
 
 import viser
 import websockets.asyncio.server
@@ -25,7 +24,7 @@ HOST = "127.0.0.1"
 OWN_NAMES = ("127.0.0.1", "localhost", "::1")
 
 
-#: viser's page reports its visitors to a company. Ours does not.
+#: The analytics script of viser's page, which is removed.
 ANALYTICS = re.compile(rb"<script(?:(?!</script>).)*(?:googletagmanager|gtag)(?:(?!</script>).)*</script>", re.DOTALL)
 
 
@@ -33,8 +32,11 @@ class LocalServer(viser.ViserServer):
     """A viser server that cannot be shared with the internet."""
 
     def __init__(self, port: int) -> None:
-        with _guarded(), contextlib.redirect_stdout(io.StringIO()):
+        with _guarded() as guards, contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=HOST, port=port, label="ballbot", verbose=False)
+        if not guards:
+            super().stop()
+            raise RuntimeError(f"viser {viser.__version__} serves its page in another way: it cannot be restricted")
 
     def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
         """Refuses: what a page asks for must not open this machine to others."""
@@ -99,9 +101,13 @@ def refusal(path: str, headers: Headers) -> str | None:
 
 
 @contextlib.contextmanager
-def _guarded() -> Iterator[None]:
-    """Puts `refusal` before viser's own answers; viser has no place for it."""
+def _guarded() -> Iterator[list[bool]]:
+    """Puts `refusal` before viser's own answers, for which viser has no hook.
+
+    The list is empty as long as viser has not started a server through it.
+    """
     serve = websockets.asyncio.server.serve
+    guards: list[bool] = []
 
     def guarded(*arguments: Any, process_request: Callable[[ServerConnection, Request], Any], **options: Any) -> Any:
         @functools.wraps(process_request)
@@ -117,7 +123,11 @@ def _guarded() -> Iterator[None]:
                 response.body = ANALYTICS.sub(b"", response.body)
             return response
 
+        guards.append(True)
         return serve(*arguments, process_request=answer, **options)
 
-    with mock.patch.object(websockets.asyncio.server, "serve", guarded):
-        yield
+    websockets.asyncio.server.serve = guarded  # type: ignore[assignment]
+    try:
+        yield guards
+    finally:
+        websockets.asyncio.server.serve = serve

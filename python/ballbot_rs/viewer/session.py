@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import MODELS, Params
-from ballbot_rs.viewer.controllers import Driver, make_driver
+from ballbot_rs.control.resolve import Controller, find
+from ballbot_rs.viewer.drivers import Driver, make_driver
 from ballbot_rs.viewer.history import History
-from ballbot_rs.viewer.policy import Policy
 from ballbot_rs.viewer.recording import Frame, Recording
 from ballbot_rs.viewer.robots import Robots
 
@@ -37,7 +37,7 @@ class Session:
     Args:
         model: "planar", "spatial", "contact" or "rigid".
         robot: the name of a preset, or of `params`.
-        controller: "lqr", "pid", "zero", or the path of an ONNX policy.
+        controller: "lqr", "pid", "zero", the path of an ONNX policy, or what `control.resolve.find` gives.
         num_robots: how many robots there are at once.
         params: a robot that is no preset.
 
@@ -50,7 +50,7 @@ class Session:
         self,
         model: str = "contact",
         robot: str = "paper",
-        controller: str = "lqr",
+        controller: str | Controller = "lqr",
         num_robots: int = 1,
         params: Params | None = None,
     ) -> None:
@@ -67,19 +67,22 @@ class Session:
         self.notices: deque[str] = deque(maxlen=20)
         self.pull_point: npt.NDArray[np.float64] | None = None
         self._ahead = 0.0
-        self.controller = controller
-        self.driver, self.robots = self._make(model, robot, controller, num_robots)
+        self._controller = _found(controller)
+        self.driver, self.robots = self._make(model, robot, self._controller, num_robots)
         self.reset()
 
-    def _make(
-        self, model: str, robot: str, controller: str, num_robots: int, policy: Policy | None = None
-    ) -> tuple[Driver, Robots]:
+    @property
+    def controller(self) -> str:
+        """Name of the controller, or path of the policy."""
+        return self._controller.name
+
+    def _make(self, model: str, robot: str, controller: Controller, num_robots: int) -> tuple[Driver, Robots]:
         if model not in MODELS:
             raise ValueError(f"unknown model '{model}': expected one of {', '.join(MODELS)}")
         if isinstance(num_robots, bool) or not isinstance(num_robots, int) or not 1 <= num_robots <= MAX_ROBOTS:
             raise ValueError(f"num_robots = {num_robots} is out of range: expected 1 to {MAX_ROBOTS}")
         params = self.params_of(robot)
-        driver = make_driver(controller, params, num_robots, policy)
+        driver = make_driver(controller, params, num_robots)
         return driver, Robots(robot, params, model, num_robots, driver.sim_dt)
 
     def params_of(self, robot: str) -> Params:
@@ -96,27 +99,23 @@ class Session:
         *,
         model: str | None = None,
         robot: str | None = None,
-        controller: str | None = None,
+        controller: str | Controller | None = None,
         num_robots: int | None = None,
-        policy: Policy | None = None,
     ) -> None:
         """Changes what is simulated. The robots move on, unless their kind or number changes: then they start anew.
 
-        `policy` is used in place of the file that `controller` names. Raises as the constructor, and changes nothing
-        then.
+        Raises as the constructor, and changes nothing then.
         """
         old = self.robots
-        controller = self.controller if controller is None else controller
-        if policy is None and controller == self.controller:
-            policy = getattr(self.driver, "policy", None)
+        # The file of a policy that is in use already is not read again.
+        chosen = self._controller if controller in (None, self.controller) else _found(controller)
         driver, new = self._make(
             old.model if model is None else model,
             old.name if robot is None else robot,
-            controller,
+            chosen,
             len(old) if num_robots is None else num_robots,
-            policy,
         )
-        self.controller, self.driver = controller, driver
+        self._controller, self.driver = chosen, driver
         if (new.name, len(new)) != (old.name, len(old)):
             self.robots = new
             self.reset()
@@ -229,3 +228,9 @@ class Session:
         if self.replay_time is not None:
             return self.recording.at(self.replay_time)
         return self.robots.frame(self.time, self.setpoint)
+
+
+def _found(controller: str | Controller | None) -> Controller:
+    """A page may name any controller or ONNX file: these have no pickled code."""
+    assert controller is not None
+    return find(controller, trusted=False)

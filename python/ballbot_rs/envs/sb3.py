@@ -1,35 +1,42 @@
 """The balance task as a Stable-Baselines3 `VecEnv`."""
 
+import copy
+import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
+import torch
+from gymnasium.envs.registration import EnvSpec
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 
-from ballbot_rs._core import Params, State
-from ballbot_rs.batch_owner import (
-    BatchOwner,
-    action_space,
-    check_options,
-    check_seed,
-    observation_space,
-    refuse_option,
-)
-from ballbot_rs.registration import BALANCE, MAX_EPISODE_STEPS, check_id
-from ballbot_rs.rendering import Rendered
+from ballbot_rs._checks import check_reset_options, check_seed
+from ballbot_rs._core import Batch
+from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, OneRobot, fixed_option
+from ballbot_rs.envs._render import Rendered
+from ballbot_rs.envs.registration import DEFAULT_TASK, MAX_EPISODE_STEPS, env_id_of
+from ballbot_rs.envs.spaces import action_space, observation_space
 
 
-class EnvView:
-    """One environment of a `BallbotVecEnv`, as `get_attr`, `set_attr` and `env_method` see it."""
-
-    spec: None = None
+class EnvView(OneRobot):
+    """One environment of a `BallbotVecEnv`, as `get_attr`, `set_attr` and `env_method` reach it."""
 
     def __init__(self, owner: "BallbotVecEnv", index: int) -> None:
         self._owner = owner
         self._index = index
         self.render_mode = owner.render_mode
+        self._np_random: np.random.Generator | None = None
+
+    @property
+    def _batch(self) -> Batch:  # type: ignore[override]
+        return self._owner._batch
+
+    @property
+    def unwrapped(self) -> "EnvView":
+        """The environment itself: it has no wrappers."""
+        return self
 
     @property
     def observation_space(self) -> gymnasium.Space[Any]:
@@ -42,80 +49,124 @@ class EnvView:
         return self._owner.action_space
 
     @property
-    def control_dt(self) -> float:
-        """Time between two actions, s."""
-        return self._owner._batch.control_dt
+    def metadata(self) -> dict[str, Any]:
+        """Render modes and frame rate."""
+        return self._owner.metadata
 
     @property
-    def state(self) -> State:
-        """The robot's full state."""
-        return self._owner._batch.state(self._index)
+    def task(self) -> str:
+        """Name of the task."""
+        return self._owner.task
 
     @property
-    def params(self) -> Params:
-        """The robot's parameters."""
-        return self._owner._batch.params
+    def task_options(self) -> dict[str, Any]:
+        """The options that the environment was made with, as JSON can hold them."""
+        return self._owner.task_options
 
-    def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
-        """Gives the body an impulse; see `Ballbot.push`."""
-        self._owner._batch.push(self._index, impulse, point)
+    @property
+    def spec(self) -> EnvSpec:
+        """What `gymnasium.make` makes the same environment from."""
+        spec = copy.deepcopy(gymnasium.spec(env_id_of(self.task)))
+        options = self.task_options
+        spec.max_episode_steps = options.pop("max_episode_steps")
+        spec.kwargs.update(options)
+        return spec
 
-    def set_joint_dynamics(self, viscous_friction: float | None = None, coulomb_friction: float | None = None) -> None:
-        """Changes the friction of the wheel joints; see `Ballbot.set_joint_dynamics`."""
-        self._owner._batch.set_joint_dynamics(self._index, viscous_friction, coulomb_friction)
+    @property
+    def np_random(self) -> np.random.Generator:
+        """Random numbers for wrappers; those of the robots are in Rust."""
+        if self._np_random is None:
+            self._np_random = np.random.default_rng(self._owner._first_seed + self._index)
+        return self._np_random
 
-    def reward_terms(self) -> dict[str, float]:
-        """The terms whose sum was the last reward (zeros right after a reset)."""
-        return self._owner._batch.reward_terms(self._index)
+    @np_random.setter
+    def np_random(self, value: np.random.Generator) -> None:
+        self._np_random = value
+
+    def has_wrapper_attr(self, name: str) -> bool:
+        """Whether the environment has an attribute."""
+        return hasattr(self, name)
+
+    def get_wrapper_attr(self, name: str) -> Any:
+        """An attribute."""
+        return getattr(self, name)
+
+    def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
+        """Sets an attribute; without `force` only one that exists. Returns whether it was set."""
+        if (reason := fixed_option(name)) is not None:
+            raise AttributeError(reason)
+        if force or hasattr(self, name):
+            setattr(self, name, value)
+            return True
+        return False
 
 
-class BallbotVecEnv(BatchOwner, Rendered, VecEnv):
-    """`num_envs` balance environments for Stable-Baselines3, stepped at once in Rust.
+class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
+    """`num_envs` environments for Stable-Baselines3, stepped at once in Rust.
 
     Task, spaces and options as in `BalanceEnv`. Finished episodes are reset within the step; their infos have
     `terminal_observation`, `TimeLimit.truncated`, `is_success` and, where terminated, `termination`.
 
     Args:
-        env_id: "ballbot/Balance-v0".
         num_envs: number of robots.
+        task: name of the task.
         model: "rigid", "contact" (by far the fastest), "spatial" or "planar".
         num_threads: threads that step the robots; None takes all cores. Results do not depend on it.
         seed: environment i is seeded with seed + i; None takes one from the operating system.
-        max_episode_steps: steps after which an episode is truncated.
+        max_episode_steps: steps after which an episode is truncated; None: never.
         stagger: whether the first episodes are shortened by different amounts, so that robots that never fall are
             not all truncated on the same step.
+        torch_threads: threads that PyTorch uses within an operation, set for the whole process (networks of this size
+            train several times slower with two threads than with one); None, or the variable OMP_NUM_THREADS, leaves
+            PyTorch's setting alone.
         render_mode: None, or "rgb_array" for frames by `get_images()` and `render()`.
-        render_options: arguments of `Renderer`.
+        width: of a frame, pixels.
+        height: of a frame, pixels.
+        camera: as in `Renderer`.
+        render_options: other arguments of `Renderer`.
         options: as in `BalanceEnv`.
 
     Raises:
         ValueError: an unknown name or a number out of range; the message has the value and the limit.
+        TypeError: an argument that is not known.
     """
 
     def __init__(
         self,
-        env_id: str = BALANCE,
         num_envs: int = 1,
         *,
+        task: str = DEFAULT_TASK,
         model: str = "rigid",
         num_threads: int | None = None,
         seed: int | None = None,
-        max_episode_steps: int = MAX_EPISODE_STEPS,
+        max_episode_steps: int | None = MAX_EPISODE_STEPS,
         stagger: bool = False,
+        torch_threads: int | None = 1,
         render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
         render_options: dict[str, Any] | None = None,
         **options: Any,
     ) -> None:
-        check_id(env_id)
+        if isinstance(num_envs, (list, tuple)):
+            raise TypeError(
+                f"BallbotVecEnv makes its robots itself, not from {len(num_envs)} functions: "
+                f"call BallbotVecEnv(num_envs={len(num_envs)}, ...) in place of make_vec_env"
+            )
         options |= {"model": model, "max_episode_steps": max_episode_steps}
-        self._make_batch(num_envs, "same_step", num_threads, seed, options)
+        self._make_batch(num_envs, options, task=task, autoreset="same_step", num_threads=num_threads, seed=seed)
+        if torch_threads is not None and "OMP_NUM_THREADS" not in os.environ:
+            torch.set_num_threads(torch_threads)
         self._stagger = stagger
         self._actions: npt.NDArray[Any] | None = None
-        self._set_render(render_mode, self._batch.params, render_options, num_threads)
+        self._set_render(
+            render_mode, self.params, render_options, num_threads, width=width, height=height, camera=camera
+        )
         self._views = [EnvView(self, i) for i in range(num_envs)]
         super().__init__(num_envs, observation_space(), action_space())
         metadata: dict[str, Any] = self.metadata
-        metadata["render_fps"] = round(1.0 / self._batch.control_dt)
+        metadata["render_fps"] = round(1.0 / self.control_dt)
 
     def reset(self) -> npt.NDArray[np.float32]:
         """Begins episodes in all environments, with the seeds and options set since the last reset.
@@ -124,7 +175,7 @@ class BallbotVecEnv(BatchOwner, Rendered, VecEnv):
             ValueError: an option other than `state`, or a state that the model cannot represent.
         """
         seeds = [None if seed is None else check_seed(seed) for seed in self._seeds]
-        starts = [check_options(options, ("state",)).get("state") for options in self._options]
+        starts = [check_reset_options(options, ("state",)).get("state") for options in self._options]
         observations = self._batch.reset(seeds=seeds, starts=starts)
         if self._stagger:
             self._batch.stagger()
@@ -166,7 +217,8 @@ class BallbotVecEnv(BatchOwner, Rendered, VecEnv):
         Raises:
             AttributeError: it is an option of the task, which is fixed once an environment is made.
         """
-        refuse_option(attr_name)
+        if (reason := fixed_option(attr_name)) is not None:
+            raise AttributeError(reason)
         for view in self._chosen(indices):
             setattr(view, attr_name, value)
 
@@ -185,8 +237,3 @@ class BallbotVecEnv(BatchOwner, Rendered, VecEnv):
         if self.render_mode is None:
             return [None] * self.num_envs
         return list(self._frames(self._batch.states()))
-
-    @property
-    def states(self) -> npt.NDArray[np.float64]:
-        """Full states, one row an environment, as `State.to_array` lays them out."""
-        return self._batch.states()

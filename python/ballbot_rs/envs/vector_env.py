@@ -8,18 +8,12 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ballbot_rs._core import TERMINATIONS, Params, State
-from ballbot_rs.batch_owner import (
-    BatchOwner,
-    FloatArray,
-    action_space,
-    check_options,
-    check_seed,
-    observation_space,
-    refuse_option,
-)
-from ballbot_rs.registration import MAX_EPISODE_STEPS
-from ballbot_rs.rendering import RENDER_MODES, Frames, Rendered, warn_without_mode
+from ballbot_rs._checks import check_reset_options, check_seed
+from ballbot_rs._core import TERMINATIONS, State
+from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, fixed_option
+from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
+from ballbot_rs.envs.registration import DEFAULT_TASK, MAX_EPISODE_STEPS
+from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -34,16 +28,20 @@ def _autoreset_name(mode: str | AutoresetMode) -> str:
     return str(mode).lower().replace("-", "_")
 
 
-class BalanceVectorEnv(BatchOwner, Rendered, VectorEnv[FloatArray, FloatArray, npt.NDArray[Any]]):
+class BalanceVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, FloatArray, npt.NDArray[Any]]):
     """`num_envs` balance environments; task, spaces and arguments as in `BalanceEnv`.
 
     Environment i, reset with seed s, is bit-identical to a `BalanceEnv` reset with seed s + i, for any `num_threads`.
 
     Args:
         num_envs: number of robots.
-        max_episode_steps: steps after which an episode is truncated.
+        task: name of the task.
+        max_episode_steps: steps after which an episode is truncated; None: never.
         render_mode: None, or "rgb_array" for frames by `render()`.
-        render_options: arguments of `Renderer`.
+        width: of a frame, pixels.
+        height: of a frame, pixels.
+        camera: as in `Renderer`.
+        render_options: other arguments of `Renderer`.
         autoreset_mode: "next_step" (Gymnasium's default), "same_step" or "disabled", or the enum.
         num_threads: threads that step the robots; None takes all cores.
         seed: seeds the first reset if that gets no seed.
@@ -63,8 +61,12 @@ class BalanceVectorEnv(BatchOwner, Rendered, VectorEnv[FloatArray, FloatArray, n
         self,
         num_envs: int = 1,
         *,
-        max_episode_steps: int = MAX_EPISODE_STEPS,
+        task: str = DEFAULT_TASK,
+        max_episode_steps: int | None = MAX_EPISODE_STEPS,
         render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
         render_options: dict[str, Any] | None = None,
         autoreset_mode: str | AutoresetMode = "next_step",
         num_threads: int | None = None,
@@ -73,11 +75,14 @@ class BalanceVectorEnv(BatchOwner, Rendered, VectorEnv[FloatArray, FloatArray, n
     ) -> None:
         autoreset = _autoreset_name(autoreset_mode)
         options["max_episode_steps"] = max_episode_steps
-        self._make_batch(num_envs, autoreset, num_threads, seed, options)
+        self._make_batch(num_envs, options, task=task, autoreset=autoreset, num_threads=num_threads, seed=seed)
         self.num_envs = num_envs
+        self._env_seeds = tuple((self._first_seed + i) % 2**64 for i in range(num_envs))
         self.autoreset_mode = AutoresetMode[autoreset.upper()]
-        self._set_render(render_mode, self._batch.params, render_options, num_threads)
-        rate = round(1.0 / self._batch.control_dt)
+        self._set_render(
+            render_mode, self.params, render_options, num_threads, width=width, height=height, camera=camera
+        )
+        rate = round(1.0 / self.control_dt)
         self.metadata = {**type(self).metadata, "render_fps": rate, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space = observation_space()
         self.single_action_space = action_space()
@@ -98,20 +103,24 @@ class BalanceVectorEnv(BatchOwner, Rendered, VectorEnv[FloatArray, FloatArray, n
             Observations of all environments, reset or not, and an empty info.
 
         Raises:
-            ValueError: an unknown option, a mask, a list or a seed of the wrong kind, a state that the model cannot
-                represent or that the mask leaves alone. Nothing has changed then.
+            TypeError: a mask that is no array of bool.
+            ValueError: an unknown option, a mask of the wrong shape or without a True, a list or a seed of the wrong
+                kind, a state that the model cannot represent or of an environment that is not reset. Nothing has
+                changed then.
         """
-        chosen = check_options(options, ("reset_mask", "states"))
+        chosen = check_reset_options(options, ("reset_mask", "states"))
         mask = chosen.get("reset_mask")
         if mask is not None:
-            mask = np.asarray(mask)
-            if mask.dtype != np.bool_:
-                raise ValueError(f"reset_mask has dtype {mask.dtype}, expected bool")
+            _check_mask(mask)
         states: Sequence[State | None] | None = chosen.get("states")
         if states is not None and len(states) != self.num_envs:
             raise ValueError(f"states has {len(states)} entries, expected num_envs = {self.num_envs}")
         seeds = None if seed is None else self._seeds(seed)
         observations = self._batch.reset(mask, seeds, states)
+        if seeds is not None:
+            taken = np.ones(self.num_envs, dtype=bool) if mask is None else mask
+            pairs = zip(seeds, self._env_seeds, taken, strict=True)
+            self._env_seeds = tuple(new if new is not None and is_reset else old for new, old, is_reset in pairs)
         super().reset(seed=seed if isinstance(seed, int) else None)
         return observations, {}
 
@@ -122,13 +131,25 @@ class BalanceVectorEnv(BatchOwner, Rendered, VectorEnv[FloatArray, FloatArray, n
             raise ValueError(f"seed has {len(seed)} entries, expected num_envs = {self.num_envs}")
         return [None if s is None else check_seed(s) for s in seed]
 
-    def step(self, actions: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """The seed of each environment."""
+        return self._env_seeds
+
+    def step(
+        self, actions: npt.ArrayLike
+    ) -> tuple[FloatArray, npt.NDArray[np.float64], BoolArray, BoolArray, dict[str, Any]]:
         """Applies actions, shape (num_envs, 3), for one control step.
+
+        Returns:
+            Observations (num_envs, 16) float32, rewards (num_envs,) float64, terminated and truncated (num_envs,) bool,
+            and infos.
 
         Raises:
             ValueError: actions of the wrong shape or not finite; with "disabled", an episode that is over.
         """
-        observations, rewards, terminated, truncated = self._batch.step(actions)
+        observations, single_rewards, terminated, truncated = self._batch.step(actions)
+        rewards = single_rewards.astype(np.float64)
         ended = terminated | truncated
         if not ended.any():
             return observations, rewards, terminated, truncated, {}
@@ -172,9 +193,11 @@ class BalanceVectorEnv(BatchOwner, Rendered, VectorEnv[FloatArray, FloatArray, n
         return self.get_attr(name)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of every environment: `state`, or one that they all share."""
+        """An attribute of every environment: `state`, a space of one environment, or what all share."""
         if name == "state":
             return tuple(self._batch.state(i) for i in range(self.num_envs))
+        if name in ("observation_space", "action_space"):
+            name = f"single_{name}"
         return (getattr(self, name),) * self.num_envs
 
     def set_attr(self, name: str, values: Any) -> None:
@@ -183,7 +206,8 @@ class BalanceVectorEnv(BatchOwner, Rendered, VectorEnv[FloatArray, FloatArray, n
         Raises:
             AttributeError: it is an option of the task, which is fixed once an environment is made.
         """
-        refuse_option(name)
+        if (reason := fixed_option(name)) is not None:
+            raise AttributeError(reason)
         if isinstance(values, (list, tuple)):
             if len(values) != self.num_envs:
                 raise ValueError(f"{name} has {len(values)} values for num_envs = {self.num_envs}")
@@ -192,12 +216,11 @@ class BalanceVectorEnv(BatchOwner, Rendered, VectorEnv[FloatArray, FloatArray, n
             values = values[0]
         setattr(self, name, values)
 
-    @property
-    def params(self) -> Params:
-        """The robots' parameters."""
-        return self._batch.params
 
-    @property
-    def states(self) -> npt.NDArray[np.float64]:
-        """Full states, one row an environment, as `State.to_array` lays them out."""
-        return self._batch.states()
+def _check_mask(mask: Any) -> None:
+    if not isinstance(mask, np.ndarray):
+        raise TypeError(f"reset_mask is of type {type(mask).__name__}, expected a NumPy array")
+    if mask.dtype != np.bool_:
+        raise TypeError(f"reset_mask has dtype {mask.dtype}, expected bool")
+    if not mask.any():
+        raise ValueError("reset_mask has no True: there is nothing to reset")

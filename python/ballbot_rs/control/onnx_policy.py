@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import OBSERVATION
-from ballbot_rs.registration import BALANCE
+from ballbot_rs._extras import require
+from ballbot_rs.envs.registration import BALANCE
 
 #: What an exported policy says of itself, each a JSON text; the keys of its file begin with `PREFIX`.
 FIELDS = {
@@ -75,12 +76,8 @@ class OnnxPolicy:
 
 
 def _session(file: Path) -> Any:
-    try:
+    with require("an ONNX policy", "onnx"):
         import onnxruntime
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"an ONNX policy needs {error.name}: install it with `pip install 'ballbot-rs[onnx]'`", name=error.name
-        ) from error
     options = onnxruntime.SessionOptions()
     # The network is small: a second thread would cost more than it brings.
     options.intra_op_num_threads = options.inter_op_num_threads = 1

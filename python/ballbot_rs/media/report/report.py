@@ -7,12 +7,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ballbot_rs import recovery, trajectory
-from ballbot_rs.controllers import find
-from ballbot_rs.evaluation import Progress, Result, compare
-from ballbot_rs.recording import renderer_for, write_video
-from ballbot_rs.reporting import page
-from ballbot_rs.reporting.table import LEGEND, rows
+from ballbot_rs._extras import require
+from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs._text_table import LEGEND, rows
+from ballbot_rs.analysis import recovery_map as recovery
+from ballbot_rs.analysis import trajectory
+from ballbot_rs.analysis.episodes import Result, compare
+from ballbot_rs.control.resolve import find
+from ballbot_rs.media.report import page
+from ballbot_rs.media.video import renderer_for, write_video
 from ballbot_rs.training import curve
 
 #: What a policy is compared with.
@@ -45,17 +48,13 @@ def write(
         ValueError: what is there cannot be read.
         ModuleNotFoundError: matplotlib or moviepy is not installed.
     """
-    try:
-        from ballbot_rs.plotting import learning_curve, recovery_map
-        from ballbot_rs.plotting.labels import short
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"a report needs {error.name}: install it with `pip install 'ballbot-rs[plot,video]'`", name=error.name
-        ) from error
+    with require("a report", "plot", "video"):
+        from ballbot_rs.media.figures import learning_curve, recovery_map
+        from ballbot_rs.media.figures.labels import short
     learned = curve.read(folder)
     record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     policy = find(str(folder / "best_model.zip"))
-    show = progress or (lambda _: _nowhere)
+    show = progress or (lambda _: no_progress)
     parts = [page.note(f"Training run {folder.resolve().name}, seed {record['seed']}.")]
     # First, because this is what may turn out not to be installed.
     if video_seconds > 0:
@@ -104,7 +103,3 @@ def _video(policy: Any, seconds: float, progress: Progress) -> tuple[str, str]:
     pushed = "" if push is None else f", pushed by {push.impulse} N·s at {push.time} s"
     text = f"Let go at a tilt of {TILT} rad{pushed}. Arrows: loads (blue) and tractions (green) of the wheels, "
     return playing, page.note(text + f"the floor's horizontal force (red). Model {shown.model}.")
-
-
-def _nowhere(done: int, total: int) -> None:
-    pass

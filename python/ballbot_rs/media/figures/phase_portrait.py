@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from ballbot_rs.plotting.labels import short
-from ballbot_rs.plotting.style import COLOURS, INK, figure
-from ballbot_rs.trajectory import Trajectory
+from ballbot_rs.analysis.trajectory import Trajectory
+from ballbot_rs.media.figures.labels import short
+from ballbot_rs.media.figures.style import COLOURS, INK, figure
 
 
 def draw(trajectories: Sequence[Trajectory]) -> Figure:

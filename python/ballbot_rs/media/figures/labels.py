@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ballbot_rs.controllers import CONTROLLERS
+from ballbot_rs.control.resolve import CONTROLLERS
 
 _NAMES = {"lqr": "LQR", "pid": "PID", "zero": "no torque"}
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from ballbot_rs.plotting.labels import short
-from ballbot_rs.plotting.style import COLOURS, figure
-from ballbot_rs.trajectory import Trajectory
+from ballbot_rs.analysis.trajectory import Trajectory
+from ballbot_rs.media.figures.labels import short
+from ballbot_rs.media.figures.style import COLOURS, figure
 
 #: From top to bottom.
 QUANTITIES = ("tilt (deg)", "ball position (m)", "wheel torque (N·m)", "wheel load (N)")

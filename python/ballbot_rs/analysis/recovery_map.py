@@ -8,14 +8,16 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import State
-from ballbot_rs.controllers import Controller, common_options, find
-from ballbot_rs.evaluation import Progress
-from ballbot_rs.registration import BALANCE
+from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs._state_rows import tilt_of
+from ballbot_rs.analysis.episodes import SETTLED_TILT
+from ballbot_rs.analysis.rollout import batch_for, rollout
+from ballbot_rs.analysis.settling import settling_times
+from ballbot_rs.control.resolve import Source, common_options, find
+from ballbot_rs.envs.registration import DEFAULT_TASK
 
 #: Beyond this tilt (rad) the robot has fallen: not the task's limit, which would decide about half of the map.
 FALLEN = 1.0
-#: Within this tilt (rad) the robot has settled.
-SETTLED = np.deg2rad(1.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,59 +43,57 @@ class Recovery:
 
 
 def collect(
-    controller: str | Controller,
+    controller: Source,
     *,
     max_tilt: float = 0.42,
     rings: int = 12,
     sectors: int = 24,
     seconds: float = 5.0,
-    env_id: str = BALANCE,
+    task: str | None = None,
     env_options: Mapping[str, Any] | None = None,
     num_threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
 ) -> Recovery:
     """Lets go of a robot at every cell of a polar grid and sees whether it recovers.
 
     Args:
-        controller: a name or a path, as `controllers.find` takes it.
+        controller: a name, a path or an object, as in `compare`.
         max_tilt: outer edge of the map, rad.
         rings: number of initial tilts, at the middle of as many equal rings.
         sectors: number of azimuths.
         seconds: time to recover in.
-        env_id: the task.
-        env_options: arguments of the environment, over those that a policy was trained with.
+        task: name of the task, as in `compare`.
+        env_options: options of the environment, over those that a policy was trained with.
         num_threads: threads that step the robots; None takes all cores.
-        progress: told how many of how many steps are done.
+        progress: called with the number of steps done and their total.
 
     Raises:
-        ValueError: a number out of range, or as `controllers.find`.
+        ValueError: a number out of range, or as `compare`.
     """
     if not 0.0 < max_tilt < FALLEN:
         raise ValueError(f"max_tilt = {max_tilt} is out of range: it must be above 0 and below {FALLEN}")
     if rings < 1 or sectors < 3:
         raise ValueError(f"a map of {rings} rings and {sectors} sectors: it needs at least 1 and 3")
-    found = find(controller, env_id) if isinstance(controller, str) else controller
-    # Episodes never end by time: those that have fallen start anew and are not looked at any more.
-    options = {**common_options([found], env_options), "fall_tilt": FALLEN, "max_episode_steps": 10_000_000}
-    batch = found.batch(rings * sectors, num_threads, 0, options)
-    act = found.on(batch)
+    found = find(controller, task=task, env_options=env_options)
+    # Episodes never end by time: robots that have fallen start anew and are ignored from then on.
+    options = {**common_options([found], env_options), "fall_tilt": FALLEN, "max_episode_steps": None}
+    batch = batch_for(
+        found, rings * sectors, task=task or DEFAULT_TASK, num_threads=num_threads, seed=0, options=options
+    )
     tilts = (np.arange(rings) + 0.5) * max_tilt / rings
     azimuths = np.arange(sectors) * 2 * np.pi / sectors
     # Leaning towards an azimuth is a rotation about the axis 90 deg ahead of it.
     leaning = [(-tilt * np.sin(azimuth), tilt * np.cos(azimuth)) for tilt in tilts for azimuth in azimuths]
-    observations = batch.reset(starts=[State.upright(batch.params, tilt=components) for components in leaning])
+    starts = [State.upright(batch.params, tilt=components) for components in leaning]
     steps = max(round(seconds / batch.control_dt), 1)
     standing = np.ones(batch.num_envs, dtype=bool)
-    last_outside = np.zeros(batch.num_envs)
-    for step in range(steps):
-        observations, _, terminated, _ = batch.step(np.asarray(act(observations), dtype=np.float32))
-        standing &= ~terminated
-        # The third row is the direction of gravity along the mast.
-        outside = observations[:, 2] > -np.cos(SETTLED)
-        last_outside[outside] = step + 1
-        if progress is not None:
-            progress(step + 1, steps)
-    recovered = standing & (last_outside < steps)
+    leans = np.empty((steps, batch.num_envs))
+    for frame in rollout(batch, found, steps, starts):
+        leans[frame.step] = tilt_of(frame.states)
+        standing &= ~frame.terminated
+        progress(frame.step + 1, steps)
+    times = np.where(standing, settling_times(leans, SETTLED_TILT, batch.control_dt), np.inf)
+    recovered = np.isfinite(times)
     shape = (rings, sectors)
     return Recovery(
         controller=found.name,
@@ -103,6 +103,6 @@ def collect(
         wheel_azimuths=batch.params.wheel_azimuths,
         stood=standing.reshape(shape),
         recovered=recovered.reshape(shape),
-        settling_times=np.where(recovered, last_outside * batch.control_dt, np.nan).reshape(shape),
+        settling_times=np.where(recovered, times, np.nan).reshape(shape),
         seconds=seconds,
     )

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ballbot_rs.plotting.labels import short
-from ballbot_rs.plotting.style import COLOURS, INK, figure
-from ballbot_rs.recovery import Recovery
+from ballbot_rs.analysis.recovery_map import Recovery
+from ballbot_rs.media.figures.labels import short
+from ballbot_rs.media.figures.style import COLOURS, INK, figure
 
 #: Light is fast; starts that are lost have colours of their own.
 _TIMES = LinearSegmentedColormap.from_list("settling", ["#e3fafc", "#66d9e8", COLOURS[0], "#083344"])

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from ballbot_rs._core import Renderer
-from ballbot_rs.evaluation import Progress
-from ballbot_rs.rendering import Frames
-from ballbot_rs.trajectory import Trajectory
+from ballbot_rs._extras import require
+from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs.analysis.trajectory import Trajectory
+from ballbot_rs.envs._render import Frames
 
 
 def renderer_for(trajectory: Trajectory, **options: Any) -> Renderer:
@@ -48,7 +49,7 @@ def write_video(
     renderer: Renderer | None = None,
     frame_rate: float = 50.0,
     forces: bool = False,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
 ) -> int:
     """Writes an mp4 (H.264) that plays in real time; returns the number of its frames.
 
@@ -71,12 +72,8 @@ def write_video(
         raise ValueError(f"frame_rate = {frame_rate} is out of range: it must be from 1 to 240")
     if renderer.width % 2 or renderer.height % 2:
         raise ValueError(f"a video of {renderer.width}x{renderer.height} pixels: width and height must be even")
-    try:
+    with require("a video", "video"):
         from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            "a video needs moviepy: install it with `pip install 'ballbot-rs[video]'`", name=error.name
-        ) from error
     path.parent.mkdir(parents=True, exist_ok=True)
     total = frame_count(trajectory, frame_rate)
     # Only colours at half the resolution play in every browser.
@@ -84,8 +81,7 @@ def write_video(
     with FFMPEG_VideoWriter(str(path), size, frame_rate, "libx264", pixel_format="yuv420p", preset="medium") as writer:
         for done, frame in enumerate(frames(trajectory, renderer, frame_rate, forces), 1):
             writer.write_frame(frame)
-            if progress is not None:
-                progress(done, total)
+            progress(done, total)
     return total
 
 
@@ -98,11 +94,7 @@ def write_picture(frame: Frames, path: Path) -> None:
     """
     if path.suffix != ".png":
         raise ValueError(f"{path}: the name of a picture ends in .png")
-    try:
+    with require("a picture", "video"):
         from PIL import Image
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            "a picture needs Pillow: install it with `pip install 'ballbot-rs[video]'`", name=error.name
-        ) from error
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(frame).save(path, optimize=True)

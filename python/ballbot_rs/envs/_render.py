@@ -1,4 +1,4 @@
-"""Frames for the front ends: what every environment that can show itself shares."""
+"""Frames of the front ends."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -11,12 +11,12 @@ from ballbot_rs._core import Params, Renderer
 
 Frames = npt.NDArray[np.uint8]
 
-#: What the environments make themselves; Gymnasium makes "human" and "rgb_array_list" of it.
+#: Gymnasium makes "human" and "rgb_array_list" of it.
 RENDER_MODES: Final = ("rgb_array",)
 
 
 class Rendered:
-    """Has a render mode and, with one, a renderer; a copy or an unpickled one makes its own at its first frame."""
+    """A render mode and a renderer, which a copy or an unpickled environment makes anew at its first frame."""
 
     render_mode: str | None
     _renderer: Renderer | None = None
@@ -27,12 +27,14 @@ class Rendered:
         params: Params,
         render_options: Mapping[str, Any] | None,
         num_threads: int | None = None,
+        **chosen: Any,
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"render_mode = '{render_mode}': expected None or {', '.join(map(repr, RENDER_MODES))}")
         self.render_mode = render_mode
-        self._render_arguments = (params, {"num_threads": num_threads, **(render_options or {})})
-        if render_mode is not None or render_options:
+        given = {name: value for name, value in chosen.items() if value is not None} | dict(render_options or {})
+        self._render_arguments = (params, {"num_threads": num_threads, **given})
+        if render_mode is not None or given:
             self._renderer = self._make_renderer()
 
     def _make_renderer(self) -> Renderer:
@@ -57,5 +59,5 @@ def _check_geometry(params: Params, shown: Params) -> None:
 
 
 def warn_without_mode() -> None:
-    """What `render` says where no mode was chosen."""
+    """The warning of `render` without a render mode."""
     gymnasium.logger.warn("render() without a render_mode shows nothing: make the environment with 'rgb_array'")

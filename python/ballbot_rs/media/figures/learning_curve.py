@@ -5,7 +5,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from ballbot_rs.plotting.style import COLOURS, figure
+from ballbot_rs.media.figures.style import COLOURS, figure
 from ballbot_rs.training.curve import Curve, by_configuration, on_common_steps
 
 

@@ -1,28 +1,20 @@
 """The balance task as a single Gymnasium environment."""
 
-from typing import Any, Final
+import sys
+from typing import Any
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Params, State
-from ballbot_rs.batch_owner import (
-    BatchOwner,
-    FloatArray,
-    action_space,
-    check_options,
-    check_seed,
-    observation_space,
-)
-from ballbot_rs.registration import MAX_EPISODE_STEPS
-from ballbot_rs.rendering import RENDER_MODES, Frames, Rendered, warn_without_mode
-
-#: More steps than an episode can have: 248 days at the default control rate.
-NEVER: Final = 2**31
+from ballbot_rs._checks import check_reset_options, check_seed
+from ballbot_rs.envs._batch_env import BatchEnv, OneRobot
+from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
+from ballbot_rs.envs.registration import MAX_EPISODE_STEPS
+from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space
 
 
-class BalanceEnv(BatchOwner, Rendered, gymnasium.Env[FloatArray, FloatArray]):
+class BalanceEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatArray]):
     """Keep a ballbot upright with its ball at the setpoint.
 
     ## Action space
@@ -54,13 +46,15 @@ class BalanceEnv(BatchOwner, Rendered, gymnasium.Env[FloatArray, FloatArray]):
     ## Episode end
     Terminated when the tilt exceeds 20 deg, the body or a wheel touches the floor, or the simulation diverges; the
     info then has `termination`: "tilt", "bot_on_floor" or "diverged". Truncated after `max_episode_steps` (10 s at the
-    default control rate; `gymnasium.make(..., max_episode_steps=n)` changes it). `is_success` in a step's info says
-    whether an episode that ends with it is a success: not terminated, and over the last 2 s tilt ≤ 1 deg and ball
-    within 0.10 m of the setpoint.
+    default control rate; None: never). `is_success` in the info of an episode's last step says whether it is a success:
+    not terminated, and over the last 2 s tilt ≤ 1 deg and ball within 0.10 m of the setpoint.
+
+    A `TimeLimit` wrapper put on by hand truncates where the environment does not know of it: the info then lacks
+    `is_success`; `env.unwrapped.is_success` has it.
 
     ## Rendering
     `render_mode="rgb_array"` lets `render()` give frames, without GPU or display; Gymnasium makes "human" of it.
-    `render_options` are the arguments of `Renderer`: `width`, `height`, `samples`, `camera`, `urdf`.
+    `width`, `height` and `camera` are those of `Renderer`; `render_options` has its others (`samples`, `urdf`).
 
     ## Arguments
     All keyword, SI units and radians: `params` (parameters, or the name of a preset), `model` ("rigid", "contact",
@@ -79,16 +73,27 @@ class BalanceEnv(BatchOwner, Rendered, gymnasium.Env[FloatArray, FloatArray]):
         self,
         *,
         render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
         render_options: dict[str, Any] | None = None,
         max_episode_steps: int | None = MAX_EPISODE_STEPS,
         **options: Any,
     ) -> None:
         self.observation_space = observation_space()
         self.action_space = action_space()
-        options["max_episode_steps"] = NEVER if max_episode_steps is None else max_episode_steps
-        self._make_batch(1, "disabled", 1, None, options)
-        self._set_render(render_mode, self._batch.params, render_options)
-        self.metadata = {**type(self).metadata, "render_fps": round(1.0 / self._batch.control_dt)}
+        options["max_episode_steps"] = max_episode_steps
+        self._make_batch(1, options, autoreset="disabled", num_threads=1, seed=None)
+        self._set_render(render_mode, self.params, render_options, width=width, height=height, camera=camera)
+        # Steps of the episode, and the number from which Gymnasium's TimeLimit may truncate it.
+        self._steps = 0
+        self._outer_limit = float("inf")
+        self.metadata = {**type(self).metadata, "render_fps": round(1.0 / self.control_dt)}
+
+    def _hint(self, name: str) -> str:
+        if name in ("num_envs", "num_threads", "autoreset", "autoreset_mode"):
+            return ": this is one robot; use gymnasium.make_vec or BalanceVectorEnv for several"
+        return ""
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -102,11 +107,12 @@ class BalanceEnv(BatchOwner, Rendered, gymnasium.Env[FloatArray, FloatArray]):
         Raises:
             ValueError: an unknown option, a seed out of range, or a state that the model cannot represent.
         """
-        start = check_options(options, ("state",)).get("state")
+        start = check_reset_options(options, ("state",)).get("state")
         if seed is not None:
             seed = check_seed(seed)
         observations = self._batch.reset(seeds=[seed], starts=[start])
         super().reset(seed=seed)
+        self._steps = 0
         return observations[0], {}
 
     def step(self, action: npt.ArrayLike) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
@@ -115,11 +121,18 @@ class BalanceEnv(BatchOwner, Rendered, gymnasium.Env[FloatArray, FloatArray]):
         Raises:
             ValueError: the action has the wrong shape or is not finite, or the episode is over.
         """
-        observations, rewards, terminated, truncated = self._batch.step(np.asarray(action)[np.newaxis])
-        is_success, termination = self._batch.ending(0)
-        info: dict[str, Any] = {"is_success": is_success}
-        if termination is not None:
-            info["termination"] = termination
+        given = np.asarray(action)
+        if given.dtype.kind in "biuf" and given.shape != (3,):
+            several = ": BalanceVectorEnv takes the actions of several robots" if given.ndim > 1 else ""
+            raise ValueError(f"actions has shape {given.shape}, expected (3,) for one robot{several}")
+        observations, rewards, terminated, truncated = self._batch.step(given[np.newaxis])
+        self._steps += 1
+        ended = bool(terminated[0] or truncated[0])
+        info: dict[str, Any] = {}
+        if ended or self._steps >= self._outer_limit:
+            info["is_success"], termination = self._batch.ending(0)
+            if termination is not None:
+                info["termination"] = termination
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 
     def render(self) -> Frames | None:
@@ -130,32 +143,16 @@ class BalanceEnv(BatchOwner, Rendered, gymnasium.Env[FloatArray, FloatArray]):
         frame: Frames = self._frames(self._batch.states())[0]
         return frame
 
-    @property
-    def state(self) -> State:
-        """The robot's full state, of which the observation is a part."""
-        return self._batch.state(0)
-
-    @property
-    def params(self) -> Params:
-        """The robot's parameters."""
-        return self._batch.params
-
-    def reward_terms(self) -> dict[str, float]:
-        """The terms whose sum was the last reward."""
-        return self._batch.reward_terms(0)
-
-    def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
-        """Gives the body an impulse; see `Ballbot.push`."""
-        self._batch.push(0, impulse, point)
-
-    def set_joint_dynamics(self, viscous_friction: float | None = None, coulomb_friction: float | None = None) -> None:
-        """Changes the friction of the wheel joints; see `Ballbot.set_joint_dynamics`."""
-        self._batch.set_joint_dynamics(0, viscous_friction, coulomb_friction)
-
 
 def without_time_limit(**options: Any) -> BalanceEnv:
     """A `BalanceEnv` for `gymnasium.make`, which itself ends episodes after the number of steps that it is given."""
-    return BalanceEnv(max_episode_steps=None, **options)
+    env = BalanceEnv(max_episode_steps=None, **options)
+    # `gymnasium.make` passes its argument to TimeLimit alone, but the info of the last step has `is_success`.
+    caller = sys._getframe(1)
+    is_make = caller.f_globals.get("__name__") == "gymnasium.envs.registration"
+    limit = caller.f_locals.get("max_episode_steps") if is_make else None
+    env._outer_limit = MAX_EPISODE_STEPS if limit is None else limit if limit > 0 else float("inf")
+    return env
 
 
 # Gymnasium looks here for the render modes, from which it makes "human".

@@ -1,0 +1,54 @@
+"""Checks of arguments; each error names the argument, its value and the limit."""
+
+import difflib
+import operator
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+
+def check_count(name: str, value: int) -> int:
+    """The value as an int.
+
+    Raises:
+        TypeError: it is not a whole number.
+        ValueError: it is below 1.
+    """
+    count = _whole(name, value)
+    if count < 1:
+        raise ValueError(f"{name} = {value}, it must be at least 1")
+    return count
+
+
+def check_seed(seed: int) -> int:
+    """The seed as an int.
+
+    Raises:
+        TypeError: it is not a whole number.
+        ValueError: it is not in [0, 2**64).
+    """
+    seed = _whole("seed", seed)
+    if not 0 <= seed < 2**64:
+        raise ValueError(f"seed = {seed} is out of range: it must be from 0 to 2**64 - 1")
+    return seed
+
+
+def _whole(name: str, value: int) -> int:
+    try:
+        return operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} = {value!r} is not a whole number") from None
+
+
+def check_reset_options(options: Mapping[str, Any] | None, known: tuple[str, ...]) -> dict[str, Any]:
+    """Reset options as a dict; a ValueError names one that is not known."""
+    options = dict(options or {})
+    for name in options:
+        if name not in known:
+            raise ValueError(f"unknown reset option '{name}': expected one of {', '.join(known)}")
+    return options
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """`: did you mean 'x'?` for the closest of the known names, or an empty text."""
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f": did you mean '{close[0]}'?" if close else ""

@@ -1,0 +1,25 @@
+"""Columns of an array of states, whose rows are those of `State.to_array`."""
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+BALL_POSITION: Final = slice(0, 3)
+BALL_QUATERNION: Final = slice(3, 7)
+BODY_POSITION: Final = slice(13, 16)
+BODY_QUATERNION: Final = slice(16, 20)
+WHEEL_ANGLES: Final = slice(26, 29)
+
+
+def mast_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Unit vectors along the mast, inertial frame: shape (..., 3) for states (..., 32)."""
+    w, x, y, z = np.moveaxis(states[..., BODY_QUATERNION], -1, 0)
+    return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+
+
+def tilt_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Angles between the mast and the vertical, rad: shape (...) for states (..., 32)."""
+    mast = mast_of(states)
+    angle: npt.NDArray[np.float64] = np.arctan2(np.linalg.norm(mast[..., :2], axis=-1), mast[..., 2])
+    return angle

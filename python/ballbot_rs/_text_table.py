@@ -1,0 +1,56 @@
+"""Results of controllers as rows of text."""
+
+import math
+from collections.abc import Callable, Sequence
+
+from ballbot_rs.analysis.episodes import Result
+
+#: Columns of a printed line.
+WIDTH = 100
+
+_COLUMNS: dict[str, Callable[[Result], str]] = {
+    "controller": lambda r: r.controller,
+    "rate (Hz)": lambda r: f"{1 / r.control_dt:.0f}",
+    "success": lambda r: f"{100 * r.success_rate:.0f} %",
+    "upright": lambda r: f"{100 * r.survival_rate:.0f} %",
+    "settling (s)": lambda r: "never" if r.settling_time is None else f"{r.settling_time:.2f}",
+    "tilt (deg)": lambda r: f"{math.degrees(r.tilt_rms):.2f}",
+    "ball (m)": lambda r: f"{r.ball_excursion:.3f}",
+    "torque (N·m)": lambda r: f"{r.torque_rms:.3f}",
+    "reward": lambda r: f"{r.mean_reward:.3f}",
+}
+
+
+LEGEND = """\
+Upright: to the end of the episode. Settling: median time from which the tilt stays within 1 deg.
+Tilt, torque: root mean square over all steps to the end or the fall. Reward: mean of a step.
+Ball: largest distance from the setpoint, mean over episodes."""
+
+
+def rows(results: Sequence[Result]) -> list[list[str]]:
+    """The header, and one row a controller."""
+    return [list(_COLUMNS), *([cell(result) for cell in _COLUMNS.values()] for result in results)]
+
+
+def print_table(results: Sequence[Result]) -> None:
+    """Prints one row a controller within `WIDTH` columns, and the meaning of the columns."""
+    header, *body = rows(results)
+    # Units have a line of their own, so that names of controllers have room.
+    lines = [
+        [name.partition(" (")[0] for name in header],
+        [name.partition(" (")[2].rstrip(")") for name in header],
+        *body,
+    ]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(header))]
+    widths[0] = min(widths[0], WIDTH - sum(width + 2 for width in widths[1:]))
+    lines.insert(2, ["-" * width for width in widths])
+    for first, *rest in lines:
+        cells = [_shortened(first, widths[0]).ljust(widths[0])]
+        cells += [cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True)]
+        print("  ".join(cells).rstrip())
+    print(f"\n{results[0].episodes} episodes each, model {results[0].model}.\n{LEGEND}")
+
+
+def _shortened(name: str, width: int) -> str:
+    """A name, if need be only its end."""
+    return name if len(name) <= width else f"…{name[1 - width :]}"

@@ -1,0 +1,38 @@
+"""TOML: reading on all versions of Python, and writing of plain tables."""
+
+import json
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+from ballbot_rs._extras import require
+
+
+def loads(text: str) -> dict[str, Any]:
+    """The table of a TOML text.
+
+    Raises:
+        ValueError: malformed TOML.
+        ModuleNotFoundError: Python 3.10 without `tomli`.
+    """
+    if sys.version_info >= (3, 11):
+        import tomllib
+    else:
+        with require("TOML", "train"):
+            import tomli as tomllib
+    table: dict[str, Any] = tomllib.loads(text)
+    return table
+
+
+def dumps(table: Mapping[str, Any]) -> str:
+    """A table of numbers, texts, lists and tables as TOML."""
+    return "\n".join(_lines(table, ())) + "\n"
+
+
+def _lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
+    lines = [f"{name} = {json.dumps(value)}" for name, value in table.items() if not isinstance(value, Mapping)]
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            inner = (*path, name)
+            lines += ["", f"[{'.'.join(inner)}]", *_lines(value, inner)]
+    return lines

@@ -1,0 +1,139 @@
+"""Controllers and policies compared over episodes from the same starts."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ballbot_rs._checks import check_count, check_seed
+from ballbot_rs._core import Batch
+from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs._state_rows import BALL_POSITION, tilt_of
+from ballbot_rs.analysis.rollout import batch_for, rollout
+from ballbot_rs.analysis.settling import settling_times
+from ballbot_rs.control.resolve import Controller, Source, common_options, find
+from ballbot_rs.envs.registration import DEFAULT_TASK
+
+#: Tilt within which a robot has settled, rad.
+SETTLED_TILT = np.deg2rad(1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """How a controller did over a number of episodes."""
+
+    controller: str
+    #: Model of the robot.
+    model: str
+    #: Time between two actions, s.
+    control_dt: float
+    episodes: int
+    #: Share of episodes that ended in success.
+    success_rate: float
+    #: Share of episodes that ran to their end.
+    survival_rate: float
+    #: Median time from which the tilt stays within 1 deg, s; None if in most episodes it never does.
+    settling_time: float | None
+    #: Root mean square of the tilt over all steps, rad.
+    tilt_rms: float
+    #: Mean over episodes of the largest distance of the ball from the setpoint, m.
+    ball_excursion: float
+    #: Root mean square of the wheel torques over all steps, N·m.
+    torque_rms: float
+    #: Mean reward of a step, a fallen robot's missing steps counted as zero.
+    mean_reward: float
+
+
+def evaluate(controller: Source, **arguments: Any) -> Result:
+    """The result of one controller; arguments as in `compare`."""
+    return compare([controller], **arguments)[0]
+
+
+def compare(
+    controllers: Sequence[Source],
+    *,
+    task: str | None = None,
+    episodes: int = 100,
+    seed: int = 1000,
+    num_threads: int | None = None,
+    env_options: Mapping[str, Any] | None = None,
+    progress: Progress = no_progress,
+) -> list[Result]:
+    """Runs episodes of one task from the starts that `seed` gives, the same for every controller.
+
+    Args:
+        controllers: each "pid" (at 500 Hz, unless a `control_dt` is given), "lqr", "zero", the path of a policy file
+            (of Stable-Baselines3, or ONNX) or of a training run, or an object that maps a `State` to wheel torques in
+            N·m (one that takes `position` gets the setpoint, m).
+        task: name of the task ("balance"). It, or `env_options`, is needed for policy files without metadata.
+        episodes: number of episodes; episode i is that of an environment seeded with seed + i.
+        seed: of the first episode.
+        num_threads: threads that step the robots; None takes all cores.
+        env_options: options of the environment, over those that the policies were trained with.
+        progress: called with the number of steps done and their total.
+
+    Raises:
+        ValueError: an unknown name, a number out of range, a policy for another environment, or policies that were
+            trained with different options of the environment.
+        FileNotFoundError: there is no policy at that path.
+    """
+    check_count("episodes", episodes)
+    seed = check_seed(seed)
+    found = [find(source, task=task, env_options=env_options) for source in controllers]
+    options = common_options(found, env_options)
+    batches = [
+        batch_for(controller, episodes, task=task or DEFAULT_TASK, num_threads=num_threads, seed=seed, options=options)
+        for controller in found
+    ]
+    total = sum(batch.max_episode_steps for batch in batches)
+    results: list[Result] = []
+    before = 0
+    for controller, batch in zip(found, batches, strict=True):
+
+        def advance(step: int, before: int = before) -> None:
+            progress(before + step, total)
+
+        results.append(_run(controller, batch, advance))
+        before += batch.max_episode_steps
+    return results
+
+
+def _run(controller: Controller, batch: Batch, advance: Callable[[int], None]) -> Result:
+    n, steps = batch.num_envs, batch.max_episode_steps
+    running = np.ones(n, dtype=bool)
+    success = np.zeros(n, dtype=bool)
+    survived = np.zeros(n, dtype=bool)
+    tilts = np.full((steps, n), np.nan)
+    distances = np.full((steps, n), np.nan)
+    squared_torques = np.full((steps, n), np.nan)
+    returns = np.zeros(n)
+    for frame in rollout(batch, controller, steps):
+        tilts[frame.step, running] = tilt_of(frame.states[running])
+        away = frame.states[running, BALL_POSITION][:, :2] - np.asarray(batch.setpoint)
+        distances[frame.step, running] = np.linalg.norm(away, axis=1)
+        torques = frame.actions[running] * batch.max_wheel_torque
+        squared_torques[frame.step, running] = np.mean(torques**2, axis=1)
+        returns[running] += frame.rewards[running]
+        success |= frame.success & running
+        survived |= frame.truncated & ~frame.terminated & running
+        running &= ~(frame.terminated | frame.truncated)
+        advance(frame.step + 1)
+        if not running.any():
+            break
+    advance(steps)
+    settling = np.where(survived, settling_times(tilts, SETTLED_TILT, batch.control_dt), np.inf)
+    median = float(np.median(settling))
+    return Result(
+        controller=controller.name,
+        model=batch.model,
+        control_dt=batch.control_dt,
+        episodes=n,
+        success_rate=float(success.mean()),
+        survival_rate=float(survived.mean()),
+        settling_time=median if np.isfinite(median) else None,
+        tilt_rms=float(np.sqrt(np.nanmean(tilts**2))),
+        ball_excursion=float(np.nanmax(distances, axis=0).mean()),
+        torque_rms=float(np.sqrt(np.nanmean(squared_torques))),
+        mean_reward=float(returns.mean()) / steps,
+    )

@@ -1,0 +1,210 @@
+"""Controllers by name, by path or as objects."""
+
+import copy
+import dataclasses
+import importlib.util
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, Final, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._checks import did_you_mean
+from ballbot_rs._core import Lqr, Params, Pid, State
+from ballbot_rs._extras import require
+from ballbot_rs.control.onnx_policy import OnnxPolicy
+from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
+
+#: Controllers by name; anything else is the path of a policy.
+CONTROLLERS: Final = ("lqr", "pid", "zero")
+
+#: The derivative filter of the paper's PID, 327 rad/s, is unstable at 100 Hz.
+PID_CONTROL_DT: Final = 0.002
+
+#: Largest file that is read for someone who is not trusted; exported policies have some 30 kB.
+MAX_FILE_SIZE: Final = 64 * 2**20
+
+#: Actions in [-1, 1], shape (n, 3), for observations, shape (n, m).
+Policy: TypeAlias = Callable[[npt.NDArray[np.float32]], npt.ArrayLike]
+
+
+class Law(Protocol):
+    """A feedback law: wheel torques (three, N·m) of one robot from its state."""
+
+    def __call__(self, state: State, /) -> npt.ArrayLike:
+        """Wheel torques for the next control step."""
+
+
+#: A name, a path, an object that maps a state to wheel torques, or what `find` has made of one of them.
+Source: TypeAlias = "str | PathLike[str] | Law | Controller"
+
+
+@dataclasses.dataclass(frozen=True)
+class Controller:
+    """A controller that is not on any robot yet: either a policy or a feedback law."""
+
+    name: str
+    #: Options of the environment that a policy was trained with.
+    env_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    policy: Policy | None = None
+    make_laws: Callable[[Params, float, int], Sequence[Law]] | None = None
+    #: Rate at which the law is to run, s; None takes the task's.
+    control_dt: float | None = None
+
+    def laws(self, count: int, params: Params, control_dt: float) -> "list[Torques]":
+        """The feedback law for each of `count` robots, as functions of state and position setpoint.
+
+        Raises:
+            TypeError: an object that cannot be copied, for more than one robot.
+        """
+        assert self.make_laws is not None
+        return [_with_setpoint(law) for law in self.make_laws(params, control_dt, count)]
+
+
+#: Wheel torques, N·m, from a state and the position setpoint.
+Torques: TypeAlias = Callable[[State, npt.ArrayLike], npt.ArrayLike]
+
+
+def find(
+    source: Source,
+    *,
+    task: str | None = None,
+    env_options: Mapping[str, Any] | None = None,
+    trusted: bool = True,
+) -> Controller:
+    """A controller from its name, from the path of a policy (Stable-Baselines3, ONNX or a training run) or an object.
+
+    Args:
+        source: "lqr", "pid", "zero", the path of a policy, "file.py:NAME" (a function, an object, or a class to be
+            called without arguments), or an object. Objects map a `State` to three wheel torques in N·m; those that
+            take `position` get the setpoint, m; an attribute `name` and the method `reset` are optional.
+        task: the task. It, or `env_options`, is needed for a policy file that does not name its own.
+        env_options: options of the environment that such a policy file was trained with.
+        trusted: whether files with code may be loaded; ONNX files have none.
+
+    Raises:
+        ValueError: an unknown task or controller, or a policy for another task.
+        FileNotFoundError: there is no policy at that path.
+        ModuleNotFoundError: an optional dependency is missing; the message says what to install.
+        TypeError: the object cannot be called.
+    """
+    env_id = env_id_of(DEFAULT_TASK if task is None else task)
+    if isinstance(source, Controller):
+        return source
+    if not isinstance(source, (str, PathLike)):
+        return _from_object(source)
+    name = fspath(source)
+    if name == "lqr":
+        # It has no memory: one serves all robots.
+        return Controller(name, make_laws=lambda params, control_dt, count: [Lqr(params, control_dt)] * count)
+    if name == "pid":
+        return Controller(
+            name,
+            make_laws=lambda params, control_dt, count: [Pid(params, control_dt) for _ in range(count)],
+            control_dt=PID_CONTROL_DT,
+        )
+    if name == "zero":
+        return Controller(name, make_laws=lambda params, control_dt, count: [_no_torque] * count)  # noqa: ARG005
+    path = Path(name)
+    if path.suffix == ".onnx":
+        if not trusted:
+            _check_size(path)
+        onnx = OnnxPolicy(path, env_id)
+        return Controller(name, onnx.env_options, onnx.act)
+    if not trusted:
+        raise ValueError(
+            f"unknown controller '{name}': expected {', '.join(CONTROLLERS)} or a policy file that ends in .onnx"
+        )
+    file, _, attribute = name.rpartition(":")
+    if file.endswith(".py"):
+        return _from_object(_imported(Path(file), attribute), name)
+    if not path.exists() and path.suffix != ".zip":
+        known = f"expected {', '.join(CONTROLLERS)} or the path of a policy"
+        raise FileNotFoundError(f"no policy at {name}: {known}{did_you_mean(name, CONTROLLERS)}")
+    with require("a policy file", "train"):
+        from ballbot_rs.control import sb3_policy
+    given = None if task is None and not env_options else env_options or {}
+    model, found = sb3_policy.load(path, env_id, given)
+    return Controller(name, found["env_options"], lambda observations: sb3_policy.act(model, observations))
+
+
+def _check_size(path: Path) -> None:
+    if path.is_file() and path.stat().st_size > MAX_FILE_SIZE:
+        raise ValueError(f"{path} has {path.stat().st_size} bytes, more than {MAX_FILE_SIZE}: no policy of this task")
+
+
+def common_options(controllers: Sequence[Controller], env_options: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """The options of the environment that the policies among the controllers share, updated by `env_options`.
+
+    Raises:
+        ValueError: policies that were trained with different options.
+    """
+    policies = [controller for controller in controllers if controller.policy is not None]
+    options: Mapping[str, Any] = policies[0].env_options if policies else {}
+    for controller in policies:
+        if controller.env_options != options:
+            raise ValueError(
+                f"{controller.name} was trained with {dict(controller.env_options)}, "
+                f"{policies[0].name} with {dict(options)}: not one task"
+            )
+    return {**options, **(env_options or {})}
+
+
+def _imported(file: Path, attribute: str) -> Any:
+    """An object of a Python file, or an instance of a class of it."""
+    if not file.is_file():
+        raise FileNotFoundError(f"no Python file at {file}")
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    if not hasattr(module, attribute):
+        raise ValueError(f"{file} has no {attribute}{did_you_mean(attribute, vars(module))}")
+    found = getattr(module, attribute)
+    return found() if isinstance(found, type) else found
+
+
+def _from_object(law: Any, name: str | None = None) -> Controller:
+    if not callable(law):
+        raise TypeError(f"{law!r} is no controller: expected a name, a path, or an object that maps a state to torques")
+    own = getattr(law, "name", None) or getattr(law, "__name__", None) or type(law).__name__.lower()
+    name = str(own) if name is None else name
+
+    def laws(params: Params, control_dt: float, count: int) -> Sequence[Law]:  # noqa: ARG001
+        if isinstance(law, Lqr):
+            return [law] * count
+        if hasattr(law, "reset"):
+            law.reset()
+        # Copies, so that no robot has another one's memory.
+        try:
+            return [law, *(copy.deepcopy(law) for _ in range(count - 1))]
+        except TypeError as error:
+            raise TypeError(f"{name} cannot be copied for {count} robots: {error}") from error
+
+    return Controller(name, make_laws=laws, control_dt=getattr(law, "control_dt", None))
+
+
+def _no_torque(state: State) -> npt.ArrayLike:  # noqa: ARG001
+    return np.zeros(3)
+
+
+def _with_setpoint(law: Law) -> Torques:
+    if not _takes_position(law):
+        return lambda state, position: law(state)  # noqa: ARG005
+    with_position: Any = law
+    return lambda state, position: with_position(state, position=position)
+
+
+def _takes_position(law: Law) -> bool:
+    if isinstance(law, Lqr):
+        return True
+    if isinstance(law, Pid):
+        return False
+    try:
+        return "position" in inspect.signature(law).parameters
+    except (TypeError, ValueError):
+        return False

@@ -1,0 +1,183 @@
+"""What the front ends share: a batch of environments, its attributes, and how it is copied and pickled."""
+
+import secrets
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy.typing as npt
+
+from ballbot_rs._checks import check_count, check_seed, did_you_mean
+from ballbot_rs._core import Batch, Params, State
+from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
+
+#: Options of the task, fixed once an environment is made.
+OPTIONS: Final = (
+    *("params", "model", "sim_dt", "control_dt", "max_episode_steps", "max_wheel_torque", "setpoint", "reward"),
+    *("reset_tilt", "reset_yaw", "reset_ball_speed", "reset_tilt_rate"),
+    *("fall_tilt", "success_window", "success_tilt", "success_radius"),
+)
+
+#: More steps than an episode can have: 248 days at the default control rate.
+NO_TIME_LIMIT: Final = 2**31
+
+
+def new_batch(
+    num_envs: int,
+    *,
+    task: str = DEFAULT_TASK,
+    autoreset: str = "same_step",
+    num_threads: int | None = None,
+    seed: int = 0,
+    options: Mapping[str, Any] | None = None,
+) -> Batch:
+    """A batch of a task.
+
+    `params` may also be a dict of parameters, and `max_episode_steps` None.
+    """
+    env_id_of(task)
+    options = dict(options or {})
+    if isinstance(options.get("params"), Mapping):
+        options["params"] = Params(**options["params"])
+    if "max_episode_steps" in options and options["max_episode_steps"] is None:
+        options["max_episode_steps"] = NO_TIME_LIMIT
+    return Batch(num_envs, autoreset, num_threads, seed, **options)
+
+
+def fixed_option(name: str) -> str | None:
+    """Why an option of the task cannot be set as an attribute; None for other names."""
+    return f"{name} is fixed once an environment is made: make one with {name}=..." if name in OPTIONS else None
+
+
+class SharedAttributes:
+    """Attributes that all robots of a batch share."""
+
+    _batch: Batch
+
+    @property
+    def params(self) -> Params:
+        """The robot's parameters."""
+        return self._batch.params
+
+    @property
+    def model(self) -> str:
+        """Name of the simulated model."""
+        return self._batch.model
+
+    @property
+    def sim_dt(self) -> float:
+        """Time step of the simulation, s."""
+        return self._batch.sim_dt
+
+    @property
+    def control_dt(self) -> float:
+        """Time between two actions, s."""
+        return self._batch.control_dt
+
+    @property
+    def max_wheel_torque(self) -> float:
+        """Torque of a wheel motor at an action of 1, N·m."""
+        return self._batch.max_wheel_torque
+
+
+class OneRobot(SharedAttributes):
+    """One robot of a batch."""
+
+    _index: int = 0
+
+    @property
+    def state(self) -> State:
+        """The robot's full state, of which the observation is a part."""
+        return self._batch.state(self._index)
+
+    @property
+    def is_success(self) -> bool:
+        """Whether an episode that ended with the last step would be a success."""
+        return self._batch.ending(self._index)[0]
+
+    def reward_terms(self) -> dict[str, float]:
+        """The terms whose sum was the last reward; zeros right after a reset."""
+        return self._batch.reward_terms(self._index)
+
+    def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
+        """Gives the body an impulse; see `Ballbot.push`."""
+        self._batch.push(self._index, impulse, point)
+
+    def set_joint_dynamics(self, viscous_friction: float | None = None, coulomb_friction: float | None = None) -> None:
+        """Changes the friction of the wheel joints; see `Ballbot.set_joint_dynamics`."""
+        self._batch.set_joint_dynamics(self._index, viscous_friction, coulomb_friction)
+
+
+class ManyRobots(SharedAttributes):
+    """All robots of a batch."""
+
+    @property
+    def states(self) -> npt.NDArray[Any]:
+        """Full states, shape (num_envs, 32), rows as in `State.to_array`."""
+        return self._batch.states()
+
+    def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None, index: int | None = None) -> None:
+        """Gives the body of robot `index` an impulse, or of every robot; see `Ballbot.push`."""
+        for i in range(self._batch.num_envs) if index is None else (index,):
+            self._batch.push(i, impulse, point)
+
+
+class BatchEnv(SharedAttributes):
+    """Owns a `Batch` and carries it through `copy.deepcopy` and `pickle` with everything the future depends on."""
+
+    task: str
+
+    def _make_batch(
+        self,
+        num_envs: int,
+        options: dict[str, Any],
+        *,
+        task: str = DEFAULT_TASK,
+        autoreset: str,
+        num_threads: int | None,
+        seed: int | None,
+    ) -> None:
+        self.task = task
+        check_count("num_envs", num_envs)
+        self._check_names(options)
+        if options["max_episode_steps"] is not None:
+            check_count("max_episode_steps", options["max_episode_steps"])
+        if num_threads is not None:
+            check_count("num_threads", num_threads)
+        self._batch_arguments = (num_envs, task, autoreset, num_threads, dict(options))
+        self._first_seed = secrets.randbits(63) if seed is None else check_seed(seed)
+        self._batch = new_batch(
+            num_envs, task=task, autoreset=autoreset, num_threads=num_threads, seed=self._first_seed, options=options
+        )
+
+    def _check_names(self, options: Mapping[str, Any]) -> None:
+        for name in options:
+            if name not in OPTIONS:
+                # TorchRL looks for these words.
+                message = f"{type(self).__name__} got an unexpected keyword argument '{name}'"
+                raise TypeError(f"{message}{self._hint(name) or did_you_mean(name, OPTIONS)}")
+
+    def _hint(self, name: str) -> str:  # noqa: ARG002
+        return ""
+
+    @property
+    def task_options(self) -> dict[str, Any]:
+        """The options that the environment was made with, as JSON can hold them."""
+        options = dict(self._batch_arguments[-1])
+        if isinstance(options.get("params"), Params):
+            options["params"] = options["params"].to_dict()
+        return options
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = self.__dict__.copy()
+        batch = state.pop("_batch")
+        state.pop("_renderer", None)
+        state["_snapshots"] = [batch.snapshot(i) for i in range(batch.num_envs)]
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        snapshots = state.pop("_snapshots")
+        self.__dict__.update(state)
+        num_envs, task, autoreset, num_threads, options = self._batch_arguments
+        self._batch = new_batch(num_envs, task=task, autoreset=autoreset, num_threads=num_threads, options=options)
+        for i, snapshot in enumerate(snapshots):
+            self._batch.restore(i, snapshot)

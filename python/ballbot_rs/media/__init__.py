@@ -1,0 +1,1 @@
+"""Videos, figures and reports."""

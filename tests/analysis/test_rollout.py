@@ -1,0 +1,126 @@
+"""Controllers as objects, the one rollout and the one settling time."""
+
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from ballbot_rs.analysis.rollout import batch_for, rollout
+from ballbot_rs.analysis.settling import settling_times
+from ballbot_rs.control.resolve import find
+
+SHORT = {"model": "spatial", "max_episode_steps": 60}
+
+
+class Proportional:
+    """A user's own controller."""
+
+    name = "mine"
+
+    def __init__(self):
+        self.regulator = bb.Lqr()
+
+    def __call__(self, state):
+        return self.regulator(state)
+
+    def __deepcopy__(self, memo):
+        return Proportional()
+
+
+class Counting:
+    """A controller with a memory: its torque grows with its calls."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def reset(self):
+        self.calls = 0
+
+    def __call__(self, _, position=None):
+        assert position is not None
+        self.calls += 1
+        return np.full(3, 1e-4 * self.calls)
+
+
+def test_an_object_is_compared_like_a_name():
+    named, mine, regulator = bb.compare(["lqr", Proportional(), bb.Lqr()], episodes=3, env_options=SHORT)
+    assert (mine.controller, regulator.controller) == ("mine", "lqr")
+    assert vars(regulator) == vars(named)
+    assert mine.success_rate == named.success_rate
+    assert mine.tilt_rms == pytest.approx(named.tilt_rms, rel=1e-6)
+
+
+def test_a_function_is_a_controller():
+    def still(_):
+        return [0.0, 0.0, 0.0]
+
+    named, mine = bb.compare(["zero", still], episodes=2, env_options=SHORT)
+    assert vars(mine) == {**vars(named), "controller": "still"}
+
+
+def test_each_robot_has_its_own_memory_and_each_run_a_new_one():
+    law = Counting()
+    results = [bb.evaluate(law, episodes=4, env_options=SHORT) for _ in range(2)]
+    assert results[0] == results[1]
+    alone = bb.run(law, seconds=0.1, env_options={"model": "spatial"})
+    np.testing.assert_allclose(alone.torques[:5, 0], 1e-4 * np.arange(1, 6), rtol=1e-5)
+
+
+def test_an_object_runs_at_its_own_rate():
+    shown = bb.run(bb.Pid(control_dt=0.002), seconds=0.5, env_options={"model": "spatial"})
+    named = bb.run("pid", seconds=0.5, env_options={"model": "spatial"})
+    np.testing.assert_array_equal(shown.torques, named.torques)
+    assert shown.times[1] == pytest.approx(0.002)
+
+
+def test_objects_that_cannot_be_copied_are_refused_for_several_robots():
+    with pytest.raises(TypeError, match="pid cannot be copied for 2 robots"):
+        bb.evaluate(bb.Pid(control_dt=0.002), episodes=2, env_options=SHORT)
+
+
+def test_frames_of_a_rollout_are_the_steps_of_the_batch():
+    controller = find("lqr")
+    batch, twin = (batch_for(controller, 3, task="balance", num_threads=1, seed=4, options=SHORT) for _ in range(2))
+    twin.reset()
+    for frame in rollout(batch, controller, 70):
+        np.testing.assert_array_equal(frame.states, twin.states())
+        _, rewards, terminated, truncated = twin.step(frame.actions)
+        np.testing.assert_array_equal(frame.rewards, rewards)
+        np.testing.assert_array_equal(frame.truncated, truncated)
+        assert not (frame.success & ~(terminated | truncated)).any()
+    assert frame.step == 69
+
+
+@pytest.mark.parametrize(
+    ("series", "expected"),
+    [
+        ([0, 0, 0], 0.0),
+        ([2, 0, 0], 0.1),
+        ([0, 2, 0], 0.2),
+        ([0, -2, 0.5], 0.2),
+        ([0, 0, 2], np.inf),
+        ([2, np.nan], 0.1),
+    ],
+)
+def test_settling_time(series, expected):
+    assert settling_times(series, 1.0, 0.1) == pytest.approx(expected)
+    columns = np.column_stack([series, np.zeros(len(series))])
+    assert settling_times(columns, 1.0, 0.1) == pytest.approx([expected, 0.0])
+
+
+def test_a_controller_in_a_python_file_is_taken_by_path(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "import ballbot_rs as bb\n\nregulator = bb.Lqr()\n\n\nclass Mine:\n"
+        "    def __call__(self, state):\n        return regulator(state)\n",
+        encoding="utf-8",
+    )
+    named, mine, shared = bb.compare(["lqr", f"{file}:Mine", f"{file}:regulator"], episodes=2, env_options=SHORT)
+    assert mine.controller == f"{file}:Mine"
+    assert mine.success_rate == named.success_rate
+    assert vars(shared) == {**vars(named), "controller": f"{file}:regulator"}
+    with pytest.raises(ValueError, match="has no Mime: did you mean 'Mine'"):
+        find(f"{file}:Mime")
+    with pytest.raises(FileNotFoundError, match="no Python file at"):
+        find(f"{tmp_path}/other.py:Mine")
+    with pytest.raises(ValueError, match="unknown controller"):
+        find(f"{file}:Mine", trusted=False)
