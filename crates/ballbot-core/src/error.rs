@@ -1,5 +1,6 @@
 //! The one error type of the crate: every message names the offending value and the limit it broke.
 
+use std::fmt::Display;
 use std::path::PathBuf;
 
 /// What can go wrong, from a parameter out of range to a simulation that diverged.
@@ -77,6 +78,14 @@ pub enum Error {
         /// Which quantity broke which bound.
         reason: String,
     },
+    /// A part of the crate was left out when it was compiled.
+    #[error("{what} needs the cargo feature '{feature}' of ballbot-core, which is off")]
+    MissingFeature {
+        /// What was asked for.
+        what: String,
+        /// The feature that has it.
+        feature: &'static str,
+    },
     /// The algebraic Riccati equation has no stabilising solution for the given weights.
     #[error("the Riccati equation was not solved: {0}")]
     Riccati(String),
@@ -92,21 +101,17 @@ impl Error {
 /// The result of every fallible function of the crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Passes `value` on if it is finite and `accept` holds, else names the `limit` it broke.
-pub fn check(
-    name: impl Into<String>,
-    value: f64,
-    limit: impl Into<String>,
-    accept: impl Fn(f64) -> bool,
-) -> Result<f64> {
+/// Passes `value` on if it is finite and `accept` holds, else names the `limit` it broke. Nothing is formatted before:
+/// callers give `format_args!`.
+pub fn check(name: impl Display, value: f64, limit: impl Display, accept: impl Fn(f64) -> bool) -> Result<f64> {
     if value.is_finite() && accept(value) {
         return Ok(value);
     }
-    Err(Error::OutOfRange { name: name.into(), value, limit: limit.into() })
+    Err(Error::OutOfRange { name: name.to_string(), value, limit: limit.to_string() })
 }
 
 /// Passes `value` on if it is a finite number above zero.
-pub fn positive(name: &str, value: f64) -> Result<f64> {
+pub fn positive(name: impl Display, value: f64) -> Result<f64> {
     check(name, value, "a finite number > 0", |v| v > 0.0)
 }
 
