@@ -21,6 +21,7 @@ use crate::model::JointDynamics;
 use crate::params::Params;
 use crate::state::{Contacts, State, rolling_rate};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Wheel speed over which dry friction builds up in the closed-form models, which cannot stick, rad/s.
 const DRY_FRICTION_WIDTH: f64 = 0.05;
@@ -106,22 +107,12 @@ fn require_rolling(params: &Params, wheels: &Omniwheels, state: &State) -> Resul
     }
 }
 
-/// Numbers as bytes for `Model::save`.
-fn encode(numbers: &[f64]) -> Vec<u8> {
-    numbers.iter().flat_map(|v| v.to_le_bytes()).collect()
-}
-
-/// The inverse of [`encode`] for exactly `N` numbers.
-fn decode<const N: usize>(bytes: &[u8]) -> Result<[f64; N]> {
-    if bytes.len() != 8 * N {
-        return Err(Error::Decode {
-            what: "saved simulation".into(),
-            reason: format!("{} bytes, expected {}", bytes.len(), 8 * N),
-        });
-    }
-    let mut numbers = [0.0; N];
-    for (number, chunk) in numbers.iter_mut().zip(bytes.chunks_exact(8)) {
-        *number = f64::from_le_bytes(chunk.try_into().expect("chunks of eight"));
-    }
-    Ok(numbers)
+/// What the future of a closed-form model depends on, besides its parameters and time step.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    steps: u64,
+    healthy: bool,
+    joint_dynamics: JointDynamics,
+    coordinates: [f64; 19],
+    wheel_torques: [f64; 3],
 }

@@ -2,11 +2,12 @@
 
 use super::planar::Plane;
 use super::rk4::rk4;
-use super::{Motion, PlanarModel, WheelInertia, contact_loads, decode, encode, require_rolling, shaft_torques, sound};
+use super::{Motion, PlanarModel, Saved, WheelInertia, contact_loads, require_rolling, shaft_torques, sound};
 use crate::error::Result;
 use crate::kinematics::Omniwheels;
 use crate::model::{JointDynamics, Model};
 use crate::params::Params;
+use crate::snapshot;
 use crate::state::{Contacts, State, attitude, rolling_rate};
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 
@@ -239,25 +240,22 @@ impl Model for PlanarMotion {
     }
 
     fn save(&self) -> Vec<u8> {
-        let dynamics = self.joint_dynamics;
-        let mut numbers = vec![
-            self.steps as f64,
-            f64::from(u8::from(self.healthy)),
-            dynamics.viscous_friction,
-            dynamics.coulomb_friction,
-        ];
-        numbers.extend(self.coordinates.iter());
-        numbers.extend(self.wheel_torques.iter());
-        encode(&numbers)
+        snapshot::encode(&Saved {
+            steps: self.steps,
+            healthy: self.healthy,
+            joint_dynamics: self.joint_dynamics,
+            coordinates: self.coordinates.into(),
+            wheel_torques: self.wheel_torques.into(),
+        })
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let numbers: [f64; 26] = decode(bytes)?;
-        self.steps = numbers[0] as u64;
-        self.healthy = numbers[1] != 0.0;
-        self.joint_dynamics = JointDynamics { viscous_friction: numbers[2], coulomb_friction: numbers[3] };
-        self.coordinates.copy_from_slice(&numbers[4..23]);
-        self.wheel_torques.copy_from_slice(&numbers[23..]);
+        let saved: Saved = snapshot::decode("snapshot of a planar model", bytes)?;
+        self.steps = saved.steps;
+        self.healthy = saved.healthy;
+        self.joint_dynamics = saved.joint_dynamics;
+        self.coordinates = saved.coordinates.into();
+        self.wheel_torques = saved.wheel_torques.into();
         Ok(())
     }
 }

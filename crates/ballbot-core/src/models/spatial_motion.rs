@@ -1,10 +1,11 @@
 //! The spatial model in motion: RK4 over position, attitude and generalised velocity.
 
 use super::rk4::rk4;
-use super::{SpatialModel, decode, encode, require_rolling, sound};
+use super::{Saved, SpatialModel, require_rolling, sound};
 use crate::error::Result;
 use crate::model::{JointDynamics, Model};
 use crate::params::Params;
+use crate::snapshot;
 use crate::state::{Contacts, State, rolling_rate};
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 
@@ -146,25 +147,22 @@ impl Model for SpatialMotion {
     }
 
     fn save(&self) -> Vec<u8> {
-        let dynamics = self.model.joint_dynamics;
-        let mut numbers = vec![
-            self.steps as f64,
-            f64::from(u8::from(self.healthy)),
-            dynamics.viscous_friction,
-            dynamics.coulomb_friction,
-        ];
-        numbers.extend(self.coordinates.iter());
-        numbers.extend(self.wheel_torques.iter());
-        encode(&numbers)
+        snapshot::encode(&Saved {
+            steps: self.steps,
+            healthy: self.healthy,
+            joint_dynamics: self.model.joint_dynamics,
+            coordinates: self.coordinates.into(),
+            wheel_torques: self.wheel_torques.into(),
+        })
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let numbers: [f64; 26] = decode(bytes)?;
-        self.steps = numbers[0] as u64;
-        self.healthy = numbers[1] != 0.0;
-        self.model.joint_dynamics = JointDynamics { viscous_friction: numbers[2], coulomb_friction: numbers[3] };
-        self.coordinates.copy_from_slice(&numbers[4..23]);
-        self.wheel_torques.copy_from_slice(&numbers[23..]);
+        let saved: Saved = snapshot::decode("snapshot of a spatial model", bytes)?;
+        self.steps = saved.steps;
+        self.healthy = saved.healthy;
+        self.model.joint_dynamics = saved.joint_dynamics;
+        self.coordinates = saved.coordinates.into();
+        self.wheel_torques = saved.wheel_torques.into();
         Ok(())
     }
 }
