@@ -1,5 +1,7 @@
 //! Python bindings of `ballbot-core`: conversions and names, no physics and no rewards.
 
+#![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
+
 mod batch;
 mod control;
 mod convert;
@@ -14,7 +16,7 @@ mod state;
 use pyo3::prelude::*;
 
 /// The extension module `ballbot_rs._core`.
-#[pymodule]
+#[pymodule(gil_used = true)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
