@@ -3,6 +3,9 @@
 //! Four layers, each seeing only those before it: parameters, state and kinematics; the models, from closed form
 //! ([`models`]) to rigid bodies with contacts ([`sim`]); the controllers ([`control`]); the environments ([`mod@env`]).
 //!
+//! Cargo features, all on by default: `rigid` (the model of that name, by rapier3d), `urdf` (robots from URDFs),
+//! `render` (pictures).
+//!
 //! ```
 //! use ballbot_core::{Ballbot, ModelKind, Params, State, control::{Controller, Lqr, Setpoint}};
 //!
@@ -18,6 +21,9 @@
 //! # Ok::<(), ballbot_core::Error>(())
 //! ```
 
+#![warn(clippy::print_stdout, clippy::print_stderr)]
+#![cfg_attr(not(test), warn(clippy::unwrap_used))]
+
 pub mod control;
 mod energy;
 pub mod env;
@@ -28,11 +34,13 @@ mod lanes;
 mod model;
 pub mod models;
 mod params;
+#[cfg(feature = "render")]
 pub mod render;
 mod robot;
 pub mod sim;
 mod snapshot;
 mod state;
+#[cfg(feature = "urdf")]
 pub mod urdf;
 mod workers;
 
