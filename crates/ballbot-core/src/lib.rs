@@ -21,8 +21,7 @@
 //! # Ok::<(), ballbot_core::Error>(())
 //! ```
 
-#![warn(clippy::print_stdout, clippy::print_stderr)]
-#![cfg_attr(not(test), warn(clippy::unwrap_used))]
+#![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used))]
 
 pub mod control;
 mod energy;
