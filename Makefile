@@ -7,16 +7,21 @@ PLOT_INSTALLED := $(VENV)/.plot-installed
 VERIFY_INSTALLED := $(VENV)/.verify-installed
 BENCH_INSTALLED := $(VENV)/.bench-installed
 CAD_INSTALLED := $(VENV)/.cad-installed
+WHEEL_INSTALLED := $(VENV)/.wheel-installed
+# The oldest glibc that wheels run on; zig links against it on any Linux.
+COMPATIBILITY ?= manylinux2014
+# What ballbot-core compiles without its other parts.
+FEATURES := rigid urdf render
 
 DEMO_INSTALLED := $(VENV)/.demo-installed
 INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet \
 	--disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable
-RUST_SOURCES := $(shell find crates assets/robots -name '*.rs' -o -name '*.toml')
+RUST_SOURCES := $(shell find crates -name '*.rs' -o -name '*.toml')
 SEED ?= 0
 MINUTES ?= 5
 SOAK_STEPS ?= 10000000
 
-.PHONY: help setup train test lint docs paper verify bench bench-core instructions fuzz soak cad demo format clean
+.PHONY: help setup train test lint docs wheel paper verify bench bench-core instructions fuzz soak cad demo format clean
 
 help:
 	@echo "make demo    watch a trained policy balance; installs no PyTorch"
@@ -24,6 +29,7 @@ help:
 	@echo "make test    all tests, Rust and Python"
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
 	@echo "make docs    documentation of the Rust core, in target/doc"
+	@echo "make wheel   build a wheel for Linux (COMPATIBILITY=$(COMPATIBILITY)) and try it in an empty environment"
 	@echo "make paper   repeat the paper's experiments, report in docs/paper.md"
 	@echo "make verify  check closed forms and other engines, report in docs/verification.md (ALLOW_MISSING=1 without all engines)"
 	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
@@ -45,6 +51,7 @@ train: $(INSTALLED)
 test: $(INSTALLED)
 	@sh tools/install_chromium.sh
 	cargo test --locked
+	cargo test --locked --no-default-features --test features
 	$(BIN)/pytest
 
 lint: $(INSTALLED)
@@ -52,6 +59,10 @@ lint: $(INSTALLED)
 	@cargo clippy --version >/dev/null 2>&1 || { echo "clippy is missing: rustup component add clippy" >&2; exit 1; }
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets -- -D warnings
+	cargo clippy --locked --package ballbot-core --no-default-features -- -D warnings
+	for feature in $(FEATURES); do \
+		cargo clippy --locked --package ballbot-core --no-default-features --features $$feature -- -D warnings || exit 1; \
+	done
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --no-deps --package ballbot-core
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -60,6 +71,12 @@ lint: $(INSTALLED)
 
 docs:
 	cargo doc --locked --no-deps --package ballbot-core
+
+wheel: $(WHEEL_INSTALLED)
+	rm -rf target/wheels
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m maturin build --release --locked --zig \
+		--compatibility $(COMPATIBILITY) --out target/wheels
+	$(BIN)/python tools/check_wheel.py target/wheels/*.whl
 
 paper: $(PLOT_INSTALLED)
 	$(BIN)/python -m validation.paper_replication
@@ -94,7 +111,7 @@ format: $(INSTALLED)
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) target fuzz/target python/ballbot_rs/_core*.so
+	rm -rf $(VENV) target fuzz/target python/ballbot_rs/_core*.so python/ballbot_rs/assets
 
 define PREPARE
 	@PYTHON="$(PYTHON)" sh tools/check_machine.sh
@@ -129,4 +146,9 @@ $(BENCH_INSTALLED): $(INSTALLED)
 
 $(CAD_INSTALLED): $(INSTALLED)
 	$(INSTALL) '.[cad]'
+	@touch $@
+
+$(WHEEL_INSTALLED): $(BUILT_FROM)
+	$(PREPARE)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt ziglang
 	@touch $@

@@ -138,6 +138,16 @@ class Params:
     def preset_names() -> list[str]:
         """Names of the published robots."""
     @staticmethod
+    def from_toml(text_or_path: str | PathLike[str]) -> Params:
+        """Parameters from TOML, one key a parameter. A string of one line that ends in ".toml" is a path.
+
+        Raises:
+            ValueError: malformed, or as the constructor; the message has the file, the key and the value.
+            OSError: the file cannot be read.
+        """
+    def to_toml(self) -> str:
+        """All values as TOML text, which `from_toml` reads back to the last bit."""
+    @staticmethod
     def from_urdf(bot_path: str | PathLike[str], ball_path: str | PathLike[str]) -> Params:
         """Parameters of a ballbot described by two URDFs.
 
@@ -272,7 +282,7 @@ class Ballbot:
     """A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, set joint dynamics.
 
     Args:
-        params: the robot, or the name of a preset; None is `Params.paper()`.
+        params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
         model: "rigid" (rapier3d), "contact" (contacts and friction on a flat floor, specialised), "spatial" (coupled
             3D without slip) or "planar" (eqs. (1)-(7) of the paper).
         sim_dt: time step, s.
@@ -282,7 +292,7 @@ class Ballbot:
     """
 
     def __new__(
-        cls, params: Params | str | None = None, model: _Model | str = "rigid", sim_dt: float = 0.001
+        cls, params: Params | str | PathLike[str] | None = None, model: _Model | str = "rigid", sim_dt: float = 0.001
     ) -> Self: ...
     def reset(self, state: State | None = None, tilt: npt.ArrayLike | None = None, yaw: float | None = None) -> None:
         """Starts anew from `state`, or at rest with a tilt (two components) and a yaw.
@@ -416,7 +426,7 @@ class Pid:
 
     def __new__(
         cls,
-        params: Params | str | None = None,
+        params: Params | str | PathLike[str] | None = None,
         control_dt: float = 0.01,
         *,
         proportional: float = 20.39,
@@ -452,7 +462,7 @@ class Lqr:
 
     def __new__(
         cls,
-        params: Params | str | None = None,
+        params: Params | str | PathLike[str] | None = None,
         control_dt: float = 0.01,
         *,
         max_torque: float | None = None,
@@ -566,7 +576,7 @@ class Renderer:
     """Takes pictures of a robot without GPU or display, by rays.
 
     Args:
-        params: the robot, or the name of a preset; None is `Params.paper()`.
+        params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
         urdf: (bot, ball), two files whose visual shapes are shown in place of shapes made from `params`.
         width, height: of the picture, pixels.
         samples: colour samples a pixel, 1, 2 or 4.
@@ -582,7 +592,7 @@ class Renderer:
 
     def __new__(
         cls,
-        params: Params | str | None = None,
+        params: Params | str | PathLike[str] | None = None,
         *,
         urdf: tuple[str | PathLike[str], str | PathLike[str]] | None = None,
         width: int = 640,

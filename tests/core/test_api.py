@@ -76,6 +76,48 @@ class TestParams:
         with pytest.raises(ValueError, match="unknown robot preset 'r2d2': expected one of paper, "):
             Params.preset("r2d2")
 
+    def test_toml_brings_every_value_back(self, paper):
+        odd = paper.replace(ball_mass=13.0 / 9.0, body_inertia=[0.05, 0.05, 1e-2 / 3.0])
+        assert Params.from_toml(odd.to_toml()) == odd
+        assert Params.from_toml("# kept in robot.toml\n" + odd.to_toml() + "# from robot.toml") == odd
+
+    @pytest.mark.parametrize("convert", [str, Path])
+    def test_a_toml_file_describes_a_robot(self, paper, tmp_path, convert):
+        heavy = paper.replace(body_mass=4.0)
+        path = convert(tmp_path / "my_robot.toml")
+        Path(path).write_text(heavy.to_toml(), encoding="utf-8")
+        assert Params.from_toml(path) == heavy
+        assert Ballbot(path).params == heavy
+        np.testing.assert_array_equal(Lqr(path, 0.005).gain, Lqr(heavy, 0.005).gain)
+        assert BalanceEnv(params=path).params == heavy
+
+    def test_a_path_object_needs_no_suffix(self, paper, tmp_path):
+        path = tmp_path / "robot"
+        path.write_text(paper.to_toml(), encoding="utf-8")
+        assert Ballbot(path).params == paper
+
+    @pytest.mark.parametrize(
+        ("old", "new", "words"),
+        [
+            ("ball_mass = 1.437", "ball_mass = -1.5", "ball_mass = -1.5 is out of range"),
+            ("ball_mass = 1.437", 'ball_mass = "heavy"', 'ball_mass = "heavy" is not a number'),
+            ("ball_mass", "ball_weight", "unknown parameter 'ball_weight'"),
+            ("ball_mass =", "ball_mass", "line 1"),
+        ],
+    )
+    def test_an_error_of_a_toml_file_names_it(self, paper, tmp_path, old, new, words):
+        path = tmp_path / "my_robot.toml"
+        path.write_text(paper.to_toml().replace(old, new), encoding="utf-8")
+        with pytest.raises(ValueError, match=re.escape(words)) as refusal:
+            Ballbot(str(path))
+        assert str(path) in str(refusal.value)
+
+    def test_a_toml_file_that_is_missing(self):
+        with pytest.raises(FileNotFoundError, match=r"no_robot\.toml"):
+            BalanceEnv(params="no_robot.toml")
+        with pytest.raises(TypeError, match="TOML text or a path, not int"):
+            Params.from_toml(3)
+
     @pytest.mark.parametrize("convert", [str, Path])
     def test_urdf_files_describe_the_paper(self, assets, paper, convert):
         found = Params.from_urdf(convert(assets / "bot.urdf"), convert(assets / "ball.urdf"))

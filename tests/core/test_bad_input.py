@@ -58,7 +58,7 @@ CASES = {
     "friction NaN": (lambda: robot().set_joint_dynamics(0, NAN), ValueError, "coulomb_friction = NaN"),
     # Robots and states.
     "model": (lambda: Ballbot(model="x"), ValueError, "unknown model 'x': expected one of planar, spatial, contact, r"),
-    "params": (lambda: Ballbot(3), TypeError, "Params or the name of a preset"),
+    "params": (lambda: Ballbot(3), TypeError, "Params, the name of a preset or the path of a TOML file"),
     "sim_dt zero": (lambda: Ballbot(sim_dt=0.0), ValueError, "sim_dt = 0 .* 0.02"),
     "sim_dt NaN": (lambda: Ballbot(sim_dt=NAN), ValueError, "sim_dt = NaN"),
     "sim_dt large": (lambda: Ballbot(sim_dt=0.05), ValueError, "sim_dt = 0.05 .* 0.02"),

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import ballbot_rs
+from ballbot_rs import _assets
 
 PACKAGE = Path(ballbot_rs.__file__).parent
 MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
@@ -75,6 +76,14 @@ def test_version_is_that_of_the_installed_package():
 def test_type_information_is_shipped():
     assert (PACKAGE / "py.typed").is_file()
     assert (PACKAGE / "_core.pyi").is_file()
+
+
+def test_a_clone_has_its_own_assets():
+    assets = Path(__file__).parent.parent / "assets"
+    for name in ("bot.urdf", "ball.urdf", "policies/balance.onnx"):
+        assert _assets.path(name) == assets / name
+    with pytest.raises(FileNotFoundError, match=r"'robot\.urdf'.*does not exist"):
+        _assets.path("robot.urdf")
 
 
 def test_the_stub_names_what_the_extension_has():

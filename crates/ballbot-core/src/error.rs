@@ -78,6 +78,14 @@ pub enum Error {
         /// Which quantity broke which bound.
         reason: String,
     },
+    /// A part of the crate was left out when it was compiled.
+    #[error("{what} needs the cargo feature '{feature}' of ballbot-core, which is off")]
+    MissingFeature {
+        /// What was asked for.
+        what: String,
+        /// The feature that has it.
+        feature: &'static str,
+    },
     /// The algebraic Riccati equation has no stabilising solution for the given weights.
     #[error("the Riccati equation was not solved: {0}")]
     Riccati(String),
@@ -108,7 +116,7 @@ pub fn check(
 }
 
 /// Passes `value` on if it is a finite number above zero.
-pub fn positive(name: &str, value: f64) -> Result<f64> {
+pub fn positive(name: impl fmt::Display, value: f64) -> Result<f64> {
     check(name, value, "a finite number > 0", |v| v > 0.0)
 }
 

@@ -3,6 +3,9 @@
 //! Four layers, each seeing only those before it: parameters, state and kinematics; the models, from closed form
 //! ([`models`]) to rigid bodies with contacts ([`sim`]); the controllers ([`control`]); the environments ([`mod@env`]).
 //!
+//! Cargo features, all on by default: `rigid` (the model of that name, by rapier3d), `urdf` (robots from URDFs),
+//! `render` (pictures).
+//!
 //! ```
 //! use ballbot_core::{Ballbot, ModelKind, Params, State, control::{Controller, Lqr, Setpoint}};
 //!
@@ -18,6 +21,8 @@
 //! # Ok::<(), ballbot_core::Error>(())
 //! ```
 
+#![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used))]
+
 pub mod actuator;
 pub mod batch;
 pub mod control;
@@ -30,6 +35,7 @@ pub mod lanes;
 mod model;
 pub mod models;
 mod params;
+#[cfg(feature = "render")]
 pub mod render;
 mod robot;
 pub mod sensor;
@@ -39,6 +45,7 @@ mod snapshot;
 mod state;
 pub mod task;
 mod thread_pool;
+#[cfg(feature = "urdf")]
 pub mod urdf;
 
 pub use energy::mechanical_energy;

@@ -1,5 +1,7 @@
 //! Physical parameters of a ballbot, their validation and the published presets.
 
+mod presets;
+
 use crate::error::{Error, Result, check, finite, positive};
 use nalgebra::Matrix3;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -145,56 +147,7 @@ parameters! {
 /// B_vk of the paper's simulations, N/(m/s) (section III-A, "arbitrary"): not in its Table II, so not in the preset.
 pub const PAPER_BALL_VISCOUS_FRICTION: f64 = 49.849;
 
-/// Each published robot with the text of its preset.
-const PRESETS: [(&str, &str); 4] = [
-    ("paper", include_str!("../../../assets/robots/paper.toml")),
-    ("kugle", include_str!("../../../assets/robots/kugle.toml")),
-    ("rezero", include_str!("../../../assets/robots/rezero.toml")),
-    ("asroballet", include_str!("../../../assets/robots/asroballet.toml")),
-];
-
 impl Params {
-    /// The robot of the paper, Table II.
-    pub fn paper() -> Self {
-        Self::preset("paper").expect("the paper's preset is part of the crate and tested")
-    }
-
-    /// A published robot by name.
-    ///
-    /// # Errors
-    /// [`Error::UnknownName`] for a name that is not in [`Params::preset_names`].
-    pub fn preset(name: &str) -> Result<Self> {
-        let Some((_, text)) = PRESETS.iter().find(|(known, _)| *known == name) else {
-            return Err(Error::unknown("robot preset", name, &Self::preset_names()));
-        };
-        Self::from_toml(text)
-    }
-
-    /// Names that [`Params::preset`] accepts.
-    pub fn preset_names() -> [&'static str; PRESETS.len()] {
-        PRESETS.map(|(name, _)| name)
-    }
-
-    /// Reads parameters from TOML, one key a field.
-    ///
-    /// # Errors
-    /// [`Error::Decode`] for malformed text or values that are not numbers; those of [`Params::from_fields`].
-    pub fn from_toml(text: &str) -> Result<Self> {
-        let decode = |reason: String| Error::Decode { what: "robot parameters".into(), reason };
-        let table: toml::Table = text.parse().map_err(|e: toml::de::Error| decode(e.to_string()))?;
-        let mut fields = Vec::with_capacity(table.len());
-        for (name, value) in &table {
-            let number = |v: &toml::Value| v.as_float().or(v.as_integer().map(|i| i as f64));
-            let values = match value.as_array() {
-                Some(array) => array.iter().map(number).collect(),
-                None => number(value).map(|v| vec![v]),
-            };
-            let values = values.ok_or_else(|| decode(format!("{name} = {value} is not a number")))?;
-            fields.push((name.as_str(), values));
-        }
-        Self::from_fields(fields.iter().map(|(name, values)| (*name, values.as_slice())))
-    }
-
     /// Builds parameters from named values, a scalar as a slice of one.
     ///
     /// # Errors
@@ -255,20 +208,20 @@ impl Params {
         positive("wheel_mass", self.wheel_mass)?;
         positive("wheel_inertia", self.wheel_inertia)?;
         for (i, &moment) in self.body_inertia.iter().enumerate() {
-            positive(&format!("body_inertia[{i}]"), moment)?;
+            positive(format_args!("body_inertia[{i}]"), moment)?;
             let others = self.body_inertia.iter().sum::<f64>() - moment;
             // Moments of a flat body meet the bound exactly; let rounding pass.
             check(
-                format!("body_inertia[{i}]"),
+                format_args!("body_inertia[{i}]"),
                 moment,
-                format!("at most {others}, the sum of the other two (triangle inequality)"),
+                format_args!("at most {others}, the sum of the other two (triangle inequality)"),
                 |m| m <= others * (1.0 + 1e-9),
             )?;
         }
         check(
             "wheel_mass",
             self.wheel_mass,
-            format!("below a third of body_mass = {}, which contains the wheels", self.body_mass),
+            format_args!("below a third of body_mass = {}, which contains the wheels", self.body_mass),
             |m| 3.0 * m < self.body_mass,
         )?;
         Ok(())
@@ -284,14 +237,14 @@ impl Params {
         check(
             "ball_inertia",
             self.ball_inertia,
-            format!("at most 2/3 ball_mass ball_radius^2 = {shell}, that of a thin shell"),
+            format_args!("at most 2/3 ball_mass ball_radius^2 = {shell}, that of a thin shell"),
             |j| j <= 1.01 * shell,
         )?;
         for (i, a) in self.wheel_azimuths.iter().enumerate() {
             for (j, b) in self.wheel_azimuths.iter().enumerate().skip(i + 1) {
                 let apart = (a - b).rem_euclid(TAU);
                 check(
-                    format!("the angle between wheel_azimuths[{i}] and wheel_azimuths[{j}]"),
+                    format_args!("the angle between wheel_azimuths[{i}] and wheel_azimuths[{j}]"),
                     apart.min(TAU - apart),
                     "2 pi / 3 rad within 1e-6: three wheels share the load evenly",
                     |gap| (gap - TAU / 3.0).abs() <= 1e-6,
@@ -318,7 +271,7 @@ impl Params {
             ("wheel_static_friction", self.wheel_static_friction, self.wheel_dynamic_friction),
             ("floor_static_friction", self.floor_static_friction, self.floor_dynamic_friction),
         ] {
-            check(name, fixed, format!("at least the dynamic coefficient, {moving}"), |v| v >= moving)?;
+            check(name, fixed, format_args!("at least the dynamic coefficient, {moving}"), |v| v >= moving)?;
         }
         Ok(())
     }

@@ -5,7 +5,9 @@ use crate::lane_state::LaneState;
 use crate::model::{Model, same_geometry};
 use crate::models::{PlanarMotion, SpatialMotion};
 use crate::params::Params;
-use crate::sim::{ContactMotion, RigidMotion};
+use crate::sim::ContactMotion;
+#[cfg(feature = "rigid")]
+use crate::sim::RigidMotion;
 use crate::snapshot;
 use crate::state::{Contacts, State};
 use nalgebra::Vector3;
@@ -21,9 +23,10 @@ pub enum ModelKind {
     /// Coupled 3D motion without slip.
     Spatial,
     /// Ball, body and wheels with unilateral contacts and Coulomb friction on a flat floor, by a solver of its own.
+    #[cfg_attr(not(feature = "rigid"), default)]
     Contact,
-    /// Rigid bodies with contacts and Coulomb friction, by rapier3d.
-    #[default]
+    /// Rigid bodies with contacts and Coulomb friction, by rapier3d; needs the cargo feature `rigid`.
+    #[cfg_attr(feature = "rigid", default)]
     Rigid,
 }
 
@@ -57,7 +60,10 @@ impl ModelKind {
             Self::Planar => Box::new(PlanarMotion::new(params, sim_dt)),
             Self::Spatial => Box::new(SpatialMotion::new(params, sim_dt)),
             Self::Contact => Box::new(ContactMotion::new(params, sim_dt)),
+            #[cfg(feature = "rigid")]
             Self::Rigid => Box::new(RigidMotion::new(params, sim_dt)?),
+            #[cfg(not(feature = "rigid"))]
+            Self::Rigid => return Err(Error::MissingFeature { what: "the model 'rigid'".into(), feature: "rigid" }),
         })
     }
 }
@@ -101,7 +107,8 @@ impl Ballbot {
     /// A robot at rest upright, its model advanced in steps of `sim_dt` seconds.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for parameters or a time step that cannot be; [`Error::Inconsistent`] likewise.
+    /// [`Error::OutOfRange`] for parameters or a time step that cannot be; [`Error::Inconsistent`] likewise;
+    /// [`Error::MissingFeature`] for a model that was not compiled.
     pub fn new(params: &Params, kind: ModelKind, sim_dt: f64) -> Result<Self> {
         params.validate()?;
         check_sim_dt(sim_dt)?;

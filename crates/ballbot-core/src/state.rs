@@ -217,7 +217,7 @@ pub fn wxyz(q: &UnitQuaternion<f64>) -> [f64; 4] {
 pub fn unit_quaternion(name: &str, [w, x, y, z]: [f64; 4]) -> Result<UnitQuaternion<f64>> {
     finite(name, &[w, x, y, z])?;
     let q = Quaternion::new(w, x, y, z);
-    check(format!("the length of {name}"), q.norm(), "1 within 1e-6", |n| (n - 1.0).abs() <= 1e-6)?;
+    check(format_args!("the length of {name}"), q.norm(), "1 within 1e-6", |n| (n - 1.0).abs() <= 1e-6)?;
     Ok(UnitQuaternion::new_normalize(q))
 }
 

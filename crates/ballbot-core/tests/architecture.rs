@@ -31,7 +31,7 @@ const OWNERS: [(&str, &[&str]); 8] = [
     ("rayon", &["workers.rs"]),
     ("rand", &["env/"]),
     ("rand_chacha", &["env/"]),
-    ("toml", &["params.rs"]),
+    ("toml", &["params/"]),
 ];
 
 const MAX_LINES: usize = 500;

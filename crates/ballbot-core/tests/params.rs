@@ -3,6 +3,8 @@
 use ballbot_core::{Error, Params};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 /// A change that must be refused, and what the message must say: the name, the value, the limit.
 type Refusal<'a> = (&'a str, &'a [f64], [&'a str; 2]);
@@ -235,6 +237,56 @@ fn toml_brings_every_value_back_to_the_last_bit() {
     // Whole numbers need no point.
     let whole = format!("{}\nmax_wheel_torque = 3", text.replace("max_wheel_torque", "# max_wheel_torque"));
     assert_eq!(Params::from_toml(&whole).unwrap().max_wheel_torque, 3.0);
+}
+
+#[test]
+fn parameters_written_as_toml_come_back_to_the_last_bit() {
+    let tiny = Params { wheel_viscous_friction: 1e-300, max_wheel_torque: 1e16, ..unlike_any_other() };
+    for params in [Params::paper(), unlike_any_other(), tiny] {
+        assert_eq!(Params::from_toml(&params.to_toml()).unwrap(), params, "{}", params.to_toml());
+    }
+}
+
+/// A file of this test alone, deleted at its end.
+struct TestFile(PathBuf);
+
+impl TestFile {
+    fn new(name: &str, text: &str) -> Self {
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{}-{name}", std::process::id()));
+        fs::write(&path, text).unwrap();
+        Self(path)
+    }
+}
+
+impl Drop for TestFile {
+    fn drop(&mut self) {
+        drop(fs::remove_file(&self.0));
+    }
+}
+
+#[test]
+fn a_robot_is_read_from_a_file() {
+    let file = TestFile::new("robot.toml", &unlike_any_other().to_toml());
+    assert_eq!(Params::from_toml_file(&file.0).unwrap(), unlike_any_other());
+}
+
+#[test]
+fn errors_of_a_file_name_the_file_the_key_and_the_value() {
+    let paper = Params::paper().to_toml();
+    for (text, words) in [
+        (paper.replace("ball_mass = 1.437", "ball_mass = -1.5"), "ball_mass = -1.5 is out of range"),
+        (paper.replace("ball_mass = 1.437", "ball_mass = \"heavy\""), "ball_mass = \"heavy\" is not a number"),
+        (paper.replace("ball_mass", "ball_weight"), "unknown parameter 'ball_weight'"),
+        (paper.replace("ball_mass = 1.437", ""), "parameter ball_mass is missing"),
+        (paper.replace("ball_mass =", "ball_mass"), "line"),
+    ] {
+        let file = TestFile::new("refused.toml", &text);
+        let error = Params::from_toml_file(&file.0).unwrap_err().to_string();
+        assert!(error.starts_with(&format!("cannot decode {}: ", file.0.display())), "{error}");
+        assert!(error.contains(words), "'{error}' lacks '{words}'");
+    }
+    let error = Params::from_toml_file(Path::new("no/such/robot.toml")).unwrap_err();
+    assert!(matches!(&error, Error::Io { path, .. } if path == Path::new("no/such/robot.toml")), "{error}");
 }
 
 #[test]

@@ -2,7 +2,10 @@
 
 use ballbot_core::{Error, Params};
 use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeSet;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::fs;
+use std::path::Path;
 
 /// Inertia of the body alone about its own CoM: Params' body without three wheels of transverse inertia J_w / 2.
 fn inertia_without_wheels(p: &Params) -> Matrix3<f64> {
@@ -33,6 +36,22 @@ fn presets_are_valid() {
         params.validate().unwrap_or_else(|e| panic!("{name}: {e}"));
         assert!(params.wheel_zenith > 0.0 && params.wheel_zenith < FRAC_PI_2);
     }
+}
+
+#[test]
+fn a_preset_is_a_file_in_robots() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("robots");
+    let mut found = BTreeSet::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        assert_eq!(Params::preset(&name).unwrap(), Params::from_toml_file(&path).unwrap(), "{name}");
+        found.insert(name);
+    }
+    let names = Params::preset_names();
+    assert_eq!(names[0], "paper");
+    assert!(names[1..].is_sorted(), "{names:?}");
+    assert_eq!(names.iter().map(|name| name.to_string()).collect::<BTreeSet<_>>(), found);
 }
 
 #[test]

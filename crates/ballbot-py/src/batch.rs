@@ -129,46 +129,106 @@ fn write_contacts(batch: &Batch, i: usize, of: impl Fn(&Contacts) -> [f64; 3], o
 
 /// All quantities that can be recorded.
 const RECORDS: [Record; 12] = [
-    Record { name: "states", width: |_| State::LEN, at_start: true, write: |batch, _, i, out| {
-        if let Ok(state) = batch.state(i) {
-            out.copy_from_slice(&state.to_array());
-        }
-    } },
-    Record { name: "observations", width: Batch::observation_len, at_start: true, write: |_, last, i, out| {
-        let row = &last.observations[i * out.len()..];
-        out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value));
-    } },
-    Record { name: "actions", width: |_| ACTION_LEN, at_start: false, write: |_, last, i, out| {
-        let row = &last.actions[i * ACTION_LEN..];
-        out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value));
-    } },
-    Record { name: "torques", width: |_| ACTION_LEN, at_start: false, write: |batch, last, i, out| {
-        let row = &last.actions[i * ACTION_LEN..];
-        let scale = batch.max_wheel_torque();
-        out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value).clamp(-1.0, 1.0) * scale);
-    } },
-    Record { name: "rewards", width: |_| 1, at_start: false, write: |_, last, i, out| out[0] = last.outcomes[i].reward },
-    Record { name: "terminated", width: |_| 1, at_start: false, write: |_, last, i, out| {
-        out[0] = f64::from(u8::from(last.outcomes[i].terminated.is_some()));
-    } },
-    Record { name: "truncated", width: |_| 1, at_start: false, write: |_, last, i, out| {
-        out[0] = f64::from(u8::from(last.outcomes[i].truncated));
-    } },
-    Record { name: "success", width: |_| 1, at_start: false, write: |_, last, i, out| {
-        out[0] = f64::from(u8::from(last.outcomes[i].success));
-    } },
-    Record { name: "wheel_normal_forces", width: |_| 3, at_start: true, write: |batch, _, i, out| {
-        write_contacts(batch, i, |c| c.wheel_normal_forces, out);
-    } },
-    Record { name: "wheel_tractions", width: |_| 3, at_start: true, write: |batch, _, i, out| {
-        write_contacts(batch, i, |c| c.wheel_tractions, out);
-    } },
-    Record { name: "wheel_slip_speeds", width: |_| 3, at_start: true, write: |batch, _, i, out| {
-        write_contacts(batch, i, |c| c.wheel_slip_speeds, out);
-    } },
-    Record { name: "floor_force", width: |_| 3, at_start: true, write: |batch, _, i, out| {
-        write_contacts(batch, i, |c| c.floor_force.into(), out);
-    } },
+    Record {
+        name: "states",
+        width: |_| State::LEN,
+        at_start: true,
+        write: |batch, _, i, out| {
+            if let Ok(state) = batch.state(i) {
+                out.copy_from_slice(&state.to_array());
+            }
+        },
+    },
+    Record {
+        name: "observations",
+        width: Batch::observation_len,
+        at_start: true,
+        write: |_, last, i, out| {
+            let row = &last.observations[i * out.len()..];
+            out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value));
+        },
+    },
+    Record {
+        name: "actions",
+        width: |_| ACTION_LEN,
+        at_start: false,
+        write: |_, last, i, out| {
+            let row = &last.actions[i * ACTION_LEN..];
+            out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value));
+        },
+    },
+    Record {
+        name: "torques",
+        width: |_| ACTION_LEN,
+        at_start: false,
+        write: |batch, last, i, out| {
+            let row = &last.actions[i * ACTION_LEN..];
+            let scale = batch.max_wheel_torque();
+            out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value).clamp(-1.0, 1.0) * scale);
+        },
+    },
+    Record {
+        name: "rewards",
+        width: |_| 1,
+        at_start: false,
+        write: |_, last, i, out| out[0] = last.outcomes[i].reward,
+    },
+    Record {
+        name: "terminated",
+        width: |_| 1,
+        at_start: false,
+        write: |_, last, i, out| {
+            out[0] = f64::from(u8::from(last.outcomes[i].terminated.is_some()));
+        },
+    },
+    Record {
+        name: "truncated",
+        width: |_| 1,
+        at_start: false,
+        write: |_, last, i, out| {
+            out[0] = f64::from(u8::from(last.outcomes[i].truncated));
+        },
+    },
+    Record {
+        name: "success",
+        width: |_| 1,
+        at_start: false,
+        write: |_, last, i, out| {
+            out[0] = f64::from(u8::from(last.outcomes[i].success));
+        },
+    },
+    Record {
+        name: "wheel_normal_forces",
+        width: |_| 3,
+        at_start: true,
+        write: |batch, _, i, out| {
+            write_contacts(batch, i, |c| c.wheel_normal_forces, out);
+        },
+    },
+    Record {
+        name: "wheel_tractions",
+        width: |_| 3,
+        at_start: true,
+        write: |batch, _, i, out| {
+            write_contacts(batch, i, |c| c.wheel_tractions, out);
+        },
+    },
+    Record {
+        name: "wheel_slip_speeds",
+        width: |_| 3,
+        at_start: true,
+        write: |batch, _, i, out| {
+            write_contacts(batch, i, |c| c.wheel_slip_speeds, out);
+        },
+    },
+    Record {
+        name: "floor_force",
+        width: |_| 3,
+        at_start: true,
+        write: |batch, _, i, out| {
+            write_contacts(batch, i, |c| c.floor_force.into(), out);
+        },
+    },
 ];
 
 #[pymethods]

@@ -33,7 +33,8 @@ impl EmptyInfos {
         self.next = (self.next + 1) % GENERATIONS;
         dicts.resize_with(n, || PyDict::new(py).unbind());
         for dict in dicts.iter_mut() {
-            // SAFETY: a live object, and the GIL is held.
+            // SAFETY: the pointer is that of a live object, and the GIL is held.
+            #[expect(unsafe_code, reason = "PyO3 has no safe reader of reference counts")]
             let owners = unsafe { pyo3::ffi::Py_REFCNT(dict.as_ptr()) };
             if owners > 1 || !dict.bind(py).is_empty() {
                 *dict = PyDict::new(py).unbind();

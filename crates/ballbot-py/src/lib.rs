@@ -2,6 +2,8 @@
 //!
 //! A crate with tasks or controllers of its own registers them and calls [`fill`] from a module of its own.
 
+#![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
+
 mod batch;
 mod control;
 mod convert;

@@ -184,7 +184,11 @@ impl PyLinearModel {
     }
 
     /// A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact.
-    fn discretize<'py>(&self, py: Python<'py>, dt: f64) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+    fn discretize<'py>(
+        &self,
+        py: Python<'py>,
+        dt: f64,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
         check_finite("dt", &[dt]).map_err(to_python)?;
         let (a, b) = self.0.discretize(dt);
         Ok((dynamic(py, &a), dynamic(py, &b)))

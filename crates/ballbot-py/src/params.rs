@@ -77,6 +77,28 @@ impl PyParams {
         Params::preset_names().to_vec()
     }
 
+    /// Parameters from TOML, one key a parameter. A string of one line that ends in ".toml" is a path.
+    ///
+    /// Raises:
+    ///     ValueError: malformed, or as the constructor; the message has the file, the key and the value.
+    ///     OSError: the file cannot be read.
+    #[staticmethod]
+    fn from_toml(text_or_path: &Bound<'_, PyAny>) -> PyResult<Self> {
+        if let Some(path) = toml_path(text_or_path) {
+            return call(|| Params::from_toml_file(&path)).map(Self);
+        }
+        let Ok(text) = text_or_path.extract::<String>() else {
+            let kind = text_or_path.get_type().name()?;
+            return Err(PyTypeError::new_err(format!("text_or_path must be TOML text or a path, not {kind}")));
+        };
+        call(|| Params::from_toml(&text)).map(Self)
+    }
+
+    /// All values as TOML text, which `from_toml` reads back to the last bit.
+    fn to_toml(&self) -> String {
+        self.0.to_toml()
+    }
+
     /// Parameters of a ballbot described by two URDFs.
     ///
     /// Raises:
@@ -243,16 +265,27 @@ impl PyParams {
     }
 }
 
-/// Parameters given as such or by the name of a preset; the paper's for none.
+/// The path of a TOML file: a path object, or a string of one line that ends in ".toml".
+fn toml_path(value: &Bound<'_, PyAny>) -> Option<PathBuf> {
+    match value.extract::<String>() {
+        Ok(text) if !text.ends_with(".toml") || text.contains('\n') => None,
+        _ => value.extract().ok(),
+    }
+}
+
+/// Parameters given as such, by the name of a preset or by the path of a TOML file; the paper's for none.
 pub(crate) fn or_paper(params: Option<&Bound<'_, PyAny>>) -> PyResult<Params> {
     let Some(params) = params else { return Ok(Params::paper()) };
     if let Ok(params) = params.cast::<PyParams>() {
         return Ok(params.get().0.clone());
     }
+    if let Some(path) = toml_path(params) {
+        return call(|| Params::from_toml_file(&path));
+    }
     match params.extract::<String>() {
         Ok(preset) => Params::preset(&preset).map_err(to_python),
         Err(_) => Err(PyTypeError::new_err(format!(
-            "params must be Params or the name of a preset, not {}",
+            "params must be Params, the name of a preset or the path of a TOML file, not {}",
             params.get_type().name()?
         ))),
     }

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 /// Takes pictures of a robot without GPU or display, by rays.
 ///
 /// Args:
-///     params: the robot, or the name of a preset; None is `Params.paper()`.
+///     params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
 ///     urdf: (bot, ball), two files whose visual shapes are shown in place of shapes made from `params`.
 ///     width, height: of the picture, pixels.
 ///     samples: colour samples a pixel, 1, 2 or 4.

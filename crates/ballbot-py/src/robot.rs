@@ -12,7 +12,7 @@ use pyo3::types::PyBytes;
 /// A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, change its parameters (`set_params`).
 ///
 /// Args:
-///     params: the robot, or the name of a preset; None is `Params.paper()`.
+///     params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
 ///     model: "rigid" (rapier3d), "contact" (contacts and friction on a flat floor, specialised), "spatial" (coupled
 ///         3D without slip) or "planar" (eqs. (1)-(7) of the paper).
 ///     sim_dt: time step, s.

@@ -57,10 +57,10 @@ class BalanceEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
     `width`, `height` and `camera` are those of `Renderer`; `render_options` has its others (`samples`, `urdf`).
 
     ## Arguments
-    All keyword, SI units and radians: `params` (parameters, or the name of a preset), `model` ("rigid", "contact",
-    "spatial" or "planar"), `sim_dt` (0.002), `control_dt` (0.01, a whole multiple of `sim_dt`), `max_wheel_torque`,
-    `setpoint`, `reset_tilt`, `reset_yaw`, `reset_ball_speed`, `reset_tilt_rate`, `fall_tilt`, `success_window`,
-    `success_tilt`, `success_radius`, `reward`.
+    All keyword, SI units and radians: `params` (parameters, the name of a preset, or the path of a TOML file), `model`
+    ("rigid", "contact", "spatial" or "planar"), `sim_dt` (0.002), `control_dt` (0.01, a whole multiple of `sim_dt`),
+    `max_wheel_torque`, `setpoint`, `reset_tilt`, `reset_yaw`, `reset_ball_speed`, `reset_tilt_rate`, `fall_tilt`,
+    `success_window`, `success_tilt`, `success_radius`, `reward`.
 
     Raises:
         ValueError: a number is out of range, or a name is not known; the message has the value and the limit.

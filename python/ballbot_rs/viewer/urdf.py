@@ -7,14 +7,14 @@ import numpy.typing as npt
 import trimesh
 import yourdfpy
 
+from ballbot_rs import _assets
 from ballbot_rs._core import Params
 from ballbot_rs.viewer.shapes import TYRE, Color, Look, Piece, Wheel, ball_of, by_color, piece, wheel_heights
 
 FloatArray = npt.NDArray[np.float64]
 
-#: The robots that have URDFs, in a checkout of the repository; an installed package has no `assets` beside it.
-ASSETS = Path(__file__).parents[3] / "assets"
-URDFS = {"paper": (ASSETS / "bot.urdf", ASSETS / "ball.urdf")}
+#: The robots that have URDFs.
+URDFS = {"paper": (_assets.path("bot.urdf"), _assets.path("ball.urdf"))}
 
 
 def from_urdf(params: Params, bot_path: Path, ball_path: Path) -> Look:

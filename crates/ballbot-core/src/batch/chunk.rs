@@ -404,7 +404,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         if (snapshot.task.as_str(), snapshot.model.as_str(), snapshot.sim_dt) != (T::NAME, model, sim_dt) {
             return Err(refused(format!(
                 "it is of task '{}' with a '{}' robot at sim_dt = {} s, this is task '{}' with a '{model}' robot at {sim_dt} s",
-                snapshot.task, snapshot.model, snapshot.sim_dt, T::NAME
+                snapshot.task,
+                snapshot.model,
+                snapshot.sim_dt,
+                T::NAME
             )));
         }
         if !self.one.fits(&snapshot.ledger) {

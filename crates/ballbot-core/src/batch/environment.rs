@@ -1,11 +1,11 @@
 //! One environment: a robot, a task and a source of random numbers.
 
+use super::Autoreset;
 use super::buffers::{Outcome, StepBuffers};
 use super::chunk::{Chunk, Environments};
 use super::config::EnvConfig;
 use super::robots::Single;
 use super::task_step::TaskStep;
-use super::Autoreset;
 use crate::actuator::Ideal;
 use crate::error::Result;
 use crate::robot::Ballbot;

@@ -59,7 +59,8 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         let state = &robot.state;
         let zero = state.ball_position.x.zero();
         let one = zero.splat(1.0);
-        let three = |cells: &[L::Cell; 3]| [L::load(token, &cells[0]), L::load(token, &cells[1]), L::load(token, &cells[2])];
+        let three =
+            |cells: &[L::Cell; 3]| [L::load(token, &cells[0]), L::load(token, &cells[1]), L::load(token, &cells[2])];
         let action = three(actions);
 
         let up = state.body_quaternion.rotation().rows[2];
@@ -104,8 +105,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         let [a, b, c] = &ledger.episode.last_action;
         let last_action = [L::load(token, a), L::load(token, b), L::load(token, c)];
         let measured = self.sensor.read(state, &mut Memory::new(token, &mut ledger.sensor));
-        let mut rows =
-            WriteRows { cells: &mut ledger.observation, scaling: self.scaling.as_ref(), next: 0 };
+        let mut rows = WriteRows { cells: &mut ledger.observation, scaling: self.scaling.as_ref(), next: 0 };
         let memory = Memory::new(token, &mut ledger.task);
         self.task.observe(&Sensed { state: &measured, last_action }, &memory, &mut rows);
     }

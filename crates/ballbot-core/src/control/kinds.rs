@@ -26,8 +26,12 @@ pub struct ControllerKind {
 
 /// Makes a controller for `params`, sampled every `control_dt` seconds, no wheel torque above `max_torque` (N·m; `None` is
 /// [`default_max_torque`]), from options by name.
-pub type MakeController =
-    fn(params: &Params, control_dt: f64, max_torque: Option<f64>, options: &[(&str, &[f64])]) -> Result<Box<dyn Controller>>;
+pub type MakeController = fn(
+    params: &Params,
+    control_dt: f64,
+    max_torque: Option<f64>,
+    options: &[(&str, &[f64])],
+) -> Result<Box<dyn Controller>>;
 
 /// A struct of fields with some values changed, all within their limits.
 ///

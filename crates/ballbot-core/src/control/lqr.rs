@@ -1,9 +1,7 @@
 //! A discrete linear-quadratic regulator of position, tilt and heading, for any robot.
 
 use super::riccati::{self, Regulator};
-use super::{
-    LaneSetpoint, Law, Sampling, Setpoint, SetpointCells, check_max_torque, default_max_torque, saturate,
-};
+use super::{LaneSetpoint, Law, Sampling, Setpoint, SetpointCells, check_max_torque, default_max_torque, saturate};
 use crate::error::{Error, Result, finite, positive};
 use crate::fields::{Fields, Limit};
 use crate::lane_state::{LaneState, StateCells};
@@ -123,11 +121,15 @@ fn check_cost(name: &str, matrix: &DMatrix<f64>, size: usize) -> Result<()> {
     finite(name, matrix.as_slice())?;
     let asymmetry = (matrix - matrix.transpose()).amax();
     if asymmetry > 1e-12 * matrix.amax() {
-        return Err(Error::Inconsistent(format!("{name} is not symmetric: it differs from its transpose by {asymmetry}")));
+        return Err(Error::Inconsistent(format!(
+            "{name} is not symmetric: it differs from its transpose by {asymmetry}"
+        )));
     }
     let smallest = matrix.symmetric_eigenvalues().min();
     if smallest < -1e-12 * matrix.amax() {
-        return Err(Error::Inconsistent(format!("{name} is not positive semidefinite: it has the eigenvalue {smallest}")));
+        return Err(Error::Inconsistent(format!(
+            "{name} is not positive semidefinite: it has the eigenvalue {smallest}"
+        )));
     }
     Ok(())
 }
@@ -159,12 +161,7 @@ impl Law for Lqr {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        _: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, _: &mut Memory<'_, L>) -> [L; 3] {
         let x = deviation(state, setpoint);
         let torque = |row: &[f64; STATES]| {
             let mut sum = x[0] * -row[0];

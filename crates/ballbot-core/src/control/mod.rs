@@ -37,12 +37,7 @@ pub trait Law: Send + Sync {
     fn sampling_mut(&mut self) -> &mut Sampling;
 
     /// Motor torques for the next `control_dt`, N·m.
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        memory: &mut Memory<'_, L>,
-    ) -> [L; 3];
+    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, memory: &mut Memory<'_, L>) -> [L; 3];
 }
 
 /// What all laws share: the sampling time, and what a law keeps of the one robot of [`Controller::wheel_torques`].

@@ -105,12 +105,7 @@ impl Law for Pid {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        memory: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, memory: &mut Memory<'_, L>) -> [L; 3] {
         let heading = Heading::new(state.body_quaternion);
         let [tilt_x, tilt_y] = state.body_quaternion.tilt_components();
         let [tilt_x, tilt_y] = heading.of(tilt_x, tilt_y);

@@ -19,7 +19,8 @@ use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
 use crate::state::{Contacts, State, rolling_rate};
-use nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Wheel speed over which dry friction builds up in the closed-form models, which cannot stick, rad/s.
 const DRY_FRICTION_WIDTH: f64 = 0.05;
@@ -107,11 +108,11 @@ fn require_rolling(params: &Params, wheels: &Omniwheels, state: &State) -> Resul
     }
 }
 
-/// Coordinates of a closed-form model from a snapshot, if their number is right.
-fn coordinates_from<const N: usize>(what: &str, numbers: &[f64]) -> Result<SVector<f64, N>> {
-    let numbers: [f64; N] = numbers.try_into().map_err(|_| Error::Decode {
-        what: what.to_owned(),
-        reason: format!("{} coordinates, expected {N}", numbers.len()),
-    })?;
-    Ok(numbers.into())
+/// What the future of a closed-form model depends on, besides its parameters and time step.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    steps: u64,
+    healthy: bool,
+    coordinates: [f64; 19],
+    wheel_torques: [f64; 3],
 }

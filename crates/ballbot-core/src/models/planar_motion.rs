@@ -2,7 +2,7 @@
 
 use super::planar::Plane;
 use super::rk4::rk4;
-use super::{Motion, PlanarModel, WheelInertia, contact_loads, coordinates_from, require_rolling, shaft_torques, sound};
+use super::{Motion, PlanarModel, Saved, WheelInertia, contact_loads, require_rolling, shaft_torques, sound};
 use crate::error::Result;
 use crate::kinematics::Omniwheels;
 use crate::model::{Model, same_geometry};
@@ -242,14 +242,20 @@ impl Model for PlanarMotion {
     }
 
     fn save(&self) -> Vec<u8> {
-        snapshot::pack(&(self.steps, self.healthy, self.coordinates.as_slice(), <[f64; 3]>::from(self.wheel_torques)))
+        snapshot::pack(&Saved {
+            steps: self.steps,
+            healthy: self.healthy,
+            coordinates: self.coordinates.into(),
+            wheel_torques: self.wheel_torques.into(),
+        })
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let (steps, healthy, coordinates, torques): (u64, bool, Vec<f64>, [f64; 3]) =
-            snapshot::unpack("snapshot of a planar model", bytes)?;
-        self.coordinates = coordinates_from("snapshot of a planar model", &coordinates)?;
-        (self.steps, self.healthy, self.wheel_torques) = (steps, healthy, torques.into());
+        let saved: Saved = snapshot::unpack("snapshot of a planar model", bytes)?;
+        self.steps = saved.steps;
+        self.healthy = saved.healthy;
+        self.coordinates = saved.coordinates.into();
+        self.wheel_torques = saved.wheel_torques.into();
         Ok(())
     }
 }

@@ -1,7 +1,7 @@
 //! The spatial model in motion: RK4 over position, attitude and generalised velocity.
 
 use super::rk4::rk4;
-use super::{SpatialModel, coordinates_from, require_rolling, sound};
+use super::{Saved, SpatialModel, require_rolling, sound};
 use crate::error::Result;
 use crate::model::{Model, same_geometry};
 use crate::params::Params;
@@ -151,14 +151,20 @@ impl Model for SpatialMotion {
     }
 
     fn save(&self) -> Vec<u8> {
-        snapshot::pack(&(self.steps, self.healthy, self.coordinates.as_slice(), <[f64; 3]>::from(self.wheel_torques)))
+        snapshot::pack(&Saved {
+            steps: self.steps,
+            healthy: self.healthy,
+            coordinates: self.coordinates.into(),
+            wheel_torques: self.wheel_torques.into(),
+        })
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let (steps, healthy, coordinates, torques): (u64, bool, Vec<f64>, [f64; 3]) =
-            snapshot::unpack("snapshot of a spatial model", bytes)?;
-        self.coordinates = coordinates_from("snapshot of a spatial model", &coordinates)?;
-        (self.steps, self.healthy, self.wheel_torques) = (steps, healthy, torques.into());
+        let saved: Saved = snapshot::unpack("snapshot of a spatial model", bytes)?;
+        self.steps = saved.steps;
+        self.healthy = saved.healthy;
+        self.coordinates = saved.coordinates.into();
+        self.wheel_torques = saved.wheel_torques.into();
         Ok(())
     }
 }

@@ -3,6 +3,7 @@
 //! The same state gives the same picture to the last bit, on any number of threads.
 
 mod camera;
+#[cfg(feature = "urdf")]
 mod description;
 mod forces;
 mod look;

@@ -58,7 +58,9 @@ impl Renderer {
     /// [`Error::OutOfRange`] naming the number and its limit.
     pub fn new(scene: Scene, width: usize, height: usize, samples: usize, camera: Camera) -> Result<Self> {
         for (name, edge) in [("width", width), ("height", height)] {
-            check(name, edge as f64, format!("between 1 and {MAX_EDGE} pixels"), |_| (1..=MAX_EDGE).contains(&edge))?;
+            check(name, edge as f64, format_args!("between 1 and {MAX_EDGE} pixels"), |_| {
+                (1..=MAX_EDGE).contains(&edge)
+            })?;
         }
         check("samples", samples as f64, "1, 2 or 4 a pixel", |_| matches!(samples, 1 | 2 | 4))?;
         camera.validate()?;
@@ -153,7 +155,7 @@ impl Arrow {
     fn parts(&self, parts: &mut Vec<Part>) -> Result<()> {
         finite("arrow", self.colour.as_slice())?;
         for value in self.from.iter().chain(&self.to) {
-            check("arrow", *value, format!("within ±{FARTHEST} m"), |v| v.abs() <= FARTHEST)?;
+            check("arrow", *value, format_args!("within ±{FARTHEST} m"), |v| v.abs() <= FARTHEST)?;
         }
         let along = self.to - self.from;
         let length = along.norm();

@@ -63,6 +63,7 @@ impl CollisionShape {
         let body = height(Vector3::z() * self.body.bottom).min(height(Vector3::z() * self.body.top)) - rim;
         if wheel < body { ("wheels", wheel) } else { ("body", body) }
     }
+
     /// Refuses a state whose bot reaches into the floor.
     ///
     /// # Errors
@@ -70,7 +71,7 @@ impl CollisionShape {
     pub fn require_above_floor(&self, state: &State) -> Result<()> {
         let (part, height) = self.lowest_point(&state.body_position, &state.body_quaternion);
         check(
-            format!("height of the lowest point of the {part}"),
+            format_args!("height of the lowest point of the {part}"),
             height,
             "at least 0 m, the floor, within 1 mm",
             |h| h >= -THROUGH_FLOOR,

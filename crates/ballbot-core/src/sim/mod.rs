@@ -1,10 +1,12 @@
 //! Simulation of the robot as bodies in contact.
 
+mod collision_shape;
 pub(crate) mod contact;
 mod friction;
-mod collision_shape;
+#[cfg(feature = "rigid")]
 pub mod rigid;
 
 pub(crate) use collision_shape::CollisionShape;
 pub use contact::ContactMotion;
+#[cfg(feature = "rigid")]
 pub use rigid::RigidMotion;

@@ -48,8 +48,7 @@ impl Task for Balance {
     const REWARD_THRESHOLD: Option<f64> = Some(950.0);
     const TERMINATIONS: &'static [(&'static str, &'static str)] =
         &[("tilt", "the tilt exceeds `fall_tilt`"), ("bot_on_floor", "the body or a wheel touches the floor")];
-    const SUCCESS: &'static str =
-        "not terminated, and over the last `success_window` tilt within `success_tilt` and ball within `success_radius`";
+    const SUCCESS: &'static str = "not terminated, and over the last `success_window` tilt within `success_tilt` and ball within `success_radius`";
     const MEMORY: usize = 1;
 
     fn validate(&self, params: &Params) -> Result<()> {
@@ -95,8 +94,7 @@ impl Task for Balance {
         let rate = state.body_angular_velocity;
         // Nothing depends on where the setpoint is or where the robot faces.
         let heading = Heading::new(state.body_quaternion);
-        let [x, y] =
-            heading.of(state.ball_position.x - self.setpoint[0], state.ball_position.y - self.setpoint[1]);
+        let [x, y] = heading.of(state.ball_position.x - self.setpoint[0], state.ball_position.y - self.setpoint[1]);
         let [vx, vy] = heading.of(state.ball_velocity.x, state.ball_velocity.y);
         let [w0, w1, w2] = state.wheel_speeds;
         let [a0, a1, a2] = sensed.last_action;
@@ -138,13 +136,7 @@ impl Task for Balance {
     }
 
     #[inline(always)]
-    fn reward<L: Lane>(
-        &self,
-        step: &Step<'_, L>,
-        terminated: L::Mask,
-        _: &Memory<'_, L>,
-        terms: &mut impl Terms<L>,
-    ) {
+    fn reward<L: Lane>(&self, step: &Step<'_, L>, terminated: L::Mask, _: &Memory<'_, L>, terms: &mut impl Terms<L>) {
         let zero = step.tilt.zero();
         let one = zero.splat(1.0);
         let tilt = (step.tilt / self.fall_tilt).squared().min(one);

@@ -82,10 +82,7 @@ impl TaskDescription {
             reward_threshold: T::REWARD_THRESHOLD,
             success: T::SUCCESS,
             options: describe_options::<T>(),
-            scaling: RowScaling {
-                rest: seen.values,
-                gain: seen.rows.iter().map(|row| row.typical.recip()).collect(),
-            },
+            scaling: RowScaling { rest: seen.values, gain: seen.rows.iter().map(|row| row.typical.recip()).collect() },
             rows: seen.rows,
             terms: seen.terms,
             terminations: T::TERMINATIONS

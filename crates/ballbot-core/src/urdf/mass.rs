@@ -1,6 +1,7 @@
 //! Mass, centre of mass and inertia of rigid parts.
 
 use super::Checked;
+use super::numbers::{finite, pose};
 use nalgebra::{Isometry3, Matrix3, Point3};
 use urdf_rs::Link;
 
@@ -16,15 +17,15 @@ pub(super) struct RigidMass {
 }
 
 impl RigidMass {
-    /// The inertial element of a link whose frame is at `pose`; none for a link without mass.
-    pub fn of_link(link: &Link, pose: &Isometry3<f64>) -> Checked<Option<Self>> {
+    /// The inertial element of a link whose frame is `frame`; none for a link without mass.
+    pub fn of_link(link: &Link, frame: &Isometry3<f64>) -> Checked<Option<Self>> {
         let name = &link.name;
         let mass = link.inertial.mass.value;
         let i = &link.inertial.inertia;
         let tensor = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
         let what = format!("the inertial of link '{name}'");
-        let origin = super::tree::pose(&what, &link.inertial.origin)?;
-        super::tree::finite(&what, tensor.as_slice())?;
+        let origin = pose(&what, &link.inertial.origin)?;
+        finite(&what, tensor.as_slice())?;
         if !mass.is_finite() || mass < 0.0 {
             return Err(format!("link '{name}': mass = {mass} kg is out of range: it must be a finite number >= 0"));
         }
@@ -32,7 +33,7 @@ impl RigidMass {
             let massless = tensor == Matrix3::zeros();
             return if massless { Ok(None) } else { Err(format!("link '{name}' has an inertia but mass = 0 kg")) };
         }
-        let at = pose * origin;
+        let at = frame * origin;
         let axes = at.rotation.to_rotation_matrix().into_inner();
         let inertia = axes * tensor * axes.transpose();
         Ok(Some(Self { mass, centre: at.translation.vector.into(), inertia }))

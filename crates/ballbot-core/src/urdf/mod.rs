@@ -16,6 +16,7 @@
 mod ball;
 mod bot;
 mod mass;
+mod numbers;
 mod placement;
 mod shape;
 mod tree;

@@ -1,7 +1,8 @@
 //! Round shapes of links: what tells the radius of the ball and of the wheels.
 
 use super::Checked;
-use super::tree::{Tree, finite, pose};
+use super::numbers::{finite, pose};
+use super::tree::Tree;
 use nalgebra::{Point3, Vector3};
 use urdf_rs::{Geometry, Link, Pose};
 

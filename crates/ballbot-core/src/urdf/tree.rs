@@ -2,9 +2,10 @@
 
 use super::Checked;
 use super::mass::RigidMass;
-use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use super::numbers::pose;
+use nalgebra::Isometry3;
 use std::collections::HashMap;
-use urdf_rs::{Joint, JointType, Link, Material, Pose};
+use urdf_rs::{Joint, JointType, Link, Material};
 
 /// Deepest nesting of XML elements read. A URDF needs six levels; the XML reader recurses.
 const MAX_DEPTH: usize = 64;
@@ -82,22 +83,6 @@ impl Tree {
             .ok_or_else(|| format!("{what} has mass = 0 kg: its links need an <inertial> with a mass > 0"))?;
         mass.check_inertia(what)?;
         Ok(mass)
-    }
-}
-
-/// The frame of an `<origin>`; `what` names the element it belongs to.
-pub(super) fn pose(what: &str, origin: &Pose) -> Checked<Isometry3<f64>> {
-    let ([x, y, z], [roll, pitch, yaw]) = (*origin.xyz, *origin.rpy);
-    finite(&format!("the origin of {what}"), &[x, y, z, roll, pitch, yaw])?;
-    let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
-    Ok(Isometry3::from_parts(Translation3::new(x, y, z), rotation))
-}
-
-/// Refuses numbers that are not finite; `what` names the element they belong to.
-pub(super) fn finite(what: &str, values: &[f64]) -> Checked<()> {
-    match values.iter().find(|v| !v.is_finite()) {
-        Some(value) => Err(format!("{what} contains {value}: it must be finite")),
-        None => Ok(()),
     }
 }
 

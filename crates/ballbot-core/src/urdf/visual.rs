@@ -1,7 +1,8 @@
 //! What a URDF shows: its visual shapes, where the simulated robot has them.
 
 use super::bot::Bot;
-use super::tree::{Tree, pose};
+use super::numbers::pose;
+use super::tree::Tree;
 use super::{Checked, read_file, refuse};
 use crate::error::Result;
 use crate::params::Params;

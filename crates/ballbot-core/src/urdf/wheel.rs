@@ -1,8 +1,9 @@
 //! One wheel of the bot: its axle, its round shape, its mass and its joint's dynamics.
 
 use super::mass::RigidMass;
+use super::numbers::finite;
 use super::shape::{Shape, spheres_and_cylinders};
-use super::tree::{Tree, finite};
+use super::tree::Tree;
 use super::{Checked, TOLERANCE};
 use nalgebra::{Matrix3, Point3, Vector3};
 use std::f64::consts::TAU;

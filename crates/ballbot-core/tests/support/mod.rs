@@ -53,8 +53,9 @@ pub fn any_round_robot() -> impl Strategy<Value = Params> {
 
 /// [`any_robot`] or a published one.
 pub fn any_or_published_robot() -> impl Strategy<Value = Params> {
-    let published = Params::preset_names().map(|name| Params::preset(name).expect("a preset loads"));
-    prop_oneof![any_robot(), proptest::sample::select(published.to_vec())]
+    let preset = |name: &&str| Params::preset(name).expect("a preset loads");
+    let published: Vec<_> = Params::preset_names().iter().map(preset).collect();
+    prop_oneof![any_robot(), proptest::sample::select(published)]
 }
 
 /// Without friction but for that of the contacts.

@@ -4,11 +4,11 @@
 //! over these contacts, on the velocities themselves, in turns with the rows' sweeps.
 
 use super::constants::Constants;
-use super::state::{ContactState, Torques};
-use super::types::{PerRow, Velocities};
 use super::rows::{Rows, allowance};
 use super::solve::{Delassus, Friction, JointFriction, in_disc};
+use super::state::{ContactState, Torques};
 use super::step::{self, Start};
+use super::types::{PerRow, Velocities};
 use crate::lanes::{Lane, Rotation, Scalar, Vec3};
 
 /// Sweeps while such a contact is near; they start from nothing.

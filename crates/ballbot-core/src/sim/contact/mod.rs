@@ -19,10 +19,10 @@ mod step;
 mod tests;
 mod types;
 
-pub use lanes::{ContactLanes, RobotsKernel};
-pub use motion::ContactMotion;
 #[cfg(test)]
 pub use constants::Constants;
+pub use lanes::{ContactLanes, RobotsKernel};
+pub use motion::ContactMotion;
 #[cfg(test)]
 pub use state::ContactState;
 #[cfg(test)]

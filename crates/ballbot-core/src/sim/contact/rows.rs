@@ -98,7 +98,8 @@ impl<L: Lane> Rows<L> {
             let (normal, drive) = (impulses.normals[i], impulses.drives[i]);
             bot_impulse = bot_impulse.plus(self.normals[i], normal).plus(self.drives[i], drive);
             ball_angular_impulse = ball_angular_impulse.plus(self.turns[i], -drive);
-            body_angular_impulse = body_angular_impulse.plus(self.normal_arms[i], normal).plus(self.drive_arms[i], drive);
+            body_angular_impulse =
+                body_angular_impulse.plus(self.normal_arms[i], normal).plus(self.drive_arms[i], drive);
             let mut wheel_impulse = drive * self.spin_shares[i] * c.wheel_radius;
             if JOINTS {
                 body_angular_impulse = body_angular_impulse.plus(c.u(i), impulses.joints[i]);

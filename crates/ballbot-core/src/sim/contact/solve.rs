@@ -1,8 +1,8 @@
 //! Impulses of the rows by projected Gauss-Seidel on their Delassus matrix.
 
 use super::constants::Constants;
-use super::types::PerRow;
 use super::rows::Rows;
+use super::types::PerRow;
 use crate::lanes::Lane;
 
 /// Sweeps of one step at least; they start from the last step's impulses.
@@ -85,8 +85,7 @@ impl<L: Lane> Delassus<L> {
             dd[i][i] = drive.dot(rows.drive_arms[i]) + own_spin + (linear + c.ball_surface_compliance);
             for j in 0..3 {
                 if j > i {
-                    nn[i][j] =
-                        rows.normals[i].dot(rows.normals[j]).mul_add(linear, normal.dot(rows.normal_arms[j]));
+                    nn[i][j] = rows.normals[i].dot(rows.normals[j]).mul_add(linear, normal.dot(rows.normal_arms[j]));
                     nn[j][i] = nn[i][j];
                     let moved = rows.drives[i].dot(rows.drives[j]).mul_add(linear, drive.dot(rows.drive_arms[j]));
                     dd[i][j] = rows.turns[i].dot(rows.turns[j]).mul_add(c.ball_surface_compliance, moved);

@@ -3,12 +3,12 @@
 #[cfg(test)]
 mod flops;
 
-use super::constants::Constants;
 use super::body_contacts;
-use super::state::{ContactState, Torques};
-use super::types::{PerRow, Pose, Velocities, select3};
+use super::constants::Constants;
 use super::rows::{Rows, encoder_rate};
 use super::solve::{Delassus, Friction, JointFriction, MOST_SWEEPS, SWEEPS};
+use super::state::{ContactState, Torques};
+use super::types::{PerRow, Pose, Velocities, select3};
 use crate::lanes::{EIGHT, Eight, Lane, LaneValue, Rotation, Scalar, Vec3, Wide, run_one};
 use crate::sim::friction::stribeck;
 use fearless_simd::Simd;
@@ -206,8 +206,7 @@ pub fn free_velocities<L: Lane>(
     // Euler's equations at the midpoint of the step: an explicit step would pump energy into a tumbling body.
     let explicit = gyroscopic(c, spin_momentum, before.body_rate).scaled_by(c.body_inertia_inverse);
     let midpoint = gyroscopic(c, spin_momentum, before.body_rate.plus(explicit, c.half_dt));
-    let body_angular_impulse =
-        start.rotation.apply_transposed(angular_impulse).plus(reaction + midpoint, c.sim_dt);
+    let body_angular_impulse = start.rotation.apply_transposed(angular_impulse).plus(reaction + midpoint, c.sim_dt);
 
     let body = before.body.plus(impulse, c.body_mass_inverse);
     let spin = |i: usize| wheel[i].mul_add(c.wheel_dt_inverse_inertia, before.spins[i]);

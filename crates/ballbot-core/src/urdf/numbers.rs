@@ -1,0 +1,21 @@
+//! Numbers of a URDF that must be finite.
+
+use super::Checked;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use urdf_rs::Pose;
+
+/// The frame of an `<origin>`; `what` names the element it belongs to.
+pub(super) fn pose(what: &str, origin: &Pose) -> Checked<Isometry3<f64>> {
+    let ([x, y, z], [roll, pitch, yaw]) = (*origin.xyz, *origin.rpy);
+    finite(&format!("the origin of {what}"), &[x, y, z, roll, pitch, yaw])?;
+    let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+    Ok(Isometry3::from_parts(Translation3::new(x, y, z), rotation))
+}
+
+/// Refuses numbers that are not finite; `what` names the element they belong to.
+pub(super) fn finite(what: &str, values: &[f64]) -> Checked<()> {
+    match values.iter().find(|v| !v.is_finite()) {
+        Some(value) => Err(format!("{what} contains {value}: it must be finite")),
+        None => Ok(()),
+    }
+}

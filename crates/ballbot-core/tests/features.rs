@@ -1,0 +1,21 @@
+//! Without the cargo feature `rigid` the model of that name is refused, and all others run.
+
+use ballbot_core::{Ballbot, ModelKind, Params};
+
+#[test]
+fn a_model_runs_or_names_the_feature_that_it_needs() {
+    for kind in ModelKind::ALL {
+        let robot = Ballbot::new(&Params::paper(), kind, 0.001);
+        if kind == ModelKind::Rigid && cfg!(not(feature = "rigid")) {
+            let error = robot.err().expect("a model that was not compiled").to_string();
+            assert_eq!(error, "the model 'rigid' needs the cargo feature 'rigid' of ballbot-core, which is off");
+        } else {
+            robot.unwrap().step(&[0.01, 0.0, 0.0], 10).unwrap();
+        }
+    }
+}
+
+#[test]
+fn the_default_model_is_one_that_was_compiled() {
+    Ballbot::new(&Params::paper(), ModelKind::default(), 0.001).unwrap();
+}

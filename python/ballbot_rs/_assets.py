@@ -1,0 +1,21 @@
+"""The data that ships with the package: URDFs, their meshes and a trained policy."""
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parent
+_REPOSITORY = _PACKAGE.parents[1]
+
+
+def path(name: str) -> Path:
+    """Where a file such as "bot.urdf" or "policies/balance.onnx" is: in a clone `assets/`, else inside the package.
+
+    Raises:
+        FileNotFoundError: no such file ships with the package.
+    """
+    # A clone's own files come first: an editable installation may keep copies of older ones.
+    clone = _REPOSITORY / "assets"
+    folder = clone if (_REPOSITORY / "pyproject.toml").is_file() and clone.is_dir() else _PACKAGE / "assets"
+    found = folder / name
+    if not found.exists():
+        raise FileNotFoundError(f"no file {name!r} ships with ballbot-rs: {found} does not exist")
+    return found

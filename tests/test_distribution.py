@@ -1,0 +1,97 @@
+"""The source distribution and the packaged crate compile by themselves; the wheel works outside the clone."""
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+from pathlib import Path
+
+import pytest
+
+from tools.check_wheel import check
+
+ROOT = Path(__file__).parent.parent
+TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
+BUILT = TARGET / "distribution"
+
+pytestmark = pytest.mark.skipif(
+    shutil.which("cargo") is None or importlib.util.find_spec("maturin") is None, reason="needs cargo and maturin"
+)
+
+
+def run(*command, cwd=ROOT):
+    # One target folder, so that dependencies are compiled once.
+    environment = {**os.environ, "CARGO_TARGET_DIR": str(TARGET)}
+    ended = subprocess.run([*map(str, command)], cwd=cwd, env=environment, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    return ended.stdout
+
+
+def empty_folder(name):
+    folder = BUILT / name
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def source():
+    """The source distribution, unpacked. Its path stays the same, so that a second run compiles nothing again."""
+    archives, folder = empty_folder("archives"), empty_folder("source")
+    run(sys.executable, "-m", "maturin", "sdist", "--out", archives)
+    (archive,) = archives.iterdir()
+    with tarfile.open(archive) as tar:
+        tar.extractall(folder, filter="data")
+    (unpacked,) = folder.iterdir()
+    return unpacked
+
+
+@pytest.fixture(scope="module")
+def wheel():
+    """Where the wheel is installed, alone."""
+    wheels, folder = empty_folder("wheels"), empty_folder("installed")
+    build = ("build", "--release", "--locked", "--offline", "--compatibility", "linux", "--out", wheels)
+    run(sys.executable, "-m", "maturin", *build)
+    (file,) = wheels.iterdir()
+    assert "-cp310-abi3-" in file.name
+    run(sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target", folder, file)
+    return folder
+
+
+def files(folder, pattern="*"):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob(pattern) if path.is_file()}
+
+
+def test_the_source_distribution_has_presets_meshes_and_licences(source):
+    for folder in ("crates/ballbot-core/robots", "assets/meshes"):
+        assert files(source / folder) == files(ROOT / folder) != {}
+    for name in ("README.md", "LICENSE-MIT", "LICENSE-APACHE", "Cargo.lock", "assets/bot.urdf", "assets/ball.urdf"):
+        assert (source / name).read_bytes() == (ROOT / name).read_bytes()
+    assert not files(source, "*.so")
+
+
+def test_the_source_distribution_compiles_in_an_empty_folder(source):
+    run("cargo", "check", "--locked", "--offline", "--package", "ballbot-py", cwd=source)
+
+
+def test_the_packaged_crate_has_its_presets_and_licences_and_compiles():
+    listed = set(run("cargo", "package", "--package", "ballbot-core", "--list", "--offline", "--allow-dirty").split())
+    presets = {f"robots/{path.name}" for path in (ROOT / "crates/ballbot-core/robots").glob("*.toml")}
+    assert listed >= presets | {"LICENSE-MIT", "LICENSE-APACHE", "README.md", "build.rs", "src/lib.rs"}
+    assert not any(name.startswith(("tests/", "benches/")) for name in listed)
+    run("cargo", "package", "--package", "ballbot-core", "--locked", "--offline", "--allow-dirty")
+
+
+def test_the_wheel_carries_its_data(wheel):
+    shipped = files(wheel / "ballbot_rs" / "assets")
+    expected = ["bot.urdf", "ball.urdf", "policies/balance.onnx"]
+    expected += [path.relative_to(ROOT / "assets").as_posix() for path in (ROOT / "assets/meshes").iterdir()]
+    assert shipped == {name: (ROOT / "assets" / name).read_bytes() for name in expected}
+
+
+def test_the_wheel_runs_the_first_example_of_the_readme_outside_the_clone(wheel):
+    printed = check(Path(sys.executable), wheel)
+    for words in ("bot.urdf", "preset kugle 16.154", "wheel loads"):
+        assert words in printed
