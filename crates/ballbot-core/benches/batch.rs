@@ -3,7 +3,7 @@
 //!
 //! An element of a batch is one environment's control step, which is five model steps. An element of the peak is a
 //! floating-point operation, a fused multiply-add being two: a step of the contact model has as many as the test
-//! `a_step_takes_as_many_operations_as_documented` counts, so that a batch of it reaches 5 · that · (elements/s) of them.
+//! `operations_of_a_step_are_as_documented` counts, so that a batch of it reaches 5 · that · (elements/s) of them.
 
 mod runner;
 

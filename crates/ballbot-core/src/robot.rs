@@ -165,6 +165,9 @@ impl Ballbot {
     /// then left as it was.
     pub fn set_params(&mut self, params: &Params) -> Result<bool> {
         params.validate()?;
+        if params == self.params() {
+            return Ok(true);
+        }
         let goes_on = same_geometry(self.params(), params);
         self.model.set_params(params)?;
         if !goes_on {

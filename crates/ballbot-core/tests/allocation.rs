@@ -1,7 +1,11 @@
-//! Stepping a batch of closed-form models takes no memory once it runs: an allocator counts what this thread asks for.
+//! Allocations of a running batch, counted on this thread: steps of `planar`, `spatial` and `contact` make none, with or
+//! without a controller.
 
 use ballbot_core::ModelKind;
-use ballbot_core::env::{ACTION_LEN, Autoreset, BalanceConfig, Batch, OBSERVATION_LEN, Outcome, StepBuffers};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Outcome, StepBuffers};
+use ballbot_core::control::{Controller, Lqr, Pid, PidGains};
+use ballbot_core::kinematics::TorqueMap;
+use ballbot_core::task::{ACTION_LEN, Balance};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::f64::consts::PI;
@@ -40,15 +44,16 @@ static ALLOCATOR: Counting = Counting;
 const ENVS: usize = 8;
 const STEPS: usize = 100;
 
-/// Allocations in [`STEPS`] steps of [`ENVS`] environments on this thread, after as many steps to warm up.
-fn allocations(config: &BalanceConfig) -> usize {
+/// Allocations in [`STEPS`] steps of [`ENVS`] environments on this thread, after as many steps to warm up; under
+/// `controller` if there is one.
+fn allocations(config: &BalanceConfig, controller: Option<&dyn Controller>) -> usize {
     let mut batch = Batch::new(config, ENVS, Autoreset::SameStep, Some(1), 1).unwrap();
-    let mut observations = vec![0.0; ENVS * OBSERVATION_LEN];
+    let mut observations = vec![0.0; ENVS * batch.observation_len()];
     batch.reset(None, &mut observations).unwrap();
     let (mut rewards, mut final_observations) = (vec![0.0; ENVS], observations.clone());
     let (mut terminated, mut truncated) = (vec![false; ENVS], vec![false; ENVS]);
     let mut outcomes = vec![Outcome::default(); ENVS];
-    let actions: Vec<f32> = (0..ENVS * ACTION_LEN).map(|i| 0.02 * (i as f32).sin()).collect();
+    let mut actions: Vec<f32> = (0..ENVS * ACTION_LEN).map(|i| 0.02 * (i as f32).sin()).collect();
     let mut run = || {
         let before = ALLOCATIONS.get();
         for _ in 0..STEPS {
@@ -60,7 +65,10 @@ fn allocations(config: &BalanceConfig) -> usize {
                 final_observations: &mut final_observations,
                 outcomes: &mut outcomes,
             };
-            batch.step(&actions, &mut buffers).unwrap();
+            match controller {
+                Some(controller) => batch.step_under(controller, None, &mut actions, &mut buffers).unwrap(),
+                None => batch.step(&actions, &mut buffers).unwrap(),
+            }
         }
         ALLOCATIONS.get() - before
     };
@@ -70,30 +78,46 @@ fn allocations(config: &BalanceConfig) -> usize {
 
 /// Episodes without an end: the closed-form models have no floor to fall on.
 fn endless(model: ModelKind) -> BalanceConfig {
-    BalanceConfig { model, fall_tilt: PI, max_episode_steps: usize::MAX, ..BalanceConfig::default() }
+    let task = Balance { fall_tilt: PI, ..Balance::default() };
+    BalanceConfig { model, max_episode_steps: usize::MAX, task, ..BalanceConfig::default() }
 }
 
 #[test]
-fn steps_of_our_own_models_allocate_nothing() {
+fn steps_allocate_nothing() {
     for model in [ModelKind::Planar, ModelKind::Spatial] {
-        assert_eq!(allocations(&endless(model)), 0, "{model}");
+        assert_eq!(allocations(&endless(model), None), 0, "{model}");
     }
     // Resets included.
     let brief = BalanceConfig { max_episode_steps: 2, ..endless(ModelKind::Contact) };
-    assert_eq!(allocations(&brief), 0, "contact");
+    assert_eq!(allocations(&brief, None), 0, "contact");
     // For the record: a reset may allocate, and so does rapier.
     let brief = BalanceConfig { max_episode_steps: 2, ..endless(ModelKind::Spatial) };
-    println!("spatial, a reset: {}", allocations(&brief) as f64 / (ENVS * STEPS / 2) as f64);
-    let rigid = BalanceConfig { reset_tilt: 0.0, ..endless(ModelKind::Rigid) };
+    println!("spatial, a reset: {}", allocations(&brief, None) as f64 / (ENVS * STEPS / 2) as f64);
+    let mut rigid = endless(ModelKind::Rigid);
+    rigid.task.reset_tilt = 0.0;
     println!(
         "rigid, a step of {} substeps (rapier allocates, we do not): {}",
         rigid.substeps().unwrap(),
-        allocations(&rigid) as f64 / (ENVS * STEPS) as f64
+        allocations(&rigid, None) as f64 / (ENVS * STEPS) as f64
     );
 }
 
 #[test]
-fn the_count_counts() {
+fn steps_under_a_controller_allocate_nothing() {
+    for model in [ModelKind::Planar, ModelKind::Spatial, ModelKind::Contact] {
+        let config = endless(model);
+        let lqr = Lqr::new(&config.params, config.control_dt).unwrap();
+        assert_eq!(allocations(&config, Some(&lqr)), 0, "{model} under LQR");
+        // A law with memory, at the rate of its gains; resets of `contact` included.
+        let steps = if model == ModelKind::Contact { 2 } else { usize::MAX };
+        let config = BalanceConfig { control_dt: Pid::PAPER_CONTROL_DT, max_episode_steps: steps, ..config };
+        let pid = Pid::new(&config.params, config.control_dt, &PidGains::default(), TorqueMap::Consistent).unwrap();
+        assert_eq!(allocations(&config, Some(&pid)), 0, "{model} under PID");
+    }
+}
+
+#[test]
+fn counting_allocator_detects_an_allocation() {
     let before = ALLOCATIONS.get();
     drop(black_box(vec![0_u8; 64]));
     assert_eq!(ALLOCATIONS.get() - before, 1);

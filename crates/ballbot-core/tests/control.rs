@@ -1,8 +1,8 @@
-//! Controllers: the Riccati equation by its cost, the regulator and the paper's PID by what they do to the robot.
+//! Controllers: the Riccati equation by its cost, the regulator and the paper's PID by the motion of the robot.
 
+use ballbot_core::batch::{BalanceConfig, Environment};
 use ballbot_core::control::riccati::{self, Regulator};
 use ballbot_core::control::{Controller, Lqr, LqrWeights, Pid, PidGains, Setpoint, default_max_torque};
-use ballbot_core::env::{BalanceConfig, Environment, OBSERVATION_LEN};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, SpatialModel, traction_torque};
 use ballbot_core::{Ballbot, Error, ModelKind, Params, State, attitude};
@@ -58,7 +58,7 @@ fn cost_matrix_is_the_cost_of_the_closed_loop() {
 }
 
 #[test]
-fn no_gain_nearby_costs_less() {
+fn cost_of_nearby_gains_is_higher() {
     let (problem, regulator) = robot_problem();
     let start = DVector::from_fn(10, |j, _| 0.1 * (j as f64 - 4.5));
     let best = cost_of(&problem, &regulator.gain, &start);
@@ -98,7 +98,7 @@ fn linear_model_is_the_slope_of_the_spatial_model() {
 }
 
 #[test]
-fn scalar_equation_has_its_closed_form() {
+fn scalar_riccati_equation_has_its_closed_form() {
     for (a, b, q, r) in [(1.2, 0.5, 2.0, 0.3), (0.7, 1.0, 1.0, 10.0), (3.0, -0.2, 0.1, 1.0)] {
         let f: f64 = r - a * a * r - q * b * b;
         // b² p² + (r − a² r − q b²) p − q r = 0
@@ -111,7 +111,7 @@ fn scalar_equation_has_its_closed_form() {
 }
 
 #[test]
-fn equations_without_a_stabilising_solution_are_refused() {
+fn riccati_equations_without_a_stabilizing_solution_are_refused() {
     let two = |diagonal: [f64; 2]| DMatrix::from_diagonal(&DVector::from_column_slice(&diagonal));
     let refused = |a: DMatrix<f64>, b: DMatrix<f64>, r: DMatrix<f64>| {
         let error = riccati::solve(&a, &b, &DMatrix::identity(a.nrows(), a.nrows()), &r).unwrap_err();
@@ -198,7 +198,7 @@ fn balance(params: &Params, kind: ModelKind) -> Recovery {
 }
 
 #[test]
-fn lqr_brings_every_published_robot_to_rest() {
+fn lqr_brings_all_presets_to_rest() {
     for name in Params::preset_names() {
         let params = Params { wheel_coulomb_friction: 0.0, ..Params::preset(name).unwrap() };
         for kind in ModelKind::ALL {
@@ -209,7 +209,7 @@ fn lqr_brings_every_published_robot_to_rest() {
 }
 
 #[test]
-fn lqr_hunts_about_the_setpoint_under_dry_friction() {
+fn lqr_has_a_limit_cycle_under_dry_friction() {
     // Dry friction of the wheels, which no linear regulator knows: a limit cycle, 0.59 deg and 96 mm wide here.
     let params = Params::preset("asroballet").unwrap();
     assert_eq!(params.wheel_coulomb_friction, 0.1);
@@ -221,7 +221,7 @@ fn lqr_hunts_about_the_setpoint_under_dry_friction() {
 }
 
 #[test]
-fn lqr_goes_to_its_setpoint_and_heading() {
+fn lqr_reaches_setpoint_and_heading() {
     let params = Params::paper();
     // The short way round from −170 deg to 170 deg is through 180 deg.
     let mut robot = robot(&params, ModelKind::Spatial, Vector2::zeros(), -170.0_f64.to_radians());
@@ -252,7 +252,7 @@ fn yaw_deviation_is_the_short_way_round() {
 }
 
 #[test]
-fn deviation_does_not_depend_on_where_the_robot_is_and_faces() {
+fn deviation_is_invariant_under_position_and_heading() {
     let params = Params::paper();
     let deviation = |yaw: f64, offset: Vector2<f64>| {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
@@ -283,11 +283,11 @@ fn scattered_states(params: &Params) -> impl Iterator<Item = State> {
 }
 
 #[test]
-fn controllers_never_exceed_their_limit() {
+fn torques_are_within_the_limit() {
     let params = Params { max_wheel_torque: 0.9, ..Params::paper() };
     let lqr = Lqr::new(&params, CONTROL_DT).unwrap();
     let tight = Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), 0.05).unwrap();
-    let pid = Pid::new(&params, CONTROL_DT, PidGains::PAPER, TorqueMap::AsPrinted).unwrap();
+    let pid = Pid::new(&params, CONTROL_DT, &PidGains::default(), TorqueMap::AsPrinted).unwrap();
     let strong = pid.clone().with_max_torque(0.9).unwrap();
     let grip = default_max_torque(&params);
     let limited: [(Box<dyn Controller>, f64); 4] =
@@ -331,18 +331,19 @@ fn traction_torque_is_where_the_first_wheel_slips() {
 
 /// The starts of the balance task: with tilt, speed and tilt rate at once a robot needs more grip than at rest.
 #[test]
-fn lqr_keeps_every_published_robot_up_from_the_tasks_starts() {
+fn lqr_balances_all_presets_from_the_starts_of_the_task() {
     for name in Params::preset_names() {
         let params = Params::preset(name).unwrap();
-        let config = BalanceConfig { max_wheel_torque: params.max_wheel_torque, params, ..BalanceConfig::default() };
+        let torque = params.max_wheel_torque;
+        let config = BalanceConfig { max_wheel_torque: Some(torque), params, ..BalanceConfig::default() };
         for seed in 0..12 {
             let mut environment = Environment::new(&config, seed).unwrap();
-            let mut observation = [0.0; OBSERVATION_LEN];
+            let mut observation = vec![0.0; environment.observation_len()];
             environment.reset(&mut observation);
             let mut lqr = Lqr::new(&config.params, config.control_dt).unwrap();
             for _ in 0..300 {
                 let torques = lqr.wheel_torques(&environment.robot().state(), &Setpoint::default());
-                let action = torques.map(|torque| (torque / config.max_wheel_torque) as f32);
+                let action = torques.map(|torque| (torque / config.action_torque()) as f32);
                 let outcome = environment.step(&action, &mut observation);
                 assert_eq!(outcome.terminated, None, "{name}, seed {seed}");
             }
@@ -369,7 +370,7 @@ fn pid_brings_both_tilts_to_zero() {
     for map in [TorqueMap::Consistent, TorqueMap::AsPrinted] {
         let start = Vector2::new(0.6, -0.8) * 3.0_f64.to_radians();
         let mut robot = robot(&params, ModelKind::Spatial, start, 0.0);
-        let mut pid = Pid::new(&params, SIM_DT, PidGains::PAPER, map).unwrap();
+        let mut pid = Pid::new(&params, SIM_DT, &PidGains::default(), map).unwrap();
         for _ in 0..3000 {
             robot.step(&pid.wheel_torques(&robot.state(), &Setpoint::default()), 1).unwrap();
             let tilt = robot.state().tilt().to_degrees();
@@ -379,40 +380,57 @@ fn pid_brings_both_tilts_to_zero() {
     }
 }
 
+/// Virtual torques about x and y for a tilt error, from the wheel torques of a robot upright.
+fn virtual_torques(params: &Params, pid: &mut Pid, error: Vector2<f64>) -> Vector2<f64> {
+    let setpoint = Setpoint { tilt: error, ..Setpoint::default() };
+    let torques = Vector3::from(pid.wheel_torques(&State::upright(params), &setpoint));
+    let wheels = Omniwheels::new(params);
+    let about = |axis: Vector3<f64>| {
+        let column = wheels.wheel_torques(&axis, TorqueMap::Consistent);
+        torques.dot(&column) / column.norm_squared()
+    };
+    Vector2::new(about(Vector3::x()), about(Vector3::y()))
+}
+
 #[test]
-fn a_reset_pid_has_no_past() {
-    let params = Params::paper();
-    let run = |pid: &mut Pid| [0.1, -0.2, 0.05].map(|e| pid.virtual_torques(Vector2::new(e, 2.0 * e)));
-    let mut pid = Pid::new(&params, CONTROL_DT, PidGains::PAPER, TorqueMap::Consistent).unwrap();
+fn reset_pid_equals_a_new_one() {
+    let params = Params { max_wheel_torque: 1e6, ..Params::paper() };
+    let run = |pid: &mut Pid| [0.1, -0.2, 0.05].map(|e| virtual_torques(&params, pid, Vector2::new(e, 2.0 * e)));
+    let pid = Pid::new(&params, CONTROL_DT, &PidGains::default(), TorqueMap::Consistent).unwrap();
+    let mut pid = pid.with_max_torque(1e6).unwrap();
     let first = run(&mut pid);
     assert_ne!(first, run(&mut pid));
     pid.reset();
     assert_eq!(first, run(&mut pid));
     // No derivative kick and no integral yet: k_p times the error.
-    assert!((first[0] - Vector2::new(0.1, 0.2) * 20.39).norm() < 1e-14, "{}", first[0]);
+    assert!((first[0] - Vector2::new(0.1, 0.2) * 20.39).norm() < 1e-13, "{}", first[0]);
 }
 
 #[test]
 fn pid_holds_its_integral_while_saturated() {
     let params = Params { max_wheel_torque: 0.01, ..Params::paper() };
-    let mut pid = Pid::new(&params, CONTROL_DT, PidGains::PAPER, TorqueMap::Consistent).unwrap();
+    let mut pid = Pid::new(&params, CONTROL_DT, &PidGains::default(), TorqueMap::Consistent).unwrap();
     let leaning = State::tilted(&params, Vector2::new(0.1, 0.0), 0.0);
     for _ in 0..1000 {
         pid.wheel_torques(&leaning, &Setpoint::default());
     }
     // The filter starts at 0.1 rad and stays there: what remains is one step of the derivative, nothing of 5 s of error.
-    let mut fresh = Pid::new(&params, CONTROL_DT, PidGains::PAPER, TorqueMap::Consistent).unwrap();
+    let mut fresh = Pid::new(&params, CONTROL_DT, &PidGains::default(), TorqueMap::Consistent).unwrap();
     fresh.wheel_torques(&leaning, &Setpoint::default());
-    assert_eq!(pid.virtual_torques(Vector2::zeros()), fresh.virtual_torques(Vector2::zeros()));
+    let upright = State::upright(&params);
+    // The filters settle, and the integral remains.
+    let settled = |pid: &mut Pid| (0..30).map(|_| pid.wheel_torques(&upright, &Setpoint::default())).last().unwrap();
+    assert_eq!(settled(&mut pid), settled(&mut fresh));
+    assert!(Vector3::from(settled(&mut fresh)).amax() < 1e-6, "the integral did not stay at zero");
 }
 
 #[test]
-fn bad_numbers_are_refused_with_their_name_and_value() {
+fn errors_of_invalid_numbers_name_the_value() {
     let params = Params::paper();
-    let gains = PidGains::PAPER;
-    let pid = |gains, dt| Pid::new(&params, dt, gains, TorqueMap::Consistent).map(|_| ());
+    let gains = PidGains::default();
+    let pid = |gains: PidGains, dt| Pid::new(&params, dt, &gains, TorqueMap::Consistent).map(|_| ());
     let strength = |torque| {
-        let pid = Pid::new(&params, CONTROL_DT, gains, TorqueMap::Consistent);
+        let pid = Pid::new(&params, CONTROL_DT, &gains, TorqueMap::Consistent);
         pid.and_then(|pid| pid.with_max_torque(torque)).map(|_| ())
     };
     let weights = LqrWeights::default();

@@ -2,11 +2,15 @@
 //!
 //! q = (position, tilt), both towards the same side; a positive virtual torque drives the ball there and the mast away.
 
-use ballbot_core::control::{Pid, PidGains};
+#[path = "support/motion.rs"]
+mod motion;
+
+use ballbot_core::control::{Controller, Pid, PidGains, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::planar::Plane;
 use ballbot_core::models::{PlanarModel, PlanarMotion, SpatialModel, WheelInertia};
 use ballbot_core::{Error, Model, PAPER_BALL_VISCOUS_FRICTION, Params, State, attitude, wxyz};
+use motion::Motion;
 use nalgebra::{Matrix2, Matrix4, Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector4, Vector6};
 
 fn damped(friction: f64) -> Params {
@@ -307,7 +311,7 @@ fn plant(friction: f64, linear: bool) -> impl Fn(&Vector4<f64>, f64) -> Vector4<
 /// Step response with the continuous PID k_p + k_i/s + k_d N s/(s + N).
 fn continuous_step(friction: f64, linear: bool) -> Step {
     let plant = plant(friction, linear);
-    let g = PidGains::PAPER;
+    let g = PidGains::default();
     let rate = |y: &Vector6<f64>| {
         let error = 1.0 - y[1];
         let derivative = g.derivative * g.filter_coefficient * (error - y[5]);
@@ -333,14 +337,23 @@ fn pid_of_the_paper_answers_a_step() {
 fn sampled_pid_answers_as_the_continuous_one() {
     let plant = plant(PAPER_BALL_VISCOUS_FRICTION, false);
     let dt = 1e-5;
-    let mut pid = Pid::new(&Params::paper(), dt, PidGains::PAPER, TorqueMap::Consistent).unwrap();
+    // No torque is limited.
+    let params = Params { max_wheel_torque: 1e9, ..Params::paper() };
+    let pid = Pid::new(&params, dt, &PidGains::default(), TorqueMap::Consistent).unwrap();
+    let mut pid = pid.with_max_torque(1e9).unwrap();
+    let about_x = Omniwheels::new(&params).wheel_torques(&Vector3::x(), TorqueMap::Consistent);
+    // The tilt about +x leans towards −y.
+    let mut virtual_torque = |tilt: f64, setpoint: f64| {
+        let setpoint = Setpoint { tilt: Vector2::new(-setpoint, 0.0), ..Setpoint::default() };
+        let torques = pid.wheel_torques(&State::tilted(&params, Vector2::new(-tilt, 0.0), 0.0), &setpoint);
+        about_x.dot(&Vector3::from(torques)) / about_x.norm_squared()
+    };
     // A sample of zero error first: otherwise the derivative starts at the step, without its kick.
-    assert_eq!(pid.virtual_torques(Vector2::zeros()), Vector2::zeros());
+    assert_eq!(virtual_torque(0.0, 0.0), 0.0);
     let mut x = Vector4::<f64>::zeros();
     let tilts = (0..100_000).map(|_| {
-        // The tilt about +x leans towards −y.
-        let torque = pid.virtual_torques(Vector2::new(-(1.0 - x[1]), 0.0)).x;
         let tilt = x[1];
+        let torque = virtual_torque(tilt, 1.0);
         x = rk4(x, dt, |x| plant(x, torque));
         tilt
     });

@@ -1,12 +1,17 @@
-//! The checked robot: bad input is refused before anything moves, divergence is reported, and a reset leaves no trace.
+//! The checked robot: invalid input is refused before anything moves, divergence is reported, resets and snapshots are exact.
 
 use ballbot_core::control::{Controller, Lqr, Setpoint};
 use ballbot_core::models::SpatialModel;
-use ballbot_core::{Ballbot, Contacts, Error, JointDynamics, ModelKind, Params, State, attitude};
+use ballbot_core::{Ballbot, Contacts, Error, ModelKind, Params, State, attitude};
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3, Vector6};
 
 fn robot(kind: ModelKind) -> Ballbot {
     Ballbot::new(&Params::paper(), kind, 0.002).unwrap()
+}
+
+/// The paper's robot with friction in its wheel joints: viscous, N·m/(rad/s), and dry, N·m.
+fn with_joint_friction(viscous: f64, dry: f64) -> Params {
+    Params { wheel_viscous_friction: viscous, wheel_coulomb_friction: dry, ..Params::paper() }
 }
 
 /// Leaning, turning and rolling: nothing in it is zero.
@@ -71,7 +76,7 @@ fn time_steps_out_of_range_are_refused() {
 }
 
 #[test]
-fn parameters_that_cannot_be_are_refused() {
+fn invalid_parameters_are_refused() {
     for kind in ModelKind::ALL {
         let error = Ballbot::new(&Params { gravity: -9.81, ..Params::paper() }, kind, 0.001).err().expect("accepted");
         assert!(error.to_string().starts_with("gravity = -9.81 "), "{error}");
@@ -84,7 +89,7 @@ fn parameters_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn torques_beyond_the_motors_are_refused_and_nothing_moves() {
+fn torques_beyond_the_motor_limit_are_refused() {
     for kind in ModelKind::ALL {
         let mut robot = robot(kind);
         robot.reset(&lively()).unwrap();
@@ -100,7 +105,7 @@ fn torques_beyond_the_motors_are_refused_and_nothing_moves() {
 }
 
 #[test]
-fn states_out_of_bounds_are_refused_and_nothing_moves() {
+fn states_out_of_bounds_are_refused() {
     let with = |change: &dyn Fn(&mut State)| {
         let mut state = lively();
         change(&mut state);
@@ -131,7 +136,7 @@ fn states_out_of_bounds_are_refused_and_nothing_moves() {
 }
 
 #[test]
-fn a_slipping_start_is_for_the_rigid_model_alone() {
+fn slipping_starts_need_a_model_with_contacts() {
     let mut slipping = lively();
     slipping.wheel_speeds[1] += 1.0;
     for kind in [ModelKind::Planar, ModelKind::Spatial] {
@@ -144,24 +149,24 @@ fn a_slipping_start_is_for_the_rigid_model_alone() {
 }
 
 #[test]
-fn pushes_and_friction_that_are_not_numbers_are_refused() {
+fn invalid_pushes_and_joint_friction_are_refused() {
     for kind in ModelKind::ALL {
         let mut robot = robot(kind);
         let nan = Vector3::new(0.0, f64::NAN, 0.0);
         assert!(refused(&mut robot, |r| r.push(&nan, None)).starts_with("impulse[1] = NaN "));
         assert!(refused(&mut robot, |r| r.push(&Vector3::x(), Some(&nan))).starts_with("point[1] = NaN "));
-        for (viscous_friction, coulomb_friction, words) in
-            [(-0.1, 0.0, "viscous_friction = -0.1 "), (0.0, f64::NAN, "coulomb_friction = NaN ")]
+        for (viscous, dry, words) in
+            [(-0.1, 0.0, "wheel_viscous_friction = -0.1 "), (0.0, f64::NAN, "wheel_coulomb_friction = NaN ")]
         {
-            let dynamics = JointDynamics { viscous_friction, coulomb_friction };
-            let message = refused(&mut robot, |robot| robot.set_joint_dynamics(dynamics));
+            let params = with_joint_friction(viscous, dry);
+            let message = refused(&mut robot, |robot| robot.set_params(&params).map(|_| ()));
             assert!(message.starts_with(words), "{message}");
         }
     }
 }
 
 #[test]
-fn divergence_is_reported_and_a_reset_recovers_from_it() {
+fn divergence_is_reported_until_a_reset() {
     for kind in ModelKind::ALL {
         let expected = fresh_trace(kind);
         for impulse in [1e3, 1e4] {
@@ -187,7 +192,7 @@ fn divergence_is_reported_and_a_reset_recovers_from_it() {
 }
 
 #[test]
-fn a_reset_robot_is_a_new_one_to_the_last_bit() {
+fn reset_robots_equal_new_ones_to_the_last_bit() {
     for kind in ModelKind::ALL {
         let expected = fresh_trace(kind);
         let mut robot = robot(kind);
@@ -201,7 +206,7 @@ fn a_reset_robot_is_a_new_one_to_the_last_bit() {
 }
 
 #[test]
-fn a_reset_gives_the_state_it_was_given() {
+fn state_after_a_reset_is_the_given_one() {
     let mut state = lively();
     state.ball_position += Vector3::new(1.0, -2.0, 0.0);
     state.body_position = state.ball_position;
@@ -217,17 +222,19 @@ fn a_reset_gives_the_state_it_was_given() {
 }
 
 #[test]
-fn saved_robots_continue_to_the_last_bit() {
+fn loaded_robots_continue_to_the_last_bit() {
     for kind in ModelKind::ALL {
         let mut robot = robot(kind);
         robot.reset(&lively()).unwrap();
-        robot.set_joint_dynamics(JointDynamics { viscous_friction: 1e-4, coulomb_friction: 1e-3 }).unwrap();
+        let params = with_joint_friction(1e-4, 1e-3);
+        assert!(robot.set_params(&params).unwrap());
         robot.step(&[0.1, -0.05, 0.02], 11).unwrap();
         let saved = robot.save();
         let expected = trace(&mut robot);
-        let mut other = Ballbot::new(&Params::paper(), kind, 0.002).unwrap();
+        let message = refused(&mut self::robot(kind), |other| other.load(&saved));
+        assert!(message.contains("parameters differ"), "{kind}: {message}");
+        let mut other = Ballbot::new(&params, kind, 0.002).unwrap();
         other.load(&saved).unwrap();
-        assert_eq!(other.joint_dynamics(), robot.joint_dynamics());
         assert!(trace(&mut other) == expected, "{kind}: the saved robot went another way");
         let message = refused(&mut other, |other| other.load(&saved[..20]));
         assert!(message.starts_with("cannot decode snapshot of a robot: "), "{kind}: {message}");
@@ -235,22 +242,21 @@ fn saved_robots_continue_to_the_last_bit() {
 }
 
 #[test]
-fn joint_dynamics_outlive_a_reset() {
-    let dynamics = JointDynamics { viscous_friction: 2e-3, coulomb_friction: 0.01 };
+fn joint_friction_persists_through_a_reset() {
+    let params = with_joint_friction(2e-3, 0.01);
     for kind in ModelKind::ALL {
         let expected = fresh_trace(kind);
         let mut robot = robot(kind);
-        assert_eq!(robot.joint_dynamics(), JointDynamics::of(&Params::paper()));
-        robot.set_joint_dynamics(dynamics).unwrap();
+        assert_eq!(robot.params(), &Params::paper());
+        assert!(robot.set_params(&params).unwrap());
         robot.reset(&lively()).unwrap();
-        assert_eq!(robot.joint_dynamics(), dynamics);
+        assert_eq!(robot.params(), &params);
         let slowed = trace(&mut robot);
         assert!(slowed != expected, "{kind}: friction without effect");
-        // The same friction from the start, as a parameter.
-        let params = Params { wheel_viscous_friction: 2e-3, wheel_coulomb_friction: 0.01, ..Params::paper() };
+        // The same friction from the start.
         let mut built = Ballbot::new(&params, kind, 0.002).unwrap();
         built.reset(&lively()).unwrap();
-        assert!(trace(&mut built) == slowed, "{kind}: differs from friction given as a parameter");
+        assert!(trace(&mut built) == slowed, "{kind}: differs from a robot built with that friction");
     }
 }
 
@@ -270,7 +276,7 @@ fn friction_utilization_is_the_share_of_the_dynamic_limit() {
 }
 
 #[test]
-fn turning_the_ball_uses_the_friction_that_it_should() {
+fn friction_utilization_of_a_turning_ball_has_its_closed_form() {
     // Equal torques turn the ball under the upright body and load all wheels alike. The planar model counts the wheels'
     // energy as the paper does, the others their absolute spin.
     let params = Params::paper();
@@ -291,7 +297,7 @@ fn turning_the_ball_uses_the_friction_that_it_should() {
 }
 
 #[test]
-fn a_robot_that_diverged_is_still_where_its_numbers_meant_something() {
+fn diverged_robots_keep_their_last_finite_state() {
     // Far beyond the bounds within one call: some of these end where squares overflow, but the numbers do not.
     let params = Params { body_inertia: [0.0583, 0.05, 0.0137], ..Params::paper() };
     for kind in [ModelKind::Planar, ModelKind::Spatial, ModelKind::Contact] {

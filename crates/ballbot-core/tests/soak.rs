@@ -1,12 +1,11 @@
-//! Long runs under abuse: random torques, pushes, resets and robots thrown out of bounds. Nothing may panic, no number may
-//! be other than finite, nobody diverges who was not thrown, and memory does not grow.
+//! Long runs under random torques, pushes, resets and throws out of bounds. Nothing may panic, all numbers are finite, only
+//! thrown robots diverge, and memory does not grow.
 //!
 //! An ordinary test run takes a few seconds of it; `make soak` sets `BALLBOT_SOAK_STEPS`, the time steps of `rigid` (of
 //! `contact` it takes ten times as many).
 
-use ballbot_core::env::{
-    ACTION_LEN, Autoreset, BalanceConfig, Batch, OBSERVATION_LEN, Outcome, StepBuffers, Termination,
-};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Outcome, StepBuffers};
+use ballbot_core::task::{ACTION_LEN, Balance, DIVERGED};
 use ballbot_core::{Error, ModelKind};
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
@@ -32,11 +31,11 @@ struct Soak {
     actions: Vec<f32>,
     observations: Vec<f32>,
     last: Vec<f32>,
-    rewards: Vec<f32>,
+    rewards: Vec<f64>,
     terminated: Vec<bool>,
     truncated: Vec<bool>,
     outcomes: Vec<Outcome>,
-    /// Who was thrown since the last step.
+    /// Environments thrown since the last step.
     thrown: Vec<bool>,
     ends: [usize; 4],
 }
@@ -46,17 +45,18 @@ impl Soak {
         let config = BalanceConfig {
             model,
             max_episode_steps: 60,
-            fall_tilt: 1.5,
-            max_wheel_torque: 2.0,
+            max_wheel_torque: Some(2.0),
+            task: Balance { fall_tilt: 1.5, ..Balance::default() },
             ..BalanceConfig::default()
         };
         let batch = Batch::new(&config, NUM_ENVS, Autoreset::NextStep, Some(NUM_THREADS), 1).unwrap();
+        let rows = batch.observation_len();
         let mut soak = Self {
             batch,
             rng: ChaCha8Rng::seed_from_u64(7),
             actions: vec![0.0; NUM_ENVS * ACTION_LEN],
-            observations: vec![0.0; NUM_ENVS * OBSERVATION_LEN],
-            last: vec![0.0; NUM_ENVS * OBSERVATION_LEN],
+            observations: vec![0.0; NUM_ENVS * rows],
+            last: vec![0.0; NUM_ENVS * rows],
             rewards: vec![0.0; NUM_ENVS],
             terminated: vec![false; NUM_ENVS],
             truncated: vec![false; NUM_ENVS],
@@ -69,7 +69,7 @@ impl Soak {
         soak
     }
 
-    /// What happens between two steps.
+    /// Disturbances between two steps.
     fn disturb(&mut self) -> Result<(), Error> {
         // Torques that last a few steps, or they would cancel.
         for action in &mut self.actions {
@@ -82,10 +82,10 @@ impl Soak {
         let i = self.rng.random_range(0..NUM_ENVS);
         let mut vector = |most: f64| Vector3::from_fn(|_, _| self.rng.random_range(-most..=most));
         let (impulse, point) = (vector(PUSH), vector(0.5));
-        self.batch.edit(i, |environment| environment.robot_mut().push(&impulse, Some(&point)))?;
+        self.batch.push(i, &impulse, Some(&point))?;
         if self.rng.random_bool(0.05) {
             let impulse = Vector3::new(THROW, 0.0, 0.0);
-            self.batch.edit(i, |environment| environment.robot_mut().push(&impulse, None))?;
+            self.batch.push(i, &impulse, None)?;
             self.thrown[i] = true;
         }
         if self.rng.random_bool(0.02) {
@@ -107,15 +107,15 @@ impl Soak {
             outcomes: &mut self.outcomes,
         };
         self.batch.step(&self.actions, &mut buffers)?;
-        let model = self.batch.config().model;
-        assert!(self.observations.iter().chain(&self.rewards).all(|v| v.is_finite()), "{model}: not finite");
+        let model = self.batch.model();
+        assert!(self.observations.iter().all(|v| v.is_finite()), "{model}: an observation is not finite");
+        assert!(self.rewards.iter().all(|v| v.is_finite()), "{model}: a reward is not finite");
         for (i, outcome) in self.outcomes.iter().enumerate() {
             if let Some(reason) = outcome.terminated {
-                self.ends[reason as usize - 1] += 1;
-                assert!(
-                    reason != Termination::Diverged || self.thrown[i],
-                    "{model}: environment {i} diverged by itself"
-                );
+                let reasons = &self.batch.task().terminations;
+                let reason_index = reasons.iter().position(|(name, _)| *name == reason).expect("a described reason");
+                self.ends[reason_index] += 1;
+                assert!(reason != DIVERGED || self.thrown[i], "{model}: environment {i} diverged by itself");
             }
             self.ends[3] += usize::from(outcome.truncated);
         }
@@ -124,7 +124,7 @@ impl Soak {
     }
 }
 
-/// Resident memory of this process, KiB; none where the system does not say.
+/// Resident memory of this process, KiB; none where the system does not report it.
 fn resident() -> Option<i64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
@@ -133,7 +133,7 @@ fn resident() -> Option<i64> {
 
 fn run(model: ModelKind, steps: usize) {
     let mut soak = Soak::new(model);
-    let per_step = NUM_ENVS * soak.batch.config().substeps().unwrap();
+    let per_step = NUM_ENVS * soak.batch.substeps();
     let rounds = steps.div_ceil(per_step);
     let mut warm = None;
     let start = Instant::now();
@@ -154,12 +154,12 @@ fn run(model: ModelKind, steps: usize) {
         println!("{model}: {before} KiB resident after a tenth, {after} KiB at the end");
         assert!(after - before <= MEMORY, "{model}: memory grew from {before} to {after} KiB");
     }
-    assert!(floor > 10 && diverged > 0 && lasted > 0, "the run is not what it should be: {:?}", soak.ends);
+    assert!(floor > 10 && diverged > 0 && lasted > 0, "too few episodes of some kind: {:?}", soak.ends);
 }
 
 /// One after the other: each watches the memory of the whole process.
 #[test]
-fn long_runs_stay_finite_and_in_memory() {
+fn long_runs_are_finite_with_constant_memory() {
     let steps = std::env::var("BALLBOT_SOAK_STEPS").map_or(STEPS, |text| text.parse().expect("a number of steps"));
     run(ModelKind::Rigid, steps);
     run(ModelKind::Contact, 10 * steps);

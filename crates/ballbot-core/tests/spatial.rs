@@ -1,8 +1,12 @@
 //! The spatial model against an independent derivation (`data/spatial_vectors.json`, from Kane's equations and confirmed
 //! by Newton-Euler equations with constraint multipliers) and against its own invariants.
 
+#[path = "support/motion.rs"]
+mod motion;
+
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel, SpatialMotion, WheelInertia};
 use ballbot_core::{Model, Params, State, attitude, mechanical_energy, unit_quaternion};
+use motion::Motion;
 use nalgebra::{Vector2, Vector3, Vector6};
 use serde::Deserialize;
 

@@ -1,12 +1,13 @@
-//! Batches with enough work for several threads: what comes out does not depend on how many there are.
+//! Batches with enough work for several threads: results do not depend on the number of threads.
 
 use ballbot_core::ModelKind;
-use ballbot_core::env::{ACTION_LEN, Autoreset, BalanceConfig, Batch, OBSERVATION_LEN, Outcome, StepBuffers};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Outcome, StepBuffers};
+use ballbot_core::task::{ACTION_LEN, Balance};
 
 /// Bits of the observations, rewards and last observations of all steps, and their flags and outcomes.
 #[derive(PartialEq)]
 struct Run {
-    numbers: Vec<u32>,
+    numbers: Vec<u64>,
     flags: Vec<bool>,
     outcomes: Vec<Outcome>,
 }
@@ -14,7 +15,7 @@ struct Run {
 fn run(config: &BalanceConfig, n: usize, mode: Autoreset, threads: usize) -> Run {
     let mut batch = Batch::new(config, n, mode, Some(threads), 7).unwrap();
     assert_eq!(batch.num_threads(), threads);
-    let mut observations = vec![0.0; n * OBSERVATION_LEN];
+    let mut observations = vec![0.0; n * batch.observation_len()];
     batch.reset(None, &mut observations).unwrap();
     let (mut rewards, mut last) = (vec![0.0; n], observations.clone());
     let (mut terminated, mut truncated) = (vec![false; n], vec![false; n]);
@@ -31,7 +32,8 @@ fn run(config: &BalanceConfig, n: usize, mode: Autoreset, threads: usize) -> Run
             outcomes: &mut outcomes,
         };
         batch.step(&actions, &mut buffers).unwrap();
-        all.numbers.extend(observations.iter().chain(&rewards).chain(&last).map(|v| v.to_bits()));
+        all.numbers.extend(observations.iter().chain(&last).map(|v| u64::from(v.to_bits())));
+        all.numbers.extend(rewards.iter().map(|v| v.to_bits()));
         all.flags.extend(terminated.iter().chain(&truncated));
         all.outcomes.extend_from_slice(&outcomes);
     }
@@ -39,10 +41,15 @@ fn run(config: &BalanceConfig, n: usize, mode: Autoreset, threads: usize) -> Run
 }
 
 /// With numbers of environments whose steps are worth two helping threads and more.
-fn gives_the_same_on_any_number_of_threads(model: ModelKind, n: usize, threads: &[usize]) {
+fn assert_independent_of_threads(model: ModelKind, n: usize, threads: &[usize]) {
     // Short episodes, many of which end in a fall.
-    let config =
-        BalanceConfig { model, max_episode_steps: 20, reset_tilt: 0.15, fall_tilt: 0.2, ..BalanceConfig::default() };
+    let config = BalanceConfig {
+        model,
+        max_episode_steps: 20,
+        max_wheel_torque: Some(1.0),
+        task: Balance { reset_tilt: 0.15, fall_tilt: 0.2, ..Balance::default() },
+        ..BalanceConfig::default()
+    };
     for mode in [Autoreset::NextStep, Autoreset::SameStep] {
         let expected = run(&config, n, mode, threads[0]);
         let falls = expected.outcomes.iter().filter(|outcome| outcome.terminated.is_some()).count();
@@ -56,22 +63,22 @@ fn gives_the_same_on_any_number_of_threads(model: ModelKind, n: usize, threads: 
 }
 
 #[test]
-fn contact_batches_do_not_depend_on_the_threads() {
-    gives_the_same_on_any_number_of_threads(ModelKind::Contact, 1024, &[1, 2, 3]);
+fn contact_batches_do_not_depend_on_threads() {
+    assert_independent_of_threads(ModelKind::Contact, 1024, &[1, 2, 3]);
 }
 
 /// The last block is not full.
 #[test]
-fn contact_batches_with_a_rest_do_not_depend_on_the_threads() {
-    gives_the_same_on_any_number_of_threads(ModelKind::Contact, 1021, &[1, 2, 3]);
+fn contact_batches_with_a_partial_block_do_not_depend_on_threads() {
+    assert_independent_of_threads(ModelKind::Contact, 1021, &[1, 2, 3]);
 }
 
 #[test]
-fn spatial_batches_do_not_depend_on_the_threads() {
-    gives_the_same_on_any_number_of_threads(ModelKind::Spatial, 64, &[1, 2, 3]);
+fn spatial_batches_do_not_depend_on_threads() {
+    assert_independent_of_threads(ModelKind::Spatial, 64, &[1, 2, 3]);
 }
 
 #[test]
-fn rigid_batches_do_not_depend_on_the_threads() {
-    gives_the_same_on_any_number_of_threads(ModelKind::Rigid, 32, &[1, 2, 3]);
+fn rigid_batches_do_not_depend_on_threads() {
+    assert_independent_of_threads(ModelKind::Rigid, 32, &[1, 2, 3]);
 }

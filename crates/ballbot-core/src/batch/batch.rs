@@ -292,7 +292,7 @@ impl Batch {
     }
 
     /// Continues one environment from bytes of [`Batch::save`] of an environment with the same task, model and time step;
-    /// its robot's parameters are part of them.
+    /// its robot's parameters are part of them. What a controller keeps of the robot starts anew.
     ///
     /// # Errors
     /// As [`Batch::state`]; [`Error::Decode`] if the bytes are not that.

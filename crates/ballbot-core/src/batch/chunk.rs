@@ -217,6 +217,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             return;
         }
         R::Cell::take(&self.ledger, i, &mut self.one);
+        // The last reading is repeated, not followed by another.
+        let Ledger { sensor, last_sensor, .. } = &mut self.one;
+        sensor.copy_from_slice(last_sensor);
         let steps = self.step.task.command(&mut self.rngs[i], &mut self.one.task);
         self.one.episode.next_command = self.one.episode.steps + steps;
         self.observe(i, observation);
@@ -351,11 +354,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         params.validate()?;
         self.config.validate_robot(params)?;
         self.config.task.validate(params)?;
-        let old = self.robots.params(i).clone();
+        let (old, motion) = (self.robots.params(i).clone(), self.robots.save(i));
         let goes_on = self.robots.set_params(i, params)?;
         if let Err(error) = self.check_starts(i) {
             self.robots.set_params(i, &old)?;
-            self.over[i] |= !goes_on;
+            self.robots.load(i, &motion)?;
             return Err(error);
         }
         self.over[i] |= !goes_on;
@@ -421,6 +424,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.rngs[i] = ChaCha8Rng::from_seed(snapshot.seed);
         self.rngs[i].set_word_pos(snapshot.word);
         R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
+        self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
         self.over[i] = snapshot.over;
         Ok(())
     }

@@ -31,6 +31,8 @@ pub struct Ledger<C> {
     pub task: Vec<C>,
     pub actuator: Vec<C>,
     pub sensor: Vec<C>,
+    /// The sensor's numbers before its last reading.
+    pub last_sensor: Vec<C>,
     pub observation: Vec<C>,
     pub terms: Vec<C>,
 }
@@ -54,17 +56,19 @@ impl<C: Cell> Ledger<C> {
             task: zeros(sizes.task),
             actuator: zeros(sizes.actuator),
             sensor: zeros(sizes.sensor),
+            last_sensor: zeros(sizes.sensor),
             observation: zeros(sizes.observation),
             terms: zeros(sizes.terms),
         }
     }
 
-    fn parts(&self) -> [&[C]; 5] {
-        [&self.task, &self.actuator, &self.sensor, &self.observation, &self.terms]
+    fn parts(&self) -> [&[C]; 6] {
+        [&self.task, &self.actuator, &self.sensor, &self.last_sensor, &self.observation, &self.terms]
     }
 
-    fn parts_mut(&mut self) -> [&mut [C]; 5] {
-        [&mut self.task, &mut self.actuator, &mut self.sensor, &mut self.observation, &mut self.terms]
+    fn parts_mut(&mut self) -> [&mut [C]; 6] {
+        let Self { task, actuator, sensor, last_sensor, observation, terms, .. } = self;
+        [task, actuator, sensor, last_sensor, observation, terms]
     }
 
     /// Whether two ledgers have the same sizes.

@@ -254,6 +254,9 @@ impl Robots for ContactLanes {
 
     fn set_params(&mut self, i: usize, params: &Params) -> Result<bool> {
         params.validate()?;
+        if params == self.lane_params(i) {
+            return Ok(true);
+        }
         let goes_on = same_geometry(self.lane_params(i), params);
         self.set_lane_params(i, &Arc::new(params.clone()));
         if !goes_on {

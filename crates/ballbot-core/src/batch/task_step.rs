@@ -55,7 +55,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         actions: &[L::Cell; ACTION_LEN],
         ledger: &mut Ledger<L::Cell>,
     ) {
-        let Ledger { episode, task: memory, sensor: sensor_memory, observation, terms, .. } = ledger;
+        let Ledger { episode, task: memory, sensor: sensor_memory, last_sensor, observation, terms, .. } = ledger;
         let state = &robot.state;
         let zero = state.ball_position.x.zero();
         let one = zero.splat(1.0);
@@ -94,6 +94,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         for (value, cell) in action.into_iter().zip(&mut episode.last_action) {
             value.store(cell);
         }
+        last_sensor.copy_from_slice(sensor_memory);
         let measured = self.sensor.read(state, &mut Memory::new(token, sensor_memory));
         let mut rows = WriteRows { cells: observation, scaling: self.scaling.as_ref(), next: 0 };
         self.task.observe(&Sensed { state: &measured, last_action: action }, &memory, &mut rows);

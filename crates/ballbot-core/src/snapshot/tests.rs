@@ -1,6 +1,6 @@
-//! What is refused, and in which words.
+//! Round trips, and the errors of bytes that are no snapshot.
 
-use super::{FORMAT_VERSION, MAGIC, decode, encode};
+use super::{VERSION, MAGIC, decode, encode};
 use crate::error::Result;
 
 type Value = (u64, f64);
@@ -13,25 +13,25 @@ fn refusal(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn a_value_comes_back() {
+fn encoded_values_round_trip() {
     assert_eq!(decode::<Value>("snapshot", &encode(&VALUE)).unwrap(), VALUE);
 }
 
 #[test]
-fn another_version_is_refused_with_both_versions() {
+fn error_of_another_format_version_names_both() {
     let mut bytes = encode(&VALUE);
-    bytes[MAGIC.len()..][..2].copy_from_slice(&(FORMAT_VERSION + 1).to_le_bytes());
+    bytes[MAGIC.len()..][..2].copy_from_slice(&(VERSION + 1).to_le_bytes());
     assert_eq!(
         refusal(&bytes),
         format!(
-            "cannot decode snapshot: it has format version {}, this library reads version {FORMAT_VERSION}",
-            FORMAT_VERSION + 1
+            "cannot decode snapshot: it has format version {}, this library reads version {VERSION}",
+            VERSION + 1
         )
     );
 }
 
 #[test]
-fn whatever_is_damaged_or_cut_off_is_refused() {
+fn damaged_and_truncated_bytes_are_refused() {
     let bytes = encode(&VALUE);
     for at in 0..bytes.len() {
         let mut damaged = bytes.clone();
@@ -44,7 +44,7 @@ fn whatever_is_damaged_or_cut_off_is_refused() {
 }
 
 #[test]
-fn a_value_of_another_type_is_refused() {
+fn values_of_another_type_are_refused() {
     assert!(refusal(&encode(&(7_u64, 0.25, 1_u8))).contains("1 bytes too many"));
     assert!(decode::<(u64, f64, f64)>("snapshot", &encode(&VALUE)).is_err());
 }

@@ -1,13 +1,14 @@
-//! When an episode ends, whether in success, and that one saved half way goes on as if nothing had happened.
+//! Ends of episodes, success, and snapshots in mid-episode.
 
-use super::{Episode, config};
-use ballbot_core::env::{BalanceConfig, OBSERVATION, Outcome, RewardTerms, Termination};
+use super::{Episode, config, rows};
+use ballbot_core::batch::{BalanceConfig, Outcome};
+use ballbot_core::task::Balance;
 use ballbot_core::{Error, ModelKind, State};
 use nalgebra::{Vector2, Vector3};
 use std::f64::consts::PI;
 
 #[test]
-fn an_episode_ends_when_the_robot_has_fallen() {
+fn falls_terminate_the_episode() {
     for model in ModelKind::ALL {
         let config = config(model);
         let mut episode = Episode::from(&config, &State::tilted(&config.params, Vector2::new(0.05, 0.0), 0.0));
@@ -17,10 +18,10 @@ fn an_episode_ends_when_the_robot_has_fallen() {
             episode.step([0.0; 3])
         });
         let tilt = episode.env.robot().state().tilt();
-        assert_eq!(outcome.terminated, Some(Termination::Tilt), "{model}");
+        assert_eq!(outcome.terminated, Some("tilt"), "{model}");
         assert!(!outcome.truncated && !outcome.success);
-        assert!(last <= config.fall_tilt && tilt > config.fall_tilt, "{model}: from {last} to {tilt} rad");
-        assert_eq!(episode.env.reward_terms().alive, 0.0);
+        assert!(last <= config.task.fall_tilt && tilt > config.task.fall_tilt, "{model}: from {last} to {tilt} rad");
+        assert_eq!(episode.env.reward_terms()[0], ("alive", 0.0));
         // A fall on the last step of all is a fall.
         let brief = BalanceConfig { max_episode_steps: steps, ..config };
         let mut episode = Episode::from(&brief, &State::tilted(&brief.params, Vector2::new(0.05, 0.0), 0.0));
@@ -29,26 +30,27 @@ fn an_episode_ends_when_the_robot_has_fallen() {
 }
 
 #[test]
-fn an_episode_ends_when_the_bot_touches_the_floor() {
-    let config = BalanceConfig { fall_tilt: PI, ..config(ModelKind::Rigid) };
+fn floor_contact_terminates_the_episode() {
+    let mut config = config(ModelKind::Rigid);
+    config.task.fall_tilt = PI;
     let mut episode = Episode::from(&config, &State::tilted(&config.params, Vector2::new(0.05, 0.0), 0.0));
     let (_, outcome) = episode.finish(|episode| episode.step([0.0; 3]));
-    assert_eq!(outcome.terminated, Some(Termination::BotOnFloor));
+    assert_eq!(outcome.terminated, Some("bot_on_floor"));
     assert!(episode.env.robot().bot_on_floor() && !outcome.truncated && !outcome.success);
     assert!(episode.env.robot().state().tilt() > 0.7, "{:?}", episode.env.robot().state());
 }
 
 #[test]
-fn an_episode_that_diverges_ends_and_leaves_no_trace() {
+fn divergence_terminates_the_episode_and_a_reset_clears_it() {
     for model in ModelKind::ALL {
         for impulse in [1e3, 1e4] {
             let mut episode = Episode::new(&config(model), 7);
             episode.env.robot_mut().push(&Vector3::new(0.0, impulse, 0.0), None).unwrap();
             let outcome = episode.step([0.1; 3]);
-            let expected = Outcome { terminated: Some(Termination::Diverged), ..Outcome::default() };
+            let expected = Outcome { terminated: Some("diverged"), ..Outcome::default() };
             assert_eq!(outcome, expected, "{model}, {impulse} N·s");
-            assert!(episode.env.over() && episode.env.reward_terms() == RewardTerms::default());
-            let bounded = episode.seen.iter().zip(&OBSERVATION).all(|(value, row)| value.abs() <= row.bound);
+            assert!(episode.env.over() && episode.env.reward_terms().iter().all(|(_, value)| *value == 0.0));
+            let bounded = episode.seen.iter().zip(rows()).all(|(value, row)| value.abs() <= row.bound);
             assert!(bounded, "{model}: {:?}", episode.seen);
             let run = |episode: &mut Episode| {
                 episode.env.seed(8);
@@ -67,15 +69,16 @@ fn outcome_of(config: &BalanceConfig, seed: u64, mut act: impl FnMut(&mut Episod
     episode.finish(|episode| {
         act(episode, k);
         k += 1;
-        episode.regulated(episode.env.config().setpoint.into())
+        episode.regulated(episode.env.config().task.setpoint.into())
     })
 }
 
 #[test]
-fn a_balancing_robot_is_truncated_in_success() {
+fn balancing_robots_are_truncated_in_success() {
     for model in ModelKind::ALL {
         for (seed, steps) in [(1, 1000), (2, 400)] {
-            let config = BalanceConfig { max_episode_steps: steps, setpoint: [0.05, -0.1], ..config(model) };
+            let mut config = BalanceConfig { max_episode_steps: steps, ..config(model) };
+            config.task.setpoint = [0.05, -0.1];
             let expected = Outcome { truncated: true, success: true, ..Outcome::default() };
             let (found, outcome) = outcome_of(&config, seed, |_, _| ());
             assert_eq!((found, Outcome { reward: 0.0, ..outcome }), (steps, expected), "{model}, seed {seed}");
@@ -84,7 +87,7 @@ fn a_balancing_robot_is_truncated_in_success() {
 }
 
 #[test]
-fn success_is_judged_over_the_end_of_the_episode() {
+fn success_depends_on_the_end_of_the_episode() {
     let config = BalanceConfig { max_episode_steps: 600, ..config(ModelKind::Spatial) };
     let success = |config: &BalanceConfig, act: &dyn Fn(&mut Episode, usize)| {
         let (steps, outcome) = outcome_of(config, 4, act);
@@ -103,20 +106,23 @@ fn success_is_judged_over_the_end_of_the_episode() {
     assert!(!success(&config, &push_at(450)));
     assert!(!success(&config, &push_at(570)));
     // Upright, but elsewhere.
-    let far = BalanceConfig { success_radius: 1e-6, ..config.clone() };
+    let mut far = config.clone();
+    far.task.success_radius = 1e-6;
     assert!(!success(&far, &push_at(250)));
     // An episode shorter than the window cannot fill it, however calm.
-    let calm = BalanceConfig { reset_tilt: 0.0, reset_ball_speed: 0.0, reset_tilt_rate: 0.0, ..config.clone() };
+    let task = Balance { reset_tilt: 0.0, reset_ball_speed: 0.0, reset_tilt_rate: 0.0, ..config.task.clone() };
+    let calm = BalanceConfig { task, ..config.clone() };
     assert!(!success(&BalanceConfig { max_episode_steps: 199, ..calm.clone() }, &|_, _| ()));
     assert!(success(&BalanceConfig { max_episode_steps: 200, ..calm }, &|_, _| ()));
     // A window of no length is the last step.
-    let instant = BalanceConfig { success_window: 0.0, ..config };
+    let mut instant = config;
+    instant.task.success_window = 0.0;
     assert!(success(&instant, &push_at(300)));
     assert!(!success(&instant, &push_at(570)));
 }
 
 #[test]
-fn saved_environments_continue_to_the_last_bit() {
+fn loaded_environments_continue_to_the_last_bit() {
     for model in ModelKind::ALL {
         let config = BalanceConfig { max_episode_steps: 40, ..config(model) };
         let run = |episode: &mut Episode| {

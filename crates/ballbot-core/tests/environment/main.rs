@@ -1,20 +1,28 @@
-//! The balance task: what an episode starts from, what the robot senses, what it is paid for and ([`episodes`]) when
-//! it ends.
+//! The balance task: starts, observations, rewards, ends of episodes ([`episodes`]) and scaled observations
+//! ([`scaling`]).
 
 mod episodes;
+mod scaling;
 
+use ballbot_core::batch::{BalanceConfig, Environment, Outcome};
 use ballbot_core::control::{Controller, Lqr, Setpoint};
-use ballbot_core::env::{
-    ACTION_LEN, BalanceConfig, Environment, OBSERVATION, OBSERVATION_LEN, Outcome, RewardScales, RewardTerms,
-};
+use ballbot_core::task::{ACTION_LEN, Balance, Row, TaskDescription};
 use ballbot_core::{Error, ModelKind, Params, State, attitude};
 use nalgebra::{Rotation3, UnitQuaternion, Vector2, Vector3};
 use std::f64::consts::PI;
 
+/// Length of an observation.
+const OBSERVATION_LEN: usize = 16;
+
 type Observation = [f32; OBSERVATION_LEN];
 
+/// Description of the observation.
+fn rows() -> Vec<Row> {
+    TaskDescription::of::<Balance>().rows
+}
+
 fn config(model: ModelKind) -> BalanceConfig {
-    BalanceConfig { model, ..BalanceConfig::default() }
+    BalanceConfig { model, max_wheel_torque: Some(1.0), scale_observations: false, ..BalanceConfig::default() }
 }
 
 /// An environment and its last observation.
@@ -51,7 +59,7 @@ impl Episode {
         let state = self.env.robot().state();
         let setpoint = Setpoint { position, yaw: state.yaw(), ..Setpoint::default() };
         let torques = lqr.wheel_torques(&state, &setpoint);
-        self.step(torques.map(|torque| (torque / config.max_wheel_torque) as f32))
+        self.step(torques.map(|torque| (torque / config.action_torque()) as f32))
     }
 
     /// Steps until the episode ends; returns how many, and the last outcome.
@@ -82,7 +90,7 @@ fn lively(yaw: f64) -> State {
 
 #[track_caller]
 fn assert_seen(seen: &Observation, expected: &[f64], tolerance: f64) {
-    for ((found, expected), row) in seen.iter().zip(expected).zip(&OBSERVATION) {
+    for ((found, expected), row) in seen.iter().zip(expected).zip(rows()) {
         assert!((f64::from(*found) - expected).abs() <= tolerance, "{}: {found}, expected {expected}", row.name);
     }
 }
@@ -91,7 +99,7 @@ fn assert_seen(seen: &Observation, expected: &[f64], tolerance: f64) {
 type Component = fn(&State) -> Vector2<f64>;
 
 #[test]
-fn starts_are_drawn_evenly_from_their_discs() {
+fn starts_are_uniform_over_their_discs() {
     let config = config(ModelKind::Spatial);
     let mut episode = Episode::new(&config, 3);
     let n = 4000;
@@ -102,9 +110,9 @@ fn starts_are_drawn_evenly_from_their_discs() {
         })
         .collect();
     let discs: [(f64, Component); 3] = [
-        (config.reset_tilt, State::tilt_components),
-        (config.reset_ball_speed, |s| s.ball_velocity.xy()),
-        (config.reset_tilt_rate, |s| s.body_angular_velocity.xy()),
+        (config.task.reset_tilt, State::tilt_components),
+        (config.task.reset_ball_speed, |s| s.ball_velocity.xy()),
+        (config.task.reset_tilt_rate, |s| s.body_angular_velocity.xy()),
     ];
     // Four standard errors of each mean over an evenly filled disc.
     let four_sigma = 4.0 / f64::from(n).sqrt();
@@ -128,7 +136,7 @@ fn starts_are_drawn_evenly_from_their_discs() {
 }
 
 #[test]
-fn a_seed_decides_the_start_whatever_the_model() {
+fn start_depends_on_the_seed_alone() {
     let start = |model, seed| Episode::new(&config(model), seed).seen;
     let expected = start(ModelKind::Spatial, 5);
     assert_eq!(start(ModelKind::Spatial, 5), expected);
@@ -138,7 +146,8 @@ fn a_seed_decides_the_start_whatever_the_model() {
     episode.env.seed(5);
     episode.reset();
     assert_eq!(episode.seen, expected);
-    let narrow = BalanceConfig { reset_yaw: 0.1, reset_tilt: 0.0, ..config(ModelKind::Spatial) };
+    let mut narrow = config(ModelKind::Spatial);
+    (narrow.task.reset_yaw, narrow.task.reset_tilt) = (0.1, 0.0);
     for seed in 0..50 {
         let state = Episode::new(&narrow, seed).env.robot().state();
         assert!(state.yaw().abs() <= 0.1 && state.tilt() < 1e-12);
@@ -146,11 +155,12 @@ fn a_seed_decides_the_start_whatever_the_model() {
 }
 
 #[test]
-fn observation_is_the_state_row_by_row() {
+fn observation_rows_equal_the_state() {
     let (yaw, setpoint) = (2.0, Vector2::new(0.5, 0.25));
     let state = lively(yaw);
     for model in [ModelKind::Spatial, ModelKind::Rigid] {
-        let config = BalanceConfig { setpoint: setpoint.into(), ..config(model) };
+        let mut config = config(model);
+        config.task.setpoint = setpoint.into();
         let mut episode = Episode::from(&config, &state);
         let heading = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw);
         let tilt = heading * Vector3::new(0.12, -0.2, 0.0);
@@ -175,25 +185,28 @@ fn observation_saturates_at_its_bounds() {
     state.ball_position += Vector3::new(30.0, -40.0, 0.0);
     state.body_position = state.ball_position;
     let seen = Episode::from(&config(ModelKind::Spatial), &state).seen;
+    let rows = rows();
     for (i, sign) in [(3, 1.0), (4, -1.0), (5, 1.0), (9, 1.0), (10, -1.0), (11, -1.0), (12, 1.0)] {
-        assert_eq!(seen[i], sign * OBSERVATION[i].bound, "{}", OBSERVATION[i].name);
+        assert_eq!(seen[i], sign * rows[i].bound, "{}", rows[i].name);
     }
     assert!(state.wheel_speeds.iter().all(|speed| *speed < -200.0), "{:?}", state.wheel_speeds);
     assert_eq!(seen[6..9], [-200.0; 3]);
-    let bounds = OBSERVATION.map(|row| row.bound);
+    let bounds: Vec<f32> = rows.iter().map(|row| row.bound).collect();
     assert_eq!(bounds[..9], [1.0, 1.0, 1.0, 20.0, 20.0, 20.0, 200.0, 200.0, 200.0]);
     assert_eq!(bounds[9..], [10.0, 10.0, 10.0, 10.0, 1.0, 1.0, 1.0]);
 }
 
 #[test]
-fn nothing_depends_on_the_setpoint_and_the_heading() {
+fn observations_and_rewards_are_invariant_under_setpoint_and_heading() {
     for (model, tolerance) in [(ModelKind::Spatial, 1e-5), (ModelKind::Rigid, 1e-4)] {
         let mut episode = Episode::from(&config(model), &lively(0.0));
         for (yaw, setpoint) in [(2.0, [3.0, -1.0]), (-2.7, [-0.5, 8.0])] {
             let mut state = lively(yaw);
             state.ball_position += Vector3::new(setpoint[0], setpoint[1], 0.0);
             state.body_position = state.ball_position;
-            let mut moved = Episode::from(&BalanceConfig { setpoint, ..config(model) }, &state);
+            let mut config = config(model);
+            config.task.setpoint = setpoint;
+            let mut moved = Episode::from(&config, &state);
             episode.env.reset_to(&lively(0.0), &mut episode.seen).unwrap();
             assert_seen(&moved.seen, &episode.seen.map(f64::from), 2e-6);
             for k in 0..15_u8 {
@@ -207,7 +220,7 @@ fn nothing_depends_on_the_setpoint_and_the_heading() {
 }
 
 #[test]
-fn an_action_beyond_its_bounds_is_the_bound() {
+fn actions_beyond_their_bounds_are_clipped() {
     for model in ModelKind::ALL {
         let run = |action| {
             let mut episode = Episode::from(&config(model), &State::upright(&Params::paper()));
@@ -220,8 +233,8 @@ fn an_action_beyond_its_bounds_is_the_bound() {
 }
 
 #[test]
-fn an_action_is_the_share_of_the_largest_torque() {
-    let config = BalanceConfig { max_wheel_torque: 0.8, ..config(ModelKind::Spatial) };
+fn torque_is_the_action_times_the_action_torque() {
+    let config = BalanceConfig { max_wheel_torque: Some(0.8), ..config(ModelKind::Spatial) };
     let mut episode = Episode::from(&config, &lively(0.3));
     episode.step([0.5, -0.25, 0.125]);
     let mut robot = ballbot_core::Ballbot::new(&config.params, config.model, config.sim_dt).unwrap();
@@ -232,16 +245,20 @@ fn an_action_is_the_share_of_the_largest_torque() {
 
 #[test]
 fn reward_is_the_sum_of_its_terms() {
-    let scales = RewardScales {
-        alive: 2.0,
-        tilt: 3.0,
-        position: 5.0,
-        velocity: 7.0,
-        rate: 0.11,
-        action: 13.0,
-        action_change: 17.0,
-    };
-    let config = BalanceConfig { reward: scales, setpoint: [0.1, 0.05], ..config(ModelKind::Spatial) };
+    let mut config = config(ModelKind::Spatial);
+    config.task.setpoint = [0.1, 0.05];
+    let scales = [
+        ("alive", 2.0),
+        ("tilt", 3.0),
+        ("position", 5.0),
+        ("velocity", 7.0),
+        ("rate", 0.11),
+        ("action", 13.0),
+        ("action_change", 17.0),
+    ];
+    for (name, scale) in scales {
+        config.reward.set(name, scale).unwrap();
+    }
     let mut episode = Episode::from(&config, &lively(0.0));
     episode.step([0.5, 0.0, -0.5]);
     let outcome = episode.step([0.25, 1.0, -0.5]);
@@ -249,7 +266,7 @@ fn reward_is_the_sum_of_its_terms() {
     let distance = (state.ball_position.xy() - Vector2::new(0.1, 0.05)).norm_squared();
     let expected = [
         2.0,
-        -3.0 * (state.tilt() / config.fall_tilt).powi(2),
+        -3.0 * (state.tilt() / config.task.fall_tilt).powi(2),
         -5.0 * distance / (distance + 0.01),
         -7.0 * state.ball_velocity.xy().norm_squared(),
         -0.11 * state.body_angular_velocity.norm_squared(),
@@ -257,17 +274,18 @@ fn reward_is_the_sum_of_its_terms() {
         -17.0 * (0.0625 + 1.0) / 3.0,
     ];
     let terms = episode.env.reward_terms();
-    for ((name, found), expected) in RewardTerms::NAMES.iter().zip(terms.values()).zip(expected) {
+    assert_eq!(terms.iter().map(|(name, _)| *name).collect::<Vec<_>>(), scales.map(|(name, _)| name));
+    for ((name, found), expected) in terms.iter().zip(expected) {
         assert!((found - expected).abs() < 1e-12 && expected.abs() > 0.01, "{name}: {found}, expected {expected}");
     }
-    assert_eq!(outcome.reward, terms.values().iter().sum::<f64>());
+    assert_eq!(outcome.reward, terms.iter().map(|(_, value)| value).sum::<f64>());
     // A first action changes from rest.
     let mut episode = Episode::from(&config, &lively(0.0));
     episode.step([0.5, 0.0, -0.5]);
-    assert!((episode.env.reward_terms().action_change + 17.0 * 0.5 / 3.0).abs() < 1e-12);
+    assert!((episode.env.reward_terms()[6].1 + 17.0 * 0.5 / 3.0).abs() < 1e-12);
 }
 
-/// Asserts that a changed task is refused, in words that name the value.
+/// Asserts that a changed configuration is refused with a message that names the value.
 #[track_caller]
 fn assert_refused(words: &str, change: impl FnOnce(&mut BalanceConfig)) {
     let mut config = config(ModelKind::Rigid);
@@ -278,7 +296,7 @@ fn assert_refused(words: &str, change: impl FnOnce(&mut BalanceConfig)) {
 }
 
 #[test]
-fn tasks_that_cannot_be_are_refused() {
+fn invalid_configurations_are_refused() {
     assert_refused("control_dt / sim_dt = 2.5 is out of range: it must be a whole number", |c| c.control_dt = 0.005);
     assert_refused("(control_dt = 0.001, sim_dt = 0.002)", |c| c.control_dt = 0.001);
     assert_refused("control_dt / sim_dt = 20000 ", |c| c.control_dt = 40.0);
@@ -286,21 +304,23 @@ fn tasks_that_cannot_be_are_refused() {
     assert_refused("sim_dt = 0 ", |c| c.sim_dt = 0.0);
     assert_refused("sim_dt = 0.025 ", |c| (c.sim_dt, c.control_dt) = (0.025, 0.05));
     assert_refused("max_episode_steps = 0", |c| c.max_episode_steps = 0);
-    assert_refused("max_wheel_torque = 0 ", |c| c.max_wheel_torque = 0.0);
-    assert_refused("max_wheel_torque = 6 ", |c| c.max_wheel_torque = 6.0);
+    assert_refused("max_wheel_torque = 0 ", |c| c.max_wheel_torque = Some(0.0));
+    assert_refused("max_wheel_torque = 6 ", |c| c.max_wheel_torque = Some(6.0));
     assert_refused("params.max_wheel_torque = 0.5 N·m", |c| c.params.max_wheel_torque = 0.5);
-    assert_refused("setpoint[1] = inf ", |c| c.setpoint[1] = f64::INFINITY);
-    assert_refused("fall_tilt = 0 ", |c| c.fall_tilt = 0.0);
-    assert_refused("fall_tilt = 3.2 ", |c| c.fall_tilt = 3.2);
-    assert_refused("reset_tilt = 0.4 ", |c| c.reset_tilt = 0.4);
-    assert_refused("reset_tilt = -0.1 ", |c| c.reset_tilt = -0.1);
-    assert_refused("reset_yaw = 3.2 ", |c| c.reset_yaw = 3.2);
-    assert_refused("reset_ball_speed = 11 ", |c| c.reset_ball_speed = 11.0);
-    assert_refused("reset_tilt_rate = NaN ", |c| c.reset_tilt_rate = f64::NAN);
-    assert_refused("success_window = -1 ", |c| c.success_window = -1.0);
-    assert_refused("success_tilt = 0 ", |c| c.success_tilt = 0.0);
-    assert_refused("success_radius = -0.1 ", |c| c.success_radius = -0.1);
-    assert_refused("reward.action_change = NaN ", |c| c.reward.action_change = f64::NAN);
+    assert_refused("setpoint[1] = inf ", |c| c.task.setpoint[1] = f64::INFINITY);
+    assert_refused("fall_tilt = 0 ", |c| c.task.fall_tilt = 0.0);
+    assert_refused("fall_tilt = 3.2 ", |c| c.task.fall_tilt = 3.2);
+    assert_refused("reset_tilt = 0.4 ", |c| c.task.reset_tilt = 0.4);
+    assert_refused("reset_tilt = -0.1 ", |c| c.task.reset_tilt = -0.1);
+    assert_refused("reset_yaw = 3.2 ", |c| c.task.reset_yaw = 3.2);
+    assert_refused("reset_ball_speed = 11 ", |c| c.task.reset_ball_speed = 11.0);
+    assert_refused("reset_tilt_rate = NaN ", |c| c.task.reset_tilt_rate = f64::NAN);
+    assert_refused("success_window = -1 ", |c| c.task.success_window = -1.0);
+    assert_refused("success_tilt = 0 ", |c| c.task.success_tilt = 0.0);
+    assert_refused("success_radius = -0.1 ", |c| c.task.success_radius = -0.1);
+    assert_refused("reward.action_change = NaN ", |c| {
+        c.reward.set("action_change", f64::NAN).unwrap();
+    });
     assert_refused("gravity = 0 ", |c| c.params.gravity = 0.0);
     // Ratios that are whole but for rounding.
     for (sim_dt, control_dt, expected) in [(0.01, 0.07, 7), (0.001, 0.043, 43), (0.02, 0.02, 1)] {
@@ -309,12 +329,16 @@ fn tasks_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn starts_that_would_reach_into_the_floor_are_refused_before_they_are_drawn() {
+fn tasks_whose_starts_would_reach_into_the_floor_are_refused() {
     // The first wheel meets the floor where r_k + (r_k + r_w) cos(tilt + zenith) = r_w: 67.5 deg for the paper's robot.
     let params = Params::paper();
     let arm = params.ball_radius + params.wheel_radius;
     let first = ((params.wheel_radius - params.ball_radius) / arm).acos() - params.wheel_zenith;
-    let task = |reset_tilt: f64| BalanceConfig { reset_tilt, fall_tilt: 3.0, ..config(ModelKind::Rigid) };
+    let task = |reset_tilt: f64| {
+        let mut config = config(ModelKind::Rigid);
+        (config.task.reset_tilt, config.task.fall_tilt) = (reset_tilt, 3.0);
+        config
+    };
     let message = Environment::new(&task(first + 0.02), 0).err().expect("accepted").to_string();
     assert!(message.starts_with("reset_tilt = 1.1") && message.contains("lowest point of the wheels"), "{message}");
     assert!(Environment::new(&task(2.0), 0).is_err());

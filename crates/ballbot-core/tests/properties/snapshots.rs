@@ -1,10 +1,9 @@
-//! What is saved goes on as what it was saved of, to the last bit, from any moment on.
+//! Snapshots taken at any time continue to the last bit.
 
 use super::support::{any_robot, any_start, torques, vector};
 use super::{any_drive, cases, robot};
-use ballbot_core::env::{
-    ACTION_LEN, Autoreset, BalanceConfig, Batch, Environment, OBSERVATION_LEN, Outcome, StepBuffers,
-};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Outcome, StepBuffers};
+use ballbot_core::task::{ACTION_LEN, Balance};
 use ballbot_core::{Ballbot, ModelKind, Params};
 use nalgebra::Vector3;
 use proptest::prelude::*;
@@ -16,8 +15,8 @@ fn task(params: &Params, model: ModelKind) -> BalanceConfig {
         params: params.clone(),
         model,
         max_episode_steps: 15,
-        max_wheel_torque: slipping,
-        fall_tilt: 0.15,
+        max_wheel_torque: Some(slipping),
+        task: Balance { fall_tilt: 0.15, ..Balance::default() },
         ..BalanceConfig::default()
     }
 }
@@ -26,7 +25,7 @@ fn task(params: &Params, model: ModelKind) -> BalanceConfig {
 struct Run {
     batch: Batch,
     observations: Vec<f32>,
-    rewards: Vec<f32>,
+    rewards: Vec<f64>,
     terminated: Vec<bool>,
     truncated: Vec<bool>,
     last: Vec<f32>,
@@ -36,15 +35,15 @@ struct Run {
 impl Run {
     fn new(config: &BalanceConfig, n: usize, seed: u64) -> Self {
         let mut batch = Batch::new(config, n, Autoreset::NextStep, Some(2), seed).expect("any robot can be balanced");
-        let mut observations = vec![0.0; n * OBSERVATION_LEN];
+        let mut observations = vec![0.0; n * batch.observation_len()];
         batch.reset(None, &mut observations).expect("the buffer has its length");
         Self {
             batch,
+            last: observations.clone(),
             observations,
             rewards: vec![0.0; n],
             terminated: vec![false; n],
             truncated: vec![false; n],
-            last: vec![0.0; n * OBSERVATION_LEN],
             outcomes: vec![Outcome::default(); n],
         }
     }
@@ -62,7 +61,8 @@ impl Run {
     }
 
     fn observation(&self, i: usize) -> &[f32] {
-        &self.observations[i * OBSERVATION_LEN..][..OBSERVATION_LEN]
+        let width = self.batch.observation_len();
+        &self.observations[i * width..][..width]
     }
 }
 
@@ -93,7 +93,7 @@ proptest! {
     #![proptest_config(cases(20))]
 
     #[test]
-    fn a_saved_robot_goes_on_as_it_was(
+    fn loaded_robots_continue_to_the_last_bit(
         params in any_robot(),
         start in any_start(0.3, 0.5),
         drive in any_drive(2.0, 6, 10),
@@ -125,7 +125,7 @@ proptest! {
     }
 
     #[test]
-    fn every_environment_of_a_batch_is_the_single_one_of_its_seed(
+    fn batched_environments_equal_single_ones(
         params in any_robot(), seed in any::<u64>(), actions in any_actions(NUM_ENVS, 30),
     ) {
         for model in ModelKind::ALL {
@@ -133,7 +133,7 @@ proptest! {
             let mut run = Run::new(&config, NUM_ENVS, seed);
             let mut singles: Vec<Single> = (0..NUM_ENVS as u64).map(|i| {
                 let environment = Environment::new(&config, seed.wrapping_add(i)).expect("as the batch's");
-                let mut single = Single { environment, observation: vec![0.0; OBSERVATION_LEN] };
+                let mut single = Single { observation: vec![0.0; environment.observation_len()], environment };
                 single.environment.reset(&mut single.observation);
                 single
             }).collect();
@@ -150,7 +150,7 @@ proptest! {
     }
 
     #[test]
-    fn a_saved_environment_goes_on_in_another_batch(
+    fn loaded_environments_continue_in_another_batch(
         params in any_robot(),
         seed in any::<u64>(),
         actions in any_actions(NUM_ENVS, 30),
@@ -165,8 +165,8 @@ proptest! {
             for (k, actions) in actions.iter().enumerate() {
                 if k == saved_at {
                     for i in 0..NUM_ENVS {
-                        let bytes = run.batch.view(i).expect("there is one").save();
-                        other.batch.edit(i, |environment| environment.load(&bytes)).expect("of the same task");
+                        let bytes = run.batch.save(i).expect("there is one");
+                        other.batch.load(i, &bytes).expect("of the same task");
                     }
                 }
                 run.step(actions);

@@ -1,6 +1,6 @@
 //! Falls, and lying on the floor.
 
-use super::{Simulation, close, for_both, leaning, run};
+use super::{Motion, Simulation, close, for_both, leaning, run};
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::{Model, Params, State};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};

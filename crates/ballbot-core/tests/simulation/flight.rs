@@ -1,6 +1,6 @@
 //! Off the floor.
 
-use super::{Simulation, for_both, lifted, run};
+use super::{Motion, Simulation, for_both, lifted, run};
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::{Params, State};
 use nalgebra::Vector3;

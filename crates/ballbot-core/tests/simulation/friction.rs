@@ -1,6 +1,6 @@
 //! Coulomb's limit at floor and wheels.
 
-use super::{Simulation, for_both, run};
+use super::{Motion, Simulation, for_both, run};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::SpatialModel;
 use ballbot_core::{Params, State};

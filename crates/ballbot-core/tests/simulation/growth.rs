@@ -1,6 +1,6 @@
 //! How fast a small tilt grows: the one number that every error of the dynamics enters.
 
-use super::{Simulation, for_both};
+use super::{Motion, Simulation, for_both};
 use ballbot_core::{Params, State};
 use nalgebra::Vector2;
 

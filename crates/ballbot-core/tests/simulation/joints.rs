@@ -1,12 +1,22 @@
 //! Friction of the wheel joints.
 
-use super::{Simulation, for_both, run};
+use super::{Motion, Simulation, for_both, run};
 use ballbot_core::models::SpatialMotion;
-use ballbot_core::{JointDynamics, Model, Params, State, attitude};
+use ballbot_core::{Model, Params, State, attitude};
 use nalgebra::{Vector2, Vector3};
 
-const VISCOUS: JointDynamics = JointDynamics { viscous_friction: 1e-3, coulomb_friction: 0.0 };
-const DRY: JointDynamics = JointDynamics { viscous_friction: 0.0, coulomb_friction: 0.01 };
+/// The paper's robot with friction in its wheel joints: viscous, N·m/(rad/s), and dry, N·m.
+fn with_friction(viscous: f64, dry: f64) -> Params {
+    Params { wheel_viscous_friction: viscous, wheel_coulomb_friction: dry, ..Params::paper() }
+}
+
+fn viscous() -> Params {
+    with_friction(1e-3, 0.0)
+}
+
+fn dry() -> Params {
+    with_friction(0.0, 0.01)
+}
 
 fn joint_friction_slows_wheels_that_turn_in_the_air(simulation: Simulation) {
     let params = Params::paper();
@@ -14,9 +24,9 @@ fn joint_friction_slows_wheels_that_turn_in_the_air(simulation: Simulation) {
     state.ball_position.z = 20.0;
     state.body_position.z = 30.0;
     state.wheel_speeds = [20.0, 20.0, 20.0];
-    let speed_after = |dynamics: JointDynamics, steps: usize| {
+    let speed_after = |damped: &Params, steps: usize| {
         let mut robot = simulation.robot(&params, 1e-4);
-        robot.set_joint_dynamics(dynamics);
+        robot.set_params(damped).unwrap();
         robot.reset(&state).unwrap();
         run(robot.as_mut(), [0.0; 3], steps);
         robot.state().wheel_speeds[0]
@@ -24,21 +34,20 @@ fn joint_friction_slows_wheels_that_turn_in_the_air(simulation: Simulation) {
     // Three wheels against the body about the vertical: the body's yaw takes up a share c of each relative speed.
     let share = 1.0 + 3.0 * params.wheel_inertia * 0.5 / params.body_inertia[2];
     let expected = 20.0 * (-1e-3 * share / params.wheel_inertia * 0.1).exp();
-    let found = speed_after(VISCOUS, 1000);
+    let found = speed_after(&viscous(), 1000);
     println!("viscous {:e}", found / expected - 1.0);
     assert!((found / expected - 1.0).abs() < 1e-3, "viscous: {found}, expected {expected}");
     let expected = 20.0 - 0.01 * share / params.wheel_inertia * 0.1;
-    let found = speed_after(DRY, 1000);
+    let found = speed_after(&dry(), 1000);
     println!("dry {:e}", found / expected - 1.0);
     assert!((found / expected - 1.0).abs() < 1e-9, "dry: {found}, expected {expected}");
-    assert!(speed_after(DRY, 6000).abs() < 1e-6, "dry friction does not bring the wheel to rest");
+    assert!(speed_after(&dry(), 6000).abs() < 1e-6, "dry friction does not bring the wheel to rest");
 }
 
 /// Ball and body velocities after 0.2 s of rolling.
-fn rolled(robot: &mut dyn Model, dynamics: JointDynamics) -> State {
-    let params = robot.params().clone();
-    robot.set_joint_dynamics(dynamics);
-    let start = State::rolling(&params, Vector2::new(0.4, 0.1), 0.5, attitude(Vector2::zeros(), 0.3), Vector3::zeros());
+fn rolled(robot: &mut dyn Model, params: &Params) -> State {
+    robot.set_params(params).unwrap();
+    let start = State::rolling(params, Vector2::new(0.4, 0.1), 0.5, attitude(Vector2::zeros(), 0.3), Vector3::zeros());
     robot.reset(&start).unwrap();
     run(robot, [0.0; 3], 200);
     robot.state()
@@ -46,14 +55,14 @@ fn rolled(robot: &mut dyn Model, dynamics: JointDynamics) -> State {
 
 fn joint_friction_of_a_rolling_robot_is_that_of_the_spatial_model(simulation: Simulation) {
     let params = Params::paper();
-    let free = rolled(&mut SpatialMotion::new(&params, 1e-3), JointDynamics::of(&params));
+    let free = rolled(&mut SpatialMotion::new(&params, 1e-3), &params);
     // The spatial model builds dry friction up over 0.05 rad/s, these let wheels stick.
-    for (dynamics, limit) in [(VISCOUS, simulation.pick(3e-3, 5e-4)), (DRY, 1e-2)] {
-        let exact = rolled(&mut SpatialMotion::new(&params, 1e-3), dynamics);
-        let found = rolled(simulation.paper().as_mut(), dynamics);
+    for (damped, limit) in [(viscous(), simulation.pick(3e-3, 5e-4)), (dry(), 1e-2)] {
+        let exact = rolled(&mut SpatialMotion::new(&params, 1e-3), &damped);
+        let found = rolled(simulation.paper().as_mut(), &damped);
         let off = (found.ball_velocity - exact.ball_velocity).norm();
         let matters = (free.ball_velocity - exact.ball_velocity).norm();
-        println!("{dynamics:?}: {off:e} m/s apart, friction makes {matters}");
+        println!("{off:e} m/s apart, friction makes {matters}");
         assert!(off < limit * matters, "{off} m/s apart, friction makes {matters}");
     }
 }
@@ -62,7 +71,7 @@ fn joint_friction_of_a_rolling_robot_is_that_of_the_spatial_model(simulation: Si
 fn dry_friction_holds_a_wheel_at_rest(simulation: Simulation) {
     let turned = |torque: f64| {
         let mut robot = simulation.paper();
-        robot.set_joint_dynamics(JointDynamics { viscous_friction: 0.0, coulomb_friction: 0.1 });
+        robot.set_params(&with_friction(0.0, 0.1)).unwrap();
         // In the air, where nothing else holds it.
         let mut start = State::upright(&Params::paper());
         start.ball_position.z = 20.0;

@@ -1,6 +1,6 @@
 //! Lift-off, flight and landing: `contact` against `rigid`, from the same start.
 
-use super::{Simulation, close, com_velocity, leaning, lifted, run};
+use super::{Motion, Simulation, close, com_velocity, leaning, lifted, run};
 use ballbot_core::{Model, Params, State};
 use nalgebra::Vector3;
 

@@ -1,6 +1,6 @@
 //! What the contacts carry.
 
-use super::{Simulation, for_both, lifted, run};
+use super::{Motion, Simulation, for_both, lifted, run};
 use ballbot_core::control::{Controller, Lqr, Setpoint};
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::models::SpatialMotion;

@@ -8,6 +8,8 @@ mod growth;
 mod joints;
 mod landing;
 mod loads;
+#[path = "../support/motion.rs"]
+mod motion;
 mod pushes;
 mod repetition;
 mod rolling;
@@ -15,6 +17,7 @@ mod slipping;
 
 use ballbot_core::sim::{ContactMotion, RigidMotion};
 use ballbot_core::{Model, Params, State};
+use motion::Motion;
 use nalgebra::{Vector2, Vector3};
 
 /// A simulation under test.

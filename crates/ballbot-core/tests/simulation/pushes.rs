@@ -1,6 +1,6 @@
 //! Impulses on the body.
 
-use super::{Simulation, com_velocity, for_both, run};
+use super::{Motion, Simulation, com_velocity, for_both, run};
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::models::SpatialMotion;
 use ballbot_core::{Model, Params, State};

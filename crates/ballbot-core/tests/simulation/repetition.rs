@@ -1,6 +1,6 @@
 //! The same run again: from a reset, from a new robot, from a snapshot.
 
-use super::{Simulation, for_both, run};
+use super::{Motion, Simulation, for_both, run};
 use ballbot_core::control::{Controller, Lqr, Setpoint};
 use ballbot_core::{Model, Params, State};
 use nalgebra::{Vector2, Vector3};

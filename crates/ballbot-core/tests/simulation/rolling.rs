@@ -1,6 +1,6 @@
 //! Motion in which nothing slips: that of the spatial model.
 
-use super::{Simulation, for_both, run};
+use super::{Motion, Simulation, for_both, run};
 use ballbot_core::control::{Controller, Lqr, Setpoint};
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::models::SpatialMotion;

@@ -1,6 +1,6 @@
 //! Slip at wheels and floor: `contact` against `rigid`, from the same start under the same torques.
 
-use super::{Simulation, close, leaning, run};
+use super::{Motion, Simulation, close, leaning, run};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::{Contacts, Model, Params};
 use nalgebra::Vector3;

@@ -1,10 +1,11 @@
 //! Eight robots in lanes are eight robots alone, to the last bit, with every instruction set of this machine.
 
+use super::constants::LaneConstants;
 use super::solve::Delassus;
 use super::step::Start;
 use super::*;
 use crate::lanes::{EIGHT, Eight, Scalar};
-use crate::model::{JointDynamics, Model};
+use crate::model::Model;
 use crate::params::Params;
 use crate::state::State;
 use fearless_simd::{Level, Simd};
@@ -14,7 +15,7 @@ const STEPS: usize = 500;
 /// A lane with nothing but zeros, whose signs are bits too, and one in the air.
 const AT_REST: usize = 0;
 const LIFTED: usize = 1;
-/// The lanes whose robots do what neighbours must not feel.
+/// The lanes whose robots do what must not reach their neighbors.
 const FRICTION: usize = 2;
 const FALLING: usize = 3;
 const DIVERGING: usize = 4;
@@ -33,9 +34,36 @@ fn params() -> Params {
     }
 }
 
-/// What a robot of its lane starts with; a calm one is not pushed, has no joint friction and does not fall.
+/// The robot of a lane: calm ones are alike, the others have masses, geometry or friction of their own.
+fn params_of(i: usize, calm: bool) -> Params {
+    let mut params = params();
+    if calm {
+        return params;
+    }
+    params.body_mass *= 1.0 + 0.02 * i as f64;
+    match i {
+        FRICTION => (params.wheel_viscous_friction, params.wheel_coulomb_friction) = (1e-3, 5e-3),
+        // Without the law of static friction beside lanes that follow it.
+        DIVERGING => params.wheel_static_friction = params.wheel_dynamic_friction,
+        PUSHED => params.floor_static_friction = params.floor_dynamic_friction,
+        LIFTED | SLIPPING => {
+            params.ball_radius *= 1.1;
+            params.wheel_radius *= 0.9;
+            params.body_com_height *= 1.05;
+        }
+        _ => (),
+    }
+    params.validate().expect("a robot that can exist");
+    params
+}
+
+fn constants_of(i: usize, calm: bool) -> Constants<f64> {
+    Constants::new(&params_of(i, calm), 1e-3)
+}
+
+/// What a robot of its lane starts with; a calm one is not pushed, does not fall and is like the other calm ones.
 fn start(i: usize, calm: bool) -> ContactState<f64> {
-    let params = params();
+    let params = params_of(i, calm);
     let mut robot = ContactMotion::new(&params, 1e-3);
     let angle = i as f64;
     let degrees: f64 = match i {
@@ -44,15 +72,13 @@ fn start(i: usize, calm: bool) -> ContactState<f64> {
         _ => 0.3 + 0.2 * angle,
     };
     let tilt = Vector2::new(angle.cos(), angle.sin()) * degrees.to_radians();
-    if i == FRICTION && !calm {
-        robot.set_joint_dynamics(JointDynamics { viscous_friction: 1e-3, coulomb_friction: 5e-3 });
-    }
     let mut start = State::tilted(&params, tilt, 0.5 * angle);
     if i == LIFTED {
         start.ball_position.z += 0.02;
         start.body_position.z += 0.02;
     }
-    robot.reset(&start).expect("above the floor");
+    robot.accepts(&start).expect("above the floor");
+    robot.place(&start);
     robot.memory().clone()
 }
 
@@ -80,13 +106,13 @@ fn event(i: usize, step: usize, calm: bool, memory: &mut ContactState<f64>) {
         (DIVERGING, 100) => push(memory, 1e200),
         (PUSHED, 0) => push(memory, 0.05),
         (PUSHED, 200) => push(memory, 1.5),
-        (RESET, 250) => *memory = start(1, true),
+        (RESET, 250) => *memory = start(RESET, false),
         _ => (),
     }
 }
 
 fn alone(i: usize, calm: bool) -> Vec<ContactState<f64>> {
-    let constants = Constants::new(&params(), 1e-3);
+    let constants = constants_of(i, calm);
     let mut memory = start(i, calm);
     let step = |k| {
         event(i, k, calm, &mut memory);
@@ -98,9 +124,10 @@ fn alone(i: usize, calm: bool) -> Vec<ContactState<f64>> {
 
 #[inline(always)]
 fn side_by_side<S: Simd>(simd: S, calm: Calm) -> Vec<ContactState<Eight>> {
-    let constants = Constants::new(&params(), 1e-3);
+    let mut constants = LaneConstants::shared(constants_of(0, true));
     let mut robots = ContactState::<Eight>::default();
     for (i, &calm) in calm.iter().enumerate() {
+        constants.set_lane(i, &constants_of(i, calm));
         robots.set_lane(i, &start(i, calm));
     }
     let mut out = Vec::new();
@@ -116,7 +143,10 @@ fn side_by_side<S: Simd>(simd: S, calm: Calm) -> Vec<ContactState<Eight>> {
         }
         simd.vectorize(
             #[inline(always)]
-            || advance_wide(simd, &constants, &mut robots, &all, 1),
+            || match &constants {
+                LaneConstants::Shared(constants) => advance_wide(simd, constants, &mut robots, &all, 1),
+                LaneConstants::PerLane(constants) => advance_wide(simd, constants, &mut robots, &all, 1),
+            },
         );
         out.push(robots.clone());
     }
@@ -155,7 +185,7 @@ fn assert_same(label: &str, found: &ContactState<f64>, expected: &ContactState<f
 }
 
 #[test]
-fn robots_in_lanes_are_robots_alone() {
+fn robots_in_lanes_equal_single_robots() {
     // Near the floor all eight are stepped one by one, so once with a fall and once without.
     for falling in [true, false] {
         let mut calm = [false; EIGHT];
@@ -187,11 +217,11 @@ fn assert_eventful(expected: &[Vec<ContactState<f64>>; EIGHT], falling: bool) {
     assert!(slip(&expected[SLIPPING][STEPS - 1]) > 20.0, "nothing slips");
 }
 
-/// A robot that falls, diverges, is pushed, reset or has joint friction leaves its neighbours as they are, to the last bit.
+/// A robot that falls, diverges, is pushed, reset or differs leaves its neighbours as they are, to the last bit.
 #[test]
-fn eventful_lanes_leave_their_neighbours_alone() {
+fn lanes_do_not_depend_on_their_neighbors() {
     let calm = runs([true; EIGHT]);
-    for eventful in [FRICTION, FALLING, DIVERGING, PUSHED, RESET] {
+    for eventful in [LIFTED, FRICTION, FALLING, DIVERGING, PUSHED, RESET, SLIPPING] {
         let mut only = [true; EIGHT];
         only[eventful] = false;
         for ((name, found), (_, expected)) in runs(only).iter().zip(&calm) {
@@ -208,8 +238,8 @@ fn eventful_lanes_leave_their_neighbours_alone() {
 }
 
 #[test]
-fn many_steps_at_once_are_as_many_single_ones() {
-    let constants = Constants::new(&params(), 1e-3);
+fn one_call_of_many_steps_equals_many_calls() {
+    let constants = constants_of(1, false);
     let (mut once, mut singly) = (start(1, false), start(1, false));
     advance(&constants, &mut once, &[0.02, -0.01, 0.03], 200);
     for _ in 0..200 {
@@ -235,7 +265,7 @@ fn displaced() -> ContactMotion {
 }
 
 #[test]
-fn rows_measure_the_slip_of_the_surfaces() {
+fn slip_of_the_rows_is_the_slip_of_the_surfaces() {
     let robot = displaced();
     let start = Start::<f64>::new(robot.constants(), Scalar, robot.memory());
     for (i, expected) in robot.contacts().wheel_slip_speeds.into_iter().enumerate() {
@@ -245,9 +275,9 @@ fn rows_measure_the_slip_of_the_surfaces() {
     }
 }
 
-/// The Delassus matrix says of each impulse what the rows measure once it has acted.
+/// The Delassus matrix predicts the residuals of the rows after each impulse.
 #[test]
-fn impulses_do_to_the_rows_what_the_solver_counts_on() {
+fn delassus_matrix_is_the_effect_of_impulses_on_the_rows() {
     let robot = displaced();
     let c = robot.constants();
     let start = Start::<f64>::new(c, Scalar, robot.memory());

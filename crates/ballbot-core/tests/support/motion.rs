@@ -1,0 +1,19 @@
+//! Resets and single steps of a bare model.
+
+use ballbot_core::{Model, Result, State};
+
+pub trait Motion: Model {
+    /// Starts anew from `state` if the model accepts it.
+    fn reset(&mut self, state: &State) -> Result<()> {
+        self.accepts(state)?;
+        self.place(state);
+        Ok(())
+    }
+
+    /// Advances by one time step.
+    fn step(&mut self, wheel_torques: &[f64; 3]) {
+        self.advance(wheel_torques, 1);
+    }
+}
+
+impl<M: Model + ?Sized> Motion for M {}
