@@ -78,6 +78,14 @@ impl<C: Cell> Ledger<C> {
 }
 
 impl Ledger<f64> {
+    /// Copies a ledger of the same sizes in place.
+    fn copy_from(&mut self, other: &Self) {
+        self.episode.clone_from(&other.episode);
+        for (to, from) in self.parts_mut().into_iter().zip(other.parts()) {
+            to.copy_from_slice(from);
+        }
+    }
+
     /// Zeros everywhere, for an episode of `limit` steps.
     pub fn begin(&mut self, limit: f64) {
         self.episode = Episode { limit, next_command: f64::INFINITY, ..Episode::default() };
@@ -96,11 +104,11 @@ pub trait Ledgers: Cell + Sized {
 
 impl Ledgers for f64 {
     fn take(all: &Ledger<f64>, _: usize, one: &mut Ledger<f64>) {
-        one.clone_from(all);
+        one.copy_from(all);
     }
 
     fn put(all: &mut Ledger<f64>, _: usize, one: &Ledger<f64>) {
-        all.clone_from(one);
+        all.copy_from(one);
     }
 }
 

@@ -7,7 +7,7 @@ mod lqr;
 mod pid;
 pub mod riccati;
 
-pub use kinds::{ControllerKind, controller_kind, controller_kinds, register_controller};
+pub use kinds::{ControllerKind, MakeController, controller_kind, controller_kinds, fields_with, register_controller};
 pub use lqr::{Lqr, LqrWeights};
 pub use pid::{Pid, PidGains};
 

@@ -112,7 +112,8 @@ fn observations(config: &BalanceConfig, n: usize) -> Vec<f32> {
 #[test]
 fn batches_scale_observations_as_single_environments_do() {
     for model in [ModelKind::Spatial, ModelKind::Contact, ModelKind::Rigid] {
-        let config = BalanceConfig { max_episode_steps: 15, ..config(model) };
+        let mut config = BalanceConfig { max_episode_steps: 15, ..config(model) };
+        config.task.reset_tilt = 0.3;
         let (raw, scaled) = (observations(&config, 11), observations(&scaled(&config), 11));
         assert_eq!(raw.len(), scaled.len());
         for (raw, scaled) in raw.chunks(OBSERVATION_LEN).zip(scaled.chunks(OBSERVATION_LEN)) {

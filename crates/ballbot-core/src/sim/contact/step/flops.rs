@@ -226,8 +226,8 @@ fn operations_of_a_sweep_are_as_counted_by_hand() {
         roots: 0,
         // Extrema of four normals and, twice, of three drives; whether the floor slips.
         choices: 4 + 2 * 3 + 1,
-        // Of six residuals and three limits; the floor's constants are negative themselves.
-        negations: 6 + 3,
+        // Of six residuals, of the floor's three factors and of three limits.
+        negations: 6 + 3 + 3,
     };
     assert_eq!(DONE.take(), by_hand);
 }

@@ -1,0 +1,104 @@
+//! A PD controller of the tilt towards which a low-passed velocity error leans the robot.
+
+use ballbot_core::LaneState;
+use ballbot_core::control::{
+    Controller, ControllerKind, LaneSetpoint, Law, Sampling, check_max_torque, default_max_torque, fields_with,
+    saturate,
+};
+use ballbot_core::fields::{Limit, describe_options};
+use ballbot_core::kinematics::{Omniwheels, TorqueMap};
+use ballbot_core::lanes::{Heading, Lane, Memory};
+use ballbot_core::{Params, Result};
+use nalgebra::Vector3;
+
+ballbot_core::fields! {
+    /// Gains of the feedback.
+    pub struct Gains {
+        /// Torque for a tilt error.
+        pub tilt: f64 = 20.0, "N·m/rad", Limit::NOT_NEGATIVE;
+        /// Torque for a tilt rate.
+        pub rate: f64 = 1.3, "N·m·s/rad", Limit::NOT_NEGATIVE;
+        /// Tilt for a velocity error.
+        pub velocity: f64 = 0.03, "rad·s/m", Limit::NOT_NEGATIVE;
+        /// Time constant of the low-pass of the velocity error.
+        pub filter: f64 = 0.05, "s", Limit::POSITIVE;
+    }
+}
+
+#[derive(Clone)]
+pub struct Feedback {
+    gains: Gains,
+    /// Wheel torques per virtual torque about x and y.
+    map: [[f64; 2]; 3],
+    /// Share of the distance to the error that the low-pass goes in a sample.
+    share: f64,
+    max_torque: f64,
+    sampling: Sampling,
+}
+
+/// The name under which it is registered.
+pub const KIND: ControllerKind = ControllerKind {
+    name: "feedback",
+    summary: "PD of the tilt with velocity feedback.",
+    control_dt: None,
+    parts: Feedback::PARTS,
+    options: describe_options::<Gains>,
+    make: |params, control_dt, max_torque, options| {
+        let limit = max_torque.map_or_else(
+            || Ok(default_max_torque(params)),
+            |torque| check_max_torque(torque, params.max_wheel_torque),
+        )?;
+        Ok(Box::new(Feedback::new(params, control_dt, &fields_with(options)?, limit)?) as Box<dyn Controller>)
+    },
+};
+
+impl Feedback {
+    pub fn new(params: &Params, control_dt: f64, gains: &Gains, max_torque: f64) -> Result<Self> {
+        params.validate()?;
+        let wheels = Omniwheels::new(params);
+        let column = |axis: Vector3<f64>| wheels.wheel_torques(&axis, TorqueMap::Consistent);
+        let (about_x, about_y) = (column(Vector3::x()), column(Vector3::y()));
+        Ok(Self {
+            map: [0, 1, 2].map(|i| [about_x[i], about_y[i]]),
+            share: 1.0 - (-control_dt / gains.filter).exp(),
+            gains: gains.clone(),
+            max_torque,
+            sampling: Sampling::new(control_dt, Self::MEMORY),
+        })
+    }
+}
+
+impl Law for Feedback {
+    /// The low-passed velocity error in the heading frame.
+    const MEMORY: usize = 2;
+    const PARTS: &'static [&'static str] = &["velocity"];
+
+    fn sampling(&self) -> &Sampling {
+        &self.sampling
+    }
+
+    fn sampling_mut(&mut self) -> &mut Sampling {
+        &mut self.sampling
+    }
+
+    #[inline(always)]
+    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, memory: &mut Memory<'_, L>) -> [L; 3] {
+        let heading = Heading::new(state.body_quaternion);
+        let [tilt_x, tilt_y] = state.body_quaternion.tilt_components();
+        let [tilt_x, tilt_y] = heading.of(tilt_x, tilt_y);
+        let (v, wanted) = (state.ball_velocity, setpoint.velocity);
+        let errors = heading.of(wanted[0] - v.x, wanted[1] - v.y);
+        for (i, error) in errors.into_iter().enumerate() {
+            let old = memory.get(i);
+            memory.set(i, (error - old).mul_add_all(self.share, old));
+        }
+        // Leaning towards +x is a positive tilt about y, towards +y a negative one about x.
+        let lean_x = memory.get(1) * -self.gains.velocity - tilt_x;
+        let lean_y = memory.get(0) * self.gains.velocity - tilt_y;
+        let rate = state.body_angular_velocity;
+        let x = lean_x * self.gains.tilt - rate.x * self.gains.rate;
+        let y = lean_y * self.gains.tilt - rate.y * self.gains.rate;
+        let wheel = |i: usize| x * self.map[i][0] + y * self.map[i][1];
+        saturate([wheel(0), wheel(1), wheel(2)], self.max_torque)
+    }
+}
