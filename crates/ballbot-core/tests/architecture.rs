@@ -1,25 +1,41 @@
-//! Who may know whom: the layers of the crate, read off the paths in its sources.
+//! The layers of the crate, read off the paths in its sources.
 //!
-//! Parameters, state and kinematics know only each other; the closed-form models and the engine stand on them and never
-//! see one another; controllers see a state and the linear model, never a simulation; environments drive robots and know
-//! no controller. Each dependency with weight has one owner.
+//! Parameters, state, kinematics and lanes depend only on each other; models and simulations depend on them and never on
+//! one another; controllers depend on the state and the linear model, never on a simulation; tasks depend on the state
+//! alone; batches join robots, tasks, stages and controllers. No two files depend on each other, re-exports aside. Each
+//! large dependency is named in one folder.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BOTTOM: [&str; 10] =
-    ["error", "params", "state", "kinematics", "energy", "model", "snapshot", "lanes", "lane_state", "workers"];
+const BOTTOM: [&str; 12] = [
+    "error",
+    "fields",
+    "params",
+    "state",
+    "setpoint",
+    "kinematics",
+    "energy",
+    "model",
+    "snapshot",
+    "lanes",
+    "lane_state",
+    "thread_pool",
+];
 
 /// What each layer above the bottom may use besides the bottom and itself; a longer path is that item alone.
-const LAYERS: [(&str, &[&str]); 7] = [
+const LAYERS: [(&str, &[&str]); 10] = [
+    ("actuator", &[]),
+    ("sensor", &[]),
     ("models", &[]),
-    ("sim", &[]),
+    ("sim", &["actuator"]),
     ("urdf", &[]),
     ("render", &["urdf"]),
     ("control", &["models::LinearModel", "models::linear", "models::traction_torque"]),
     ("robot", &["models", "sim"]),
-    ("env", &["robot", "sim"]),
+    ("task", &[]),
+    ("batch", &["actuator", "sensor", "sim", "control", "robot", "task"]),
 ];
 
 /// Dependencies with the only folders that may name them.
@@ -28,9 +44,9 @@ const OWNERS: [(&str, &[&str]); 8] = [
     ("parry3d", &["render/"]),
     ("stl_io", &["render/"]),
     ("urdf_rs", &["urdf/"]),
-    ("rayon", &["workers.rs"]),
-    ("rand", &["env/"]),
-    ("rand_chacha", &["env/"]),
+    ("rayon", &["thread_pool.rs"]),
+    ("rand", &["task/", "batch/"]),
+    ("rand_chacha", &["task/", "batch/"]),
     ("toml", &["params/"]),
 ];
 
@@ -78,17 +94,20 @@ fn tokens(code: &str) -> Vec<&str> {
     out
 }
 
-/// All paths that start with `crate` or `super`, from the crate's root, braces resolved. `module` is where they stand.
-fn paths(code: &str, module: &[&str]) -> Vec<Vec<String>> {
+/// All paths that start with `crate`, `super`, `self` or one of the module's `children`, from the crate's root, braces
+/// resolved. `module` is where they stand.
+fn paths(code: &str, module: &[&str], children: &BTreeSet<String>) -> Vec<Vec<String>> {
     let tokens = tokens(code);
     let mut found = Vec::new();
     let mut at = 0;
     while at < tokens.len() {
-        let start = matches!(tokens[at], "crate" | "super") && tokens.get(at + 1) == Some(&"::");
-        if start && (at == 0 || tokens[at - 1] != "::") {
+        let first = matches!(tokens[at], "crate" | "super" | "self") || children.contains(tokens[at]);
+        if first && tokens.get(at + 1) == Some(&"::") && (at == 0 || tokens[at - 1] != "::") {
             let mut base: Vec<String> = module.iter().map(|&m| m.to_owned()).collect();
             if tokens[at] == "crate" {
                 base.clear();
+            }
+            if matches!(tokens[at], "crate" | "self") {
                 at += 2;
             }
             while tokens.get(at) == Some(&"super") {
@@ -127,7 +146,7 @@ fn path(tokens: &[&str], mut at: usize, mut base: Vec<String>, found: &mut Vec<V
 fn reexports(lib: &str) -> BTreeMap<String, String> {
     let rooted = code(lib).replace("pub use ", "pub use crate::");
     let named = |path: Vec<String>| Some((path.last()?.clone(), path.first()?.clone()));
-    paths(&rooted, &[]).into_iter().filter_map(named).collect()
+    paths(&rooted, &[], &BTreeSet::new()).into_iter().filter_map(named).collect()
 }
 
 /// Whether `layer` may use the item at `path` (from the root, re-exports resolved).
@@ -157,7 +176,7 @@ fn violations(file: &str, source: &str, reexports: &BTreeMap<String, String>) ->
     if module == ["lib"] {
         return out;
     }
-    for mut path in paths(&code, &module) {
+    for mut path in paths(&code, &module, &BTreeSet::new()) {
         if let Some(origin) = path.first().and_then(|item| reexports.get(item)) {
             path.insert(0, origin.clone());
         }
@@ -185,8 +204,130 @@ fn sources(folder: &Path, found: &mut Vec<(String, String)>) {
     }
 }
 
+/// Modules of the crate by their paths, with their sources; tests aside.
+struct Modules(BTreeMap<Vec<String>, String>);
+
+impl Modules {
+    fn new(files: &[(String, String)]) -> Self {
+        let tests = |file: &str| file.ends_with("/tests.rs") || file.ends_with("/flops.rs");
+        let named = files.iter().filter(|(file, _)| !tests(file)).map(|(file, source)| {
+            let path = file.trim_end_matches(".rs").split('/').filter(|part| !matches!(*part, "mod" | "lib"));
+            (path.map(str::to_owned).collect(), code(source))
+        });
+        Self(named.collect())
+    }
+
+    fn children(&self, module: &[String]) -> BTreeSet<String> {
+        let below = self.0.keys().filter(|path| path.len() == module.len() + 1 && path.starts_with(module));
+        below.filter_map(|path| path.last().cloned()).collect()
+    }
+
+    /// Paths in a module: those of its re-exports, and all others.
+    fn uses(&self, module: &[String]) -> [Vec<Vec<String>>; 2] {
+        let mut rest = self.0[module].clone();
+        let mut exports = String::new();
+        for visibility in ["pub use ", "pub(crate) use ", "pub(super) use "] {
+            while let Some(start) = rest.find(visibility) {
+                let end = start + rest[start..].find(';').expect("a statement ends");
+                exports.push_str(&rest[start..=end]);
+                rest.replace_range(start..=end, "");
+            }
+        }
+        let names: Vec<&str> = module.iter().map(String::as_str).collect();
+        let children = self.children(module);
+        [exports, rest].map(|code| paths(&code, &names, &children))
+    }
+
+    /// The module that defines what is at `path`, re-exports followed.
+    fn origin(&self, path: &[String]) -> Option<Vec<String>> {
+        let length = (0..=path.len()).rev().find(|length| self.0.contains_key(&path[..*length]))?;
+        let (module, rest) = path.split_at(length);
+        let Some(item) = rest.first() else { return Some(module.to_vec()) };
+        let exports = &self.uses(module)[0];
+        match exports.iter().find(|export| export.last() == Some(item) && export.as_slice() != path) {
+            Some(export) => self.origin(export),
+            None => Some(module.to_vec()),
+        }
+    }
+
+    /// The modules that each module uses.
+    fn graph(&self) -> BTreeMap<Vec<String>, BTreeSet<Vec<String>>> {
+        let targets = |module: &Vec<String>| {
+            let [_, used] = self.uses(module);
+            let origins = used.iter().filter_map(|path| self.origin(path));
+            origins.filter(|origin| origin != module && !origin.is_empty()).collect()
+        };
+        self.0.keys().filter(|module| !module.is_empty()).map(|module| (module.clone(), targets(module))).collect()
+    }
+
+    /// The cycles among modules, each as the modules that reach each other.
+    fn cycles(&self) -> Vec<String> {
+        let graph = self.graph();
+        let reachable = |from: &Vec<String>| {
+            let (mut seen, mut open) = (BTreeSet::new(), vec![from.clone()]);
+            while let Some(module) = open.pop() {
+                for next in graph.get(&module).into_iter().flatten() {
+                    if seen.insert(next.clone()) {
+                        open.push(next.clone());
+                    }
+                }
+            }
+            seen
+        };
+        let reached: BTreeMap<_, _> = graph.keys().map(|module| (module.clone(), reachable(module))).collect();
+        let both = |a: &Vec<String>, b: &Vec<String>| reached[a].contains(b) && reached[b].contains(a);
+        let in_cycle = graph.keys().filter(|module| both(module, module));
+        let sets: BTreeSet<Vec<String>> = in_cycle
+            .map(|module| graph.keys().filter(|other| both(module, other)).map(|other| other.join("/")).collect())
+            .collect();
+        sets.into_iter().map(|set| set.join(" <-> ")).collect()
+    }
+}
+
 #[test]
-fn layers_see_only_what_is_below_them() {
+fn no_files_depend_on_each_other() {
+    let mut files = Vec::new();
+    sources(&src(), &mut files);
+    let modules = Modules::new(&files);
+    let cycles = modules.cycles();
+    for cycle in &cycles {
+        for module in cycle.split(" <-> ") {
+            let path: Vec<String> = module.split('/').map(str::to_owned).collect();
+            println!("{module} uses {:?}", modules.graph()[&path].iter().map(|m| m.join("/")).collect::<Vec<_>>());
+        }
+    }
+    assert!(cycles.is_empty(), "files depend on each other:\n{}", cycles.join("\n"));
+}
+
+#[test]
+fn cycles_between_files_are_detected() {
+    let file = |name: &str, source: &str| (name.to_owned(), source.to_owned());
+    let cycles = |files: &[(String, String)]| Modules::new(files).cycles();
+    let two = [file("a.rs", "use crate::b::B;"), file("b.rs", "fn f(_: crate::a::A) {}")];
+    assert_eq!(cycles(&two), ["a <-> b"]);
+    let three = [file("x/mod.rs", "mod a; mod b; mod c;"), file("x/a.rs", "use super::b::B;")];
+    let three = [&three[..], &[file("x/b.rs", "use super::{c::C, d};"), file("x/c.rs", "use crate::x::a;")]].concat();
+    assert_eq!(cycles(&three), ["x/a <-> x/b <-> x/c"]);
+    // Through a re-export, and with an item of the parent itself.
+    let exported = [
+        file("x/mod.rs", "mod a;\nmod b;\npub use a::{A, Other};"),
+        file("x/a.rs", "use super::b::B;"),
+        file("x/b.rs", "use super::A;"),
+    ];
+    assert_eq!(cycles(&exported), ["x/a <-> x/b"]);
+    let parent = [file("x/mod.rs", "mod a;\nuse a::A;\npub struct X;"), file("x/a.rs", "use super::X;")];
+    assert_eq!(cycles(&parent), ["x <-> x/a"]);
+    let fine = [
+        file("x/mod.rs", "mod a;\nmod b;\npub use a::A;\npub use b::B;"),
+        file("x/a.rs", "use super::B;"),
+        file("x/b.rs", "/// See [`super::A`].\npub struct B;"),
+        file("y.rs", "use crate::x::{A, B};"),
+    ];
+    assert!(cycles(&fine).is_empty(), "{:?}", cycles(&fine));
+}
+
+#[test]
+fn layers_depend_only_on_lower_ones() {
     let mut files = Vec::new();
     sources(&src(), &mut files);
     assert!(files.len() > 30, "only {} sources found", files.len());
@@ -198,7 +339,7 @@ fn layers_see_only_what_is_below_them() {
 }
 
 #[test]
-fn every_module_of_the_crate_has_its_layer() {
+fn all_modules_belong_to_a_layer() {
     let lib = fs::read_to_string(src().join("lib.rs")).unwrap();
     for line in code(&lib).lines().filter_map(|l| l.trim_start_matches("pub ").strip_prefix("mod ")) {
         let name = line.trim_end_matches(';');
@@ -207,19 +348,21 @@ fn every_module_of_the_crate_has_its_layer() {
 }
 
 #[test]
-fn the_checker_finds_what_it_is_there_for() {
-    let reexports = reexports("pub use robot::{Ballbot, ModelKind};\npub use error::Error;\npub use env::Batch;");
+fn violations_are_detected() {
+    let reexports = reexports("pub use robot::{Ballbot, ModelKind};\npub use error::Error;\npub use batch::Batch;");
     for (file, line, expected) in [
         ("models/spatial.rs", "use crate::sim::RigidMotion;", "models/spatial.rs uses crate::sim::RigidMotion"),
         ("models/mod.rs", "use super::robot::Ballbot;", "models/mod.rs uses crate::robot::Ballbot"),
-        ("models/spatial.rs", "use crate::{error::Error, env::{self, Batch}};", "uses crate::env"),
+        ("models/spatial.rs", "use crate::{error::Error, batch::{self, Batch}};", "uses crate::batch"),
         ("models/planar.rs", "fn f(_: crate::Ballbot) {}", "uses crate::robot::Ballbot"),
         ("sim/rigid/motion.rs", "use super::super::super::models::rk4;", "uses crate::models::rk4"),
         ("sim/rigid/world.rs", "let x = crate::control::Lqr::new();", "uses crate::control::Lqr::new"),
         ("control/lqr.rs", "use crate::models::{LinearModel, SpatialModel};", "uses crate::models::SpatialModel"),
-        ("control/mod.rs", "use crate::Batch;", "uses crate::env::Batch"),
+        ("control/mod.rs", "use crate::Batch;", "uses crate::batch::Batch"),
         ("control/pid.rs", "use crate::{error::Result, sim as s};", "uses crate::sim"),
-        ("env/reward.rs", "use crate::control::Lqr;", "uses crate::control::Lqr"),
+        ("task/balance.rs", "use crate::control::Setpoint;", "uses crate::control::Setpoint"),
+        ("sim/contact/lanes.rs", "use crate::sensor::Sensor;", "uses crate::sensor::Sensor"),
+        ("batch/batch.rs", "use crate::models::LinearModel;", "uses crate::models::LinearModel"),
         ("error.rs", "use crate::robot::Ballbot;", "error.rs uses crate::robot::Ballbot"),
         ("params.rs", "use super::urdf;", "params.rs uses crate::urdf"),
         ("urdf/mod.rs", "use crate::*;", "urdf/mod.rs uses crate::*"),
@@ -233,15 +376,17 @@ fn the_checker_finds_what_it_is_there_for() {
 }
 
 #[test]
-fn the_checker_lets_pass_what_is_allowed() {
+fn allowed_uses_are_no_violations() {
     let reexports = reexports("pub use robot::{Ballbot, ModelKind};\npub use error::{Error, Result};");
     for (file, line) in [
         ("models/spatial.rs", "use crate::kinematics::Omniwheels; use super::{rk4::rk4, decode};"),
         ("control/lqr.rs", "use crate::models::LinearModel; use crate::models::linear::{INPUTS, STATES};"),
         ("sim/rigid/drive.rs", "use rapier3d_f64::prelude::*; use super::convert::{from_rapier as f, to_rapier};"),
-        ("env/batch.rs", "use crate::{Ballbot, Error, ModelKind}; use super::environment::Outcome; use rand::Rng;"),
+        ("batch/batch.rs", "use crate::{Ballbot, Error, ModelKind}; use super::buffers::Outcome; use rand::Rng;"),
+        ("batch/closed_loop.rs", "use crate::control::Controller; use crate::task::Task; use crate::sensor::Exact;"),
+        ("sim/contact/lanes.rs", "use crate::actuator::Actuator; use crate::setpoint::Setpoint;"),
         ("robot.rs", "use crate::models::{PlanarMotion, SpatialMotion}; use crate::sim::RigidMotion;"),
-        ("error.rs", "/// See [`crate::Ballbot`]. rapier3d\nfn f() -> crate::Result<()> { g(\"crate::env\") }"),
+        ("error.rs", "/// See [`crate::Ballbot`]. rapier3d\nfn f() -> crate::Result<()> { g(\"crate::batch\") }"),
         ("params.rs", "use crate::error::{Error, Result};"),
     ] {
         assert_eq!(violations(file, line, &reexports), [""; 0], "{file}: {line}");
