@@ -45,7 +45,7 @@ impl ContactState<f64> {
     pub fn read(&self, c: &Constants<f64>) -> State {
         run_one(
             #[inline(always)]
-            || self.lane_state::<f64>(Scalar, c).into(),
+            || self.lane_state::<f64, f64>(Scalar, c).into(),
         )
     }
 
