@@ -1,6 +1,6 @@
 //! [`State`] of one robot or of eight, for computations that are written over lanes.
 
-use crate::lanes::{Lane, Quat, Vec3, cells, run_one};
+use crate::lanes::{Lane, Quat, Vec3, cells, load3, run_one, store3};
 use crate::state::State;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
@@ -70,7 +70,6 @@ impl<T> StateCells<T> {
     /// Reads the state.
     #[inline(always)]
     pub fn load<L: Lane<Cell = T>>(&self, token: L::Token) -> LaneState<L> {
-        let three = |cells: &[T; 3]| [L::load(token, &cells[0]), L::load(token, &cells[1]), L::load(token, &cells[2])];
         LaneState {
             ball_position: Vec3::load(token, &self.ball_position),
             ball_quaternion: Quat::load(token, &self.ball_quaternion),
@@ -80,8 +79,8 @@ impl<T> StateCells<T> {
             body_quaternion: Quat::load(token, &self.body_quaternion),
             body_velocity: Vec3::load(token, &self.body_velocity),
             body_angular_velocity: Vec3::load(token, &self.body_angular_velocity),
-            wheel_angles: three(&self.wheel_angles),
-            wheel_speeds: three(&self.wheel_speeds),
+            wheel_angles: load3(token, &self.wheel_angles),
+            wheel_speeds: load3(token, &self.wheel_speeds),
         }
     }
 }
@@ -98,10 +97,8 @@ impl<L: Lane> LaneState<L> {
         self.body_quaternion.store(&mut cells.body_quaternion);
         self.body_velocity.store(&mut cells.body_velocity);
         self.body_angular_velocity.store(&mut cells.body_angular_velocity);
-        for i in 0..3 {
-            self.wheel_angles[i].store(&mut cells.wheel_angles[i]);
-            self.wheel_speeds[i].store(&mut cells.wheel_speeds[i]);
-        }
+        store3(self.wheel_angles, &mut cells.wheel_angles);
+        store3(self.wheel_speeds, &mut cells.wheel_speeds);
     }
 }
 

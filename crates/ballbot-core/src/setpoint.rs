@@ -50,12 +50,11 @@ impl<T> SetpointCells<T> {
     /// Reads the setpoint.
     #[inline(always)]
     pub fn load<L: Lane<Cell = T>>(&self, token: L::Token) -> LaneSetpoint<L> {
-        let two = |cells: &[T; 2]| [L::load(token, &cells[0]), L::load(token, &cells[1])];
         LaneSetpoint {
-            position: two(&self.position),
-            velocity: two(&self.velocity),
+            position: [L::load(token, &self.position[0]), L::load(token, &self.position[1])],
+            velocity: [L::load(token, &self.velocity[0]), L::load(token, &self.velocity[1])],
             yaw: L::load(token, &self.yaw),
-            tilt: two(&self.tilt),
+            tilt: [L::load(token, &self.tilt[0]), L::load(token, &self.tilt[1])],
         }
     }
 }

@@ -9,7 +9,7 @@ use super::task_step::TaskStep;
 use crate::actuator::Actuator;
 use crate::control::{Controller, LaneWidth};
 use crate::error::{Error, Result};
-use crate::lane_state::{LaneState, StateCells};
+use crate::lane_state::StateCells;
 use crate::lanes::{Cell, Scalar, run_one};
 use crate::params::Params;
 use crate::sensor::Sensor;
@@ -188,7 +188,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// Observes robot `i` anew; `one` is its ledger.
     fn observe(&mut self, i: usize, observation: &mut [f32]) {
-        let state = LaneState::from(&self.robots.state(i));
+        let state = self.robots.lane_state(i);
         let (step, one) = (&self.step, &mut self.one);
         run_one(
             #[inline(always)]

@@ -19,7 +19,8 @@ pub struct EnvConfig<T> {
     pub control_dt: f64,
     /// Steps after which an episode is truncated.
     pub max_episode_steps: usize,
-    /// Torque of an action of 1, N·m; at most the motors' limit. `None` is [`default_action_torque`].
+    /// Torque of an action of 1, N·m; at most the motors' limit. `None` is [`default_max_torque`], at which no wheel of
+    /// the upright robot slips: an untrained policy then explores torques that balance a robot, not ones that throw it.
     pub max_wheel_torque: Option<f64>,
     /// Whether observations are scaled: each row less its value at rest upright, over its typical magnitude, within ±10.
     pub scale_observations: bool,
@@ -48,19 +49,10 @@ impl<T: Task> Default for EnvConfig<T> {
     }
 }
 
-/// Share of the torque that classical controllers use at most, as the torque of an action of 1.
-const ACTION_SHARE: f64 = 0.6;
-
-/// Torque of an action of 1 unless it is configured, N·m: 0.6 of [`default_max_torque`]. At it no wheel of the upright
-/// robot slips, and an untrained policy explores torques that balance a robot instead of torques that throw it.
-pub fn default_action_torque(params: &Params) -> f64 {
-    ACTION_SHARE * default_max_torque(params)
-}
-
 impl<T: Task> EnvConfig<T> {
     /// Torque of an action of 1, N·m.
     pub fn action_torque(&self) -> f64 {
-        self.max_wheel_torque.unwrap_or_else(|| default_action_torque(&self.params))
+        self.max_wheel_torque.unwrap_or_else(|| default_max_torque(&self.params))
     }
 
     /// Model steps in one control step.

@@ -19,6 +19,6 @@ mod task_step;
 pub use autoreset::Autoreset;
 pub use batch::{Batch, ResetRequest};
 pub use buffers::{Outcome, StepBuffers};
-pub use config::{BalanceConfig, EnvConfig, default_action_torque};
+pub use config::{BalanceConfig, EnvConfig};
 pub use environment::Environment;
 pub use kinds::{TaskConfig, TaskKind, register_task, task_kind, task_kinds};

@@ -62,6 +62,9 @@ pub trait Robots: Send + Sync {
     /// State of robot `i`.
     fn state(&self, i: usize) -> State;
 
+    /// The same for computations that are written over lanes.
+    fn lane_state(&self, i: usize) -> LaneState<f64>;
+
     /// Contact forces of the last step of robot `i`.
     fn contacts(&self, i: usize) -> Contacts;
 
@@ -164,6 +167,10 @@ impl Robots for Single {
         self.robot.state()
     }
 
+    fn lane_state(&self, _: usize) -> LaneState<f64> {
+        LaneState::from(&self.robot.state())
+    }
+
     fn contacts(&self, _: usize) -> Contacts {
         self.robot.contacts()
     }
@@ -237,6 +244,10 @@ impl Robots for ContactLanes {
     }
 
     fn state(&self, i: usize) -> State {
+        self.lane_state(i).into()
+    }
+
+    fn lane_state(&self, i: usize) -> LaneState<f64> {
         self.lane(i).read(&self.constants(i))
     }
 

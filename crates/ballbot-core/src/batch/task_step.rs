@@ -3,7 +3,7 @@
 use super::ledger::{Ledger, Sizes};
 use crate::actuator::Actuator;
 use crate::lane_state::{LaneRobot, LaneState};
-use crate::lanes::{Lane, Memory, atan2_positive};
+use crate::lanes::{Lane, Memory, atan2_positive, load3};
 use crate::sensor::Sensor;
 use crate::task::{ACTION_LEN, RewardScales, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
 
@@ -59,9 +59,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         let state = &robot.state;
         let zero = state.ball_position.x.zero();
         let one = zero.splat(1.0);
-        let three =
-            |cells: &[L::Cell; 3]| [L::load(token, &cells[0]), L::load(token, &cells[1]), L::load(token, &cells[2])];
-        let action = three(actions);
+        let action = load3(token, actions);
 
         let up = state.body_quaternion.rotation().rows[2];
         let tilt = atan2_positive(up.x.mul_add(up.x, up.y.squared()).sqrt(), up.z);
@@ -71,7 +69,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             tilt,
             on_floor: robot.on_floor,
             action,
-            last_action: three(&episode.last_action),
+            last_action: load3(token, &episode.last_action),
             control_dt: self.control_dt,
         };
 
@@ -103,8 +101,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
     /// Computes the observation alone, at the start of an episode or under a new command.
     #[inline(always)]
     pub fn observe<L: Lane>(&self, token: L::Token, state: &LaneState<L>, ledger: &mut Ledger<L::Cell>) {
-        let [a, b, c] = &ledger.episode.last_action;
-        let last_action = [L::load(token, a), L::load(token, b), L::load(token, c)];
+        let last_action = load3(token, &ledger.episode.last_action);
         let measured = self.sensor.read(state, &mut Memory::new(token, &mut ledger.sensor));
         let mut rows = WriteRows { cells: &mut ledger.observation, scaling: self.scaling.as_ref(), next: 0 };
         let memory = Memory::new(token, &mut ledger.task);

@@ -163,13 +163,16 @@ impl Law for Lqr {
     #[inline(always)]
     fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, _: &mut Memory<'_, L>) -> [L; 3] {
         let x = deviation(state, setpoint);
-        let torque = |row: &[f64; STATES]| {
-            let mut sum = x[0] * -row[0];
-            for j in 1..STATES {
-                sum = x[j].mul_add_all(-row[j], sum);
-            }
-            sum
-        };
-        saturate([torque(&self.gain[0]), torque(&self.gain[1]), torque(&self.gain[2])], self.max_torque)
+        saturate([product(&self.gain[0], &x), product(&self.gain[1], &x), product(&self.gain[2], &x)], self.max_torque)
     }
+}
+
+/// −row · x.
+#[inline(always)]
+fn product<L: Lane>(row: &[f64; STATES], x: &[L; STATES]) -> L {
+    let mut sum = x[0] * -row[0];
+    for j in 1..STATES {
+        sum = x[j].mul_add_all(-row[j], sum);
+    }
+    sum
 }

@@ -220,14 +220,13 @@ pub fn saturate<L: Lane>(torques: [L; 3], limit: f64) -> [L; 3] {
     let largest = a.abs().max(b.abs()).max(c.abs());
     let bound = a.splat(limit);
     let scale = L::select(bound.lt(largest), bound / largest, a.splat(1.0));
-    // The scaled torque may round to just above the limit.
-    torques.map(
-        #[inline(always)]
-        |torque| {
-            let scaled = torque * scale;
-            L::select(bound.lt(scaled.abs()), scaled.min(bound).max(-bound), scaled)
-        },
-    )
+    [within(a * scale, bound), within(b * scale, bound), within(c * scale, bound)]
+}
+
+/// Cut off at ±`bound`, above which a scaled torque may round; NaN passes through.
+#[inline(always)]
+fn within<L: Lane>(torque: L, bound: L) -> L {
+    L::select(bound.lt(torque.abs()), torque.min(bound).max(-bound), torque)
 }
 
 /// A limit of wheel torques, if it is positive and within the motors'.

@@ -115,8 +115,8 @@ impl Law for Pid {
         memory.set(STARTED, zero.splat(1.0));
         let x = self.virtual_torque(0, errors[0], started, memory);
         let y = self.virtual_torque(1, errors[1], started, memory);
-        let wheel = |i: usize| x * self.map[i][0] + y * self.map[i][1];
-        let wanted = [wheel(0), wheel(1), wheel(2)];
+        let [m0, m1, m2] = self.map;
+        let wanted = [x * m0[0] + y * m0[1], x * m1[0] + y * m1[1], x * m2[0] + y * m2[1]];
         let [a, b, c] = wanted;
         // A saturated motor cannot act on the integral: hold it.
         let saturated = zero.splat(self.max_torque).lt(a.abs().max(b.abs()).max(c.abs()));

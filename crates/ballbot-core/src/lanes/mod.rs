@@ -118,19 +118,44 @@ pub trait Lane:
     }
 }
 
-/// A constant of eight robots: one number for all of them (`f64`), or one of each ([`Eight`]).
+/// A constant of the robots in lanes: one number for all of them (`f64`), or one of each (`L`).
+pub trait Value<L: Lane>: Copy {
+    /// The constant of each robot, in the lanes of `like`.
+    fn at(self, like: L) -> L;
+}
+
+impl<L: Lane> Value<L> for f64 {
+    #[inline(always)]
+    fn at(self, like: L) -> L {
+        like.splat(self)
+    }
+}
+
+impl<S: Simd> Value<Wide<S>> for Wide<S> {
+    #[inline(always)]
+    fn at(self, _: Wide<S>) -> Wide<S> {
+        self
+    }
+}
+
+/// A constant of eight robots as it lies in memory: one number for all of them (`f64`), or one of each ([`Eight`]).
 pub trait LaneValue: Copy + Send + Sync {
     /// The constant in the lanes of a vector register.
-    fn wide<S: Simd>(&self, simd: S) -> Wide<S>;
+    type Wide<S: Simd>: Value<Wide<S>>;
+
+    /// Reads the constant.
+    fn wide<S: Simd>(&self, simd: S) -> Self::Wide<S>;
 
     /// The constant of one robot.
     fn lane(&self, index: usize) -> f64;
 }
 
 impl LaneValue for f64 {
+    type Wide<S: Simd> = f64;
+
     #[inline(always)]
-    fn wide<S: Simd>(&self, simd: S) -> Wide<S> {
-        Lane::from_f64(simd, *self)
+    fn wide<S: Simd>(&self, _: S) -> f64 {
+        *self
     }
 
     #[inline(always)]
@@ -140,6 +165,8 @@ impl LaneValue for f64 {
 }
 
 impl LaneValue for Eight {
+    type Wide<S: Simd> = Wide<S>;
+
     #[inline(always)]
     fn wide<S: Simd>(&self, simd: S) -> Wide<S> {
         Lane::load(simd, self)
@@ -149,4 +176,18 @@ impl LaneValue for Eight {
     fn lane(&self, index: usize) -> f64 {
         self.0[index]
     }
+}
+
+/// Three numbers from three cells.
+#[inline(always)]
+pub fn load3<L: Lane>(token: L::Token, [a, b, c]: &[L::Cell; 3]) -> [L; 3] {
+    [L::load(token, a), L::load(token, b), L::load(token, c)]
+}
+
+/// Three numbers into three cells.
+#[inline(always)]
+pub fn store3<L: Lane>([a, b, c]: [L; 3], cells: &mut [L::Cell; 3]) {
+    a.store(&mut cells[0]);
+    b.store(&mut cells[1]);
+    c.store(&mut cells[2]);
 }

@@ -9,7 +9,7 @@ use super::solve::{Delassus, Friction, JointFriction, in_disc};
 use super::state::{ContactState, Torques};
 use super::step::{self, Start};
 use super::types::{PerRow, Velocities};
-use crate::lanes::{Lane, Rotation, Scalar, Vec3};
+use crate::lanes::{Lane, Rotation, Scalar, Value, Vec3};
 
 /// Sweeps while such a contact is near; they start from nothing.
 const SWEEPS: usize = 20;
@@ -25,27 +25,28 @@ const OUT_OF_PLACE: f64 = 0.02;
 
 /// Robots that need the contacts of this module in this step.
 #[inline(always)]
-pub fn near<L: Lane>(c: &Constants<L>, start: &Start<L>, token: L::Token, push: &[L::Cell; 6]) -> L::Mask {
+pub fn near<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, token: L::Token, push: &[L::Cell; 6]) -> L::Mask {
     let (pose, v) = (&start.pose, &start.velocities);
     let zero = pose.ball.x.zero();
     let up = start.rotation.rows[2];
-    let wheels = (up.dot(c.wheel_center(0))).min(up.dot(c.wheel_center(1))).min(up.dot(c.wheel_center(2)));
-    let rim = up.z.neg_mul_add(up.z, zero.splat(1.0)).max(zero).sqrt() * c.body_radius;
-    let cylinder = (up.z * c.body_bottom).min(up.z * c.body_top) - rim;
-    let lowest = pose.body.z + (wheels - c.wheel_radius).min(cylinder);
+    let wheels =
+        (up.dot(c.wheel_center(0, zero))).min(up.dot(c.wheel_center(1, zero))).min(up.dot(c.wheel_center(2, zero)));
+    let rim = up.z.neg_mul_add(up.z, zero.splat(1.0)).max(zero).sqrt() * c.body_radius.at(zero);
+    let cylinder = (up.z * c.body_bottom.at(zero)).min(up.z * c.body_top.at(zero)) - rim;
+    let lowest = pose.body.z + (wheels - c.wheel_radius.at(zero)).min(cylinder);
     let (speed, rate) = (v.body, v.body_rate);
     let [px, py, pz, ax, ay, az] = push;
     let impulse = Vec3::<L>::load_parts(token, [px, py, pz]);
     let angular_impulse = Vec3::<L>::load_parts(token, [ax, ay, az]);
-    let pushed = (impulse.x.abs() + impulse.y.abs() + impulse.z.abs()) * c.body_mass_inverse;
-    let turned =
-        (angular_impulse.x.abs() + angular_impulse.y.abs() + angular_impulse.z.abs()) * c.reach_inverse_inertia;
-    let fastest =
-        (rate.x.abs() + rate.y.abs() + rate.z.abs()).mul_add(c.reach, speed.x.abs() + speed.y.abs() + speed.z.abs());
+    let pushed = (impulse.x.abs() + impulse.y.abs() + impulse.z.abs()) * c.body_mass_inverse.at(zero);
+    let turned = (angular_impulse.x.abs() + angular_impulse.y.abs() + angular_impulse.z.abs())
+        * c.reach_inverse_inertia.at(zero);
+    let fastest = (rate.x.abs() + rate.y.abs() + rate.z.abs())
+        .mul_add(c.reach.at(zero), speed.x.abs() + speed.y.abs() + speed.z.abs());
     let fastest = fastest + (pushed + turned);
-    let offset = start.rows.ball_in_body + Vec3::new(zero, zero, c.com_height);
-    let limit = c.ball_radius * OUT_OF_PLACE;
-    lowest.lt(fastest.mul_add(c.sim_dt, zero.splat(NEAR))) | limit.squared().lt(offset.norm_squared())
+    let offset = start.rows.ball_in_body + Vec3::new(zero, zero, c.com_height.at(zero));
+    let limit = c.ball_radius.at(zero) * OUT_OF_PLACE;
+    lowest.lt(fastest.mul_add(c.sim_dt.at(zero), zero.splat(NEAR))) | limit.squared().lt(offset.norm_squared())
 }
 
 /// One step of a robot that [`near`] has named.
@@ -58,20 +59,20 @@ pub fn step(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torques
         rows: &start.rows,
         delassus: Delassus::new::<true>(c, &start.rows),
         friction: step::friction(c, &start.rows, &start.velocities),
-        joint_friction: JointFriction::new(c),
+        joint_friction: JointFriction::new(c, 0.0),
         impulses: state.impulses(Scalar),
         free,
     };
     let on_floor = contacts.solve(&mut points(c, &start), &mut BallOnBody::new(c, &start));
     let on_floor = if on_floor { 1.0 } else { 0.0 };
-    step::finish::<f64, true>(c, Scalar, state, &start, (contacts.free, contacts.impulses), on_floor);
+    step::finish::<f64, f64, true>(c, Scalar, state, &start, (contacts.free, contacts.impulses), on_floor);
 }
 
 /// A robot's rows, and its velocities without their impulses but with those of the contacts of this module.
 struct Contacts<'a> {
     c: &'a Constants<f64>,
     rows: &'a Rows<f64>,
-    delassus: Delassus<f64>,
+    delassus: Delassus<f64, f64>,
     friction: Friction<f64>,
     joint_friction: JointFriction<f64>,
     impulses: PerRow<f64>,
@@ -86,7 +87,7 @@ impl Contacts<'_> {
         let mut normal_estimate = self.impulses.normals;
         for _ in 0..SWEEPS {
             let mut now = self.free;
-            self.rows.apply::<true>(c, &self.impulses, &mut now);
+            self.rows.apply::<true, f64>(c, &self.impulses, &mut now);
             for point in points.iter_mut() {
                 point.sweep(c, self.friction.floor, [&mut now, &mut self.free]);
             }
@@ -134,10 +135,10 @@ impl Row {
     /// Of the lowest point of wheel `i`, which turns about its axle with its own spin, not the body's.
     #[inline(always)]
     fn of_wheel(c: &Constants<f64>, rotation: &Rotation<f64>, i: usize, axis: usize) -> Self {
-        let u = c.u(i);
+        let u = c.u(i, 0.0);
         let across = rotation.rows[2].cross(rotation.rows[axis]);
         let along = across.dot(u);
-        let arm = c.wheel_center(i).cross(rotation.rows[axis]) - (across - u * along) * c.wheel_radius;
+        let arm = c.wheel_center(i, 0.0).cross(rotation.rows[axis]) - (across - u * along) * c.wheel_radius;
         Self::new(c, unit(axis), arm, Some((i, along * c.wheel_radius)))
     }
 
@@ -190,7 +191,7 @@ fn points(c: &Constants<f64>, start: &Start<f64>) -> [Point; POINTS] {
     let rotation = &start.rotation;
     let height = |arm: Vec3<f64>| start.pose.body.z + rotation.rows[2].dot(arm);
     let wheel = |i: usize| {
-        let gap = height(c.wheel_center(i)) - c.wheel_radius;
+        let gap = height(c.wheel_center(i, 0.0)) - c.wheel_radius;
         Point::new(c, gap, AXES.map(|axis| Row::of_wheel(c, rotation, i, axis)))
     };
     let lowest = lowest_direction(rotation);

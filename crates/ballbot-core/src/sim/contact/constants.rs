@@ -1,9 +1,10 @@
 //! Constants of the solver: derived once from the parameters and the time step, shared by all lanes or one set a lane.
 
 use crate::kinematics::Omniwheels;
-use crate::lanes::{EIGHT, Eight, Lane, Vec3, cells};
+use crate::lanes::{EIGHT, Eight, Lane, LaneValue, Value, Vec3, Wide, cells};
 use crate::params::Params;
 use crate::sim::collision_shape::{BodyShape, wheel_centers};
+use fearless_simd::Simd;
 use std::borrow::Cow;
 
 /// Rate at which overlap is removed, 1/s, and the largest share of it in one step.
@@ -32,6 +33,14 @@ cells! {
         /// From the body frame's origin up to the CoM.
         pub com_height: T,
         pub wheel_radius: T,
+        /// Between the centers of a wheel and the ball in contact.
+        pub contact_distance: T,
+        /// 1 / M_b + 1 / M_k, and the compliance of the ball's surface on the floor.
+        pub relative_mass_inverse: T,
+        pub floor_compliance: T,
+        pub floor_compliance_inverse: T,
+        pub ball_mass: T,
+        pub drive_compliance: T,
         pub wheel_inertia: T,
         pub wheel_inertia_inverse: T,
         /// Change of a wheel's spin in a step per torque.
@@ -88,6 +97,8 @@ impl Constants<f64> {
         let critical_velocity_inverse = params.friction_critical_velocity.recip();
         let ball_mass_inverse = params.ball_mass.recip();
         let ball_surface_compliance = params.ball_radius * params.ball_radius / params.ball_inertia;
+        let body_mass_inverse = params.body_mass.recip();
+        let floor_compliance = ball_mass_inverse + ball_surface_compliance;
         let static_wheel_load = params.static_wheel_load();
         let settled = SETTLED_SHARE * static_wheel_load * sim_dt;
         Self {
@@ -98,11 +109,17 @@ impl Constants<f64> {
             ball_radius: params.ball_radius,
             ball_mass_inverse,
             ball_drag: 1.0 - sim_dt * params.ball_viscous_friction * ball_mass_inverse,
-            body_mass_inverse: params.body_mass.recip(),
+            body_mass_inverse,
             body_inertia: params.body_inertia,
             body_inertia_inverse,
             com_height: com,
             wheel_radius: params.wheel_radius,
+            contact_distance: params.ball_radius + params.wheel_radius,
+            relative_mass_inverse: body_mass_inverse + ball_mass_inverse,
+            floor_compliance,
+            floor_compliance_inverse: floor_compliance.recip(),
+            ball_mass: ball_mass_inverse.recip(),
+            drive_compliance: body_mass_inverse + ball_mass_inverse + ball_surface_compliance,
             wheel_inertia: params.wheel_inertia,
             wheel_inertia_inverse: params.wheel_inertia.recip(),
             wheel_dt_inverse_inertia: sim_dt / params.wheel_inertia,
@@ -152,6 +169,12 @@ impl<V> Constants<V> {
             body_inertia_inverse: three(&self.body_inertia_inverse),
             com_height: one(&self.com_height),
             wheel_radius: one(&self.wheel_radius),
+            contact_distance: one(&self.contact_distance),
+            relative_mass_inverse: one(&self.relative_mass_inverse),
+            floor_compliance: one(&self.floor_compliance),
+            floor_compliance_inverse: one(&self.floor_compliance_inverse),
+            ball_mass: one(&self.ball_mass),
+            drive_compliance: one(&self.drive_compliance),
             wheel_inertia: one(&self.wheel_inertia),
             wheel_inertia_inverse: one(&self.wheel_inertia_inverse),
             wheel_dt_inverse_inertia: one(&self.wheel_dt_inverse_inertia),
@@ -181,18 +204,53 @@ impl<V> Constants<V> {
     }
 }
 
-impl<L: Lane> Constants<L> {
-    /// u_i as a vector.
+impl<V: Copy> Constants<V> {
+    /// u_i as a vector in the lanes of `like`.
     #[inline(always)]
-    pub fn u(&self, i: usize) -> Vec3<L> {
-        self.u[i].into()
+    pub fn u<L: Lane>(&self, i: usize, like: L) -> Vec3<L>
+    where
+        V: Value<L>,
+    {
+        at3(self.u[i], like).into()
     }
 
-    /// Center of wheel `i` from the CoM.
+    /// Center of wheel `i` from the CoM, in the lanes of `like`.
     #[inline(always)]
-    pub fn wheel_center(&self, i: usize) -> Vec3<L> {
-        self.wheel_centers[i].into()
+    pub fn wheel_center<L: Lane>(&self, i: usize, like: L) -> Vec3<L>
+    where
+        V: Value<L>,
+    {
+        at3(self.wheel_centers[i], like).into()
     }
+}
+
+/// Constants of eight robots, shared (`f64`) or one set each ([`Eight`]).
+pub trait InLanes: LaneValue {
+    /// Runs `f` with the constants in the lanes of a vector register.
+    fn with<S: Simd, R>(constants: &Constants<Self>, simd: S, f: impl FnOnce(&Constants<Self::Wide<S>>) -> R) -> R;
+}
+
+impl InLanes for f64 {
+    #[inline(always)]
+    fn with<S: Simd, R>(constants: &Constants<f64>, _: S, f: impl FnOnce(&Constants<f64>) -> R) -> R {
+        f(constants)
+    }
+}
+
+impl InLanes for Eight {
+    #[inline(always)]
+    fn with<S: Simd, R>(constants: &Constants<Eight>, simd: S, f: impl FnOnce(&Constants<Wide<S>>) -> R) -> R {
+        f(&constants.map(
+            #[inline(always)]
+            |value| value.wide(simd),
+        ))
+    }
+}
+
+/// Three constants in the lanes of `like`.
+#[inline(always)]
+pub fn at3<L: Lane, V: Value<L>>([a, b, c]: [V; 3], like: L) -> [L; 3] {
+    [a.at(like), b.at(like), c.at(like)]
 }
 
 /// The constants of eight robots.

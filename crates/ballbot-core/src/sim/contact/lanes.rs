@@ -1,12 +1,12 @@
 //! Eight robots of the contact model side by side, each with parameters of its own or all with the same.
 
-use super::constants::{Constants, LaneConstants};
+use super::constants::{Constants, InLanes, LaneConstants};
 use super::state::{ContactState, Torques};
 use super::step::{advance, advance_wide};
 use crate::actuator::Actuator;
 use crate::kinematics::Omniwheels;
 use crate::lane_state::LaneRobot;
-use crate::lanes::{EIGHT, Eight, Kernel, Lane, LaneValue, Memory, Scalar, Wide, run_eight};
+use crate::lanes::{EIGHT, Eight, Kernel, Lane, Memory, Scalar, Wide, run_eight};
 use crate::params::Params;
 use crate::state::State;
 use fearless_simd::Simd;
@@ -131,7 +131,7 @@ struct Drive<'a, V, A> {
     steps: usize,
 }
 
-impl<V: LaneValue, A: Actuator> Kernel for Drive<'_, V, A> {
+impl<V: InLanes, A: Actuator> Kernel for Drive<'_, V, A> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { constants, state, actuator, commands, memory, steps, .. } = self;
@@ -144,11 +144,12 @@ impl<V: LaneValue, A: Actuator> Kernel for Drive<'_, V, A> {
             let speeds = if A::HELD {
                 [commands[0].zero(); 3]
             } else {
-                let c = constants.map(
+                V::with(
+                    constants,
+                    simd,
                     #[inline(always)]
-                    |value| value.wide(simd),
-                );
-                state.wheel_speeds::<Wide<S>>(simd, &c)
+                    |c| state.wheel_speeds::<Wide<S>, V::Wide<S>>(simd, c),
+                )
             };
             for (torque, cell) in actuator.torques(commands, speeds, &mut memory).into_iter().zip(&mut torques) {
                 torque.store(cell);
@@ -164,7 +165,7 @@ impl<V: LaneValue, A: Actuator> Kernel for Drive<'_, V, A> {
             self.one.iter_mut().zip(&*self.memory).for_each(|(one, all)| *one = all.0[i]);
             let commands = self.commands.map(|eight| eight.0[i]);
             for _ in 0..self.steps {
-                let speeds = state.wheel_speeds::<f64>(Scalar, &c);
+                let speeds = state.wheel_speeds::<f64, f64>(Scalar, &c);
                 let torques = self.actuator.torques(commands, speeds, &mut Memory::new(Scalar, self.one));
                 advance(&c, &mut state, &torques, 1);
             }
@@ -180,20 +181,22 @@ struct Read<'a, V, K> {
     kernel: K,
 }
 
-impl<V: LaneValue, K: RobotsKernel> Kernel for Read<'_, V, K> {
+impl<V: InLanes, K: RobotsKernel> Kernel for Read<'_, V, K> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let c = self.constants.map(
+        let Self { constants, state, kernel } = self;
+        V::with(
+            constants,
+            simd,
             #[inline(always)]
-            |value| value.wide(simd),
+            |c| kernel.run(simd, &state.robot::<Wide<S>, V::Wide<S>>(simd, c)),
         );
-        self.kernel.run(simd, &self.state.robot::<Wide<S>>(simd, &c));
     }
 
     fn run_one_by_one(mut self) {
         for i in 0..EIGHT {
             let c = self.constants.map(|value| value.lane(i));
-            self.kernel.run_lane(i, &self.state.lane(i).robot::<f64>(Scalar, &c));
+            self.kernel.run_lane(i, &self.state.lane(i).robot::<f64, f64>(Scalar, &c));
         }
     }
 }

@@ -82,7 +82,7 @@ impl Model for ContactMotion {
     }
 
     fn state(&self) -> State {
-        self.memory.read(&self.constants)
+        self.memory.read(&self.constants).into()
     }
 
     fn contacts(&self) -> Contacts {

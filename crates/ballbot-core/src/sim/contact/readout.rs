@@ -3,6 +3,7 @@
 use super::constants::Constants;
 use super::state::ContactState;
 use crate::kinematics::Omniwheels;
+use crate::lane_state::LaneState;
 use crate::lanes::{Scalar, run_one};
 use crate::state::{Contacts, State, wxyz};
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
@@ -42,10 +43,10 @@ impl ContactState<f64> {
     }
 
     /// The state in the common vocabulary.
-    pub fn read(&self, c: &Constants<f64>) -> State {
+    pub fn read(&self, c: &Constants<f64>) -> LaneState<f64> {
         run_one(
             #[inline(always)]
-            || self.lane_state::<f64>(Scalar, c).into(),
+            || self.lane_state::<f64, f64>(Scalar, c),
         )
     }
 

@@ -3,9 +3,9 @@
 //! Linear parts are in the inertial frame, where the ball's velocities are; the body's angular parts in the body frame,
 //! where its inertia is diagonal. Drive and normal impulses are those on the bot; the ball feels the opposite.
 
-use super::constants::Constants;
+use super::constants::{Constants, at3};
 use super::types::{PerRow, Velocities};
-use crate::lanes::{Lane, Rotation, Vec3};
+use crate::lanes::{Lane, Rotation, Value, Vec3};
 
 /// Below this a wheel's axle points at the ball and there is no drive direction, which no wheel in contact comes near.
 const NO_DRIVE: f64 = 1e-3;
@@ -35,7 +35,7 @@ pub struct Rows<L> {
 
 impl<L: Lane> Rows<L> {
     #[inline(always)]
-    pub fn new(c: &Constants<L>, rotation: &Rotation<L>, ball: Vec3<L>, body: Vec3<L>) -> Self {
+    pub fn new<V: Value<L>>(c: &Constants<V>, rotation: &Rotation<L>, ball: Vec3<L>, body: Vec3<L>) -> Self {
         let ball_in_body = rotation.apply_transposed(ball - body);
         let a = Wheel::new(c, 0, ball_in_body);
         let b = Wheel::new(c, 1, ball_in_body);
@@ -44,7 +44,7 @@ impl<L: Lane> Rows<L> {
         let drives = [rotation.apply(a.drive), rotation.apply(b.drive), rotation.apply(d.drive)];
         Self {
             gaps: [a.gap, b.gap, d.gap],
-            floor_gap: ball.z - c.ball_radius,
+            floor_gap: ball.z - c.ball_radius.at(ball.z),
             ball_in_body,
             turns: [normals[0].cross(drives[0]), normals[1].cross(drives[1]), normals[2].cross(drives[2])],
             normals,
@@ -57,27 +57,28 @@ impl<L: Lane> Rows<L> {
 
     /// Surface speed of wheel `i` less the ball's along the drive direction.
     #[inline(always)]
-    pub fn slip_speed(&self, c: &Constants<L>, v: &Velocities<L>, i: usize) -> L {
-        let rim = v.spins[i] * self.spin_shares[i] * c.wheel_radius;
+    pub fn slip_speed<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>, i: usize) -> L {
+        let rim = v.spins[i] * self.spin_shares[i] * c.wheel_radius.at(v.spins[i]);
         let body = self.drives[i].dot(v.body - v.ball) + self.drive_arms[i].dot(v.body_rate);
-        body + rim - self.turns[i].dot(v.ball_rate) * c.ball_radius
+        body + rim - self.turns[i].dot(v.ball_rate) * c.ball_radius.at(rim)
     }
 
     /// Velocity of the ball's lowest point, x and y.
     #[inline(always)]
-    pub fn floor_slip(&self, c: &Constants<L>, v: &Velocities<L>) -> [L; 2] {
-        [v.ball_rate.y.mul_add(-c.ball_radius, v.ball.x), v.ball_rate.x.mul_add(c.ball_radius, v.ball.y)]
+    pub fn floor_slip<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> [L; 2] {
+        let radius = c.ball_radius.at(v.ball.x);
+        [v.ball_rate.y.mul_add(-radius, v.ball.x), v.ball_rate.x.mul_add(radius, v.ball.y)]
     }
 
     #[inline(always)]
-    fn approach(&self, c: &Constants<L>, v: &Velocities<L>, i: usize) -> L {
+    fn approach<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>, i: usize) -> L {
         let speed = self.normals[i].dot(v.body - v.ball) + self.normal_arms[i].dot(v.body_rate);
         speed + allowance(c, self.gaps[i])
     }
 
     /// What the impulses are to bring to zero: slip, and approach that is faster than the gap allows.
     #[inline(always)]
-    pub fn residuals(&self, c: &Constants<L>, v: &Velocities<L>) -> PerRow<L> {
+    pub fn residuals<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> PerRow<L> {
         let [x, y] = self.floor_slip(c, v);
         PerRow {
             floor: [v.ball.z + allowance(c, self.floor_gap), x, y],
@@ -89,7 +90,12 @@ impl<L: Lane> Rows<L> {
 
     /// Adds what `impulses` do to the velocities.
     #[inline(always)]
-    pub fn apply<const JOINTS: bool>(&self, c: &Constants<L>, impulses: &PerRow<L>, v: &mut Velocities<L>) {
+    pub fn apply<const JOINTS: bool, V: Value<L>>(
+        &self,
+        c: &Constants<V>,
+        impulses: &PerRow<L>,
+        v: &mut Velocities<L>,
+    ) {
         let like = v.ball.x;
         let mut bot_impulse = Vec3::zero(like);
         let mut ball_angular_impulse = bot_impulse;
@@ -100,33 +106,33 @@ impl<L: Lane> Rows<L> {
             ball_angular_impulse = ball_angular_impulse.plus(self.turns[i], -drive);
             body_angular_impulse =
                 body_angular_impulse.plus(self.normal_arms[i], normal).plus(self.drive_arms[i], drive);
-            let mut wheel_impulse = drive * self.spin_shares[i] * c.wheel_radius;
+            let mut wheel_impulse = drive * self.spin_shares[i] * c.wheel_radius.at(like);
             if JOINTS {
-                body_angular_impulse = body_angular_impulse.plus(c.u(i), impulses.joints[i]);
+                body_angular_impulse = body_angular_impulse.plus(c.u(i, like), impulses.joints[i]);
                 wheel_impulse += impulses.joints[i];
             }
-            v.spins[i] = wheel_impulse.mul_add(c.wheel_inertia_inverse, v.spins[i]);
+            v.spins[i] = wheel_impulse.mul_add(c.wheel_inertia_inverse.at(like), v.spins[i]);
         }
         let [z, x, y] = impulses.floor;
-        v.ball = v.ball.plus(Vec3::new(x, y, z) - bot_impulse, c.ball_mass_inverse);
+        v.ball = v.ball.plus(Vec3::new(x, y, z) - bot_impulse, c.ball_mass_inverse.at(like));
         ball_angular_impulse += Vec3::new(y, -x, like.zero());
-        v.ball_rate = v.ball_rate.plus(ball_angular_impulse, c.ball_rim_ratio);
-        v.body = v.body.plus(bot_impulse, c.body_mass_inverse);
-        v.body_rate += body_angular_impulse.scaled_by(c.body_inertia_inverse);
+        v.ball_rate = v.ball_rate.plus(ball_angular_impulse, c.ball_rim_ratio.at(like));
+        v.body = v.body.plus(bot_impulse, c.body_mass_inverse.at(like));
+        v.body_rate += body_angular_impulse.scaled_by(at3(c.body_inertia_inverse, like));
     }
 }
 
 /// Speed at which a gap may close in one step; for an overlap, minus the speed at which it is to open.
 #[inline(always)]
-pub fn allowance<L: Lane>(c: &Constants<L>, gap: L) -> L {
-    let rate = L::select(gap.zero().lt(gap), c.sim_dt_inverse, c.recovery);
+pub fn allowance<L: Lane, V: Value<L>>(c: &Constants<V>, gap: L) -> L {
+    let rate = L::select(gap.zero().lt(gap), c.sim_dt_inverse.at(gap), c.recovery.at(gap));
     (gap * rate).max(gap.splat(-FASTEST_RECOVERY))
 }
 
 /// Rate of wheel `i` against the body.
 #[inline(always)]
-pub fn encoder_rate<L: Lane>(c: &Constants<L>, v: &Velocities<L>, i: usize) -> L {
-    c.u(i).dot(v.body_rate) + v.spins[i]
+pub fn encoder_rate<L: Lane, V: Value<L>>(c: &Constants<V>, v: &Velocities<L>, i: usize) -> L {
+    c.u(i, v.spins[i]).dot(v.body_rate) + v.spins[i]
 }
 
 /// One wheel on the ball, in the body frame.
@@ -141,11 +147,11 @@ struct Wheel<L> {
 
 impl<L: Lane> Wheel<L> {
     #[inline(always)]
-    fn new(c: &Constants<L>, i: usize, ball: Vec3<L>) -> Self {
+    fn new<V: Value<L>>(c: &Constants<V>, i: usize, ball: Vec3<L>) -> Self {
         let like = ball.x;
         let one = like.splat(1.0);
-        let center = c.wheel_center(i);
-        let u = c.u(i);
+        let center = c.wheel_center(i, like);
+        let u = c.u(i, like);
         let offset = center - ball;
         let distance = offset.norm_squared().sqrt();
         let normal = offset * (one / distance.max(like.splat(f64::MIN_POSITIVE)));
@@ -157,9 +163,9 @@ impl<L: Lane> Wheel<L> {
         let drive = u.cross(normal) * share_inverse;
         // The rim's velocity belongs to the wheel's spin, not to the body's rate about the axle; the rest of what the
         // body's rate does to the rim is this.
-        let lost = (normal - u * along) * (along * share_inverse * c.wheel_radius);
+        let lost = (normal - u * along) * (along * share_inverse * c.wheel_radius.at(like));
         Self {
-            gap: distance - (c.ball_radius + c.wheel_radius),
+            gap: distance - c.contact_distance.at(like),
             normal,
             drive,
             normal_arm: center.cross(normal),

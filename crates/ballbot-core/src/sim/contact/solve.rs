@@ -1,9 +1,9 @@
 //! Impulses of the rows by projected Gauss-Seidel on their Delassus matrix.
 
-use super::constants::Constants;
+use super::constants::{Constants, at3};
 use super::rows::Rows;
 use super::types::PerRow;
-use crate::lanes::Lane;
+use crate::lanes::{Lane, Value, Vec3};
 
 /// Sweeps of one step at least; they start from the last step's impulses.
 pub const SWEEPS: usize = 4;
@@ -34,8 +34,8 @@ pub struct JointFriction<L> {
 
 impl<L: Lane> JointFriction<L> {
     #[inline(always)]
-    pub fn new(c: &Constants<L>) -> Self {
-        Self { dry: c.joint_dry_impulse, viscous: c.joint_viscous_impulse }
+    pub fn new<V: Value<L>>(c: &Constants<V>, like: L) -> Self {
+        Self { dry: c.joint_dry_impulse.at(like), viscous: c.joint_viscous_impulse.at(like) }
     }
 
     /// Whether any robot has any.
@@ -50,7 +50,7 @@ impl<L: Lane> JointFriction<L> {
 ///
 /// The floor's rows and each other's tangent share only the ball, whose inertia is the same in all directions, so they
 /// do not couple; joints do not couple with the floor.
-pub struct Delassus<L> {
+pub struct Delassus<L, V> {
     normal_normal: [[L; 3]; 3],
     normal_drive: [[L; 3]; 3],
     drive_drive: [[L; 3]; 3],
@@ -62,68 +62,76 @@ pub struct Delassus<L> {
     joint_joint: [[L; 3]; 3],
     normal_inverse: [L; 3],
     drive_inverse: [L; 3],
-    floor_diagonal: [L; 3],
-    floor_inverse: [L; 2],
+    ball_mass: V,
+    ball_mass_inverse: V,
+    floor_compliance: V,
+    floor_compliance_inverse: V,
 }
 
-impl<L: Lane> Delassus<L> {
+impl<L: Lane, V: Value<L>> Delassus<L, V> {
     #[inline(always)]
-    pub fn new<const JOINTS: bool>(c: &Constants<L>, rows: &Rows<L>) -> Self {
+    pub fn new<const JOINTS: bool>(c: &Constants<V>, rows: &Rows<L>) -> Self {
         let zero = rows.floor_gap.zero();
         let none = [[zero; 3]; 3];
         let one = zero.splat(1.0);
-        let linear = c.body_mass_inverse + c.ball_mass_inverse;
-        let spin = c.wheel_surface_compliance;
+        let linear = c.relative_mass_inverse.at(zero);
+        let ball_surface = c.ball_surface_compliance.at(zero);
+        let inertia_inverse = at3(c.body_inertia_inverse, zero);
 
-        let (mut nn, mut nd, mut dd) = (none, none, none);
-        for i in 0..3 {
-            let normal = rows.normal_arms[i].scaled_by(c.body_inertia_inverse);
-            let drive = rows.drive_arms[i].scaled_by(c.body_inertia_inverse);
-            nn[i][i] = normal.dot(rows.normal_arms[i]) + linear;
-            nd[i][i] = normal.dot(rows.drive_arms[i]);
-            let own_spin = rows.spin_shares[i].squared() * spin;
-            dd[i][i] = drive.dot(rows.drive_arms[i]) + own_spin + (linear + c.ball_surface_compliance);
-            for j in 0..3 {
-                if j > i {
-                    nn[i][j] = rows.normals[i].dot(rows.normals[j]).mul_add(linear, normal.dot(rows.normal_arms[j]));
-                    nn[j][i] = nn[i][j];
-                    let moved = rows.drives[i].dot(rows.drives[j]).mul_add(linear, drive.dot(rows.drive_arms[j]));
-                    dd[i][j] = rows.turns[i].dot(rows.turns[j]).mul_add(c.ball_surface_compliance, moved);
-                    dd[j][i] = dd[i][j];
-                }
-                if j != i {
-                    nd[i][j] = rows.normals[i].dot(rows.drives[j]).mul_add(linear, normal.dot(rows.drive_arms[j]));
-                }
-            }
-        }
+        let pairs = Couplings {
+            rows,
+            normal: [
+                rows.normal_arms[0].scaled_by(inertia_inverse),
+                rows.normal_arms[1].scaled_by(inertia_inverse),
+                rows.normal_arms[2].scaled_by(inertia_inverse),
+            ],
+            drive: [
+                rows.drive_arms[0].scaled_by(inertia_inverse),
+                rows.drive_arms[1].scaled_by(inertia_inverse),
+                rows.drive_arms[2].scaled_by(inertia_inverse),
+            ],
+            linear,
+            ball_surface,
+            own_drive: c.drive_compliance.at(zero),
+            wheel_surface: c.wheel_surface_compliance.at(zero),
+        };
+        // Written out: nested loops over pairs stay loops in the compiled code, over arrays in memory.
+        let (n01, n02, n12) = (pairs.normals(0, 1), pairs.normals(0, 2), pairs.normals(1, 2));
+        let nn = [[pairs.own_normal(0), n01, n02], [n01, pairs.own_normal(1), n12], [n02, n12, pairs.own_normal(2)]];
+        let nd = [
+            [pairs.own_mixed(0), pairs.mixed(0, 1), pairs.mixed(0, 2)],
+            [pairs.mixed(1, 0), pairs.own_mixed(1), pairs.mixed(1, 2)],
+            [pairs.mixed(2, 0), pairs.mixed(2, 1), pairs.own_mixed(2)],
+        ];
+        let (d01, d02, d12) = (pairs.drives(0, 1), pairs.drives(0, 2), pairs.drives(1, 2));
+        let dd = [[pairs.own_drive(0), d01, d02], [d01, pairs.own_drive(1), d12], [d02, d12, pairs.own_drive(2)]];
 
         let (mut zn, mut zd) = (none, none);
-        let ball = -c.ball_mass_inverse;
+        let ball = -c.ball_mass_inverse.at(zero);
         for i in 0..3 {
             let (n, d, u) = (rows.normals[i], rows.drives[i], rows.turns[i]);
             zn[0][i] = n.z * ball;
             zn[1][i] = n.x * ball;
             zn[2][i] = n.y * ball;
             zd[0][i] = d.z * ball;
-            zd[1][i] = u.y.mul_add(c.ball_surface_compliance, d.x * ball);
-            zd[2][i] = u.x.mul_add(-c.ball_surface_compliance, d.y * ball);
+            zd[1][i] = u.y.mul_add(ball_surface, d.x * ball);
+            zd[2][i] = u.x.mul_add(-ball_surface, d.y * ball);
         }
 
         let (mut jn, mut jd, mut jj) = (none, none, none);
         if JOINTS {
             for i in 0..3 {
-                let u = c.u(i).scaled_by(c.body_inertia_inverse);
+                let u = c.u(i, zero).scaled_by(inertia_inverse);
                 for j in 0..3 {
                     jn[i][j] = u.dot(rows.normal_arms[j]);
                     jd[i][j] = u.dot(rows.drive_arms[j]);
-                    jj[i][j] = u.dot(c.u(j));
+                    jj[i][j] = u.dot(c.u(j, zero));
                 }
-                jd[i][i] = rows.spin_shares[i].mul_add(c.wheel_rim_ratio, jd[i][i]);
-                jj[i][i] = jj[i][i] + c.wheel_inertia_inverse;
+                jd[i][i] = rows.spin_shares[i].mul_add(c.wheel_rim_ratio.at(zero), jd[i][i]);
+                jj[i][i] = jj[i][i] + c.wheel_inertia_inverse.at(zero);
             }
         }
 
-        let tangent = c.ball_mass_inverse + c.ball_surface_compliance;
         Self {
             normal_inverse: [one / nn[0][0], one / nn[1][1], one / nn[2][2]],
             drive_inverse: [one / dd[0][0], one / dd[1][1], one / dd[2][2]],
@@ -135,8 +143,10 @@ impl<L: Lane> Delassus<L> {
             joint_normal: jn,
             joint_drive: jd,
             joint_joint: jj,
-            floor_diagonal: [c.ball_mass_inverse, tangent, tangent],
-            floor_inverse: [one / c.ball_mass_inverse, one / tangent],
+            ball_mass: c.ball_mass,
+            ball_mass_inverse: c.ball_mass_inverse,
+            floor_compliance: c.floor_compliance,
+            floor_compliance_inverse: c.floor_compliance_inverse,
         }
     }
 
@@ -161,7 +171,8 @@ impl<L: Lane> Delassus<L> {
 
     #[inline(always)]
     fn add_floor(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
-        r.floor[k] = impulse.mul_add(self.floor_diagonal[k], r.floor[k]);
+        let compliance = if k == 0 { self.ball_mass_inverse } else { self.floor_compliance };
+        r.floor[k] = impulse.mul_add(compliance.at(impulse), r.floor[k]);
         for j in 0..3 {
             r.normals[j] = self.floor_normal[k][j].mul_add(impulse, r.normals[j]);
             r.drives[j] = self.floor_drive[k][j].mul_add(impulse, r.drives[j]);
@@ -203,13 +214,13 @@ impl<L: Lane> Delassus<L> {
 
     /// Robots of which the wheels' impulses changed much from one sweep to the next.
     #[inline(always)]
-    pub fn unsettled(c: &Constants<L>, old: &PerRow<L>, new: &PerRow<L>) -> L::Mask {
+    pub fn unsettled(c: &Constants<V>, old: &PerRow<L>, new: &PerRow<L>) -> L::Mask {
         let mut change = new.floor[0].zero();
         for k in 0..3 {
             let (normal, drive) = (new.normals[k] - old.normals[k], new.drives[k] - old.drives[k]);
             change = normal.mul_add(normal, drive.mul_add(drive, change));
         }
-        c.settled_squared.lt(change)
+        c.settled_squared.at(change).lt(change)
     }
 
     /// Improves the impulses of all rows once, each within what its contact can do, and keeps the residuals up to date.
@@ -257,7 +268,7 @@ impl<L: Lane> Delassus<L> {
     #[inline(always)]
     fn sweep_floor(&self, friction: L, impulses: &mut PerRow<L>, r: &mut PerRow<L>) {
         let zero = friction.zero();
-        let [normal, tangent] = self.floor_inverse;
+        let (normal, tangent) = (self.ball_mass.at(zero), self.floor_compliance_inverse.at(zero));
         let new = r.floor[0].mul_add(-normal, impulses.floor[0]).max(zero);
         let change = new - impulses.floor[0];
         impulses.floor[0] = new;
@@ -271,6 +282,55 @@ impl<L: Lane> Delassus<L> {
         impulses.floor[2] = y;
         self.add_floor(1, dx, r);
         self.add_floor(2, dy, r);
+    }
+}
+
+/// Elements of the Delassus matrix among the wheels' rows.
+struct Couplings<'a, L> {
+    rows: &'a Rows<L>,
+    /// Arms over the body's inertia.
+    normal: [Vec3<L>; 3],
+    drive: [Vec3<L>; 3],
+    linear: L,
+    ball_surface: L,
+    own_drive: L,
+    wheel_surface: L,
+}
+
+impl<L: Lane> Couplings<'_, L> {
+    #[inline(always)]
+    fn own_normal(&self, i: usize) -> L {
+        self.normal[i].dot(self.rows.normal_arms[i]) + self.linear
+    }
+
+    #[inline(always)]
+    fn normals(&self, i: usize, j: usize) -> L {
+        let moved = self.normal[i].dot(self.rows.normal_arms[j]);
+        self.rows.normals[i].dot(self.rows.normals[j]).mul_add(self.linear, moved)
+    }
+
+    #[inline(always)]
+    fn own_mixed(&self, i: usize) -> L {
+        self.normal[i].dot(self.rows.drive_arms[i])
+    }
+
+    #[inline(always)]
+    fn mixed(&self, i: usize, j: usize) -> L {
+        let moved = self.normal[i].dot(self.rows.drive_arms[j]);
+        self.rows.normals[i].dot(self.rows.drives[j]).mul_add(self.linear, moved)
+    }
+
+    #[inline(always)]
+    fn own_drive(&self, i: usize) -> L {
+        let own_spin = self.rows.spin_shares[i].squared() * self.wheel_surface;
+        self.drive[i].dot(self.rows.drive_arms[i]) + own_spin + self.own_drive
+    }
+
+    #[inline(always)]
+    fn drives(&self, i: usize, j: usize) -> L {
+        let moved = self.drive[i].dot(self.rows.drive_arms[j]);
+        let moved = self.rows.drives[i].dot(self.rows.drives[j]).mul_add(self.linear, moved);
+        self.rows.turns[i].dot(self.rows.turns[j]).mul_add(self.ball_surface, moved)
     }
 }
 

@@ -4,7 +4,7 @@ use super::constants::Constants;
 use super::rows::encoder_rate;
 use super::types::{PerRow, Pose, Velocities};
 use crate::lane_state::{LaneRobot, LaneState};
-use crate::lanes::{Cell, Lane, Quat, Vec3, cells};
+use crate::lanes::{Cell, Lane, Quat, Value, Vec3, cells, load3, store3};
 use serde::{Deserialize, Serialize};
 
 /// Squared speeds and rates from which arithmetic would overflow soon.
@@ -53,7 +53,7 @@ cells! {
 impl<T: Cell> ContactState<T> {
     /// The state: the body at its frame's origin instead of its CoM, the wheels' rates against the body.
     #[inline(always)]
-    pub fn lane_state<L: Lane<Cell = T>>(&self, token: L::Token, c: &Constants<L>) -> LaneState<L> {
+    pub fn lane_state<L: Lane<Cell = T>, V: Value<L>>(&self, token: L::Token, c: &Constants<V>) -> LaneState<L> {
         let (pose, v) = (self.pose::<L>(token), self.velocities::<L>(token));
         let rotation = pose.body_quaternion.rotation();
         let mast = Vec3::new(rotation.rows[0].z, rotation.rows[1].z, rotation.rows[2].z);
@@ -64,9 +64,9 @@ impl<T: Cell> ContactState<T> {
             ball_quaternion: pose.ball_quaternion,
             ball_velocity: v.ball,
             ball_angular_velocity: v.ball_rate,
-            body_position: pose.body.plus(mast, -c.com_height),
+            body_position: pose.body.plus(mast, -c.com_height.at(mast.x)),
             body_quaternion: pose.body_quaternion,
-            body_velocity: v.body.plus(turning, -c.com_height),
+            body_velocity: v.body.plus(turning, -c.com_height.at(mast.x)),
             body_angular_velocity: v.body_rate,
             wheel_angles: pose.wheel_angles,
             wheel_speeds: [encoder_rate(c, &v, 0), encoder_rate(c, &v, 1), encoder_rate(c, &v, 2)],
@@ -77,14 +77,14 @@ impl<T: Cell> ContactState<T> {
 impl<T: Cell> ContactState<T> {
     /// Encoder rates of the wheels.
     #[inline(always)]
-    pub fn wheel_speeds<L: Lane<Cell = T>>(&self, token: L::Token, c: &Constants<L>) -> [L; 3] {
+    pub fn wheel_speeds<L: Lane<Cell = T>, V: Value<L>>(&self, token: L::Token, c: &Constants<V>) -> [L; 3] {
         let v = self.velocities::<L>(token);
         [encoder_rate(c, &v, 0), encoder_rate(c, &v, 1), encoder_rate(c, &v, 2)]
     }
 
     /// The robot as tasks and controllers see it.
     #[inline(always)]
-    pub fn robot<L: Lane<Cell = T>>(&self, token: L::Token, c: &Constants<L>) -> LaneRobot<L> {
+    pub fn robot<L: Lane<Cell = T>, V: Value<L>>(&self, token: L::Token, c: &Constants<V>) -> LaneRobot<L> {
         let diverged = L::load(token, &self.diverged);
         LaneRobot {
             state: self.lane_state(token, c),
@@ -175,16 +175,4 @@ impl<T: Cell> ContactState<T> {
         store3(impulses.joints, &mut self.joint_impulses);
         on_floor.store(&mut self.bot_on_floor);
     }
-}
-
-#[inline(always)]
-fn load3<L: Lane>(token: L::Token, [a, b, c]: &[L::Cell; 3]) -> [L; 3] {
-    [L::load(token, a), L::load(token, b), L::load(token, c)]
-}
-
-#[inline(always)]
-fn store3<L: Lane>([a, b, c]: [L; 3], cells: &mut [L::Cell; 3]) {
-    a.store(&mut cells[0]);
-    b.store(&mut cells[1]);
-    c.store(&mut cells[2]);
 }

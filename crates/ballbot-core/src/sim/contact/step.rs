@@ -4,12 +4,12 @@
 mod flops;
 
 use super::body_contacts;
-use super::constants::Constants;
+use super::constants::{Constants, InLanes, at3};
 use super::rows::{Rows, encoder_rate};
 use super::solve::{Delassus, Friction, JointFriction, MOST_SWEEPS, SWEEPS};
 use super::state::{ContactState, Torques};
 use super::types::{PerRow, Pose, Velocities, select3};
-use crate::lanes::{EIGHT, Eight, Lane, LaneValue, Rotation, Scalar, Vec3, Wide, run_one};
+use crate::lanes::{EIGHT, Eight, Lane, Rotation, Scalar, Value, Vec3, Wide, run_one};
 use crate::sim::friction::stribeck;
 use fearless_simd::Simd;
 
@@ -27,34 +27,37 @@ pub fn advance(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torq
 
 #[inline(always)]
 fn advance_one(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torques<f64>) {
-    if !step::<f64>(c, Scalar, state, torques) {
+    if !step::<f64, f64>(c, Scalar, state, torques) {
         body_contacts::step(c, state, torques);
     }
 }
 
 /// Advances eight robots; each moves as [`advance`] would move it, to the last bit.
 #[inline(always)]
-pub fn advance_wide<S: Simd, V: LaneValue>(
+pub fn advance_wide<S: Simd, V: InLanes>(
     simd: S,
     constants: &Constants<V>,
     state: &mut ContactState<Eight>,
     torques: &Torques<Eight>,
     steps: usize,
 ) {
-    let c = constants.map(
+    V::with(
+        constants,
+        simd,
         #[inline(always)]
-        |value| value.wide(simd),
+        |c| {
+            for _ in 0..steps {
+                if !step::<Wide<S>, V::Wide<S>>(c, simd, state, torques) {
+                    one_by_one(constants, state, torques);
+                }
+            }
+        },
     );
-    for _ in 0..steps {
-        if !step::<Wide<S>>(&c, simd, state, torques) {
-            one_by_one(constants, state, torques);
-        }
-    }
 }
 
 /// A step of eight robots, one after the other.
 #[cold]
-pub fn one_by_one<V: LaneValue>(constants: &Constants<V>, state: &mut ContactState<Eight>, torques: &Torques<Eight>) {
+pub fn one_by_one<V: InLanes>(constants: &Constants<V>, state: &mut ContactState<Eight>, torques: &Torques<Eight>) {
     for i in 0..EIGHT {
         let mut one = state.lane(i);
         let c = constants.map(|value| value.lane(i));
@@ -65,8 +68,8 @@ pub fn one_by_one<V: LaneValue>(constants: &Constants<V>, state: &mut ContactSta
 
 /// One step of robots that need no contact of [`body_contacts`]; false, and nothing done, if one does.
 #[inline(always)]
-fn step<L: Lane>(
-    c: &Constants<L>,
+fn step<L: Lane, V: Value<L>>(
+    c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
     torques: &Torques<L::Cell>,
@@ -75,11 +78,11 @@ fn step<L: Lane>(
     if L::any(body_contacts::near(c, &start, token, &state.push)) {
         return false;
     }
-    let joint_friction = JointFriction::new(c);
+    let joint_friction = JointFriction::new(c, start.rows.floor_gap);
     if joint_friction.any() {
-        step_on_ball::<L, true>(c, token, state, torques, &start, &joint_friction);
+        step_on_ball::<L, V, true>(c, token, state, torques, &start, &joint_friction);
     } else {
-        step_on_ball::<L, false>(c, token, state, torques, &start, &joint_friction);
+        step_on_ball::<L, V, false>(c, token, state, torques, &start, &joint_friction);
     }
     true
 }
@@ -94,7 +97,7 @@ pub struct Start<L> {
 
 impl<L: Lane> Start<L> {
     #[inline(always)]
-    pub fn new(c: &Constants<L>, token: L::Token, state: &ContactState<L::Cell>) -> Self {
+    pub fn new<V: Value<L>>(c: &Constants<V>, token: L::Token, state: &ContactState<L::Cell>) -> Self {
         let pose = state.pose::<L>(token);
         let rotation = pose.body_quaternion.rotation();
         let rows = Rows::new(c, &rotation, pose.ball, pose.body);
@@ -103,8 +106,8 @@ impl<L: Lane> Start<L> {
 }
 
 #[inline(always)]
-fn step_on_ball<L: Lane, const JOINTS: bool>(
-    c: &Constants<L>,
+fn step_on_ball<L: Lane, V: Value<L>, const JOINTS: bool>(
+    c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
     torques: &Torques<L::Cell>,
@@ -123,33 +126,33 @@ fn step_on_ball<L: Lane, const JOINTS: bool>(
         old = impulses;
         delassus.sweep::<JOINTS>(&friction, joint_friction, &mut normal_estimate, &mut impulses, &mut residuals);
     }
-    let mut open = Delassus::unsettled(c, &old, &impulses);
+    let mut open = Delassus::<L, V>::unsettled(c, &old, &impulses);
     let mut sweeps = SWEEPS;
     while L::any(open) && sweeps < MOST_SWEEPS {
         // Robots that have settled keep what they have, whatever their neighbours need.
         let (old, old_residuals, old_estimate) = (impulses, residuals, normal_estimate);
         delassus.sweep::<JOINTS>(&friction, joint_friction, &mut normal_estimate, &mut impulses, &mut residuals);
-        let still = Delassus::unsettled(c, &old, &impulses);
+        let still = Delassus::<L, V>::unsettled(c, &old, &impulses);
         impulses = PerRow::select(open, &impulses, &old);
         residuals = PerRow::select(open, &residuals, &old_residuals);
         normal_estimate = select3(open, normal_estimate, old_estimate);
         open = open & still;
         sweeps += 1;
     }
-    finish::<L, JOINTS>(c, token, state, start, (free, impulses), free.ball.x.zero());
+    finish::<L, V, JOINTS>(c, token, state, start, (free, impulses), free.ball.x.zero());
 }
 
 /// Applies the impulses, moves the robot and writes where it is.
 #[inline(always)]
-pub fn finish<L: Lane, const JOINTS: bool>(
-    c: &Constants<L>,
+pub fn finish<L: Lane, V: Value<L>, const JOINTS: bool>(
+    c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
     start: &Start<L>,
     (mut velocities, impulses): (Velocities<L>, PerRow<L>),
     on_floor: L,
 ) {
-    start.rows.apply::<JOINTS>(c, &impulses, &mut velocities);
+    start.rows.apply::<JOINTS, V>(c, &impulses, &mut velocities);
     let pose = moved(c, &start.pose, &velocities);
     state.take(token, &pose, &velocities, &impulses, on_floor);
     (L::load(token, &state.steps) + 1.0).store(&mut state.steps);
@@ -161,28 +164,31 @@ pub fn finish<L: Lane, const JOINTS: bool>(
 
 /// Friction coefficients at the present slip.
 #[inline(always)]
-pub fn friction<L: Lane>(c: &Constants<L>, rows: &Rows<L>, v: &Velocities<L>) -> Friction<L> {
-    let mut out = Friction { wheels: [c.wheel_dynamic_friction; 3], floor: c.floor_dynamic_friction };
-    let scale = c.critical_velocity_inverse_squared;
+pub fn friction<L: Lane, V: Value<L>>(c: &Constants<V>, rows: &Rows<L>, v: &Velocities<L>) -> Friction<L> {
+    let like = v.ball.x;
+    let (wheel_static, wheel_dynamic) = (c.wheel_static_friction.at(like), c.wheel_dynamic_friction.at(like));
+    let (floor_static, floor_dynamic) = (c.floor_static_friction.at(like), c.floor_dynamic_friction.at(like));
+    let mut out = Friction { wheels: [wheel_dynamic; 3], floor: floor_dynamic };
+    let scale = c.critical_velocity_inverse_squared.at(like);
     // The law gives exactly the dynamic coefficient where the static one is equal, so lanes without it keep their bits.
-    if L::any(c.wheel_dynamic_friction.lt(c.wheel_static_friction)) {
+    if L::any(wheel_dynamic.lt(wheel_static)) {
         for i in 0..3 {
             let slip = rows.slip_speed(c, v, i).squared() * scale;
-            out.wheels[i] = stribeck(c.wheel_static_friction, c.wheel_dynamic_friction, slip);
+            out.wheels[i] = stribeck(wheel_static, wheel_dynamic, slip);
         }
     }
-    if L::any(c.floor_dynamic_friction.lt(c.floor_static_friction)) {
+    if L::any(floor_dynamic.lt(floor_static)) {
         let [x, y] = rows.floor_slip(c, v);
         let slip = x.mul_add(x, y.squared()) * scale;
-        out.floor = stribeck(c.floor_static_friction, c.floor_dynamic_friction, slip);
+        out.floor = stribeck(floor_static, floor_dynamic, slip);
     }
     out
 }
 
 /// Velocities at the end of the step if nothing touched.
 #[inline(always)]
-pub fn free_velocities<L: Lane>(
-    c: &Constants<L>,
+pub fn free_velocities<L: Lane, V: Value<L>>(
+    c: &Constants<V>,
     token: L::Token,
     state: &ContactState<L::Cell>,
     start: &Start<L>,
@@ -199,40 +205,50 @@ pub fn free_velocities<L: Lane>(
     let torques = Vec3::load(token, torques);
     let wheel = [torques.x, torques.y, torques.z];
     for (i, torque) in wheel.into_iter().enumerate() {
-        let u = c.u(i);
+        let u = c.u(i, like);
         reaction = reaction.plus(u, torque);
-        spin_momentum = spin_momentum.plus(u, before.spins[i] * c.wheel_inertia);
+        spin_momentum = spin_momentum.plus(u, before.spins[i] * c.wheel_inertia.at(like));
     }
     // Euler's equations at the midpoint of the step: an explicit step would pump energy into a tumbling body.
-    let explicit = gyroscopic(c, spin_momentum, before.body_rate).scaled_by(c.body_inertia_inverse);
-    let midpoint = gyroscopic(c, spin_momentum, before.body_rate.plus(explicit, c.half_dt));
-    let body_angular_impulse = start.rotation.apply_transposed(angular_impulse).plus(reaction + midpoint, c.sim_dt);
+    let explicit = gyroscopic(c, spin_momentum, before.body_rate).scaled_by(at3(c.body_inertia_inverse, like));
+    let midpoint = gyroscopic(c, spin_momentum, before.body_rate.plus(explicit, c.half_dt.at(like)));
+    let body_angular_impulse =
+        start.rotation.apply_transposed(angular_impulse).plus(reaction + midpoint, c.sim_dt.at(like));
 
-    let body = before.body.plus(impulse, c.body_mass_inverse);
-    let spin = |i: usize| wheel[i].mul_add(c.wheel_dt_inverse_inertia, before.spins[i]);
+    let (drag, fall) = (c.ball_drag.at(like), c.gravity_dt.at(like));
+    let body = before.body.plus(impulse, c.body_mass_inverse.at(like));
+    let spin = c.wheel_dt_inverse_inertia.at(like);
     Velocities {
-        ball: Vec3::new(before.ball.x * c.ball_drag, before.ball.y * c.ball_drag, before.ball.z - c.gravity_dt),
+        ball: Vec3::new(before.ball.x * drag, before.ball.y * drag, before.ball.z - fall),
         ball_rate: before.ball_rate,
-        body: Vec3::new(body.x, body.y, body.z - c.gravity_dt),
-        body_rate: before.body_rate + body_angular_impulse.scaled_by(c.body_inertia_inverse),
-        spins: [spin(0), spin(1), spin(2)],
+        body: Vec3::new(body.x, body.y, body.z - fall),
+        body_rate: before.body_rate + body_angular_impulse.scaled_by(at3(c.body_inertia_inverse, like)),
+        spins: [
+            wheel[0].mul_add(spin, before.spins[0]),
+            wheel[1].mul_add(spin, before.spins[1]),
+            wheel[2].mul_add(spin, before.spins[2]),
+        ],
     }
 }
 
 /// Torque of the body's own rotation and the wheels' spins on it, body frame.
 #[inline(always)]
-fn gyroscopic<L: Lane>(c: &Constants<L>, spin_momentum: Vec3<L>, rate: Vec3<L>) -> Vec3<L> {
-    (rate.scaled_by(c.body_inertia) - spin_momentum).cross(rate)
+fn gyroscopic<L: Lane, V: Value<L>>(c: &Constants<V>, spin_momentum: Vec3<L>, rate: Vec3<L>) -> Vec3<L> {
+    (rate.scaled_by(at3(c.body_inertia, rate.x)) - spin_momentum).cross(rate)
 }
 
 #[inline(always)]
-fn moved<L: Lane>(c: &Constants<L>, pose: &Pose<L>, v: &Velocities<L>) -> Pose<L> {
-    let angle = |i: usize| encoder_rate(c, v, i).mul_add(c.sim_dt, pose.wheel_angles[i]);
+fn moved<L: Lane, V: Value<L>>(c: &Constants<V>, pose: &Pose<L>, v: &Velocities<L>) -> Pose<L> {
+    let (dt, half) = (c.sim_dt.at(v.ball.x), c.half_dt.at(v.ball.x));
     Pose {
-        ball: pose.ball.plus(v.ball, c.sim_dt),
-        ball_quaternion: pose.ball_quaternion.turned(v.ball_rate * c.half_dt),
-        body: pose.body.plus(v.body, c.sim_dt),
-        body_quaternion: pose.body_quaternion.turned_in_own_frame(v.body_rate * c.half_dt),
-        wheel_angles: [angle(0), angle(1), angle(2)],
+        ball: pose.ball.plus(v.ball, dt),
+        ball_quaternion: pose.ball_quaternion.turned(v.ball_rate * half),
+        body: pose.body.plus(v.body, dt),
+        body_quaternion: pose.body_quaternion.turned_in_own_frame(v.body_rate * half),
+        wheel_angles: [
+            encoder_rate(c, v, 0).mul_add(dt, pose.wheel_angles[0]),
+            encoder_rate(c, v, 1).mul_add(dt, pose.wheel_angles[1]),
+            encoder_rate(c, v, 2).mul_add(dt, pose.wheel_angles[2]),
+        ],
     }
 }
