@@ -175,7 +175,7 @@ class TestState:
         assert state.yaw == 0.0
 
     def test_upright_with_tilt_and_yaw(self, paper):
-        state = State.upright(paper, tilt=(0.03, -0.04), yaw=0.5)
+        state = State.at_rest(paper, tilt=(0.03, -0.04), yaw=0.5)
         assert state.tilt == pytest.approx(0.05, abs=1e-12)
         np.testing.assert_allclose(state.tilt_components, [0.03, -0.04], atol=1e-12)
         assert state.yaw == pytest.approx(0.5, abs=1e-12)
@@ -202,7 +202,7 @@ class TestState:
         np.testing.assert_array_equal(array[:3], state.ball_position)
 
     def test_copies_are_equal(self, paper):
-        state = State.upright(paper, tilt=(0.1, 0.2), yaw=-1.0)
+        state = State.at_rest(paper, tilt=(0.1, 0.2), yaw=-1.0)
         for again in (pickle.loads(pickle.dumps(state)), copy.deepcopy(state), eval(repr(state), {"State": State})):
             assert again == state
         assert state.replace() == state
@@ -210,7 +210,7 @@ class TestState:
         assert state != "state"
 
     def test_attributes_are_copies(self, paper):
-        state = State.upright(paper)
+        state = State.at_rest(paper)
         state.ball_position[:] = 9.0
         assert state.ball_position[0] == 0.0
         with pytest.raises(AttributeError):
@@ -281,7 +281,7 @@ class TestControllers:
     def test_they_balance(self, model, make):
         robot, controller = Ballbot(model=model, sim_dt=0.002), make()
         assert controller.control_dt == 0.002
-        robot.reset(tilt=(np.deg2rad(3.0), np.deg2rad(-2.0)))
+        robot.reset(State.at_rest(robot.params, tilt=(np.deg2rad(3.0), np.deg2rad(-2.0))))
         for _ in range(2000):
             torques = controller(robot.state)
             assert np.abs(torques).max() <= robot.params.max_wheel_torque
@@ -297,14 +297,14 @@ class TestControllers:
         assert regulator.residual < 1e-9
 
     def test_a_reset_pid_forgets(self, paper):
-        pid, tilted = Pid(control_dt=0.002), State.upright(paper, tilt=(0.002, 0.0))
+        pid, tilted = Pid(control_dt=0.002), State.at_rest(paper, tilt=(0.002, 0.0))
         first = pid(tilted)
         assert not np.array_equal(pid(tilted), first)
         pid.reset()
         np.testing.assert_array_equal(pid(tilted), first)
 
     def test_max_torque_is_kept(self, paper):
-        leaning = State.upright(paper, tilt=(0.3, 0.1))
+        leaning = State.at_rest(paper, tilt=(0.3, 0.1))
         for controller in (Pid(max_torque=0.05), Lqr(max_torque=0.05)):
             assert np.abs(controller(leaning)).max() == pytest.approx(0.05, rel=1e-12)
 

@@ -70,7 +70,7 @@ def test_spaces_and_python_types():
 def test_observation_rows_are_what_the_documentation_says():
     env = BalanceEnv(setpoint=(0.3, -0.1))
     yaw, tilt = 0.7, 0.04
-    state = State.upright(env.params, tilt=(tilt, 0.0), yaw=yaw).replace(
+    state = State.at_rest(env.params, tilt=(tilt, 0.0), yaw=yaw).replace(
         body_angular_velocity=(0.1, 0.2, 0.3), wheel_speeds=(1.0, 2.0, 3.0), ball_velocity=(0.5, 0.0, 0.0)
     )
     observation, _ = env.reset(options={"state": state})

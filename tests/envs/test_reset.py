@@ -10,7 +10,7 @@ OPTIONS = {"model": "spatial", "max_episode_steps": 30}
 
 @pytest.fixture
 def leaning(paper):
-    return State.upright(paper, tilt=(0.05, 0.0))
+    return State.at_rest(paper, tilt=(0.05, 0.0))
 
 
 def test_the_episode_after_a_given_start_is_that_of_a_single_environment(leaning):

@@ -168,7 +168,7 @@ def test_terminal_observation_is_the_last_of_the_episode():
 
 def test_a_fall_is_no_truncation():
     env = BallbotVecEnv(num_envs=1, seed=0)
-    env.set_options({"state": State.upright(Params.paper(), tilt=(0.3, 0.0))})
+    env.set_options({"state": State.at_rest(Params.paper(), tilt=(0.3, 0.0))})
     env.reset()
     for _ in range(60):
         _, _, dones, infos = env.step(np.zeros((1, 3)))
@@ -206,7 +206,7 @@ def test_seed_is_respected_once():
 
 def test_options_are_used_once_and_reset_infos_renewed(paper):
     env = BallbotVecEnv(num_envs=2, seed=0)
-    state = State.upright(paper, tilt=(0.0, 0.05))
+    state = State.at_rest(paper, tilt=(0.0, 0.05))
     env.set_options([{}, {"state": state}])
     env.reset_infos = [{"old": 1}, {"old": 1}]
     env.reset()

@@ -150,8 +150,8 @@ def test_unknown_autoreset_modes_are_refused(mode):
 
 def test_next_step_resets_one_step_later_and_ignores_the_action(balance):
     env = BalanceVectorEnv(2, model="spatial", seed=0)
-    leaning = State.upright(env.params, tilt=(0.2, 0.0))
-    env.reset(options={"states": [State.upright(env.params), leaning]})
+    leaning = State.at_rest(env.params, tilt=(0.2, 0.0))
+    env.reset(options={"states": [State.at_rest(env.params), leaning]})
     terminated = np.zeros(2, dtype=bool)
     for _ in range(45):
         actions = np.stack([balance(env.get_attr("state")[0]), np.zeros(3, dtype=np.float32)])
@@ -272,7 +272,7 @@ def test_constructor_seed_is_that_of_the_first_reset():
 
 
 def test_reset_to_given_states(paper):
-    state = State.upright(paper, tilt=(0.03, 0.0))
+    state = State.at_rest(paper, tilt=(0.03, 0.0))
     env = BalanceVectorEnv(2)
     observations, _ = env.reset(seed=4, options={"states": [None, state]})
     np.testing.assert_allclose(env.get_attr("state")[1].to_array(), state.to_array(), atol=1e-12)

@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import onnx
 import pytest
+from ballbot_rs.training.policy import ScaledObservation
 from stable_baselines3 import PPO, SAC
 
 import ballbot_rs as bb
@@ -18,7 +19,6 @@ from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy
 from ballbot_rs.control.sb3_policy import METADATA, metadata
 from ballbot_rs.envs.registration import BALANCE
 from ballbot_rs.training import export
-from ballbot_rs.training.policy import ScaledObservation
 from tests.support.paths import ROOT
 
 BOUNDS = np.array([bound for _, _, bound in OBSERVATION], dtype=np.float32)

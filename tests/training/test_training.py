@@ -7,6 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 import torch
+from ballbot_rs.training.policy import ScaledObservation
 from stable_baselines3 import PPO
 
 from ballbot_rs import BallbotVecEnv, __version__
@@ -15,7 +16,6 @@ from ballbot_rs.control.resolve import PID_CONTROL_DT
 from ballbot_rs.control.sb3_policy import METADATA, find_file, load
 from ballbot_rs.envs.registration import BALANCE
 from ballbot_rs.training import config, train
-from ballbot_rs.training.policy import ScaledObservation
 from tests.support.tiny_config import TINY_CONFIG
 
 

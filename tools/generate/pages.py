@@ -1,8 +1,7 @@
 """`docs/tasks`: a page for each task, and their index."""
 
-from generate import tables
-
 from ballbot_rs._core import SCALED_BOUND, TASKS
+from generate import tables
 
 
 def pages() -> dict[str, str]:
@@ -30,7 +29,8 @@ def _page(task: str) -> str:
 
 `gymnasium.make("{described["id"]}")`, `ballbot_rs.{name}Env`, `ballbot_rs.{name}VectorEnv`,
 `ballbot_rs.BallbotVecEnv(num_envs, task="{task}")` and `ballbot_rs.Batch(num_envs, "{task}")` are the same task.
-An episode has {described["max_episode_steps"]} steps; a mean return of {described["reward_threshold"]:g} counts as solved.
+An episode has {described["max_episode_steps"]} steps.
+A mean return of {described["reward_threshold"]:g} counts as solved.
 
 ## Actions
 
@@ -38,8 +38,8 @@ Three numbers in [-1, 1], clipped, times `max_wheel_torque`: the torques of the 
 
 ## Observations
 
-{len(described["observation"])} float32. Each row saturates at its bound. With `scale_observations` its value at rest upright is subtracted
-and the rest divided by its typical magnitude, within ±{SCALED_BOUND:g}.
+{len(described["observation"])} float32. Each row saturates at its bound. With `scale_observations` its value at rest
+upright is subtracted and the difference divided by its typical magnitude, within ±{SCALED_BOUND:g}.
 
 {tables.markdown(("row", "what", "unit", "bound", "at rest", "typical"), tables.observation_rows(task))}
 

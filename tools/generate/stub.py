@@ -31,14 +31,17 @@ def filled(text: str) -> str:
 def _parameters() -> tuple[list[str], dict[str, Any]]:
     """Names of the parameters that must be given, and the defaults of the others."""
     everything: Any = Params.paper().to_dict()
-    required = []
-    for name in everything:
-        try:
-            Params(**{other: value for other, value in everything.items() if other != name})
-        except ValueError:
-            required.append(name)
+    required = [name for name in everything if _is_refused({**everything, name: None})]
     defaults: Any = Params(**{name: everything[name] for name in required}).to_dict()
     return required, {name: value for name, value in defaults.items() if name not in required}
+
+
+def _is_refused(fields: dict[str, Any]) -> bool:
+    try:
+        Params(**{name: value for name, value in fields.items() if value is not None})
+    except ValueError:
+        return True
+    return False
 
 
 def _kind(name: str) -> str:
@@ -48,7 +51,7 @@ def _kind(name: str) -> str:
 def _param_fields() -> list[str]:
     required, defaults = _parameters()
     lines = ["class _ParamFields(TypedDict, total=False):"]
-    return [*lines, *(f"    {name}: {_kind(name)}" for name in (*required, *defaults))]
+    return [*lines, *(f"    {name}: {_kind(name)}" for name in (*required, *defaults)), ""]
 
 
 def _params() -> list[str]:

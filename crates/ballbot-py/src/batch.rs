@@ -628,7 +628,10 @@ impl PyBatch {
     /// Raises:
     ///     ValueError: an unknown record, or as `control` and `step`.
     ///     TypeError: as `control`.
-    #[pyo3(signature = (controller, steps, setpoints=None, record=vec!["states".to_owned()]))]
+    #[pyo3(
+        signature = (controller, steps, setpoints=None, record=vec!["states".to_owned()]),
+        text_signature = "($self, controller, steps, setpoints=None, record=('states',))"
+    )]
     #[expect(clippy::needless_pass_by_value, reason = "extracted from a Python sequence")]
     fn rollout<'py>(
         &mut self,

@@ -148,14 +148,15 @@ def run_one(
     law = _core_law(controller, batch)
     act = _bind(controller, batch) if law is None else lambda observations: batch.control(law)  # noqa: ARG005
     observations = batch.reset(starts=[start])
-    states, contacts, torques = [batch.state(0)], [batch.contacts(0)], []
+    states, contacts = [batch.state(0)], [batch.contacts(0)]
+    torques: list[Array] = []
     for step in range(steps):
         action = act(observations)
         if step in pushes:
             batch.push(0, pushes[step])
         observations, _, terminated, _ = batch.step(action)
         if batch.ending(0)[1] == "diverged":
-            return Run(states, contacts, np.reshape(torques, (-1, 3)), step)
+            return Run(states, contacts, np.array(torques).reshape(-1, 3), step)
         torques.append(action[0].astype(float) * batch.max_wheel_torque)
         states.append(batch.state(0))
         contacts.append(batch.contacts(0))

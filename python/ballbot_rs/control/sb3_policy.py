@@ -139,8 +139,8 @@ def load(path: Path, task: str, env_options: Mapping[str, Any] | None = None) ->
         data, _, _ = load_from_zip_file(path, device="cpu")
     except ModuleNotFoundError as error:
         raise ValueError(
-            f"{path} needs {error.name}, which is not installed. Policies that `ballbot train` saved before 0.2.0 scale "
-            "observations with a module of that version: export them as ONNX with it, or train anew"
+            f"{path} needs {error.name}, which is not installed. Policies that `ballbot train` saved before 0.2.0 "
+            "scale observations with a module of that version: export them as ONNX with it, or train anew"
         ) from error
     except (ValueError, KeyError, AttributeError, OSError) as error:
         raise ValueError(f"{path} is not a policy file of Stable-Baselines3: {error}") from error

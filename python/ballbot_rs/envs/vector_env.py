@@ -142,7 +142,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         """Applies actions, shape (num_envs, 3), for one control step.
 
         Returns:
-            Observations (num_envs, observation_len) float32, rewards (num_envs,) float64, terminated and truncated (num_envs,) bool,
+            Observations (num_envs, m) float32, rewards (num_envs,) float64, terminated and truncated (num_envs,) bool,
             and infos.
 
         Raises:
