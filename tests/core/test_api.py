@@ -14,7 +14,11 @@ from ballbot_rs import (
     PAPER_BALL_VISCOUS_FRICTION,
     BalanceEnv,
     Ballbot,
+    BallbotError,
+    Controller,
     DivergedError,
+    InvalidInputError,
+    LinearModel,
     Lqr,
     Params,
     Pid,
@@ -25,8 +29,9 @@ from ballbot_rs import (
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
-from ballbot_rs._core import Batch
-from ballbot_rs.envs._batch_env import OPTIONS
+from ballbot_rs._core import CONTROLLERS
+from ballbot_rs.envs._batch_env import option_names
+from ballbot_rs.envs.options import BalanceOptions, CommonOptions
 from tests.support.paths import ROOT
 
 VECTORS = ROOT / "crates/ballbot-core/tests/data/spatial_vectors.json"
@@ -43,7 +48,10 @@ def test_every_exported_name_exists():
 def test_exceptions_are_what_users_would_catch():
     assert issubclass(UrdfError, ValueError)
     assert issubclass(DivergedError, ArithmeticError)
-    assert UrdfError.__module__ == DivergedError.__module__ == "ballbot_rs"
+    assert issubclass(InvalidInputError, ValueError)
+    for error in (UrdfError, DivergedError, InvalidInputError):
+        assert issubclass(error, BallbotError)
+        assert error.__module__ == "ballbot_rs"
 
 
 class TestParams:
@@ -243,7 +251,7 @@ class TestPlanarModel:
     def test_poles(self, paper, friction, expected):
         a, b = PlanarModel(paper.replace(ball_viscous_friction=friction)).linearize()
         assert a.shape == (4, 4)
-        assert b.shape == (4,)
+        assert b.shape == (4, 1)
         poles = np.linalg.eigvals(a)
         # A double pole at zero is only as exact as the square root of the rounding error.
         np.testing.assert_allclose(np.sort(poles.real), expected, atol=1e-7)
@@ -257,7 +265,7 @@ class TestPlanarModel:
             step = np.eye(2)[i] * h
             slope = (model.accelerations(step, [0, 0], 0) - model.accelerations(-step, [0, 0], 0)) / (2 * h)
             np.testing.assert_allclose(a[2:, i], slope, atol=1e-6)
-        np.testing.assert_allclose(b[2:], model.accelerations([0, 0], [0, 0], 1.0), rtol=1e-9)
+        np.testing.assert_allclose(b[2:, 0], model.accelerations([0, 0], [0, 0], 1.0), rtol=1e-9)
         assert model.energy([0, 0], [0, 0]) == pytest.approx(2.228 * 9.81 * 0.142)
 
 
@@ -309,12 +317,39 @@ class TestControllers:
             assert np.abs(controller(leaning)).max() == pytest.approx(0.05, rel=1e-12)
 
 
-def test_the_options_that_cannot_be_set_are_those_of_the_task():
-    """The list that `set_attr` refuses by is the one that the core accepts, no more and no less."""
-    defaults = {"params": "paper", "model": "rigid", "max_episode_steps": 10, "setpoint": (0, 0)}
-    defaults |= {"reward": {}, "sim_dt": 0.001, "fall_tilt": 0.5}
-    for name in OPTIONS:
-        Batch(1, "disabled", **{name: defaults.get(name, 0.01)})
-    documented = set(re.findall(r"`(\w+)`", BalanceEnv.__doc__.split("## Arguments")[1].split("Raises")[0]))
-    assert documented - {"max_episode_steps"} <= set(OPTIONS)
-    assert set(OPTIONS) <= documented | {"max_episode_steps", "reward", "params"}
+def test_a_controller_by_its_name_is_the_class(paper):
+    leaning = State.at_rest(paper, tilt=(0.01, 0.02))
+    np.testing.assert_array_equal(Controller("lqr", tilt=0.2)(leaning), Lqr(tilt=0.2)(leaning))
+    np.testing.assert_array_equal(Controller("pid")(leaning), Pid()(leaning))
+    assert Controller("pid").control_dt == Pid().control_dt == CONTROLLERS["pid"]["control_dt"] == 0.002
+    assert Controller("lqr").setpoint_parts == ["position", "velocity", "yaw"]
+    with pytest.raises(ValueError, match="unknown controller 'mpc': expected one of lqr, pid"):
+        Controller("mpc")
+
+
+def test_a_part_of_a_setpoint_that_a_law_ignores_is_refused(paper):
+    for controller, part in ((Pid(), "position"), (Lqr(), "tilt")):
+        with pytest.raises(TypeError, match=f"'{part}', it does not follow that part of a setpoint"):
+            controller(State.at_rest(paper), **{part: (0.1, 0.0)})
+
+
+def test_costs_may_be_given_as_matrices_or_diagonals():
+    q, r = np.arange(1.0, 11.0), [2.0, 2.0, 2.0]
+    np.testing.assert_array_equal(Lqr(Q=q, R=r).gain, Lqr(Q=np.diag(q), R=np.diag(r)).gain)
+    with pytest.raises(TypeError, match="Lqr takes Q, or weights"):
+        Lqr(Q=q, tilt=0.1)
+
+
+def test_the_linear_model_names_what_it_is_in(paper):
+    model = LinearModel(paper)
+    assert model.A.shape == (len(model.STATES), len(model.STATES)) == (10, 10)
+    assert model.B.shape == (len(model.STATES), len(model.INPUTS)) == (10, 3)
+    a, b = model.discretize(1e-6)
+    np.testing.assert_allclose((a - np.eye(10)) / 1e-6, model.A, atol=1e-3)
+    np.testing.assert_allclose(b / 1e-6, model.B, rtol=1e-3, atol=1e-3)
+
+
+def test_every_option_that_the_core_has_is_documented():
+    for name in option_names("balance"):
+        assert f"- `{name}`: " in BalanceEnv.__doc__, name
+        assert name in BalanceOptions.__annotations__ or name in CommonOptions.__annotations__

@@ -65,8 +65,6 @@ def test_reset_to_a_state(model, paper):
     state = State.rolling(paper, (0.3, -0.1))
     robot.reset(state)
     np.testing.assert_allclose(robot.state.to_array(), state.to_array(), atol=1e-9)
-    with pytest.raises(TypeError, match="not both"):
-        robot.reset(state, tilt=(0.1, 0.0))
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -119,23 +117,21 @@ def test_a_push_along_x_tilts_about_y(model, paper):
 @pytest.mark.parametrize("model", MODELS)
 def test_joint_friction_dissipates_and_outlives_a_reset(model):
     free, damped = Ballbot(model=model), Ballbot(model=model)
-    damped.set_joint_dynamics(viscous_friction=0.01)
-    assert damped.joint_dynamics == {"viscous_friction": 0.01, "coulomb_friction": 0.0}
-    damped.set_joint_dynamics(coulomb_friction=0.002)
-    assert damped.joint_dynamics == {"viscous_friction": 0.01, "coulomb_friction": 0.002}
+    rough = damped.params.replace(wheel_viscous_friction=0.01, wheel_coulomb_friction=0.002)
+    damped.set_params(rough)
     for robot in (free, damped):
         robot.reset(State.at_rest(robot.params, tilt=(0.05, 0.0)))
         robot.step((0, 0, 0), 300)
     assert damped.energy < free.energy - 1e-3
-    assert damped.joint_dynamics == {"viscous_friction": 0.01, "coulomb_friction": 0.002}
-    assert free.joint_dynamics == {"viscous_friction": 0.0, "coulomb_friction": 0.0}
+    assert damped.params == rough
+    assert free.params == Params.paper()
 
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("how", ["snapshot", "pickle", "deepcopy"])
 def test_a_copy_continues_bit_identically(model, how):
     robot = Ballbot(model=model, sim_dt=0.002)
-    robot.set_joint_dynamics(0.001, 0.002)
+    robot.set_params(robot.params.replace(wheel_viscous_friction=0.001, wheel_coulomb_friction=0.002))
     robot.reset(State.at_rest(robot.params, tilt=(0.03, -0.02), yaw=1.0))
     robot.step(TORQUES, 40)
     robot.push((0.05, 0.02, 0.0))
@@ -144,7 +140,7 @@ def test_a_copy_continues_bit_identically(model, how):
         twin.restore(robot.snapshot())
     else:
         twin = pickle.loads(pickle.dumps(robot)) if how == "pickle" else copy.deepcopy(robot)
-    assert twin.joint_dynamics == robot.joint_dynamics
+    assert twin.params == robot.params
     for steps in (1, 2, 60):
         robot.step(TORQUES, steps)
         twin.step(TORQUES, steps)

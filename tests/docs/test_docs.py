@@ -16,7 +16,7 @@ from validation.engines import probes
 from validation.paper_replication import wheel_torques
 
 STUB = ast.parse((Path(core.__file__).parent / "_core.pyi").read_text(encoding="utf-8"))
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 
 #: `[text](target)` and `![text](target)`.
 LINK = re.compile(r"!?\[([^\]]*)\]\(([^)\s]+)\)")

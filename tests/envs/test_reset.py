@@ -52,7 +52,7 @@ def test_a_refused_reset_changes_nothing(paper, leaning):
 
 def test_task_options_cannot_be_set_as_attributes():
     vector, sb3 = BalanceVectorEnv(2, **OPTIONS), BallbotVecEnv(num_envs=2, **OPTIONS)
-    for name in ("reset_tilt", "max_wheel_torque", "params", "reward"):
+    for name in ("reset_tilt", "max_wheel_torque", "scale_observations", "reward"):
         for env in (vector, sb3):
             with pytest.raises(AttributeError, match=f"{name} is fixed"):
                 env.set_attr(name, 0.3)

@@ -13,7 +13,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from ballbot_rs import BalanceEnv, BalanceVectorEnv, BallbotVecEnv, Params, State
-from ballbot_rs.envs.registration import BALANCE
+from tests.support.names import BALANCE
 
 #: Falls and truncations both happen within the steps that the tests take.
 SHORT = {"model": "spatial", "max_episode_steps": 45}
