@@ -8,6 +8,7 @@ from ballbot_rs import (
     BalanceEnv,
     BalanceVectorEnv,
     Ballbot,
+    BallbotVectorEnv,
     Lqr,
     Params,
     Pid,
@@ -115,7 +116,7 @@ CASES = {
     ),
     "lqr rate": (lambda: Lqr(control_dt=NAN), ValueError, "control_dt = NaN"),
     "lqr too slow": (lambda: Lqr(control_dt=100.0), ValueError, "Riccati"),
-    "setpoint NaN": (lambda: Lqr()(State([0, 0, 1]), position=[0, NAN]), ValueError, r"setpoint\[1\] = NaN"),
+    "setpoint NaN": (lambda: Lqr()(State([0, 0, 1]), position=[0, NAN]), ValueError, r"position\[1\] = NaN"),
     # Environments.
     "num_envs zero": (lambda: BalanceVectorEnv(0), ValueError, "num_envs = 0, it must be at least 1"),
     "num_envs negative": (lambda: BalanceVectorEnv(-2), ValueError, "num_envs = -2, it must be at least 1"),
@@ -145,10 +146,10 @@ CASES = {
     "control_dt text": (lambda: BalanceEnv(control_dt="fast"), TypeError, "str"),
     "torque beyond motor": (lambda: BalanceEnv(max_wheel_torque=6), ValueError, "max_wheel_torque = 6 .* 5 N·m"),
     "reset tilt": (lambda: BalanceEnv(reset_tilt=0.5), ValueError, "reset_tilt = 0.5 .* fall_tilt = 0.349"),
-    "setpoint shape": (lambda: BalanceEnv(setpoint=[1]), ValueError, r"setpoint has shape \(1,\), expected \(2,\)"),
+    "setpoint shape": (lambda: BalanceEnv(setpoint=[1]), ValueError, "setpoint has 1 values, expected 2"),
     "reward name": (
         lambda: BalanceEnv(reward={"bonus": 1}),
-        TypeError,
+        ValueError,
         "unknown reward term 'bonus': expected one of alive",
     ),
     "reward NaN": (lambda: BalanceEnv(reward={"tilt": NAN}), ValueError, "reward.* = NaN"),
@@ -192,7 +193,7 @@ CASES = {
         TypeError,
         "got an unexpected keyword argument 'frameskip'",
     ),
-    "vec task": (lambda: BalanceVectorEnv(2, task="walk"), ValueError, "unknown task 'walk'"),
+    "vec task": (lambda: BallbotVectorEnv(2, task="walk"), ValueError, "unknown task 'walk'"),
     "vec states": (
         lambda: BalanceVectorEnv(2).reset(options={"states": [None]}),
         ValueError,
@@ -207,7 +208,11 @@ CASES = {
     "evaluate seed": (lambda: evaluate("zero", episodes=1, seed=-1), ValueError, "seed = -1"),
     "evaluate name": (lambda: evaluate("lpr"), FileNotFoundError, "no policy at lpr: .*did you mean 'lqr'"),
     "evaluate object": (lambda: evaluate(3), TypeError, "3 is no controller"),
-    "evaluate option": (lambda: evaluate("zero", episodes=1, env_options={"x": 1}), TypeError, "no option 'x'"),
+    "evaluate option": (
+        lambda: evaluate("zero", episodes=1, env_options={"x": 1}),
+        TypeError,
+        "unexpected keyword argument 'x'",
+    ),
 }
 
 

@@ -136,7 +136,7 @@ def test_a_copy_continues_bit_identically(model, how):
     robot.step(TORQUES, 40)
     robot.push((0.05, 0.02, 0.0))
     if how == "snapshot":
-        twin = Ballbot(model=model, sim_dt=0.002)
+        twin = Ballbot(robot.params, model=model, sim_dt=0.002)
         twin.restore(robot.snapshot())
     else:
         twin = pickle.loads(pickle.dumps(robot)) if how == "pickle" else copy.deepcopy(robot)

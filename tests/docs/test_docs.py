@@ -30,7 +30,7 @@ DEFINITION = (
 
 def documented(nodes, owner, prefix=""):
     for node in nodes:
-        if isinstance(node, ast.ClassDef):
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             yield f"{prefix}{node.name}", ast.get_docstring(node), getattr(owner, node.name)
             yield from documented(node.body, getattr(owner, node.name), f"{node.name}.")
         elif isinstance(node, ast.FunctionDef) and ast.get_docstring(node) and node.name != "__call__":

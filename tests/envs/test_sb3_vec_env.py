@@ -239,7 +239,8 @@ def test_get_attr_set_attr_and_env_method():
     assert env.env_is_wrapped(Monitor) == [False, False, False]
     assert env.env_is_wrapped(Monitor, indices=1) == [False]
     assert env.env_method("push", [0.5, 0.0, 0.0], indices=[1]) == [None]
-    env.env_method("set_joint_dynamics", viscous_friction=0.002, indices=2)
+    env.env_method("set_params", Params.paper().replace(wheel_viscous_friction=0.002), indices=2)
+    assert [p.wheel_viscous_friction for p in env.get_attr("params")] == [0.0, 0.0, 0.002]
     moved = env.get_attr("state")
     assert moved[1].body_velocity[0] > states[1].body_velocity[0] + 0.05
     assert moved[0] == states[0]

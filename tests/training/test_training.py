@@ -135,7 +135,7 @@ class TestRun:
         text = text.replace("n_epochs = 1\n", "buffer_size = 1000\n").replace("768", "256")
         folder = tmp_path / "sac"
         policy = train.train(config.parse(text, "sac"), text, folder, progress_bar=False)
-        assert load(policy, BALANCE)[1]["algorithm"] == "SAC"
+        assert load(policy, "balance")[1]["algorithm"] == "SAC"
         assert evaluate(str(folder), episodes=2).episodes == 2
 
     @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ class TestResume:
         train.resume(interrupted, progress_bar=False)
         assert PPO.load(interrupted / "final_model.zip").num_timesteps == 1024
         assert (interrupted / "checkpoints" / "rl_model_1024_steps.zip").is_file()
-        assert load(interrupted, BALANCE)[1]["env_options"]["max_episode_steps"] == 60
+        assert load(interrupted, "balance")[1]["env_options"]["max_episode_steps"] == 60
 
     def test_only_a_better_policy_replaces_the_best(self, interrupted):
         record = dict(np.load(interrupted / "evaluations.npz"))

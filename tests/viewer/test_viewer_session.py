@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ballbot_rs import BalanceEnv, Ballbot, Lqr, Params, State
+from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.viewer.drivers import LawDriver, PolicyDriver
 from ballbot_rs.viewer.history import SERIES, SPAN
 from ballbot_rs.viewer.recording import CAPACITY, Recording

@@ -12,7 +12,7 @@ from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._state_rows import BALL_POSITION, tilt_of
 from ballbot_rs.analysis.rollout import batch_for, rollout
 from ballbot_rs.analysis.settling import settling_times
-from ballbot_rs.control.resolve import ResolvedController, Source, common_options, find
+from ballbot_rs.control.resolve import ResolvedController, Source, common_options, find, options_of
 from ballbot_rs.envs.registration import DEFAULT_TASK
 
 #: Tilt within which a robot has settled, rad.
@@ -70,7 +70,8 @@ def compare(
         episodes: number of episodes; episode i is that of an environment seeded with seed + i.
         seed: of the first episode.
         num_threads: threads that step the robots; None takes all cores.
-        env_options: options of the environment, over those that the policies were trained with.
+        env_options: options of the environment, over those that the policies were trained with. Without
+            `max_wheel_torque` among them feedback laws have the motors' limit and their own, not that of policies.
         progress: called with the number of steps done and their total.
 
     Raises:
@@ -83,7 +84,14 @@ def compare(
     found = [find(source, task=task, env_options=env_options) for source in controllers]
     options = common_options(found, env_options)
     batches = [
-        batch_for(controller, episodes, task=task or DEFAULT_TASK, num_threads=num_threads, seed=seed, options=options)
+        batch_for(
+            controller,
+            episodes,
+            task=task or DEFAULT_TASK,
+            num_threads=num_threads,
+            seed=seed,
+            options=options_of(controller, options, env_options),
+        )
         for controller in found
     ]
     total = sum(batch.max_episode_steps for batch in batches)

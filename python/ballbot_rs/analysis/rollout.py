@@ -56,7 +56,13 @@ def batch_for(
     options: Mapping[str, Any],
     autoreset: str = "same_step",
 ) -> Batch:
-    """Robots, sampled at the rate of the controller unless the options name one."""
+    """Robots, sampled at the rate of the controller unless the options name one.
+
+    A feedback law has a limit of torques of its own; unless the options name one, that of the motors is the batch's.
+    """
+    if controller.policy is None and options.get("max_wheel_torque") is None:
+        params = new_batch(1, task=task, num_threads=1, options=options).params(0)
+        options = {**options, "max_wheel_torque": params.max_wheel_torque}
 
     def batch(options: Mapping[str, Any]) -> Batch:
         return new_batch(num_envs, task=task, autoreset=autoreset, num_threads=num_threads, seed=seed, options=options)
@@ -111,7 +117,7 @@ def _in_python(
         states, actions = batch.states(), act(observations)
         observations, rewards, terminated, truncated = batch.step(actions)
         success = batch.endings()[0] & (terminated | truncated)
-        rows.append((states, actions * batch.max_wheel_torque, rewards, terminated, truncated, success))
+        rows.append((states, actions.astype(float) * batch.max_wheel_torque, rewards, terminated, truncated, success))
     return Chunk(first, *(np.array(column) for column in zip(*rows, strict=True))), observations
 
 

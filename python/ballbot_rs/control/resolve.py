@@ -161,6 +161,14 @@ def common_options(
     return {**options, **(env_options or {})}
 
 
+def options_of(
+    controller: ResolvedController, shared: Mapping[str, Any], env_options: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The shared options for one of the controllers: the torque of a policy's action is no limit of a feedback law."""
+    is_kept = controller.policy is not None or "max_wheel_torque" in (env_options or {})
+    return {name: value for name, value in shared.items() if is_kept or name != "max_wheel_torque"}
+
+
 def _imported(file: Path, attribute: str) -> Any:
     """An object of a Python file, or an instance of a class of it."""
     if not file.is_file():

@@ -43,5 +43,5 @@ def task_of(env_id: str) -> str:
     """
     ids = {task["id"]: name for name, task in TASKS.items()}
     if env_id not in ids:
-        raise ValueError(f"unknown environment '{env_id}': expected one of {', '.join(ids)}")
+        raise ValueError(f"unknown environment '{env_id}': expected {', '.join(ids)}")
     return ids[env_id]

@@ -196,7 +196,8 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
             raise RuntimeError("step_wait without step_async")
         actions, self._actions = self._actions, None
         observations, rewards, terminated, truncated = self._batch.step(actions)
-        return observations, rewards, terminated | truncated, self._batch.infos()
+        # Stable-Baselines3 keeps rewards as float32.
+        return observations, rewards.astype(np.float32), terminated | truncated, self._batch.infos()
 
     def close(self) -> None:
         """Does nothing: there are no processes or files to close."""

@@ -136,10 +136,10 @@ def _linear(initial: float) -> Callable[[float], float]:
 
 def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
     arguments: dict[str, Any] = dict(config.algorithm_arguments)
-    environment = _environment(config)
     for name in config.schedule:
         arguments[name] = _linear(float(arguments[name]))
     try:
+        environment = _environment(config)
         model: BaseAlgorithm = algorithms()[config.algorithm](
             "MlpPolicy",
             environment,
