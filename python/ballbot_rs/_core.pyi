@@ -827,7 +827,7 @@ class Batch:
         controller: Controller,
         steps: int,
         setpoints: Mapping[str, npt.ArrayLike] | None = None,
-        record: Sequence[str] = ("states",),
+        record: Sequence[str] = ...,
     ) -> dict[str, npt.NDArray[Any]]:
         """Runs `steps` control steps under a controller, without Python in the loop.
 

@@ -628,10 +628,7 @@ impl PyBatch {
     /// Raises:
     ///     ValueError: an unknown record, or as `control` and `step`.
     ///     TypeError: as `control`.
-    #[pyo3(
-        signature = (controller, steps, setpoints=None, record=vec!["states".to_owned()]),
-        text_signature = "($self, controller, steps, setpoints=None, record=('states',))"
-    )]
+    #[pyo3(signature = (controller, steps, setpoints=None, record=vec!["states".to_owned()]))]
     #[expect(clippy::needless_pass_by_value, reason = "extracted from a Python sequence")]
     fn rollout<'py>(
         &mut self,
