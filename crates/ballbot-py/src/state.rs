@@ -87,9 +87,10 @@ impl PyState {
 
     /// At rest on the floor at the origin: turned by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad).
     #[staticmethod]
-    #[pyo3(signature = (params, tilt=(0.0, 0.0), yaw=0.0))]
-    fn at_rest(params: &PyParams, tilt: (f64, f64), yaw: f64) -> PyResult<Self> {
-        tilted(&params.0, [tilt.0, tilt.1], yaw).map(Self)
+    #[pyo3(signature = (params, tilt=None, yaw=0.0), text_signature = "(params, tilt=(0.0, 0.0), yaw=0.0)")]
+    fn at_rest(params: &PyParams, tilt: Argument<'_, '_>, yaw: f64) -> PyResult<Self> {
+        let tilt = tilt.map_or(Ok([0.0; 2]), |tilt| numbers::<2>("tilt", tilt))?;
+        tilted(&params.0, tilt, yaw).map(Self)
     }
 
     /// Rolling without slip with the ball's velocity (x, y): ball and wheel rates follow from it.
