@@ -1,6 +1,6 @@
 //! What there is to see, and where it is in a state.
 
-use super::paint::Paint;
+use super::color::Paint;
 use super::shape::{Hit, Shape};
 use crate::kinematics::Omniwheels;
 use crate::params::Params;

@@ -1,7 +1,7 @@
 //! Light: sun and sky, soft shadows, the floor's checker.
 
 use super::camera::View;
-use super::paint::{Colour, srgb};
+use super::color::{Colour, srgb};
 use super::scene::Placed;
 use nalgebra::Vector3;
 

@@ -2,7 +2,7 @@
 
 use super::bodies::BodyLink;
 use super::convert::{from_rapier, rotation_from_rapier, rotation_to_rapier, to_rapier};
-use super::drive::{self, Contact};
+use super::wheel_contact::{self, Contact};
 use super::rows::Force;
 use super::world::{Handles, World, integration_parameters, new_pipeline};
 use crate::energy::mechanical_energy;
@@ -108,14 +108,14 @@ impl RigidMotion {
         let of_body = velocity + rate.cross(&(contact.point - root));
         // Relative to the body, the rim moves along the drive direction.
         let rim = self.params.wheel_radius * self.bot().generalized_velocity()[6 + i];
-        let ball = drive::point_velocity(&self.world.bodies[self.handles.ball], &contact.point);
+        let ball = wheel_contact::point_velocity(&self.world.bodies[self.handles.ball], &contact.point);
         (of_body - ball).dot(&contact.drive) + rim
     }
 
     pub(super) fn floor_slip(&self) -> Vector3<f64> {
         let ball = &self.world.bodies[self.handles.ball];
         let lowest = from_rapier(ball.translation()) - Vector3::z() * self.params.ball_radius;
-        let velocity = drive::point_velocity(ball, &lowest);
+        let velocity = wheel_contact::point_velocity(ball, &lowest);
         Vector3::new(velocity.x, velocity.y, 0.0)
     }
 

@@ -6,7 +6,7 @@
 //! the rows find what it lacks.
 
 use super::convert::to_rapier;
-use super::drive::Contact;
+use super::wheel_contact::Contact;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
 

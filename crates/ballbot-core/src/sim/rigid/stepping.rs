@@ -1,7 +1,7 @@
 //! One time step of the rigid-body robot.
 
 use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
-use super::drive::Contact;
+use super::wheel_contact::Contact;
 use super::motion::RigidMotion;
 use super::rows::{self, Start};
 use crate::sim::friction::stribeck;

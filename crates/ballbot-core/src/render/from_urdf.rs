@@ -1,6 +1,6 @@
 //! How a robot looks that comes with URDFs: their visual shapes, marked where rotation would not show.
 
-use super::paint::{Colour, Paint, srgb};
+use super::color::{Colour, Paint, srgb};
 use super::scene::{Link, Part, Scene};
 use super::shape::Shape;
 use crate::error::{Error, Result};

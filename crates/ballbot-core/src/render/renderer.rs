@@ -1,7 +1,7 @@
 //! The picture: every pixel's ray, in tiles, on all cores.
 
 use super::camera::{Camera, View};
-use super::paint::{Colour, Display, Paint};
+use super::color::{Colour, Display, Paint};
 use super::scene::{Label, Link, Part, Placed, Scene};
 use super::shading::Light;
 use super::shape::Shape;

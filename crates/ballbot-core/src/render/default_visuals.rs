@@ -1,6 +1,6 @@
 //! How a robot looks that comes with parameters alone: ball, wheels, plates, motors and a mast in its proportions.
 
-use super::paint::{Colour, Paint, srgb};
+use super::color::{Colour, Paint, srgb};
 use super::scene::{Link, Part, Scene};
 use super::shape::Shape;
 use crate::kinematics::Omniwheels;
