@@ -14,7 +14,7 @@ use std::sync::{Mutex, PoisonError};
 /// Edge of a tile, pixels: parts that a tile cannot see are dropped for all its pixels at once.
 const TILE: usize = 16;
 /// Where an arrow may begin and end, m.
-const FARTHEST: f64 = 1e6;
+const MAX_ARROW_COORDINATE: f64 = 1e6;
 /// Largest picture, pixels along an edge.
 const MAX_EDGE: usize = 8192;
 
@@ -120,7 +120,7 @@ impl Renderer {
         }
         let parts = self.scene.placed(state, &arrow_parts);
         let view = self.camera.placed(&state.ball_position, self.width, self.height);
-        let shot = Shot { parts: &parts, light: Light::new(&parts), view, renderer: self };
+        let frame = Frame { parts: &parts, light: Light::new(&parts), view, renderer: self };
         // Bands of tiles: each writes its own rows of each slice.
         let band = TILE * self.width;
         let bands = self.height.div_ceil(TILE);
@@ -131,7 +131,7 @@ impl Renderer {
         let work = || {
             let next = || bands.lock().unwrap_or_else(PoisonError::into_inner).next();
             while let Some((i, ((rgb, depth), labels))) = next() {
-                shot.band(i * TILE, rgb, depth, labels);
+                frame.band(i * TILE, rgb, depth, labels);
             }
         };
         let helpers = self.helpers.lock().unwrap_or_else(PoisonError::into_inner).pool()?;
@@ -155,7 +155,9 @@ impl Arrow {
     fn parts(&self, parts: &mut Vec<Part>) -> Result<()> {
         finite("arrow", self.colour.as_slice())?;
         for value in self.from.iter().chain(&self.to) {
-            check("arrow", *value, format_args!("within ±{FARTHEST} m"), |v| v.abs() <= FARTHEST)?;
+            check("arrow", *value, format_args!("within ±{MAX_ARROW_COORDINATE} m"), |v| {
+                v.abs() <= MAX_ARROW_COORDINATE
+            })?;
         }
         let along = self.to - self.from;
         let length = along.norm();
@@ -180,7 +182,7 @@ const SAMPLES: [&[(f64, f64)]; 3] =
     [&[(0.5, 0.5)], &[(0.25, 0.75), (0.75, 0.25)], &[(0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625)]];
 
 /// One picture being taken.
-struct Shot<'a> {
+struct Frame<'a> {
     parts: &'a [Placed<'a>],
     light: Light,
     view: View,
@@ -188,13 +190,13 @@ struct Shot<'a> {
 }
 
 /// What a ray meets first.
-struct Seen {
+struct PixelSample {
     colour: Colour,
     depth: f64,
     label: Label,
 }
 
-impl Shot<'_> {
+impl Frame<'_> {
     /// Rows from `top` on.
     fn band(
         &self,
@@ -208,7 +210,7 @@ impl Shot<'_> {
         let mut near = Vec::with_capacity(self.parts.len());
         for left in (0..width).step_by(TILE) {
             let columns = TILE.min(width - left);
-            self.seen_from_tile(left, top, columns, rows, &mut near);
+            self.parts_in_tile(left, top, columns, rows, &mut near);
             for row in 0..rows {
                 for column in left..left + columns {
                     let (x, y) = (column as f64, (top + row) as f64);
@@ -216,18 +218,18 @@ impl Shot<'_> {
                     if let Some(rgb) = &mut rgb {
                         let offsets = SAMPLES[self.renderer.samples.trailing_zeros() as usize];
                         let sum = offsets.iter().fold(Colour::zeros(), |sum, (dx, dy)| {
-                            sum + self.look(&self.view.ray(x + dx, y + dy), &near, true).colour
+                            sum + self.trace(&self.view.ray(x + dx, y + dy), &near, true).colour
                         });
                         let bytes = self.renderer.display.bytes(&(sum / offsets.len() as f64));
                         rgb[3 * at..3 * at + 3].copy_from_slice(&bytes);
                     }
                     if depth.is_some() || labels.is_some() {
-                        let seen = self.look(&self.view.ray(x + 0.5, y + 0.5), &near, false);
+                        let sample = self.trace(&self.view.ray(x + 0.5, y + 0.5), &near, false);
                         if let Some(depth) = &mut depth {
-                            depth[at] = seen.depth as f32;
+                            depth[at] = sample.depth as f32;
                         }
                         if let Some(labels) = &mut labels {
-                            labels[at] = seen.label as u8;
+                            labels[at] = sample.label as u8;
                         }
                     }
                 }
@@ -236,7 +238,7 @@ impl Shot<'_> {
     }
 
     /// Parts whose sphere reaches into the cone around a tile.
-    fn seen_from_tile(&self, left: usize, top: usize, columns: usize, rows: usize, near: &mut Vec<usize>) {
+    fn parts_in_tile(&self, left: usize, top: usize, columns: usize, rows: usize, near: &mut Vec<usize>) {
         let (x, y) = (left as f64 + 0.5 * columns as f64, top as f64 + 0.5 * rows as f64);
         let axis = self.view.ray(x, y);
         let corners = [(left, top), (left + columns, top), (left, top + rows), (left + columns, top + rows)];
@@ -255,7 +257,7 @@ impl Shot<'_> {
         }
     }
 
-    fn look(&self, direction: &Vector3<f64>, near: &[usize], shaded: bool) -> Seen {
+    fn trace(&self, direction: &Vector3<f64>, near: &[usize], shaded: bool) -> PixelSample {
         let origin = &self.view.position;
         let length_squared = direction.norm_squared();
         let mut limit = if direction.z < 0.0 { -origin.z / direction.z } else { f64::INFINITY };
@@ -281,6 +283,6 @@ impl Shot<'_> {
             }),
             None => (Label::Sky, &|| self.light.sky(direction)),
         };
-        Seen { colour: if shaded { colour() } else { Colour::zeros() }, depth: limit, label }
+        PixelSample { colour: if shaded { colour() } else { Colour::zeros() }, depth: limit, label }
     }
 }

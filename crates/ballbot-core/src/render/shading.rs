@@ -6,18 +6,18 @@ use super::scene::Placed;
 use nalgebra::Vector3;
 
 /// Edge of a square of the floor, m; four make the metre of the grid.
-const SQUARE: f64 = 0.25;
+const CHECKER_EDGE: f64 = 0.25;
 /// Half width of a line of the metre grid, m.
-const LINE: f64 = 0.006;
+const GRID_HALF_WIDTH: f64 = 0.006;
 /// Where the floor has faded into the sky, m.
-const HAZE: f64 = 14.0;
+const HAZE_DISTANCE: f64 = 14.0;
 /// Rays to the sun where its edge may be hidden; as few as do not show.
 const SUN_RAYS: usize = 12;
 /// Apparent radius of the sun, rad: that of a lamp rather than of the sun.
 const SUN_RADIUS: f64 = 0.05;
 
 /// Parts between a point and the sun that are remembered for all rays to it.
-const NEAR: usize = 32;
+const MAX_SHADOW_PARTS: usize = 32;
 
 /// Everything that is the same for all pixels.
 pub(super) struct Light {
@@ -100,7 +100,7 @@ impl Light {
         let normal = Vector3::z();
         let lit = self.sun.z * self.sunlight(point, &normal, parts);
         let shade = 0.36 * self.openness(point, parts) + 0.76 * lit;
-        let haze = (t / HAZE).powi(2);
+        let haze = (t / HAZE_DISTANCE).powi(2);
         (colour * shade).lerp(&self.horizon, 1.0 - (-haze).exp())
     }
 
@@ -124,14 +124,14 @@ impl Light {
         }
         // Off the surface, or it would shade itself.
         let origin = point + normal * 1e-6;
-        let mut near: [Option<&Placed<'_>>; NEAR] = [None; NEAR];
+        let mut near: [Option<&Placed<'_>>; MAX_SHADOW_PARTS] = [None; MAX_SHADOW_PARTS];
         let (mut count, mut thin) = (0, false);
         for part in parts {
             let to = part.centre - origin;
             let along = to.dot(&self.sun);
             let reach = part.radius + SUN_RADIUS * along.max(0.0);
             if along > -part.radius && to.norm_squared() - along * along < reach * reach {
-                if count < NEAR {
+                if count < MAX_SHADOW_PARTS {
                     near[count] = Some(part);
                 }
                 count += 1;
@@ -144,7 +144,7 @@ impl Light {
         let hides = |part: &Placed<'_>, towards: &Vector3<f64>| part.cast(&origin, towards, f64::INFINITY).is_some();
         let hidden = |towards: &Vector3<f64>| {
             // Too many to remember: try them all.
-            if count > NEAR {
+            if count > MAX_SHADOW_PARTS {
                 parts.iter().any(|part| hides(part, towards))
             } else {
                 near.iter().flatten().any(|part| hides(part, towards))
@@ -165,7 +165,7 @@ impl Light {
 fn checker(x: f64, y: f64, width_x: f64, width_y: f64) -> f64 {
     // The integral of a square wave of ±1 is a triangle wave.
     let wave = |x: f64, width: f64| {
-        let (x, width) = (x / (2.0 * SQUARE), width.max(1e-9) / (2.0 * SQUARE));
+        let (x, width) = (x / (2.0 * CHECKER_EDGE), width.max(1e-9) / (2.0 * CHECKER_EDGE));
         let triangle = |x: f64| ((x - x.floor()) - 0.5).abs();
         (triangle(x - 0.5 * width) - triangle(x + 0.5 * width)) / width
     };
@@ -176,7 +176,9 @@ fn checker(x: f64, y: f64, width_x: f64, width_y: f64) -> f64 {
 fn grid(x: f64, width: f64) -> f64 {
     let covered = |x: f64| {
         let metre = x.floor();
-        metre * 2.0 * LINE + (x - metre).min(LINE) + ((x - metre) - (1.0 - LINE)).max(0.0)
+        metre * 2.0 * GRID_HALF_WIDTH
+            + (x - metre).min(GRID_HALF_WIDTH)
+            + ((x - metre) - (1.0 - GRID_HALF_WIDTH)).max(0.0)
     };
     let width = width.max(1e-6);
     (covered(x + 0.5 * width) - covered(x - 0.5 * width)) / width

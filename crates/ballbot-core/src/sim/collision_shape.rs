@@ -7,7 +7,7 @@ use crate::state::State;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// How deep in the floor the bot may start, m.
-const THROUGH_FLOOR: f64 = 1e-3;
+const MAX_FLOOR_OVERLAP: f64 = 1e-3;
 
 /// Wheel centres in the body frame, m.
 pub fn wheel_centers(params: &Params, wheels: &Omniwheels) -> [Vector3<f64>; 3] {
@@ -74,7 +74,7 @@ impl CollisionShape {
             format_args!("height of the lowest point of the {part}"),
             height,
             "at least 0 m, the floor, within 1 mm",
-            |h| h >= -THROUGH_FLOOR,
+            |h| h >= -MAX_FLOOR_OVERLAP,
         )?;
         Ok(())
     }
