@@ -1,6 +1,6 @@
 //! What the wheels' friction lets the motors do.
 
-use super::SpatialModel;
+use super::{BallSpin, SpatialModel, WheelSpin};
 use crate::params::Params;
 use crate::state::Contacts;
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
@@ -13,7 +13,7 @@ const DIRECTIONS: u32 = 48;
 /// direction before a wheel slips (or the motors reach their limit). The motors' reaction unloads some wheels as it loads
 /// others, so this is well below μ N r_w with the loads N at rest.
 pub fn traction_torque(params: &Params) -> f64 {
-    let model = SpatialModel::new(params, true, true);
+    let model = SpatialModel::new(params, WheelSpin::Absolute, BallSpin::Free);
     let contacts = |torques: &Vector3<f64>| model.contacts(&UnitQuaternion::identity(), &Vector6::zeros(), torques);
     let at_rest = contacts(&Vector3::zeros());
     (0..DIRECTIONS)

@@ -1,6 +1,6 @@
 //! The spatial model linearised about rest upright, for any robot.
 
-use super::SpatialModel;
+use super::{BallSpin, SpatialModel, WheelSpin};
 use crate::params::Params;
 use nalgebra::{SMatrix, UnitQuaternion, Vector3, Vector6};
 
@@ -25,7 +25,11 @@ impl LinearModel {
     /// at rest, and gravity turns a small tilt into M_b g l times that tilt.
     pub fn new(params: &Params) -> Self {
         // Dry friction has no derivative at rest.
-        let model = SpatialModel::new(&Params { wheel_coulomb_friction: 0.0, ..params.clone() }, true, true);
+        let model = SpatialModel::new(
+            &Params { wheel_coulomb_friction: 0.0, ..params.clone() },
+            WheelSpin::Absolute,
+            BallSpin::Free,
+        );
         let upright = UnitQuaternion::identity();
         let at = |velocity: &Vector6<f64>, torques: &Vector3<f64>| {
             model.accelerations(&upright, velocity, torques).fixed_rows::<5>(0).into_owned()

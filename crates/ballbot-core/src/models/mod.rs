@@ -12,7 +12,7 @@ pub use friction_limit::traction_torque;
 pub use linear::LinearModel;
 pub use planar::{PlanarModel, WheelInertia};
 pub use planar_motion::PlanarMotion;
-pub use spatial::SpatialModel;
+pub use spatial::{BallSpin, SpatialModel, WheelSpin};
 pub use spatial_motion::SpatialMotion;
 
 use crate::error::{Error, Result};
