@@ -46,7 +46,7 @@ impl PySpatialModel {
         Self(SpatialModel::new(&params.0, absolute_wheel_spin, ball_spins_about_vertical))
     }
 
-    /// Derivative of the generalised velocity.
+    /// Derivative of the generalized velocity.
     fn accelerations<'py>(
         &self,
         py: Python<'py>,

@@ -6,7 +6,7 @@ use crate::state::Contacts;
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use std::f64::consts::TAU;
 
-/// Directions of a tilt torque that are tried; the limit changes by less than 2 % between neighbours.
+/// Directions of a tilt torque that are tried; the limit changes by less than 2 % between neighbors.
 const DIRECTIONS: u32 = 48;
 
 /// The largest torque of any wheel, N·m, that the upright robot at rest can exert for a tilt torque in the worst

@@ -1,4 +1,4 @@
-//! The spatial model linearised about rest upright, for any robot.
+//! The spatial model linearized about rest upright, for any robot.
 
 use super::{BallSpin, SpatialModel, WheelSpin};
 use crate::params::Params;
@@ -59,7 +59,7 @@ impl LinearModel {
         Self { a, b }
     }
 
-    /// Exact discretisation for inputs held constant over `dt` seconds.
+    /// Exact discretization for inputs held constant over `dt` seconds.
     pub fn discretize(&self, dt: f64) -> (SMatrix<f64, STATES, STATES>, SMatrix<f64, STATES, INPUTS>) {
         let mut block = SMatrix::<f64, { STATES + INPUTS }, { STATES + INPUTS }>::zeros();
         block.fixed_view_mut::<STATES, STATES>(0, 0).copy_from(&(self.a * dt));

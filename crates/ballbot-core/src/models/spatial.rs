@@ -1,6 +1,6 @@
 //! The coupled 3D model without slip, by Kane's method.
 //!
-//! Generalised velocity ν = (v_x, v_y, Ω_x, Ω_y, Ω_z, s): the ball's velocity on the floor (inertial frame), the body's
+//! Generalized velocity ν = (v_x, v_y, Ω_x, Ω_y, Ω_z, s): the ball's velocity on the floor (inertial frame), the body's
 //! angular velocity (body frame), the ball's spin about the vertical. The constraints of the wheels are nonholonomic, so
 //! putting the wheel speeds into a Lagrangian and using Euler-Lagrange would be wrong off the plane; projecting the
 //! Newton-Euler equations on the partial velocities (Kane & Levinson, Dynamics: Theory and Applications, 1985, ch. 6) is not.
@@ -99,7 +99,7 @@ impl SpatialModel {
         }
     }
 
-    /// The generalised velocity from 5 or 6 numbers.
+    /// The generalized velocity from 5 or 6 numbers.
     ///
     /// # Errors
     /// [`Error::Length`] unless there are [`SpatialModel::degrees_of_freedom`] of them.
@@ -241,7 +241,7 @@ impl SpatialModel {
         contact_loads(&self.params, &self.wheels, &motion)
     }
 
-    /// M⁻¹ times a generalised force: ν' per force, or the jump of ν per impulse.
+    /// M⁻¹ times a generalized force: ν' per force, or the jump of ν per impulse.
     pub fn response(&self, body_quaternion: &UnitQuaternion<f64>, force: &Vector6<f64>) -> Vector6<f64> {
         solve_mass(&self.terms(body_quaternion), force)
     }

@@ -1,4 +1,4 @@
-//! The spatial model in motion: RK4 over position, attitude and generalised velocity.
+//! The spatial model in motion: RK4 over position, attitude and generalized velocity.
 
 use super::rk4::rk4;
 use super::{BallSpin, Saved, SpatialModel, WheelSpin, require_rolling, sound};

@@ -14,7 +14,7 @@ mod shading;
 mod shape;
 
 pub use camera::Camera;
-pub use color::{Colour, Paint, srgb};
+pub use color::{Color, Paint, srgb};
 pub use forces::force_arrows;
 pub use renderer::{Arrow, Picture, Renderer};
 pub use scene::{Label, Link, Part, Scene};

@@ -1,7 +1,7 @@
 //! The picture: every pixel's ray, in tiles, on all cores.
 
 use super::camera::{Camera, View};
-use super::color::{Colour, Display, Paint};
+use super::color::{Color, Display, Paint};
 use super::scene::{Label, Link, Part, Placed, Scene};
 use super::shading::Light;
 use super::shape::Shape;
@@ -25,8 +25,8 @@ pub struct Arrow {
     pub from: Vector3<f64>,
     /// Where it points, m.
     pub to: Vector3<f64>,
-    /// Its colour.
-    pub colour: Colour,
+    /// Its color.
+    pub colour: Color,
 }
 
 /// What [`Renderer::render`] writes; each slice is row by row from the top, `height` × `width` × channels.
@@ -52,7 +52,7 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// A renderer of pictures of `width` by `height` pixels, with 1, 2 or 4 colour samples a pixel, on all cores.
+    /// A renderer of pictures of `width` by `height` pixels, with 1, 2 or 4 color samples a pixel, on all cores.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] naming the number and its limit.
@@ -97,7 +97,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Takes a picture. Depth and labels are those of a pixel's centre.
+    /// Takes a picture. Depth and labels are those of a pixel's center.
     ///
     /// # Errors
     /// [`Error::Length`] for a slice of the wrong length, [`Error::OutOfRange`] for a state or an arrow that is not finite.
@@ -191,7 +191,7 @@ struct Frame<'a> {
 
 /// What a ray meets first.
 struct PixelSample {
-    colour: Colour,
+    color: Color,
     depth: f64,
     label: Label,
 }
@@ -217,8 +217,8 @@ impl Frame<'_> {
                     let at = row * width + column;
                     if let Some(rgb) = &mut rgb {
                         let offsets = SAMPLES[self.renderer.samples.trailing_zeros() as usize];
-                        let sum = offsets.iter().fold(Colour::zeros(), |sum, (dx, dy)| {
-                            sum + self.trace(&self.view.ray(x + dx, y + dy), &near, true).colour
+                        let sum = offsets.iter().fold(Color::zeros(), |sum, (dx, dy)| {
+                            sum + self.trace(&self.view.ray(x + dx, y + dy), &near, true).color
                         });
                         let bytes = self.renderer.display.bytes(&(sum / offsets.len() as f64));
                         rgb[3 * at..3 * at + 3].copy_from_slice(&bytes);
@@ -248,7 +248,7 @@ impl Frame<'_> {
             1e-9 + corners.iter().map(|&(x, y)| axis.angle(&self.view.ray(x as f64, y as f64))).fold(0.0, f64::max);
         near.clear();
         for (i, part) in self.parts.iter().enumerate() {
-            let to = part.centre - self.view.position;
+            let to = part.center - self.view.position;
             let distance = to.norm();
             let angle = if distance <= part.radius { 0.0 } else { axis.angle(&to) - (part.radius / distance).asin() };
             if angle <= spread {
@@ -272,10 +272,10 @@ impl Frame<'_> {
             }
         }
         // Rays are 1 deep: a distance along them is a depth.
-        let (label, colour): (_, &dyn Fn() -> Colour) = match &first {
+        let (label, color): (_, &dyn Fn() -> Color) = match &first {
             Some((part, hit)) => (part.label, &|| {
                 let point = origin + direction * hit.distance;
-                self.light.surface(&part.colour(&point), &point, &hit.normal, direction, self.parts)
+                self.light.surface(&part.color(&point), &point, &hit.normal, direction, self.parts)
             }),
             None if limit.is_finite() => (Label::Floor, &|| {
                 let point = origin + direction * limit;
@@ -283,6 +283,6 @@ impl Frame<'_> {
             }),
             None => (Label::Sky, &|| self.light.sky(direction)),
         };
-        PixelSample { colour: if shaded { colour() } else { Colour::zeros() }, depth: limit, label }
+        PixelSample { color: if shaded { color() } else { Color::zeros() }, depth: limit, label }
     }
 }

@@ -9,7 +9,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// How deep in the floor the bot may start, m.
 const MAX_FLOOR_OVERLAP: f64 = 1e-3;
 
-/// Wheel centres in the body frame, m.
+/// Wheel centers in the body frame, m.
 pub fn wheel_centers(params: &Params, wheels: &Omniwheels) -> [Vector3<f64>; 3] {
     wheels.contact_directions.map(|p| p * (params.ball_radius + params.wheel_radius))
 }
@@ -25,7 +25,7 @@ pub struct BodyShape {
 }
 
 impl BodyShape {
-    /// As wide as the circle of the wheel centres, from just above the ball to the height that the body's radius of
+    /// As wide as the circle of the wheel centers, from just above the ball to the height that the body's radius of
     /// gyration asks of a slender mast: parameters carry inertia, not outlines.
     pub fn new(params: &Params) -> Self {
         let half_height = (3.0 * params.body_inertia[0].max(params.body_inertia[1]) / params.body_mass).sqrt();

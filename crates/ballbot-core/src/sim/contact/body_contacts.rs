@@ -20,7 +20,7 @@ const POINTS: usize = 9;
 /// Distance at which a contact counts as near, m, besides what a step may cover.
 const CONTACT_MARGIN: f64 = 2e-3;
 
-/// How far the ball's centre may be from where it belongs, in ball radii, before the body's cylinder can be in its way.
+/// How far the ball's center may be from where it belongs, in ball radii, before the body's cylinder can be in its way.
 const MAX_CENTER_OFFSET: f64 = 0.02;
 
 /// Robots that need the contacts of this module in this step.
@@ -268,7 +268,7 @@ impl BallOnBody {
         let nearest = Vec3::new(ball.x * share, ball.y * share, ball.z.clamp(c.body_bottom, c.body_top));
         let offset = ball - nearest;
         let distance = offset.norm_squared().sqrt();
-        // A centre inside the cylinder leaves by its lower end, where it came from.
+        // A center inside the cylinder leaves by its lower end, where it came from.
         let normal = if distance > 0.0 { offset * distance.recip() } else { -unit(2) };
         let arm = normal.cross(nearest);
         let angular = arm.scaled_by(c.body_inertia_inverse).dot(arm);

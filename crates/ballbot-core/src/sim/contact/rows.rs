@@ -18,7 +18,7 @@ pub struct Rows<L> {
     /// Between wheel and ball, and between ball and floor; negative where they overlap.
     pub gaps: [L; 3],
     pub floor_gap: L,
-    /// Ball centre from the body's CoM, body frame.
+    /// Ball center from the body's CoM, body frame.
     pub ball_in_body: Vec3<L>,
     /// From the ball to each wheel, inertial frame.
     pub normals: [Vec3<L>; 3],
@@ -156,7 +156,7 @@ impl<L: Lane> Wheel<L> {
         let distance = offset.norm_squared().sqrt();
         let normal = offset * (one / distance.max(like.splat(f64::MIN_POSITIVE)));
 
-        // The share of the normal along the axle: zero while the ball's centre is where it belongs.
+        // The share of the normal along the axle: zero while the ball's center is where it belongs.
         let along = normal.dot(u);
         let spin_share = along.neg_mul_add(along, one).max(like.splat(MIN_AXLE_SINE * MIN_AXLE_SINE)).sqrt();
         let share_inverse = one / spin_share;
