@@ -84,17 +84,17 @@ CASES = {
     "unknown field": (lambda: State([0, 0, 1]).replace(x=1), TypeError, "no field x; it has ball_position"),
     # Models and controllers.
     "spatial torque": (
-        lambda: SpatialModel(Params.paper()).accelerations(UPRIGHT, [0] * 5, [0, 0, INF]),
+        lambda: SpatialModel(Params.paper()).accelerations(UPRIGHT, [0] * 6, [0, 0, INF]),
         ValueError,
         r"wheel_torques\[2\] = inf",
     ),
     "spatial shape": (
-        lambda: SpatialModel(Params.paper()).accelerations(UPRIGHT, [0] * 6, [0] * 3),
+        lambda: SpatialModel(Params.paper()).accelerations(UPRIGHT, [0] * 5, [0] * 3),
         ValueError,
-        r"\(6,\), expected \(5,\)",
+        r"\(5,\), expected \(6,\)",
     ),
     "spatial quaternion": (
-        lambda: SpatialModel(Params.paper()).energy([2, 0, 0, 0], [0] * 5),
+        lambda: SpatialModel(Params.paper()).energy([2, 0, 0, 0], [0] * 6),
         ValueError,
         "length of body_quaternion = 2",
     ),
@@ -226,8 +226,8 @@ def test_bad_input_is_refused(name):
 @pytest.mark.parametrize(
     "call",
     [
-        lambda: SpatialModel(Params.paper()).accelerations(UPRIGHT, [0, 0, 0, 0, NAN], [0, 0, 0]),
-        lambda: SpatialModel(Params.paper()).energy(UPRIGHT, [0, 0, 0, INF, 0]),
+        lambda: SpatialModel(Params.paper()).accelerations(UPRIGHT, [0, 0, 0, 0, 0, NAN], [0, 0, 0]),
+        lambda: SpatialModel(Params.paper()).energy(UPRIGHT, [0, 0, 0, INF, 0, 0]),
         lambda: PlanarModel(Params.paper()).accelerations([NAN, 0], [0, 0], 0),
         lambda: PlanarModel(Params.paper()).accelerations([0, 0], [0, 0], NAN),
         lambda: PlanarModel(Params.paper()).energy([0, NAN], [0, 0]),

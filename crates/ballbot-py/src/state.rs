@@ -141,7 +141,7 @@ impl PyState {
         slf.get_type().call((), Some(&arguments))
     }
 
-    /// Ball centre, m.
+    /// Ball center, m.
     #[getter]
     fn ball_position<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.ball_position.as_slice())
@@ -165,7 +165,7 @@ impl PyState {
         array(py, self.0.ball_angular_velocity.as_slice())
     }
 
-    /// Origin of the body frame, m; the ball centre unless a wheel has lifted off.
+    /// Origin of the body frame, m; the ball center unless a wheel has lifted off.
     #[getter]
     fn body_position<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.body_position.as_slice())
