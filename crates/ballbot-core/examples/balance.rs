@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cargo run --release --example balance                    # rigid bodies, 5 degrees
-//! cargo run --release --example balance -- spatial 10      # model (planar, spatial, rigid) and tilt in degrees
+//! cargo run --release --example balance -- spatial 10      # model (planar, spatial, contact, rigid) and tilt in degrees
 //! ```
 
 use ballbot_core::control::{Controller, Lqr, Setpoint};

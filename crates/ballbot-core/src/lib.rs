@@ -1,7 +1,8 @@
 //! Physics, controllers and batched environments of a ballbot: a robot that balances on a ball driven by three omniwheels.
 //!
-//! Four layers, each seeing only those before it: parameters, state and kinematics; the models, from closed form
-//! ([`models`]) to rigid bodies with contacts ([`sim`]); the controllers ([`control`]); the environments ([`mod@env`]).
+//! Layers, each depending only on those before it: parameters, state, kinematics and lanes; actuators and sensors
+//! ([`actuator`], [`sensor`]); models, from closed form ([`models`]) to rigid bodies with contacts ([`sim`]); controllers
+//! ([`control`]); tasks ([`task`]); environments ([`batch`]).
 //!
 //! Cargo features, all on by default: `rigid` (the model of that name, by rapier3d), `urdf` (robots from URDFs),
 //! `render` (pictures).

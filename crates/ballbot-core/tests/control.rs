@@ -73,7 +73,7 @@ fn cost_of_nearby_gains_is_higher() {
 }
 
 #[test]
-fn linear_model_is_the_slope_of_the_spatial_model() {
+fn linear_model_is_the_derivative_of_the_spatial_model() {
     let params =
         Params { ball_viscous_friction: 3.0, wheel_viscous_friction: 1e-3, wheel_zenith: 0.6, ..Params::paper() };
     let model = SpatialModel::new(&params, true, true);

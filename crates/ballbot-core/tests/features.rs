@@ -3,7 +3,7 @@
 use ballbot_core::{Ballbot, ModelKind, Params};
 
 #[test]
-fn a_model_runs_or_names_the_feature_that_it_needs() {
+fn models_run_or_name_their_missing_feature() {
     for kind in ModelKind::ALL {
         let robot = Ballbot::new(&Params::paper(), kind, 0.001);
         if kind == ModelKind::Rigid && cfg!(not(feature = "rigid")) {
@@ -16,6 +16,6 @@ fn a_model_runs_or_names_the_feature_that_it_needs() {
 }
 
 #[test]
-fn the_default_model_is_one_that_was_compiled() {
+fn default_model_is_compiled() {
     Ballbot::new(&Params::paper(), ModelKind::default(), 0.001).unwrap();
 }

@@ -163,7 +163,7 @@ fn printed_map_is_too_strong_by_the_known_ratios() {
 }
 
 #[test]
-fn encoders_turn_forward_where_the_wheels_drive() {
+fn encoder_rates_have_the_sign_of_the_drive() {
     let (params, wheels) = high_wheels();
     let (sin, cos) = params.wheel_zenith.sin_cos();
     let at_rest = Vector3::zeros();
@@ -204,7 +204,7 @@ fn virtual_rates_are_those_of_eq_6() {
 }
 
 #[test]
-fn an_unknown_map_is_refused_with_the_known_ones() {
+fn unknown_torque_maps_are_refused_with_the_known_names() {
     assert_eq!("consistent".parse::<TorqueMap>().unwrap(), TorqueMap::Consistent);
     assert_eq!("as_printed".parse::<TorqueMap>().unwrap(), TorqueMap::AsPrinted);
     let error = "Consistent".parse::<TorqueMap>().unwrap_err();

@@ -22,7 +22,7 @@ fn assert_refused(refusals: &[Refusal<'_>]) {
 }
 
 #[test]
-fn numbers_that_are_not_finite_are_refused_wherever_they_are() {
+fn parameters_that_are_not_finite_are_refused() {
     for (name, values) in Params::paper().fields() {
         for index in 0..values.len() {
             for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
@@ -37,7 +37,7 @@ fn numbers_that_are_not_finite_are_refused_wherever_they_are() {
 }
 
 #[test]
-fn what_must_be_positive_is_refused_at_zero_and_below() {
+fn parameters_that_are_not_positive_are_refused() {
     for name in [
         "ball_mass",
         "ball_inertia",
@@ -83,7 +83,7 @@ fn static_friction_is_at_least_dynamic_friction() {
 }
 
 #[test]
-fn inertia_that_no_mass_can_have_is_refused() {
+fn impossible_inertia_is_refused() {
     // No moment exceeds the sum of the other two; a ball's is at most that of a thin shell.
     assert_refused(&[
         ("body_inertia", &[0.05, 0.02, 0.02], ["body_inertia[0] = 0.05 ", "at most 0.04"]),
@@ -154,7 +154,7 @@ fn from_fields(fields: &[(&'static str, Vec<f64>)]) -> Result<Params, Error> {
 }
 
 #[test]
-fn a_missing_parameter_is_named_and_an_optional_one_has_its_default() {
+fn missing_parameters_are_named_and_optional_ones_have_defaults() {
     let required = [
         "ball_mass",
         "ball_inertia",
@@ -201,7 +201,7 @@ fn unlike_any_other() -> Params {
 }
 
 #[test]
-fn fields_name_every_value_once_and_bring_all_back() {
+fn fields_round_trip() {
     let params = unlike_any_other();
     let names: Vec<_> = params.fields().map(|(name, _)| name).collect();
     assert_eq!(names, Params::NAMES);
@@ -216,7 +216,7 @@ fn fields_name_every_value_once_and_bring_all_back() {
 }
 
 #[test]
-fn replace_changes_what_it_is_told_and_nothing_else() {
+fn replace_changes_the_given_fields_only() {
     let paper = Params::paper();
     let changed = paper.replace([("ball_mass", &[2.0][..]), ("body_inertia", &[0.06, 0.05, 0.02])]).unwrap();
     assert_eq!(changed, Params { ball_mass: 2.0, body_inertia: [0.06, 0.05, 0.02], ..Params::paper() });
@@ -224,7 +224,7 @@ fn replace_changes_what_it_is_told_and_nothing_else() {
 }
 
 #[test]
-fn toml_brings_every_value_back_to_the_last_bit() {
+fn toml_keeps_all_values_to_the_last_bit() {
     let params = unlike_any_other();
     let mut text = String::from("# a robot\n");
     for (name, values) in params.fields() {
@@ -240,7 +240,7 @@ fn toml_brings_every_value_back_to_the_last_bit() {
 }
 
 #[test]
-fn parameters_written_as_toml_come_back_to_the_last_bit() {
+fn parameters_written_as_toml_round_trip() {
     let tiny = Params { wheel_viscous_friction: 1e-300, max_wheel_torque: 1e16, ..unlike_any_other() };
     for params in [Params::paper(), unlike_any_other(), tiny] {
         assert_eq!(Params::from_toml(&params.to_toml()).unwrap(), params, "{}", params.to_toml());
@@ -265,13 +265,13 @@ impl Drop for TestFile {
 }
 
 #[test]
-fn a_robot_is_read_from_a_file() {
+fn parameters_are_read_from_a_file() {
     let file = TestFile::new("robot.toml", &unlike_any_other().to_toml());
     assert_eq!(Params::from_toml_file(&file.0).unwrap(), unlike_any_other());
 }
 
 #[test]
-fn errors_of_a_file_name_the_file_the_key_and_the_value() {
+fn errors_of_a_file_name_file_key_and_value() {
     let paper = Params::paper().to_toml();
     for (text, words) in [
         (paper.replace("ball_mass = 1.437", "ball_mass = -1.5"), "ball_mass = -1.5 is out of range"),

@@ -67,7 +67,7 @@ fn each_plane_has_its_moment_of_inertia() {
 }
 
 #[test]
-fn linearisation_is_the_slope_of_the_equations() {
+fn linearization_is_the_derivative_of_the_equations() {
     let model = PlanarModel::new(&damped(4.0), WheelInertia::AsPrinted);
     let slope = |x: &Vector4<f64>, torque: f64| {
         let h = 1e-6;
@@ -361,7 +361,7 @@ fn sampled_pid_answers_as_the_continuous_one() {
 }
 
 #[test]
-fn unknown_names_are_refused_with_the_known_ones() {
+fn unknown_names_are_refused_with_the_known_names() {
     assert_eq!("three_wheels".parse::<WheelInertia>().unwrap(), WheelInertia::ThreeWheels);
     assert_eq!("as_printed".parse::<WheelInertia>().unwrap(), WheelInertia::AsPrinted);
     assert_eq!(["yz", "xz"].map(|p| p.parse::<Plane>().unwrap()), [Plane::Yz, Plane::Xz]);

@@ -39,7 +39,7 @@ fn presets_are_valid() {
 }
 
 #[test]
-fn a_preset_is_a_file_in_robots() {
+fn presets_are_files_of_the_robots_folder() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("robots");
     let mut found = BTreeSet::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -55,7 +55,7 @@ fn a_preset_is_a_file_in_robots() {
 }
 
 #[test]
-fn a_body_remains_without_the_wheels() {
+fn bodies_of_presets_have_mass_besides_the_wheels() {
     for name in Params::preset_names() {
         let params = Params::preset(name).unwrap();
         let moments = inertia_without_wheels(&params).symmetric_eigenvalues();
@@ -67,7 +67,7 @@ fn a_body_remains_without_the_wheels() {
 }
 
 #[test]
-fn published_values_are_kept() {
+fn presets_keep_the_published_values() {
     let values = |name: &str| {
         let p = Params::preset(name).unwrap();
         [p.body_mass, p.ball_mass, p.ball_radius, p.wheel_radius, p.body_com_height, p.ball_inertia]
@@ -82,7 +82,7 @@ fn published_values_are_kept() {
 }
 
 #[test]
-fn an_unknown_preset_lists_the_known_ones() {
+fn unknown_presets_are_refused_with_the_known_names() {
     let error = Params::preset("roomba").unwrap_err();
     assert!(matches!(&error, Error::UnknownName { name, .. } if name == "roomba"));
     for known in Params::preset_names() {

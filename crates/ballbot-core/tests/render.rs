@@ -86,7 +86,7 @@ fn depth_is_the_distance_along_the_axis_to_floor_and_sphere() {
 }
 
 #[test]
-fn rays_meet_shapes_where_parry_meets_them() {
+fn ray_intersections_equal_those_of_parry() {
     let half = Vector3::new(0.1, 0.2, 0.15);
     let shapes = [
         (Shape::Sphere { radius: 0.2 }, SharedShape::ball(0.2)),
@@ -140,7 +140,7 @@ fn ray(camera: &Camera, row: usize, column: usize) -> (Vector3<f64>, Vector3<f64
 }
 
 #[test]
-fn meshes_are_seen_as_the_shapes_that_they_triangulate() {
+fn meshes_look_like_the_shapes_they_triangulate() {
     let half = Vector3::new(0.1, 0.2, 0.15);
     let corners: Vec<_> = (0..8)
         .map(|i| half.component_mul(&Vector3::from_fn(|k, _| if i >> k & 1 == 1 { 1.0 } else { -1.0 })))
@@ -161,7 +161,7 @@ fn meshes_are_seen_as_the_shapes_that_they_triangulate() {
 }
 
 #[test]
-fn a_tilted_robot_leans_in_the_picture() {
+fn tilted_robots_lean_in_the_picture() {
     let params = Params::paper();
     // Seen from −y, x points to the right.
     let renderer = renderer(camera(-std::f64::consts::FRAC_PI_2));
@@ -175,7 +175,7 @@ fn a_tilted_robot_leans_in_the_picture() {
 }
 
 #[test]
-fn what_turns_changes_where_it_is() {
+fn rotated_parts_change_the_picture_locally() {
     let params = Params::paper();
     let renderer = renderer(camera(0.4));
     let still = State::upright(&params);
@@ -189,7 +189,7 @@ fn what_turns_changes_where_it_is() {
 }
 
 #[test]
-fn every_part_is_seen_from_somewhere_and_arrows_when_they_are_there() {
+fn all_parts_and_arrows_are_visible_from_some_view() {
     let params = Params::paper();
     let mut seen = [0; 8];
     let arrow = Arrow { from: Vector3::new(0.4, 0.0, 0.4), to: Vector3::new(0.2, 0.0, 0.4), colour: srgb(0xe03131) };
@@ -204,7 +204,7 @@ fn every_part_is_seen_from_somewhere_and_arrows_when_they_are_there() {
 }
 
 #[test]
-fn the_robot_throws_its_shadow_on_the_floor() {
+fn shadow_of_the_robot_falls_on_the_floor() {
     let params = Params::paper();
     let renderer = renderer(camera(0.4));
     let near = State::upright(&params);
@@ -222,7 +222,7 @@ fn the_robot_throws_its_shadow_on_the_floor() {
 }
 
 #[test]
-fn pictures_are_equal_to_the_last_bit_on_any_number_of_threads() {
+fn pictures_do_not_depend_on_threads() {
     let state = State::tilted(&Params::paper(), Vector2::new(0.1, 0.2), 0.4);
     let shot = |threads| Shot::of(&renderer(camera(0.4)).with_threads(threads).unwrap(), &state, &[]);
     let first = shot(1);
@@ -234,7 +234,7 @@ fn pictures_are_equal_to_the_last_bit_on_any_number_of_threads() {
 }
 
 #[test]
-fn nothing_is_lost_at_the_edges_of_a_wide_picture() {
+fn wide_pictures_show_parts_at_their_edges() {
     let radius = 0.3;
     for (at, fov) in [(Vector3::new(0.0, 0.9, 1.4), 2.6), (Vector3::new(0.2, -1.1, 0.6), 2.4)] {
         let scene = lone(Shape::Sphere { radius }, at, UnitQuaternion::identity());
@@ -265,7 +265,7 @@ fn nothing_is_lost_at_the_edges_of_a_wide_picture() {
 }
 
 #[test]
-fn the_order_and_the_number_of_parts_do_not_change_shadows() {
+fn shadows_do_not_depend_on_order_and_number_of_parts() {
     let far = |i: usize| Arrow {
         from: Vector3::new(200.0, i as f64, 1.0),
         to: Vector3::new(200.0, i as f64, 1.1),
@@ -282,7 +282,7 @@ fn the_order_and_the_number_of_parts_do_not_change_shadows() {
 }
 
 #[test]
-fn the_shadow_of_a_rod_has_no_gap() {
+fn shadow_of_a_rod_has_no_gap() {
     let rod = |radius| {
         let flat = UnitQuaternion::from_euler_angles(0.0, std::f64::consts::FRAC_PI_2, 0.0);
         lone(Shape::Cylinder { radius, half_length: 2.0 }, Vector3::new(0.0, 0.0, 0.6), flat)
@@ -318,7 +318,7 @@ fn the_shadow_of_a_rod_has_no_gap() {
 }
 
 #[test]
-fn more_samples_leave_areas_and_soften_edges() {
+fn more_samples_keep_areas_and_soften_edges() {
     let state = State::upright(&Params::paper());
     let shot = |samples| {
         let renderer = Renderer::new(Scene::of(&Params::paper()), WIDTH, HEIGHT, samples, camera(0.4)).unwrap();
@@ -331,7 +331,7 @@ fn more_samples_leave_areas_and_soften_edges() {
 }
 
 #[test]
-fn the_shipped_urdfs_are_seen() {
+fn shipped_urdfs_are_drawn() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
     let scene = Scene::from_urdf(&assets.join("bot.urdf"), &assets.join("ball.urdf")).unwrap();
     assert!((0.6..0.9).contains(&scene.height()), "{} m high", scene.height());
@@ -343,7 +343,7 @@ fn the_shipped_urdfs_are_seen() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_with_its_name() {
+fn errors_of_invalid_arguments_name_them() {
     let scene = || Scene::of(&Params::paper());
     let refused = |renderer: Result<Renderer, ballbot_core::Error>| renderer.err().unwrap().to_string();
     let ok = camera(0.0);

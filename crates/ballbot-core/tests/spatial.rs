@@ -276,7 +276,7 @@ fn upright_poles_are_exact() {
 }
 
 #[test]
-fn a_state_that_slips_is_refused_with_its_value() {
+fn slipping_states_are_refused_with_their_value() {
     let params = Params::paper();
     let mut motion = SpatialMotion::new(&params, 1e-3);
     let mut state = State::upright(&params);
@@ -286,7 +286,7 @@ fn a_state_that_slips_is_refused_with_its_value() {
 }
 
 #[test]
-fn saved_motion_continues_to_the_last_bit() {
+fn loaded_motion_continues_to_the_last_bit() {
     let params = Params::paper();
     let mut motion = SpatialMotion::new(&params, 1e-3);
     motion.reset(&lively(&params)).unwrap();

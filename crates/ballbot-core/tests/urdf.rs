@@ -59,7 +59,7 @@ fn inertia(link: &str) -> Matrix3<f64> {
 
 /// Independent of the loader: sums the files' numbers by hand.
 #[test]
-fn links_add_up_to_table_ii() {
+fn sums_of_the_links_are_table_ii() {
     let mut parts = vec![(
         numbers("link name=\"body\"", "<mass ", "value")[0],
         Vector3::from_row_slice(&numbers("link name=\"body\"", "<origin ", "xyz")),
@@ -93,7 +93,7 @@ fn links_add_up_to_table_ii() {
 }
 
 #[test]
-fn the_shipped_files_are_the_paper_preset() {
+fn shipped_urdfs_equal_the_paper_preset() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
     let files = params_from_urdf(&assets.join("bot.urdf"), &assets.join("ball.urdf")).unwrap();
     assert_close(&files, &Params::paper(), 1e-12);
@@ -110,7 +110,7 @@ fn joint_dynamics_and_limits_are_read() {
 }
 
 #[test]
-fn no_effort_limit_means_the_default() {
+fn missing_effort_limit_gives_the_default() {
     let default = Params::paper().max_wheel_torque;
     for limit in ["<limit effort=\"0\" velocity=\"1\"/>", "<limit velocity=\"1\"/>", ""] {
         let bot = BOT.replace("<limit effort=\"5\" velocity=\"100\"/>", limit);
@@ -121,7 +121,7 @@ fn no_effort_limit_means_the_default() {
 }
 
 #[test]
-fn the_root_frame_may_sit_anywhere_on_the_mast() {
+fn root_frame_may_be_anywhere_on_the_mast() {
     for height in [-250.0, -0.4, 0.112] {
         let base = format!(
             r#"<link name="base"/><joint name="base_joint" type="fixed">
@@ -191,7 +191,7 @@ fn links_fixed_to_a_wheel_are_part_of_it() {
 }
 
 #[test]
-fn wheels_come_in_document_order_of_the_joints() {
+fn wheels_are_in_document_order_of_the_joints() {
     let (start, end) =
         (BOT.find("  <joint name=\"wheel_joint_0\"").unwrap(), BOT.find("  <joint name=\"wheel_joint_1\"").unwrap());
     let bot = edit(&edit(BOT, &BOT[start..end], ""), "</robot>", &format!("{}</robot>", &BOT[start..end]));
@@ -242,7 +242,7 @@ fn other_zeniths_and_azimuths_load() {
 }
 
 #[test]
-fn the_moments_about_x_and_y_may_differ() {
+fn moments_about_x_and_y_may_differ() {
     let params = load(&edit(BOT, "ixx=\"0.0554652", "ixx=\"0.0454652"));
     assert!((params.body_inertia[0] - 0.0483).abs() < 1e-14);
     assert!((params.body_inertia[1] - 0.0583).abs() < 1e-14);
@@ -305,7 +305,7 @@ const BAD_BOTS: &[(&str, &str, &[&str])] = &[
 ];
 
 #[test]
-fn bots_that_are_none_are_refused() {
+fn urdfs_that_are_not_bots_are_refused() {
     for &(from, to, expected) in BAD_BOTS {
         let (file, reason) = refusal(&edit(BOT, from, to), BALL);
         assert_eq!(file, "bot URDF");
@@ -316,7 +316,7 @@ fn bots_that_are_none_are_refused() {
 }
 
 #[test]
-fn parts_that_are_missing_are_refused() {
+fn missing_parts_are_refused() {
     let cut = |text: &str, start: &str, end: &str| {
         let from = text.find(start).unwrap();
         let to = from + text[from..].find(end).unwrap() + end.len();
@@ -334,7 +334,7 @@ fn parts_that_are_missing_are_refused() {
 }
 
 #[test]
-fn balls_that_are_none_are_refused() {
+fn urdfs_that_are_not_balls_are_refused() {
     let cases: &[(&str, &str, &[&str])] = &[
         ("</robot>", "", &["not a readable URDF"]),
         ("<mass value=\"1.437\"/>", "<mass value=\"0\"/>", &["'ball' has an inertia but mass = 0 kg"]),
@@ -365,7 +365,7 @@ fn balls_that_are_none_are_refused() {
 }
 
 #[test]
-fn values_no_robot_has_are_out_of_range() {
+fn impossible_values_are_out_of_range() {
     let heavy = edit(BALL, "<mass value=\"1.437\"/>", "<mass value=\"0.1\"/>");
     let (file, reason) = refusal(BOT, &heavy);
     assert_eq!(file, "bot URDF and ball URDF");
@@ -379,7 +379,7 @@ fn values_no_robot_has_are_out_of_range() {
 }
 
 #[test]
-fn unreadable_files_are_named() {
+fn errors_of_unreadable_files_name_the_file() {
     let missing = PathBuf::from("no/such/bot.urdf");
     let error = params_from_urdf(&missing, &missing).unwrap_err();
     assert!(matches!(&error, Error::Io { path, .. } if *path == missing), "{error}");
@@ -389,7 +389,7 @@ fn unreadable_files_are_named() {
 }
 
 #[test]
-fn cut_off_text_is_refused() {
+fn truncated_text_is_refused() {
     for end in (0..BOT.len() - 10).step_by(50) {
         if let Some(cut) = BOT.get(..end) {
             refusal(cut, BALL);
@@ -403,7 +403,7 @@ fn cut_off_text_is_refused() {
 }
 
 #[test]
-fn no_value_of_an_attribute_panics() {
+fn attribute_values_never_panic() {
     let quotes: Vec<usize> = BOT.match_indices('"').map(|(at, _)| at).skip(2).collect();
     for pair in quotes.chunks_exact(2) {
         let (before, value, after) = (&BOT[..=pair[0]], &BOT[pair[0] + 1..pair[1]], &BOT[pair[1]..]);
@@ -424,7 +424,7 @@ fn deeply_nested_text_is_refused() {
 
 /// What the fuzzer starts from: each kept input is a robot or is refused, and the shipped one is the shipped one.
 #[test]
-fn kept_inputs_of_the_fuzzer_are_robots_or_refused() {
+fn corpus_of_the_fuzzer_is_read_or_refused() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/urdf");
     let mut read = 0;
     for entry in std::fs::read_dir(&folder).unwrap() {

@@ -19,7 +19,8 @@ pub struct Runner {
 impl Runner {
     /// `threads` as for [`Batch::new`].
     pub fn new(model: ModelKind, n: usize, threads: Option<usize>) -> Self {
-        let config = BalanceConfig { model, max_wheel_torque: Some(1.0), scale_observations: false, ..BalanceConfig::default() };
+        let config =
+            BalanceConfig { model, max_wheel_torque: Some(1.0), scale_observations: false, ..BalanceConfig::default() };
         let mut batch = Batch::new(&config, n, Autoreset::NextStep, threads, 0).expect("the default task is valid");
         let mut observations = vec![0.0; n * batch.observation_len()];
         batch.reset(None, &mut observations).expect("the buffer fits");

@@ -4,6 +4,7 @@ use super::autoreset::Autoreset;
 use super::buffers::StepBuffers;
 use super::chunk::{Chunk, Environments};
 use super::config::EnvConfig;
+use super::pieces::pieces;
 use super::robots::Single;
 use super::task_step::TaskStep;
 use crate::actuator::{Actuator, Ideal};
@@ -412,11 +413,11 @@ impl Batch {
         self.check_running()?;
         let (autoreset, width) = (self.autoreset, self.width);
         if self.helpers.count() == 0 {
-            step_chunks(&mut self.chunks, width, autoreset, actions, whole(buffers));
+            step_chunks(&mut self.chunks, width, autoreset, actions, buffers.reborrow());
             return Ok(());
         }
         let per_piece = self.chunks_per_piece();
-        let shares = pieces(&mut self.chunks, per_piece, width, whole(buffers));
+        let shares = pieces(&mut self.chunks, per_piece, width, buffers.reborrow());
         let work = Mutex::new(shares.zip(actions.chunks(per_piece * width * ACTION_LEN)));
         self.helpers.share(|| {
             let next = || work.lock().unwrap_or_else(PoisonError::into_inner).next();
@@ -472,25 +473,6 @@ impl Batch {
     pub(super) fn expect_len(&self, name: &str, found: usize, expected: usize) -> Result<()> {
         if found == expected { Ok(()) } else { Err(Error::Length { name: name.into(), found, expected }) }
     }
-}
-
-pub(super) fn whole<'a>(buffers: &'a mut StepBuffers<'_>) -> StepBuffers<'a> {
-    buffers.reborrow()
-}
-
-/// `per_piece` chunks of `width` environments at a time, with their share of the buffers.
-pub(super) fn pieces<'a>(
-    chunks: &'a mut [Box<dyn Chunk>],
-    per_piece: usize,
-    width: usize,
-    buffers: StepBuffers<'a>,
-) -> impl Iterator<Item = (&'a mut [Box<dyn Chunk>], StepBuffers<'a>)> {
-    let mut rest = Some(buffers);
-    chunks.chunks_mut(per_piece).map(move |piece| {
-        let (share, others) = rest.take().expect("put back below").split(piece.len() * width);
-        rest = Some(others);
-        (piece, share)
-    })
 }
 
 fn step_chunks(

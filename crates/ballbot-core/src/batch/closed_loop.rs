@@ -1,7 +1,8 @@
 //! Controllers on all robots of a batch, without a caller in the loop.
 
-use super::batch::{Batch, pieces, whole};
+use super::batch::Batch;
 use super::buffers::StepBuffers;
+use super::pieces::pieces;
 use crate::control::Controller;
 use crate::error::{Result, check};
 use crate::setpoint::Setpoint;
@@ -68,7 +69,7 @@ impl Batch {
             return Ok(());
         }
         let per_piece = self.chunks_per_piece();
-        let shares = pieces(&mut self.chunks, per_piece, width, whole(buffers));
+        let shares = pieces(&mut self.chunks, per_piece, width, buffers.reborrow());
         let work = shares.zip(actions.chunks_mut(per_piece * width * ACTION_LEN)).enumerate();
         let work = Mutex::new(work);
         self.helpers.share(|| {

@@ -13,6 +13,7 @@ mod config;
 mod environment;
 mod kinds;
 mod ledger;
+mod pieces;
 mod robots;
 mod task_step;
 

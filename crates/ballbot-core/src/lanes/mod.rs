@@ -12,6 +12,7 @@ mod memory;
 mod scalar;
 #[cfg(test)]
 mod tests;
+mod value;
 mod vec3;
 mod wide;
 
@@ -22,10 +23,10 @@ pub use heading::Heading;
 pub use math::{atan2_positive, exp_of_negative, wrapped_angle};
 pub use memory::Memory;
 pub use scalar::Scalar;
+pub use value::{LaneValue, Value};
 pub use vec3::{Quat, Rotation, Vec3};
 pub use wide::Wide;
 
-use fearless_simd::Simd;
 use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, Neg, Not, Sub, SubAssign};
 
 /// One number of each of some robots.
@@ -115,66 +116,6 @@ pub trait Lane:
     #[inline(always)]
     fn squared(self) -> Self {
         self * self
-    }
-}
-
-/// A constant of the robots in lanes: one number for all of them (`f64`), or one of each (`L`).
-pub trait Value<L: Lane>: Copy {
-    /// The constant of each robot, in the lanes of `like`.
-    fn at(self, like: L) -> L;
-}
-
-impl<L: Lane> Value<L> for f64 {
-    #[inline(always)]
-    fn at(self, like: L) -> L {
-        like.splat(self)
-    }
-}
-
-impl<S: Simd> Value<Wide<S>> for Wide<S> {
-    #[inline(always)]
-    fn at(self, _: Wide<S>) -> Wide<S> {
-        self
-    }
-}
-
-/// A constant of eight robots as it lies in memory: one number for all of them (`f64`), or one of each ([`Eight`]).
-pub trait LaneValue: Copy + Send + Sync {
-    /// The constant in the lanes of a vector register.
-    type Wide<S: Simd>: Value<Wide<S>>;
-
-    /// Reads the constant.
-    fn wide<S: Simd>(&self, simd: S) -> Self::Wide<S>;
-
-    /// The constant of one robot.
-    fn lane(&self, index: usize) -> f64;
-}
-
-impl LaneValue for f64 {
-    type Wide<S: Simd> = f64;
-
-    #[inline(always)]
-    fn wide<S: Simd>(&self, _: S) -> f64 {
-        *self
-    }
-
-    #[inline(always)]
-    fn lane(&self, _: usize) -> f64 {
-        *self
-    }
-}
-
-impl LaneValue for Eight {
-    type Wide<S: Simd> = Wide<S>;
-
-    #[inline(always)]
-    fn wide<S: Simd>(&self, simd: S) -> Wide<S> {
-        Lane::load(simd, self)
-    }
-
-    #[inline(always)]
-    fn lane(&self, index: usize) -> f64 {
-        self.0[index]
     }
 }
 

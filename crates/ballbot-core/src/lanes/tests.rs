@@ -57,7 +57,7 @@ fn magnitudes() -> Vec<f64> {
 }
 
 #[test]
-fn exponential_is_that_of_std() {
+fn exponential_equals_that_of_std() {
     let arguments = magnitudes();
     let found: Vec<f64> = arguments.iter().map(|&x| exp_of_negative(x)).collect();
     let mut worst = 0.0_f64;
@@ -82,7 +82,7 @@ fn exponential_is_that_of_std() {
 }
 
 #[test]
-fn arctangent_is_that_of_std() {
+fn arctangent_equals_that_of_std() {
     let mut points: Vec<(f64, f64)> = Vec::new();
     for k in 0..=40_000 {
         let (y, x) = (f64::from(k) * std::f64::consts::PI / 40_000.0).sin_cos();
@@ -112,7 +112,7 @@ fn arctangent_is_that_of_std() {
 }
 
 #[test]
-fn arctangent_is_the_same_in_all_widths() {
+fn arctangent_is_equal_in_all_widths() {
     let slopes: Vec<f64> = magnitudes().into_iter().flat_map(|x| [x, -x]).collect();
     for y in [0.0, 1e-200, 1e-3, 1.0, 1e200, f64::INFINITY] {
         let scalar: Vec<f64> = slopes.iter().map(|&x| atan2_positive(y, x)).collect();
@@ -126,7 +126,7 @@ fn arctangent_is_the_same_in_all_widths() {
 const ODD: [f64; EIGHT] = [0.0, -0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1.5, -2.5, f64::MIN_POSITIVE];
 
 #[test]
-fn operations_on_odd_numbers_are_the_same_in_all_widths() {
+fn operations_on_special_values_are_equal_in_all_widths() {
     for a in ODD {
         let compare = |name: &str, scalar: fn(f64, f64) -> f64, wide: Vec<Vec<f64>>| {
             let expected: Vec<f64> = ODD.iter().map(|&x| scalar(x, a)).collect();
@@ -150,7 +150,7 @@ fn operations_on_odd_numbers_are_the_same_in_all_widths() {
 }
 
 #[test]
-fn multiply_adds_round_once() {
+fn fused_multiply_adds_round_once() {
     let x = 1.0 + f64::EPSILON;
     // What rounding took off the product is left if nothing rounds twice.
     let product = x * x;
@@ -171,7 +171,7 @@ fn to_nalgebra(q: Quat<f64>) -> UnitQuaternion<f64> {
 }
 
 #[test]
-fn turning_is_that_of_nalgebra() {
+fn turning_equals_that_of_nalgebra() {
     let axis = Vector3::new(0.3, -0.7, 0.5).normalize();
     let start = UnitQuaternion::from_euler_angles(0.4, -1.1, 2.3);
     let quat = Quat { w: start.w, v: vec3(&start.imag()) };
@@ -192,7 +192,7 @@ fn turning_is_that_of_nalgebra() {
 }
 
 #[test]
-fn rotating_is_that_of_nalgebra() {
+fn rotation_equals_that_of_nalgebra() {
     let attitude = UnitQuaternion::from_euler_angles(0.4, -1.1, 2.3);
     let rotation = Quat { w: attitude.w, v: vec3(&attitude.imag()) }.rotation();
     let (a, b) = (Vector3::new(1.0, -2.0, 3.0), Vector3::new(0.5, 0.25, -4.0));
@@ -214,7 +214,7 @@ cells! {
 }
 
 #[test]
-fn a_lane_that_is_put_in_comes_out_and_leaves_the_others() {
+fn lanes_round_trip_without_changing_others() {
     let numbers = |i: usize| {
         let x = i as f64 + 0.125;
         Numbers { one: x, three: [10.0 * x, -x, 1.0 / x] }

@@ -1,8 +1,8 @@
 //! The ball: one massive link with a sphere around its center of mass.
 
+use super::checked::{Checked, TOLERANCE};
 use super::shape::{Shape, spheres_and_cylinders};
 use super::tree::Tree;
-use super::{Checked, TOLERANCE};
 use nalgebra::Matrix3;
 
 /// What the ball's URDF says.

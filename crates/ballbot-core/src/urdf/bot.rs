@@ -1,10 +1,10 @@
 //! The bot: a body symmetric about its mast, on three equal wheels.
 
+use super::checked::{Checked, TOLERANCE};
 use super::mass::RigidMass;
 use super::placement::Placement;
 use super::tree::Tree;
 use super::wheel::Wheel;
-use super::{Checked, TOLERANCE};
 use nalgebra::{Matrix3, Point3};
 use std::slice;
 

@@ -1,6 +1,6 @@
 //! Mass, center of mass and inertia of rigid parts.
 
-use super::Checked;
+use super::checked::Checked;
 use super::numbers::{finite, pose};
 use nalgebra::{Isometry3, Matrix3, Point3};
 use urdf_rs::Link;

@@ -15,6 +15,7 @@
 
 mod ball;
 mod bot;
+mod checked;
 mod mass;
 mod numbers;
 mod placement;
@@ -25,16 +26,10 @@ mod wheel;
 
 pub use visual::{Visual, VisualLink, VisualShape, visuals_from_urdf};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::params::Params;
-use std::fs;
+use checked::{read_file, refuse};
 use std::path::Path;
-
-/// A value, or the reason why the file it comes from is refused; [`read_params`] adds which file that is.
-type Checked<T> = std::result::Result<T, String>;
-
-/// Largest position error, m, and largest error of a direction, that count as rounding in a file.
-const TOLERANCE: f64 = 1e-6;
 
 /// Parameters of the ballbot described by the files `bot` and `ball`.
 ///
@@ -42,16 +37,6 @@ const TOLERANCE: f64 = 1e-6;
 /// [`Error::Io`] for a file that cannot be read; those of [`params_from_urdf_text`], naming the file.
 pub fn params_from_urdf(bot: &Path, ball: &Path) -> Result<Params> {
     read_params((&bot.display().to_string(), &read_file(bot)?), (&ball.display().to_string(), &read_file(ball)?))
-}
-
-fn read_file(path: &Path) -> Result<String> {
-    fs::read_to_string(path).map_err(|source| Error::Io { path: path.into(), source })
-}
-
-/// Why the file named `label` is refused.
-fn refuse(label: &str) -> impl Fn(String) -> Error {
-    let file = label.to_owned();
-    move |reason| Error::Urdf { file: file.clone(), reason }
 }
 
 /// Parameters of the ballbot described by the texts `bot` and `ball`.

@@ -1,6 +1,6 @@
 //! Numbers of a URDF that must be finite.
 
-use super::Checked;
+use super::checked::Checked;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use urdf_rs::Pose;
 

@@ -1,7 +1,7 @@
 //! Where three wheels stand on a ball: the ball center on the mast, the zenith and the azimuths.
 
+use super::checked::{Checked, TOLERANCE};
 use super::wheel::Wheel;
-use super::{Checked, TOLERANCE};
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::TAU;
 

@@ -1,6 +1,6 @@
 //! Round shapes of links: what tells the radius of the ball and of the wheels.
 
-use super::Checked;
+use super::checked::Checked;
 use super::numbers::{finite, pose};
 use super::tree::Tree;
 use nalgebra::{Point3, Vector3};

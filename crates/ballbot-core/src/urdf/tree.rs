@@ -1,6 +1,6 @@
 //! The links of a URDF as a tree: where they are, and which joint turns them.
 
-use super::Checked;
+use super::checked::Checked;
 use super::mass::RigidMass;
 use super::numbers::pose;
 use nalgebra::Isometry3;

@@ -1,9 +1,9 @@
 //! What a URDF shows: its visual shapes, where the simulated robot has them.
 
 use super::bot::Bot;
+use super::checked::{Checked, read_file, refuse};
 use super::numbers::pose;
 use super::tree::Tree;
-use super::{Checked, read_file, refuse};
 use crate::error::Result;
 use crate::params::Params;
 use nalgebra::{Isometry3, Translation3, Vector3};

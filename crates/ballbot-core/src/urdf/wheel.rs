@@ -1,10 +1,10 @@
 //! One wheel of the bot: its axle, its round shape, its mass and its joint's dynamics.
 
+use super::checked::{Checked, TOLERANCE};
 use super::mass::RigidMass;
 use super::numbers::finite;
 use super::shape::{Shape, spheres_and_cylinders};
 use super::tree::Tree;
-use super::{Checked, TOLERANCE};
 use nalgebra::{Matrix3, Point3, Vector3};
 use std::f64::consts::TAU;
 use urdf_rs::{Joint, JointType};

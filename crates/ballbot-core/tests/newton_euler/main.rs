@@ -109,7 +109,7 @@ proptest! {
 
 /// The comparison sees what it should: each of these is a term that a derivation may lose.
 #[test]
-fn a_missing_term_is_seen() {
+fn missing_terms_are_detected() {
     let params = Params { ball_viscous_friction: 1.0, wheel_viscous_friction: 1e-3, ..Params::paper() };
     let start = Start {
         tilt: [0.3, -0.2].into(),

@@ -25,7 +25,7 @@ fn config(model: ModelKind) -> EnvConfig<Shuttle> {
         model,
         max_episode_steps: 45,
         max_wheel_torque: Some(0.5),
-        task: Shuttle { interval: 10.0, track: 0.009, fall_tilt: 0.2, ..Shuttle::default() },
+        task: Shuttle { interval: 10.0, track: 0.0105, fall_tilt: 0.2, ..Shuttle::default() },
         ..EnvConfig::default()
     }
 }
@@ -246,7 +246,7 @@ fn registered_tasks_are_configured_by_name() {
         ("max_episode_steps", &[45.0][..]),
         ("max_wheel_torque", &[0.5]),
         ("interval", &[10.0]),
-        ("track", &[0.009]),
+        ("track", &[0.0105]),
         ("fall_tilt", &[0.2]),
         ("reset_tilt", &[0.04, 0.01]),
         ("scale_observations", &[0.0]),

@@ -57,7 +57,7 @@ proptest! {
 
     /// But for the error of RK4, which is of fourth order.
     #[test]
-    fn exact_models_gain_none(params in any_robot(), start in any_start(0.5, 1.0)) {
+    fn exact_models_never_gain_energy(params in any_robot(), start in any_start(0.5, 1.0)) {
         let params = Params { wheel_coulomb_friction: 0.0, ..params };
         let state = start.of(&params);
         for kind in [ModelKind::Planar, ModelKind::Spatial] {
@@ -69,7 +69,7 @@ proptest! {
 
     /// And lose none without friction: what the error of a step may add or take.
     #[test]
-    fn exact_models_keep_it(params in any_robot(), start in any_start(0.5, 1.0)) {
+    fn exact_models_conserve_energy(params in any_robot(), start in any_start(0.5, 1.0)) {
         let params = without_losses(&params);
         let state = start.of(&params);
         for kind in [ModelKind::Planar, ModelKind::Spatial] {
@@ -85,7 +85,7 @@ proptest! {
     /// Rolling, slipping and falling over. Rapier's contacts give way before they hold, and give that back. Of thousands of
     /// other robots the worst exceeded these limits tenfold, by their fall on the floor.
     #[test]
-    fn contacts_add_none(params in any_robot(), start in any_start(0.3, 0.5), slip in any_slip()) {
+    fn contacts_add_no_energy(params in any_robot(), start in any_start(0.3, 0.5), slip in any_slip()) {
         let slip = Slip { lift: [0.0; 2], ..slip };
         for state in [start.of(&params), slip.of(&params, &start)] {
             for (kind, limit) in [(ModelKind::Contact, 1e-4), (ModelKind::Rigid, 1e-2)] {
@@ -97,7 +97,7 @@ proptest! {
 
     /// A heavy bot that lands on a light ball takes more sweeps than there are: it sinks in, and to take it out is work.
     #[test]
-    fn landings_add_little(params in any_robot(), start in any_start(0.3, 0.5), slip in any_slip()) {
+    fn landings_add_little_energy(params in any_robot(), start in any_start(0.3, 0.5), slip in any_slip()) {
         let state = slip.of(&params, &start);
         for (kind, limit) in [(ModelKind::Contact, 0.01), (ModelKind::Rigid, 0.02)] {
             let rise = rise(kind, &params, &state, 0.005).unwrap_or(0.0);

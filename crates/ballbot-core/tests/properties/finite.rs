@@ -9,7 +9,7 @@ proptest! {
     #![proptest_config(cases(60))]
 
     #[test]
-    fn numbers_are_finite_or_the_robot_says_that_it_diverged(
+    fn numbers_are_finite_or_divergence_is_reported(
         params in any_robot(),
         start in any_start(1.0, 3.0),
         drive in any_drive(20.0, 6, 20),

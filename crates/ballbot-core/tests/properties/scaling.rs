@@ -102,7 +102,7 @@ proptest! {
     #![proptest_config(cases(80))]
 
     #[test]
-    fn exact_models_have_no_units(motion in any_motion(0.3, 0.5, 0.5), units in any_units(0..=2)) {
+    fn exact_models_are_scale_invariant(motion in any_motion(0.3, 0.5, 0.5), units in any_units(0..=2)) {
         for kind in [ModelKind::Planar, ModelKind::Spatial] {
             let off = off(kind, run, &motion, units, COARSE);
             prop_assert!(off <= 1e-11, "{kind}: off by {off:e}");
@@ -111,13 +111,13 @@ proptest! {
 
     /// With slip and lift-off, but away from the floor, which it looks out for from 2 mm on.
     #[test]
-    fn contact_has_no_units_at_long_steps(motion in any_motion(0.1, 0.3, 1.5), units in any_units(0..=2)) {
+    fn contact_is_scale_invariant_at_long_steps(motion in any_motion(0.1, 0.3, 1.5), units in any_units(0..=2)) {
         let off = off(ModelKind::Contact, run_upright, &motion, units, COARSE);
         prop_assert!(off <= 1e-11, "off by {off:e}");
     }
 
     #[test]
-    fn contact_has_no_length_and_mass(motion in any_motion(0.1, 0.3, 1.5), units in any_units(Just(0))) {
+    fn contact_is_invariant_under_scaling_of_length_and_mass(motion in any_motion(0.1, 0.3, 1.5), units in any_units(Just(0))) {
         let off = off(ModelKind::Contact, run_upright, &motion, units, FINE);
         prop_assert!(off <= 1e-11, "off by {off:e}");
     }
@@ -128,21 +128,21 @@ proptest! {
 
     /// At short steps it removes overlap at 100 1/s.
     #[test]
-    fn contact_has_a_time(motion in any_motion(0.1, 0.2, 0.1), units in any_units(0..=2)) {
+    fn contact_depends_on_the_time_scale(motion in any_motion(0.1, 0.2, 0.1), units in any_units(0..=2)) {
         let off = off(ModelKind::Contact, run_with_grip, &motion, units, FINE);
         prop_assert!(off <= 5e-3, "off by {off:e}");
     }
 
     /// The rows of its wheels hold by a viscosity in N/(m/s), and its contacts are as soft as 200 Hz.
     #[test]
-    fn rigid_has_a_mass_and_a_time(motion in any_motion(0.1, 0.2, 0.1), units in any_units(0..=2)) {
+    fn rigid_depends_on_the_scales_of_mass_and_time(motion in any_motion(0.1, 0.2, 0.1), units in any_units(0..=2)) {
         let off = off(ModelKind::Rigid, run_with_grip, &motion, units, FINE);
         let limit = if units.time == 1.0 { 1e-4 } else { 2e-2 };
         prop_assert!(off <= limit, "off by {off:e}");
     }
 
     #[test]
-    fn rigid_hardly_has_a_length_while_it_has_grip(motion in any_motion(0.1, 0.2, 0.1), length in -2..=2) {
+    fn rigid_is_scale_invariant_without_slip(motion in any_motion(0.1, 0.2, 0.1), length in -2..=2) {
         let units = Units { length: 2.0_f64.powi(length), mass: 1.0, time: 1.0 };
         let off = off(ModelKind::Rigid, run_with_grip, &motion, units, FINE);
         prop_assert!(off <= 1e-5, "off by {off:e}");

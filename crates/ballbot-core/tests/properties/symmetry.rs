@@ -77,7 +77,7 @@ proptest! {
     #![proptest_config(cases(60))]
 
     #[test]
-    fn no_wheel_of_the_exact_models_is_the_first(
+    fn exact_models_are_invariant_under_wheel_permutation(
         params in any_round_robot(), start in any_start(0.3, 0.5), drive in any_drive(0.5, 4, 50),
     ) {
         // Dry friction that builds up within 0.05 rad/s is stiff and blows up rounding.
@@ -90,7 +90,7 @@ proptest! {
 
     /// With slip and falls: the mirror turns every number's sign at most, and the order of wheels and rows stays.
     #[test]
-    fn a_mirror_image_moves_as_one(
+    fn motion_is_invariant_under_reflection(
         params in any_robot(), start in any_start(0.3, 0.5), drive in any_drive(1.5, 4, 50),
     ) {
         for kind in [ModelKind::Planar, ModelKind::Spatial, ModelKind::Contact] {
@@ -101,7 +101,7 @@ proptest! {
 
     /// Rapier rounds otherwise where it turns frames, which slip may blow up.
     #[test]
-    fn a_rigid_mirror_image_moves_as_one_while_it_has_grip(
+    fn rigid_is_invariant_under_reflection_without_slip(
         params in any_robot(), start in any_start(0.1, 0.2), drive in any_drive(0.1, 20, 10),
     ) {
         let off = off_in_mirror(ModelKind::Rigid, run_with_grip, &params, &start, &drive);
@@ -115,7 +115,7 @@ proptest! {
     /// Sweeps go from wheel to wheel and end before the last of it has gone; with slip, which wheel lets go first may hang
     /// on it, so only while they have grip.
     #[test]
-    fn sweeps_hardly_show_which_wheel_is_the_first(
+    fn contact_is_nearly_invariant_under_wheel_permutation(
         params in any_round_robot(), start in any_start(0.1, 0.2), drive in any_drive(0.1, 20, 10),
     ) {
         for (kind, limit) in [(ModelKind::Contact, 5e-3), (ModelKind::Rigid, 2e-2)] {

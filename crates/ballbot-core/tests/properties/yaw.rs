@@ -42,7 +42,7 @@ proptest! {
     #![proptest_config(cases(100))]
 
     #[test]
-    fn the_spatial_model_knows_no_direction(
+    fn spatial_is_invariant_under_yaw(
         params in any_robot(),
         start in any_start(0.3, 0.5),
         angle in 0.0..TAU,
@@ -56,7 +56,7 @@ proptest! {
 
     /// Its planes are the inertial ones, so only quarter turns map it to itself.
     #[test]
-    fn the_planar_model_knows_its_two_planes_alone(
+    fn planar_is_invariant_under_quarter_turns(
         params in any_round_robot(),
         start in any_start(0.3, 0.5),
         quarters in 1..4,
@@ -74,7 +74,7 @@ proptest! {
     /// Where a heavy bot stands on a light ball, rounding may decide whether its sweeps have settled: of a hundred robots one
     /// is 2e-4 off, the others 1e-7 at most.
     #[test]
-    fn the_contact_model_knows_no_direction_while_it_has_grip(
+    fn contact_is_invariant_under_yaw_without_slip(
         params in any_robot(),
         start in any_start(0.1, 0.2),
         angle in 0.0..TAU,
@@ -87,7 +87,7 @@ proptest! {
     /// With slip, lift-off and falls: its friction is a disc, and its sweeps are the same along any axes. A heavy bot whose
     /// wheels all slip moves as chaos does, and rounding grows with it a millionfold in 20 ms: the same cases, without such.
     #[test]
-    fn the_contact_model_knows_no_direction(
+    fn contact_is_invariant_under_yaw(
         params in any_robot(),
         start in any_start(0.3, 0.5),
         angle in 0.0..TAU,
@@ -99,7 +99,7 @@ proptest! {
 
     /// Rapier's friction has axes of its own, and its solver does not go on until they no longer show.
     #[test]
-    fn the_rigid_model_hardly_knows_a_direction_while_it_has_grip(
+    fn rigid_is_nearly_invariant_under_yaw_without_slip(
         params in any_robot(),
         start in any_start(0.1, 0.2),
         angle in 0.0..TAU,

@@ -5,7 +5,7 @@ use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::{Model, Params, State};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
-fn toppled_robot_comes_to_lie_on_the_floor(simulation: Simulation) {
+fn toppled_robots_fall_to_the_floor(simulation: Simulation) {
     let mut robot = simulation.paper();
     robot.reset(&State::tilted(&Params::paper(), Vector2::new(0.2, 0.1), 0.0)).unwrap();
     let start = robot.energy();
@@ -21,7 +21,7 @@ fn toppled_robot_comes_to_lie_on_the_floor(simulation: Simulation) {
     assert!(state.body_angular_velocity.norm() < 1.0, "still tumbling: {state:?}");
 }
 
-fn a_bot_in_the_floor_is_refused(simulation: Simulation) {
+fn bots_in_the_floor_are_refused(simulation: Simulation) {
     let params = Params::paper();
     let mut robot = simulation.robot(&params, 1e-3);
     for (tilt, part) in [(2.0, "body"), (3.1, "body")] {
@@ -66,7 +66,7 @@ fn fall(robot: &mut dyn Model, degrees: f64) -> (usize, Vec<State>) {
 }
 
 #[test]
-fn falling_robots_touch_the_floor_alike() {
+fn floor_impacts_of_falling_robots_agree() {
     for degrees in [5.0, 7.5, 10.0] {
         let [(expected, rigid), (found, contact)] =
             [Simulation::Rigid, Simulation::Contact].map(|s| fall(s.paper().as_mut(), degrees));
@@ -90,7 +90,7 @@ fn falling_robots_touch_the_floor_alike() {
     }
 }
 
-fn a_fallen_robot_comes_to_rest_on_the_floor(simulation: Simulation) {
+fn fallen_robots_come_to_rest_on_the_floor(simulation: Simulation) {
     let params = Params::paper();
     // Rapier takes overlap out of the impact with velocity, and so with energy, that `contact` does not get into.
     let (rise_limit, impact_depth, depth) = simulation.pick((2e-4, 4e-4, 2e-5), (2e-7, 2e-5, 1e-7));
@@ -119,7 +119,7 @@ fn a_fallen_robot_comes_to_rest_on_the_floor(simulation: Simulation) {
 }
 
 #[test]
-fn fallen_robots_lie_alike() {
+fn rest_poses_of_fallen_robots_agree() {
     for degrees in [5.0, 10.0, 20.0] {
         let [r, c] = [Simulation::Rigid, Simulation::Contact].map(|simulation| {
             let mut robot = simulation.paper();
@@ -137,7 +137,7 @@ fn fallen_robots_lie_alike() {
 /// The floor's friction opposes the slip of what lies on it, along whichever axes it is counted; `contact` alone, since
 /// rapier's friction knows its own axes.
 #[test]
-fn a_fallen_robot_slides_the_same_way_in_all_directions() {
+fn sliding_of_fallen_robots_is_isotropic() {
     // A bot that turns more easily about one axis than about the other, as seen from the point that it slides on.
     let params = Params { body_inertia: [0.0583, 0.03, 0.0337], ..Params::paper() };
     let fallen = |yaw: f64| {
@@ -161,8 +161,4 @@ fn a_fallen_robot_slides_the_same_way_in_all_directions() {
     }
 }
 
-for_both!(
-    toppled_robot_comes_to_lie_on_the_floor,
-    a_bot_in_the_floor_is_refused,
-    a_fallen_robot_comes_to_rest_on_the_floor,
-);
+for_both!(toppled_robots_fall_to_the_floor, bots_in_the_floor_are_refused, fallen_robots_come_to_rest_on_the_floor,);

@@ -18,7 +18,7 @@ fn sticky_wheels(floor: f64) -> Params {
 }
 
 /// Horizontal over vertical floor force while virtual torques about a horizontal axis make the ball slip.
-fn floor_friction_is_the_same_in_all_directions(simulation: Simulation) {
+fn floor_friction_is_isotropic(simulation: Simulation) {
     let params = sticky_wheels(0.05);
     let wheels = Omniwheels::new(&params);
     let mut worst = 0.0_f64;
@@ -89,7 +89,7 @@ fn slipping_wheel_spins_up_at_the_closed_form_rate(simulation: Simulation) {
     assert!((found / expected - 1.0).abs() < limit, "spins up at {found} rad/s², expected {expected}");
 }
 
-fn static_friction_holds_what_dynamic_friction_does_not(simulation: Simulation) {
+fn static_friction_holds_beyond_dynamic_friction(simulation: Simulation) {
     let params = Params { wheel_static_friction: 0.6, wheel_dynamic_friction: 0.3, ..Params::paper() };
     let slip = |torque: f64, kick: f64| {
         let mut robot = simulation.robot(&params, 1e-3);
@@ -122,9 +122,9 @@ fn wheels_that_slip_keep_their_loads(simulation: Simulation) {
 }
 
 for_both!(
-    floor_friction_is_the_same_in_all_directions,
+    floor_friction_is_isotropic,
     wheels_slip_at_the_coulomb_limit_whatever_the_yaw,
     slipping_wheel_spins_up_at_the_closed_form_rate,
-    static_friction_holds_what_dynamic_friction_does_not,
+    static_friction_holds_beyond_dynamic_friction,
     wheels_that_slip_keep_their_loads,
 );

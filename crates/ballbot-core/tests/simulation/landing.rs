@@ -115,7 +115,7 @@ fn dropped(simulation: Simulation) -> (Box<dyn Model>, f64, f64) {
 }
 
 #[test]
-fn dropped_robots_land_alike() {
+fn landings_of_dropped_robots_agree() {
     let params = Params::paper();
     let [(rigid, rigid_lost, rigid_rise), (contact, lost, rise)] =
         [Simulation::Rigid, Simulation::Contact].map(dropped);

@@ -6,7 +6,7 @@ use ballbot_core::models::SpatialMotion;
 use ballbot_core::{Model, Params, State};
 use nalgebra::{Vector2, Vector3};
 
-fn a_push_changes_the_momentum_by_its_impulse(simulation: Simulation) {
+fn pushes_change_the_momentum_by_their_impulse(simulation: Simulation) {
     let params = Params::paper();
     let mut robot = simulation.robot(&params, 1e-3);
     let mut state = State::tilted(&params, Vector2::new(0.4, -0.7), 1.1);
@@ -45,7 +45,7 @@ fn rate_after_push(robot: &mut dyn Model, impulse: &Vector3<f64>) -> Vector3<f64
     robot.state().body_angular_velocity
 }
 
-fn a_push_turns_the_body_as_it_turns_that_of_the_spatial_model(simulation: Simulation) {
+fn rotation_after_a_push_is_that_of_the_spatial_model(simulation: Simulation) {
     for impulse in [Vector3::new(0.02, 0.0, 0.0), Vector3::new(0.0, 0.02, 0.0)] {
         let expected = rate_after_push(&mut SpatialMotion::new(&Params::paper(), 1e-3), &impulse);
         let found = rate_after_push(simulation.paper().as_mut(), &impulse);
@@ -55,7 +55,7 @@ fn a_push_turns_the_body_as_it_turns_that_of_the_spatial_model(simulation: Simul
     }
 }
 
-fn a_push_of_nothing_changes_nothing(simulation: Simulation) {
+fn zero_pushes_change_nothing(simulation: Simulation) {
     let after = |pushed: bool| {
         let mut robot = simulation.paper();
         run(robot.as_mut(), [0.02, -0.01, 0.0], 100);
@@ -69,7 +69,7 @@ fn a_push_of_nothing_changes_nothing(simulation: Simulation) {
 }
 
 for_both!(
-    a_push_changes_the_momentum_by_its_impulse,
-    a_push_turns_the_body_as_it_turns_that_of_the_spatial_model,
-    a_push_of_nothing_changes_nothing,
+    pushes_change_the_momentum_by_their_impulse,
+    rotation_after_a_push_is_that_of_the_spatial_model,
+    zero_pushes_change_nothing,
 );

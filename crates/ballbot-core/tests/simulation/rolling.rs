@@ -87,7 +87,7 @@ fn wheels_turn_with_the_ball_and_the_ball_rolls_without_drift(simulation: Simula
     assert!(deepest <= depth, "penetration {deepest} m");
 }
 
-fn viscous_floor_friction_takes_the_power_it_should(simulation: Simulation) {
+fn power_of_viscous_floor_friction_has_its_closed_form(simulation: Simulation) {
     let params = Params { ball_viscous_friction: 5.0, ..Params::paper() };
     let mut exact = SpatialMotion::new(&params, 1e-3);
     let mut simulated = simulation.robot(&params, 1e-3);
@@ -104,5 +104,5 @@ fn viscous_floor_friction_takes_the_power_it_should(simulation: Simulation) {
 for_both!(
     motion_without_slip_is_that_of_the_spatial_model_and_converges_to_it,
     wheels_turn_with_the_ball_and_the_ball_rolls_without_drift,
-    viscous_floor_friction_takes_the_power_it_should,
+    power_of_viscous_floor_friction_has_its_closed_form,
 );

@@ -4,10 +4,10 @@
 //! over these contacts, on the velocities themselves, in turns with the rows' sweeps.
 
 use super::constants::Constants;
+use super::phases::{self, Start};
 use super::rows::{Rows, allowance};
 use super::solve::{Delassus, Friction, JointFriction, in_disc};
 use super::state::{ContactState, Torques};
-use super::step::{self, Start};
 use super::types::{PerRow, Velocities};
 use crate::lanes::{Lane, Rotation, Scalar, Value, Vec3};
 
@@ -54,19 +54,19 @@ pub fn near<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, token: L::
 #[inline(always)]
 pub fn step(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torques<f64>) {
     let start = Start::new(c, Scalar, state);
-    let free = step::free_velocities(c, Scalar, state, &start, torques);
+    let free = phases::free_velocities(c, Scalar, state, &start, torques);
     let mut contacts = Contacts {
         c,
         rows: &start.rows,
         delassus: Delassus::new::<true>(c, &start.rows),
-        friction: step::friction(c, &start.rows, &start.velocities),
+        friction: phases::friction(c, &start.rows, &start.velocities),
         joint_friction: JointFriction::new(c, 0.0),
         impulses: state.impulses(Scalar),
         free,
     };
     let on_floor = contacts.solve(&mut points(c, &start), &mut BallOnBody::new(c, &start));
     let on_floor = if on_floor { 1.0 } else { 0.0 };
-    step::finish::<f64, f64, true>(c, Scalar, state, &start, (contacts.free, contacts.impulses), on_floor);
+    phases::finish::<f64, f64, true>(c, Scalar, state, &start, (contacts.free, contacts.impulses), on_floor);
 }
 
 /// A robot's rows, and its velocities without their impulses but with those of the contacts of this module.

@@ -10,6 +10,7 @@ mod body_contacts;
 mod constants;
 mod lanes;
 mod motion;
+mod phases;
 mod readout;
 mod rows;
 mod solve;

@@ -4,13 +4,12 @@
 mod flops;
 
 use super::body_contacts;
-use super::constants::{Constants, InLanes, at3};
-use super::rows::{Rows, encoder_rate};
-use super::solve::{Delassus, Friction, JointFriction, MOST_SWEEPS, SWEEPS};
+use super::constants::{Constants, InLanes};
+use super::phases::{Start, finish, free_velocities, friction};
+use super::solve::{Delassus, JointFriction, MOST_SWEEPS, SWEEPS};
 use super::state::{ContactState, Torques};
-use super::types::{PerRow, Pose, Velocities, select3};
-use crate::lanes::{EIGHT, Eight, Lane, Rotation, Scalar, Value, Vec3, Wide, run_one};
-use crate::sim::friction::stribeck;
+use super::types::{PerRow, select3};
+use crate::lanes::{EIGHT, Eight, Lane, Scalar, Value, Wide, run_one};
 use fearless_simd::Simd;
 
 /// Advances one robot by `steps` time steps under constant torques.
@@ -87,24 +86,6 @@ fn step<L: Lane, V: Value<L>>(
     true
 }
 
-/// The robot at the start of a step.
-pub struct Start<L> {
-    pub pose: Pose<L>,
-    pub velocities: Velocities<L>,
-    pub rotation: Rotation<L>,
-    pub rows: Rows<L>,
-}
-
-impl<L: Lane> Start<L> {
-    #[inline(always)]
-    pub fn new<V: Value<L>>(c: &Constants<V>, token: L::Token, state: &ContactState<L::Cell>) -> Self {
-        let pose = state.pose::<L>(token);
-        let rotation = pose.body_quaternion.rotation();
-        let rows = Rows::new(c, &rotation, pose.ball, pose.body);
-        Self { velocities: state.velocities(token), rows, rotation, pose }
-    }
-}
-
 #[inline(always)]
 fn step_on_ball<L: Lane, V: Value<L>, const JOINTS: bool>(
     c: &Constants<V>,
@@ -140,115 +121,4 @@ fn step_on_ball<L: Lane, V: Value<L>, const JOINTS: bool>(
         sweeps += 1;
     }
     finish::<L, V, JOINTS>(c, token, state, start, (free, impulses), free.ball.x.zero());
-}
-
-/// Applies the impulses, moves the robot and writes where it is.
-#[inline(always)]
-pub fn finish<L: Lane, V: Value<L>, const JOINTS: bool>(
-    c: &Constants<V>,
-    token: L::Token,
-    state: &mut ContactState<L::Cell>,
-    start: &Start<L>,
-    (mut velocities, impulses): (Velocities<L>, PerRow<L>),
-    on_floor: L,
-) {
-    start.rows.apply::<JOINTS, V>(c, &impulses, &mut velocities);
-    let pose = moved(c, &start.pose, &velocities);
-    state.take(token, &pose, &velocities, &impulses, on_floor);
-    (L::load(token, &state.steps) + 1.0).store(&mut state.steps);
-    let zero = on_floor.zero();
-    for cell in &mut state.push {
-        zero.store(cell);
-    }
-}
-
-/// Friction coefficients at the present slip.
-#[inline(always)]
-pub fn friction<L: Lane, V: Value<L>>(c: &Constants<V>, rows: &Rows<L>, v: &Velocities<L>) -> Friction<L> {
-    let like = v.ball.x;
-    let (wheel_static, wheel_dynamic) = (c.wheel_static_friction.at(like), c.wheel_dynamic_friction.at(like));
-    let (floor_static, floor_dynamic) = (c.floor_static_friction.at(like), c.floor_dynamic_friction.at(like));
-    let mut out = Friction { wheels: [wheel_dynamic; 3], floor: floor_dynamic };
-    let scale = c.critical_velocity_inverse_squared.at(like);
-    // The law gives exactly the dynamic coefficient where the static one is equal, so lanes without it keep their bits.
-    if L::any(wheel_dynamic.lt(wheel_static)) {
-        for i in 0..3 {
-            let slip = rows.slip_speed(c, v, i).squared() * scale;
-            out.wheels[i] = stribeck(wheel_static, wheel_dynamic, slip);
-        }
-    }
-    if L::any(floor_dynamic.lt(floor_static)) {
-        let [x, y] = rows.floor_slip(c, v);
-        let slip = x.mul_add(x, y.squared()) * scale;
-        out.floor = stribeck(floor_static, floor_dynamic, slip);
-    }
-    out
-}
-
-/// Velocities at the end of the step if nothing touched.
-#[inline(always)]
-pub fn free_velocities<L: Lane, V: Value<L>>(
-    c: &Constants<V>,
-    token: L::Token,
-    state: &ContactState<L::Cell>,
-    start: &Start<L>,
-    torques: &Torques<L::Cell>,
-) -> Velocities<L> {
-    let before = &start.velocities;
-    let like = before.ball.x;
-    let [px, py, pz, ax, ay, az] = &state.push;
-    let impulse = Vec3::new(L::load(token, px), L::load(token, py), L::load(token, pz));
-    let angular_impulse = Vec3::new(L::load(token, ax), L::load(token, ay), L::load(token, az));
-
-    let mut reaction = Vec3::zero(like);
-    let mut spin_momentum = reaction;
-    let torques = Vec3::load(token, torques);
-    let wheel = [torques.x, torques.y, torques.z];
-    for (i, torque) in wheel.into_iter().enumerate() {
-        let u = c.u(i, like);
-        reaction = reaction.plus(u, torque);
-        spin_momentum = spin_momentum.plus(u, before.spins[i] * c.wheel_inertia.at(like));
-    }
-    // Euler's equations at the midpoint of the step: an explicit step would pump energy into a tumbling body.
-    let explicit = gyroscopic(c, spin_momentum, before.body_rate).scaled_by(at3(c.body_inertia_inverse, like));
-    let midpoint = gyroscopic(c, spin_momentum, before.body_rate.plus(explicit, c.half_dt.at(like)));
-    let body_angular_impulse =
-        start.rotation.apply_transposed(angular_impulse).plus(reaction + midpoint, c.sim_dt.at(like));
-
-    let (drag, fall) = (c.ball_drag.at(like), c.gravity_dt.at(like));
-    let body = before.body.plus(impulse, c.body_mass_inverse.at(like));
-    let spin = c.wheel_dt_inverse_inertia.at(like);
-    Velocities {
-        ball: Vec3::new(before.ball.x * drag, before.ball.y * drag, before.ball.z - fall),
-        ball_rate: before.ball_rate,
-        body: Vec3::new(body.x, body.y, body.z - fall),
-        body_rate: before.body_rate + body_angular_impulse.scaled_by(at3(c.body_inertia_inverse, like)),
-        spins: [
-            wheel[0].mul_add(spin, before.spins[0]),
-            wheel[1].mul_add(spin, before.spins[1]),
-            wheel[2].mul_add(spin, before.spins[2]),
-        ],
-    }
-}
-
-/// Torque of the body's own rotation and the wheels' spins on it, body frame.
-#[inline(always)]
-fn gyroscopic<L: Lane, V: Value<L>>(c: &Constants<V>, spin_momentum: Vec3<L>, rate: Vec3<L>) -> Vec3<L> {
-    (rate.scaled_by(at3(c.body_inertia, rate.x)) - spin_momentum).cross(rate)
-}
-
-#[inline(always)]
-fn moved<L: Lane, V: Value<L>>(c: &Constants<V>, pose: &Pose<L>, v: &Velocities<L>) -> Pose<L> {
-    let (dt, half) = (c.sim_dt.at(v.ball.x), c.half_dt.at(v.ball.x));
-    Pose {
-        ball: pose.ball.plus(v.ball, dt),
-        ball_quaternion: pose.ball_quaternion.turned(v.ball_rate * half),
-        body: pose.body.plus(v.body, dt),
-        body_quaternion: pose.body_quaternion.turned_in_own_frame(v.body_rate * half),
-        wheel_angles: [
-            encoder_rate(c, v, 0).mul_add(dt, pose.wheel_angles[0]),
-            encoder_rate(c, v, 1).mul_add(dt, pose.wheel_angles[1]),
-            encoder_rate(c, v, 2).mul_add(dt, pose.wheel_angles[2]),
-        ],
-    }
 }

@@ -1,8 +1,8 @@
 //! Eight robots in lanes are eight robots alone, to the last bit, with every instruction set of this machine.
 
 use super::constants::LaneConstants;
+use super::phases::Start;
 use super::solve::Delassus;
-use super::step::Start;
 use super::*;
 use crate::lanes::{EIGHT, Eight, Scalar};
 use crate::model::Model;
@@ -290,7 +290,7 @@ fn delassus_matrix_is_the_effect_of_impulses_on_the_rows() {
             *cell = if k == row { 1.0 } else { 0.0 };
         }
         let mut velocities = start.velocities;
-        start.rows.apply::<true>(c, &impulse, &mut velocities);
+        start.rows.apply::<true, f64>(c, &impulse, &mut velocities);
         let after = start.rows.residuals(c, &velocities);
         let mut expected = before;
         delassus.add_effect::<true>(&impulse, &mut expected);

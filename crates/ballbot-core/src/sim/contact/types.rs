@@ -12,7 +12,7 @@ pub struct Pose<L> {
     pub wheel_angles: [L; 3],
 }
 
-/// Velocities of everything that moves; see [`super::Memory`] for the frames.
+/// Velocities of everything that moves; see [`super::state::ContactState`] for the frames.
 #[derive(Clone, Copy)]
 pub struct Velocities<L> {
     pub ball: Vec3<L>,

@@ -1,9 +1,9 @@
 //! Counts the floating-point operations of a step, so that what the documentation says of them stays true.
 
 use super::super::ContactMotion;
-use super::super::constants::Constants;
+use super::super::phases::{Start, free_velocities, friction};
 use super::super::solve::{Delassus, JointFriction};
-use super::{Start, free_velocities, friction, step};
+use super::step;
 use crate::lanes::{Lane, Scalar};
 use crate::model::Model;
 use crate::params::Params;
@@ -173,17 +173,13 @@ fn moving(params: &Params) -> ContactMotion {
     motion
 }
 
-fn counted(c: &Constants<f64>) -> Constants<Counted> {
-    c.map(|value| Counted(*value))
-}
-
 /// Operations of one step; the counted robot moves as it does uncounted, to the last bit.
 fn operations(params: &Params) -> Operations {
     let mut motion = moving(params);
-    let (c, mut memory) = (counted(motion.constants()), motion.memory().clone());
+    let mut memory = motion.memory().clone();
     motion.advance(&TORQUES, 1);
     DONE.set(Operations::default());
-    assert!(step::<Counted>(&c, Scalar, &mut memory, &TORQUES), "the robot has fallen");
+    assert!(step::<Counted, f64>(motion.constants(), Scalar, &mut memory, &TORQUES), "the robot has fallen");
     assert_eq!(&memory, motion.memory());
     DONE.take()
 }
@@ -204,10 +200,10 @@ fn operations_of_a_step_are_as_documented() {
 #[test]
 fn operations_of_a_sweep_are_as_counted_by_hand() {
     let motion = moving(&Params::paper());
-    let (c, memory) = (&counted(motion.constants()), motion.memory());
+    let (c, memory) = (motion.constants(), motion.memory());
     let start = Start::<Counted>::new(c, Scalar, memory);
     let friction = friction(c, &start.rows, &start.velocities);
-    let joint_friction = JointFriction::new(c);
+    let joint_friction = JointFriction::new(c, start.rows.floor_gap);
     let free = free_velocities(c, Scalar, memory, &start, &TORQUES);
     let mut residuals = start.rows.residuals(c, &free);
     let mut impulses = memory.impulses(Scalar);
