@@ -21,6 +21,7 @@ except ModuleNotFoundError:
         "control/test_save.py",
         "docs/test_readme.py",
         "envs/test_front_ends.py",
+        "envs/test_own_task.py",
         "envs/test_reset.py",
         "envs/test_sb3_vec_env.py",
         "media/test_plotting.py",

@@ -116,7 +116,7 @@ class Params:
 
     `body_*` describe everything above the ball: the wheels' mass counts, their inertia about their axles does not.
     Without default: `ball_mass` (kg), `ball_inertia` (about a diameter, kg·m²), `ball_radius` (m), `body_mass` (kg),
-    `body_inertia` (three moments about the body's CoM, kg·m²), `body_com_height` (above the ball centre, m),
+    `body_inertia` (three moments about the body's CoM, kg·m²), `body_com_height` (above the ball center, m),
     `wheel_mass` (kg), `wheel_inertia` (about the axle, kg·m²), `wheel_radius` (m), `wheel_zenith` (rad).
     With default: `wheel_azimuths` (0, 120, 240 deg), `max_wheel_torque` (5 N·m), `gravity` (9.81 m/s²),
     `ball_viscous_friction` (0 N/(m/s)), `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m),
@@ -136,7 +136,7 @@ class Params:
         ball_radius: float,  # r_k, m.
         body_mass: float,  # M_b, body and wheels, kg.
         body_inertia: npt.ArrayLike,  # (J_b, J_b, J_z) about the body's CoM, kg·m².
-        body_com_height: float,  # l, from the ball centre, m.
+        body_com_height: float,  # l, from the ball center, m.
         wheel_mass: float,  # Of one wheel, kg.
         wheel_inertia: float,  # J_w about the axle, kg·m².
         wheel_radius: float,  # r_w, m.
@@ -171,7 +171,7 @@ class Params:
         """(J_b, J_b, J_z) about the body's CoM, kg·m²."""
     @property
     def body_com_height(self) -> float:
-        """l, from the ball centre, m."""
+        """l, from the ball center, m."""
     @property
     def wheel_mass(self) -> float:
         """Of one wheel, kg."""
@@ -301,7 +301,7 @@ class State:
         """A copy with some fields changed."""
     @property
     def ball_position(self) -> _Array:
-        """Ball centre, m."""
+        """Ball center, m."""
     @property
     def ball_quaternion(self) -> _Array:
         """Attitude of the ball."""
@@ -313,7 +313,7 @@ class State:
         """Inertial frame, rad/s."""
     @property
     def body_position(self) -> _Array:
-        """Origin of the body frame, m; the ball centre unless a wheel has lifted off."""
+        """Origin of the body frame, m; the ball center unless a wheel has lifted off."""
     @property
     def body_quaternion(self) -> _Array:
         """Attitude of the body."""
@@ -443,9 +443,10 @@ class Ballbot:
 class SpatialModel:
     """Equations of motion of the coupled 3D robot without slip (Kane's method).
 
-    Generalised velocity: ball velocity x, y (inertial), body angular velocity (body frame) and, with
-    `ball_spins_about_vertical`, the ball's spin about the vertical: 5 or 6 numbers. `absolute_wheel_spin=False` is the
-    paper's wheel energy, in which a wheel's spin counts relative to the body.
+    The defaults are the equations that `Ballbot(model="spatial")` integrates. Generalized velocity: ball velocity x, y
+    (inertial frame, m/s), body angular velocity (body frame, rad/s) and spin of the ball about the vertical (rad/s),
+    shape (6,); shape (5,) without the last with `ball_spins_about_vertical=False`, which constrains that spin to zero.
+    `absolute_wheel_spin=False` is the paper's wheel energy, in which the spin of a wheel counts relative to the body.
     """
 
     def __new__(
@@ -457,7 +458,7 @@ class SpatialModel:
         generalized_velocity: npt.ArrayLike,
         wheel_torques: npt.ArrayLike,
     ) -> _Array:
-        """Derivative of the generalised velocity."""
+        """Derivative of the generalized velocity."""
     def wheel_speeds(self, body_quaternion: npt.ArrayLike, generalized_velocity: npt.ArrayLike) -> _Array:
         """Encoder rates, rad/s."""
     def energy(self, body_quaternion: npt.ArrayLike, generalized_velocity: npt.ArrayLike) -> float:
@@ -860,7 +861,7 @@ class Renderer:
         params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
         urdf: (bot, ball), two files whose visual shapes are shown in place of shapes made from `params`.
         width, height: of the picture, pixels.
-        samples: colour samples a pixel, 1, 2 or 4.
+        samples: color samples a pixel, 1, 2 or 4.
         camera: `target` (three, m), `distance` (m), `azimuth` (rad, counter-clockwise from x), `elevation` (rad),
             `field_of_view` (vertical, rad) and `follows` (the ball; then `target` is relative to its point of
             contact) change the default, which follows the robot.

@@ -10,6 +10,7 @@ import pytest
 
 import ballbot_rs
 from ballbot_rs import _assets
+from tests.support.paths import ASSETS
 
 PACKAGE = Path(ballbot_rs.__file__).parent
 MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
@@ -79,7 +80,7 @@ def test_type_information_is_shipped():
 
 
 def test_a_clone_has_its_own_assets():
-    assets = Path(__file__).parent.parent / "assets"
+    assets = ASSETS
     for name in ("bot.urdf", "ball.urdf", "policies/balance.onnx"):
         assert _assets.path(name) == assets / name
     with pytest.raises(FileNotFoundError, match=r"'robot\.urdf'.*does not exist"):
