@@ -11,7 +11,7 @@ pub const INPUTS: usize = 3;
 
 /// Linear model ẋ = A x + B τ with x = (x, y, tilt_x, tilt_y, yaw, v_x, v_y, Ω_x, Ω_y, Ω_z) in the heading frame. The
 /// ball is free to spin about the vertical, as in eq. (7) of the paper. Its spin is no state: it follows from zero angular
-/// momentum of the robot about the vertical, as for every motion from rest.
+/// momentum of the robot about the vertical, as in motion from rest under motor torques.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearModel {
     /// State matrix A.

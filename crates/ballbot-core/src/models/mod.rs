@@ -22,8 +22,8 @@ use crate::state::{Contacts, State, rolling_rate};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Width of the tanh that regularizes dry friction in the closed-form models, rad/s. Chosen by experiment: far below
-/// the wheel speeds of a balancing robot, wide enough for RK4 at the default time step.
+/// Width of the tanh that regularizes dry friction in the closed-form models, rad/s. Chosen by
+/// experiment.
 const DRY_FRICTION_WIDTH: f64 = 0.05;
 
 /// Largest deviation from rolling without slip of an accepted state, m, m/s and rad/s.

@@ -1,4 +1,17 @@
-//! One time step, and many.
+//! The time step of the contact model. One step, with sections of `docs/derivations.md` in parentheses:
+//!
+//! ```text
+//! rows(pose)                              gaps, normals, drive directions, arms               (Rows)
+//! if a rare contact is near: body_contacts::step, with the same parts and further sweeps      (Rare contacts)
+//! mu   = stribeck(slip(velocities))       friction coefficients at the start of the step      (Friction law)
+//! free = velocities + dt M^-1 forces      gravity, motors, push, drag, gyroscopic torque      (Free velocities)
+//! W    = J M^-1 J^T                       change of row velocities per impulse                (Delassus matrix)
+//! r    = J free + b(gap) + W impulses     residuals with the impulses of the last step        (Warm start)
+//! repeat 4 to 60 times, until the wheel impulses change little:                               (Sweeps)
+//!     for each row k: impulse_k = project(impulse_k - r_k / W_kk); r += W_k change
+//! velocities = free + M^-1 J^T impulses   velocities at the end of the step                   (Sweeps)
+//! pose       = pose + dt velocities       attitudes by rotation vectors                       (Semi-implicit Euler)
+//! ```
 
 #[cfg(test)]
 mod flops;
@@ -32,7 +45,7 @@ fn advance_one(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torq
     }
 }
 
-/// Advances eight robots; each moves as [`advance`] would move it, to the last bit.
+/// Advances eight robots. The result for each is that of [`advance`] to the last bit.
 #[inline(always)]
 pub fn advance_wide<S: Simd, V: InLanes>(
     simd: S,
@@ -66,7 +79,7 @@ pub fn one_by_one<V: InLanes>(constants: &Constants<V>, state: &mut ContactState
     }
 }
 
-/// One step of robots that need no contact of [`body_contacts`]; false, and nothing done, if one does.
+/// One step of robots without contacts of [`body_contacts`]. Returns false, without effect, if a robot needs them.
 #[inline(always)]
 fn step<L: Lane, V: Value<L>>(
     c: &Constants<V>,
@@ -87,7 +100,7 @@ fn step<L: Lane, V: Value<L>>(
     true
 }
 
-/// The robot at the start of a step.
+/// Pose, velocities and rows at the start of a step.
 pub struct Start<L> {
     pub pose: Pose<L>,
     pub velocities: Velocities<L>,
@@ -129,7 +142,7 @@ fn step_on_ball<L: Lane, V: Value<L>, const JOINTS: bool>(
     let mut open = Delassus::<L, V>::unsettled(c, &old, &impulses);
     let mut sweeps = SWEEPS;
     while L::any(open) && sweeps < MOST_SWEEPS {
-        // Robots that have settled keep what they have, whatever their neighbors need.
+        // Settled robots keep their impulses while their neighbors continue.
         let (old, old_residuals, old_estimate) = (impulses, residuals, normal_estimate);
         delassus.sweep::<JOINTS>(&friction, joint_friction, &mut normal_estimate, &mut impulses, &mut residuals);
         let still = Delassus::<L, V>::unsettled(c, &old, &impulses);
@@ -142,7 +155,7 @@ fn step_on_ball<L: Lane, V: Value<L>, const JOINTS: bool>(
     finish::<L, V, JOINTS>(c, token, state, start, (free, impulses), free.ball.x.zero());
 }
 
-/// Applies the impulses, moves the robot and writes where it is.
+/// Applies the impulses, integrates the pose and stores the result.
 #[inline(always)]
 pub fn finish<L: Lane, V: Value<L>, const JOINTS: bool>(
     c: &Constants<V>,
@@ -162,7 +175,7 @@ pub fn finish<L: Lane, V: Value<L>, const JOINTS: bool>(
     }
 }
 
-/// Friction coefficients at the present slip.
+/// Friction coefficients at the slip at the start of the step.
 #[inline(always)]
 pub fn friction<L: Lane, V: Value<L>>(c: &Constants<V>, rows: &Rows<L>, v: &Velocities<L>) -> Friction<L> {
     let like = v.ball.x;
@@ -170,7 +183,7 @@ pub fn friction<L: Lane, V: Value<L>>(c: &Constants<V>, rows: &Rows<L>, v: &Velo
     let (floor_static, floor_dynamic) = (c.floor_static_friction.at(like), c.floor_dynamic_friction.at(like));
     let mut out = Friction { wheels: [wheel_dynamic; 3], floor: floor_dynamic };
     let scale = c.critical_velocity_inverse_squared.at(like);
-    // The law gives exactly the dynamic coefficient where the static one is equal, so lanes without it keep their bits.
+    // With equal coefficients the law gives exactly the dynamic one, so the branch does not change the bits of a lane.
     if L::any(wheel_dynamic.lt(wheel_static)) {
         for i in 0..3 {
             let slip = rows.slip_speed(c, v, i).squared() * scale;
@@ -185,7 +198,7 @@ pub fn friction<L: Lane, V: Value<L>>(c: &Constants<V>, rows: &Rows<L>, v: &Velo
     out
 }
 
-/// Velocities at the end of the step if nothing touched.
+/// Velocities at the end of the step without contact impulses.
 #[inline(always)]
 pub fn free_velocities<L: Lane, V: Value<L>>(
     c: &Constants<V>,
@@ -209,7 +222,7 @@ pub fn free_velocities<L: Lane, V: Value<L>>(
         reaction = reaction.plus(u, torque);
         spin_momentum = spin_momentum.plus(u, before.spins[i] * c.wheel_inertia.at(like));
     }
-    // Euler's equations at the midpoint of the step: an explicit step would pump energy into a tumbling body.
+    // Gyroscopic torque at the midpoint of the step: an explicit step would add energy to a tumbling body.
     let explicit = gyroscopic(c, spin_momentum, before.body_rate).scaled_by(at3(c.body_inertia_inverse, like));
     let midpoint = gyroscopic(c, spin_momentum, before.body_rate.plus(explicit, c.half_dt.at(like)));
     let body_angular_impulse =
@@ -231,12 +244,13 @@ pub fn free_velocities<L: Lane, V: Value<L>>(
     }
 }
 
-/// Torque of the body's own rotation and the wheels' spins on it, body frame.
+/// Gyroscopic torque of body rotation and wheel spins on the body, body frame, N·m.
 #[inline(always)]
 fn gyroscopic<L: Lane, V: Value<L>>(c: &Constants<V>, spin_momentum: Vec3<L>, rate: Vec3<L>) -> Vec3<L> {
     (rate.scaled_by(at3(c.body_inertia, rate.x)) - spin_momentum).cross(rate)
 }
 
+/// Pose after a step with the velocities `v`.
 #[inline(always)]
 fn moved<L: Lane, V: Value<L>>(c: &Constants<V>, pose: &Pose<L>, v: &Velocities<L>) -> Pose<L> {
     let (dt, half) = (c.sim_dt.at(v.ball.x), c.half_dt.at(v.ball.x));
