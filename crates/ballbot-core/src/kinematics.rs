@@ -10,8 +10,8 @@ pub enum TorqueMap {
     /// Power-conserving map: Σ τ_i ψ̇_i is the power of the virtual torques at the rates of the virtual wheels.
     #[default]
     Consistent,
-    /// Eq. (8) of the paper as printed. It is the inverse of the map of wheel *speeds*. Tilt torques are too large by the
-    /// factor (3/2) (r_k/r_w) cos²α, the yaw torque by 3 (r_k/r_w) sin²α (Table II: 1.68 and 3.36).
+    /// Eq. (8) of the paper as printed. It is the inverse of the map of wheel *speeds*. Tilt torques are too large by
+    /// the factor (3/2) (r_k/r_w) cos²α, the yaw torque by 3 (r_k/r_w) sin²α (Table II: 1.68 and 3.36).
     AsPrinted,
 }
 
@@ -55,8 +55,8 @@ impl Omniwheels {
         Self { contact_directions, drive_directions, u, u_inverse_transposed, gear_ratio: params.gear_ratio() }
     }
 
-    /// Encoder rates without slip: ψ̇_i = (r_k/r_w) u_i · (Rᵀ ω_k − Ω), rad/s. `ball` is the angular velocity of the ball
-    /// in the inertial frame, `body` the angular velocity of the body in the body frame.
+    /// Encoder rates without slip: ψ̇_i = (r_k/r_w) u_i · (Rᵀ ω_k − Ω), rad/s. `ball` is the angular velocity of the
+    /// ball in the inertial frame, `body` the angular velocity of the body in the body frame.
     pub fn wheel_speeds(
         &self,
         body_quaternion: &UnitQuaternion<f64>,
@@ -89,7 +89,8 @@ impl Omniwheels {
     pub fn wheel_torques(&self, virtual_torques: &Vector3<f64>, map: TorqueMap) -> Vector3<f64> {
         match map {
             TorqueMap::Consistent => self.u_inverse_transposed * on_body(virtual_torques),
-            // The printed matrix is the inverse of the matrix used here: rows (2/3 cos β_i, 2/3 sin β_i)/(k cos α), 1/(3 k sin α).
+            // The printed matrix is the inverse of the matrix used here: rows (2/3 cos β_i, 2/3 sin β_i)/(k cos α),
+            // 1/(3 k sin α).
             TorqueMap::AsPrinted => self.u * on_body(virtual_torques) * self.gear_ratio,
         }
     }

@@ -145,8 +145,8 @@ parameters! {
     }
 }
 
-/// Viscous friction B_vk of the simulations in the paper, N/(m/s) (section III-A, "arbitrary"). It is not in Table II and
-/// therefore not in the preset.
+/// Viscous friction B_vk of the simulations in the paper, N/(m/s) (section III-A, "arbitrary"). It is not in Table II
+/// and therefore not in the preset.
 pub const PAPER_BALL_VISCOUS_FRICTION: f64 = 49.849;
 
 impl Params {

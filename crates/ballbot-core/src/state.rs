@@ -1,7 +1,7 @@
 //! State and contact forces of a ballbot, common to all models.
 //!
-//! Inertial frame: z up, floor at z = 0. Body frame: origin at the ball center (while the wheels touch the ball), z along
-//! the mast. Quaternions are written `[w, x, y, z]` and map body to inertial.
+//! Inertial frame: z up, floor at z = 0. Body frame: origin at the ball center (while the wheels touch the ball), z
+//! along the mast. Quaternions are written `[w, x, y, z]` and map body to inertial.
 
 use crate::error::{Result, check, finite};
 use crate::kinematics::Omniwheels;
@@ -42,8 +42,8 @@ impl State {
         Self::tilted(params, Vector2::zeros(), 0.0)
     }
 
-    /// State at rest with the ball on the floor at the origin: turned by `yaw` about the vertical, then tilted by the rotation
-    /// vector (`tilt` x, `tilt` y, 0) in the inertial frame, rad.
+    /// State at rest with the ball on the floor at the origin: turned by `yaw` about the vertical, then tilted by the
+    /// rotation vector (`tilt` x, `tilt` y, 0) in the inertial frame, rad.
     pub fn tilted(params: &Params, tilt: Vector2<f64>, yaw: f64) -> Self {
         let ball_position = Vector3::new(0.0, 0.0, params.ball_radius);
         Self {
@@ -60,8 +60,8 @@ impl State {
         }
     }
 
-    /// State of rolling without slip. Ball and wheel rates follow from the velocity (x, y) of the ball, its spin about the
-    /// vertical, the attitude of the body and its angular velocity in the body frame.
+    /// State of rolling without slip. Ball and wheel rates follow from the velocity (x, y) of the ball, its spin about
+    /// the vertical, the attitude of the body and its angular velocity in the body frame.
     pub fn rolling(
         params: &Params,
         ball_velocity: Vector2<f64>,

@@ -4,8 +4,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use pyo3::{PyTraverseError, PyVisit};
 
-/// How many steps a caller may look back at before dicts are made anew: the step before the last is still in the caller's
-/// hands while the next one runs, and a callback may hold one more.
+/// How many steps a caller may look back at before dicts are made anew: the step before the last is still in the
+/// caller's hands while the next one runs, and a callback may hold one more.
 const DICT_POOL_SIZE: usize = 3;
 
 /// Dicts that were handed out and came back: a dict is handed out again only if nobody else refers to it any more and

@@ -80,7 +80,8 @@ impl<T, const N: usize, const M: usize> AsCells<T> for [[T; N]; M] {
     }
 }
 
-/// Defines a struct of cells `T`, numbers of one robot (`f64`) or of eight ([`Eight`]), with access to one robot of eight.
+/// Defines a struct of cells `T`, numbers of one robot (`f64`) or of eight ([`Eight`]), with access to one robot of
+/// eight.
 #[macro_export]
 macro_rules! cells {
     ($(#[$meta:meta])* pub struct $name:ident { $($(#[$doc:meta])* pub $field:ident: $type:ty,)* }) => {

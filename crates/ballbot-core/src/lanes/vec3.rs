@@ -172,8 +172,8 @@ impl<L: Lane> Quat<L> {
         Self { w: L::select(mask, yes.w, no.w), v: Vec3::select(mask, yes.v, no.v) }
     }
 
-    /// Heading of a body with this attitude, rad, in (−π, π]: the rotation about the vertical that remains once the tilt is
-    /// undone, 2 atan2(z, w).
+    /// Heading of a body with this attitude, rad, in (−π, π]: the rotation about the vertical that remains once the
+    /// tilt is undone, 2 atan2(z, w).
     #[inline(always)]
     pub fn yaw(self) -> L {
         // A quaternion and its negative are the same attitude; the one with z >= 0 is used.

@@ -10,8 +10,8 @@ pub const STATES: usize = 10;
 pub const INPUTS: usize = 3;
 
 /// Linear model ẋ = A x + B τ with x = (x, y, tilt_x, tilt_y, yaw, v_x, v_y, Ω_x, Ω_y, Ω_z) in the heading frame. The
-/// ball is free to spin about the vertical, as in eq. (7) of the paper. Its spin is no state: it follows from zero angular
-/// momentum of the robot about the vertical, as in motion from rest under motor torques.
+/// ball is free to spin about the vertical, as in eq. (7) of the paper. Its spin is no state: it follows from zero
+/// angular momentum of the robot about the vertical, as in motion from rest under motor torques.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearModel {
     /// State matrix A.
@@ -21,8 +21,8 @@ pub struct LinearModel {
 }
 
 impl LinearModel {
-    /// Linear model of `params`. The accelerations of the spatial model at rest are linear in torques; their odd part is
-    /// linear in rates. Gravity is the torque M_b g l times a small tilt.
+    /// Linear model of `params`. The accelerations of the spatial model at rest are linear in torques; their odd part
+    /// is linear in rates. Gravity is the torque M_b g l times a small tilt.
     pub fn new(params: &Params) -> Self {
         // Dry friction has no derivative at rest.
         let model = SpatialModel::new(

@@ -1,9 +1,9 @@
 //! The planar model of the paper, eqs. (1)-(7): one vertical plane of the robot.
 //!
 //! Signs: in the yz-plane a positive θ_x of the paper leans towards +y and is left-handed about x. In the xz-plane a
-//! positive θ_y leans towards +x and is right-handed about y. Both planes therefore have the same equations in (position,
-//! tilt towards positive position). A positive virtual torque drives the ball towards positive position and the mast away
-//! from it.
+//! positive θ_y leans towards +x and is right-handed about y. Both planes therefore have the same equations in
+//! (position, tilt towards positive position). A positive virtual torque drives the ball towards positive position and
+//! the mast away from it.
 
 use crate::error::{Error, Result};
 use crate::params::Params;

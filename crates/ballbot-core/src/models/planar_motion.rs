@@ -66,7 +66,8 @@ impl PlanarMotion {
         self.wheels.wheel_speeds_of_virtual(&heading.push(about_z))
     }
 
-    /// Virtual torques of the xz-plane, the yz-plane and the yaw equation under the motors' torques less joint friction.
+    /// Virtual torques of the xz-plane, the yz-plane and the yaw equation under the motors' torques less joint
+    /// friction.
     fn virtual_torques(&self, y: &Coordinates) -> Vector3<f64> {
         let shaft = shaft_torques(&self.params, &self.wheel_torques, &self.wheel_speeds(y));
         let in_heading = self.wheels.virtual_torques(&shaft);

@@ -2,8 +2,9 @@
 //!
 //! Generalized velocity ν = (v_x, v_y, Ω_x, Ω_y, Ω_z, s): the ball's velocity on the floor (inertial frame), the body's
 //! angular velocity (body frame), the ball's spin about the vertical. The wheel constraints are nonholonomic. Inserting
-//! them into a Lagrangian gives wrong equations outside of a plane. Kane's method projects the Newton-Euler equations on
-//! the partial velocities (Kane & Levinson, Dynamics: Theory and Applications, 1985, ch. 6). See `docs/derivations.md`.
+//! them into a Lagrangian gives wrong equations outside of a plane. Kane's method projects the Newton-Euler equations
+//! on the partial velocities (Kane & Levinson, Dynamics: Theory and Applications, 1985, ch. 6). See
+//! `docs/derivations.md`.
 
 use super::{Motion, contact_loads, shaft_torques};
 use crate::error::{Error, Result};

@@ -57,7 +57,8 @@ fn refuse(label: &str) -> impl Fn(String) -> Error {
 /// Parameters of the ballbot described by the texts `bot` and `ball`.
 ///
 /// # Errors
-/// [`Error::Urdf`] for malformed text, for a bot or a ball outside of this module's assumptions, and for parameters that
+/// [`Error::Urdf`] for malformed text, for a bot or a ball outside of this module's assumptions, and for parameters
+/// that
 /// [`Params::validate`] refuses.
 pub fn params_from_urdf_text(bot: &str, ball: &str) -> Result<Params> {
     read_params(("bot URDF", bot), ("ball URDF", ball))

@@ -50,8 +50,8 @@ pub struct Visual {
 /// The visual elements of the ballbot described by the files `bot` and `ball`.
 ///
 /// # Errors
-/// As [`super::params_from_urdf`]; [`crate::Error::Urdf`] for a visual that is not a sphere, cylinder, box or mesh file,
-/// or has a size that is not positive.
+/// As [`super::params_from_urdf`]; [`crate::Error::Urdf`] for a visual that is not a sphere, cylinder, box or mesh
+/// file, or has a size that is not positive.
 pub fn visuals_from_urdf(bot: &Path, ball: &Path) -> Result<Vec<Visual>> {
     let params: Params = super::params_from_urdf(bot, ball)?;
     let (bot_text, ball_text) = (read_file(bot)?, read_file(ball)?);

@@ -1,7 +1,7 @@
 //! Rare contacts: bot on the floor, and ball against the body.
 //!
-//! They are not part of the rows and are not computed in lanes. A robot near such a contact is stepped alone. Sweeps over
-//! these contacts, which change the velocities directly, alternate with sweeps over the rows.
+//! They are not part of the rows and are not computed in lanes. A robot near such a contact is stepped alone. Sweeps
+//! over these contacts, which change the velocities directly, alternate with sweeps over the rows.
 
 use super::constants::Constants;
 use super::rows::{Rows, allowance};
@@ -14,7 +14,8 @@ use crate::lanes::{Lane, Rotation, Scalar, Value, Vec3};
 /// Gauss-Seidel sweeps with rare contacts, without warm start. Chosen by experiment.
 const SWEEPS: usize = 20;
 
-/// Number of contact points of bot and floor: one per wheel, three on each rim of the body cylinder, one of them lowest.
+/// Number of contact points of bot and floor: one per wheel, three on each rim of the body cylinder, one of them
+/// lowest.
 const POINTS: usize = 9;
 
 /// Distance in addition to the motion within a step at which a contact is considered, m.
@@ -134,7 +135,8 @@ impl Row {
         Self::new(c, unit(axis), arm.cross(rotation.rows[axis]), None)
     }
 
-    /// Row of the lowest point of wheel `i`. About the axle the wheel rotates with its own spin instead of the body rate.
+    /// Row of the lowest point of wheel `i`. About the axle the wheel rotates with its own spin instead of the body
+    /// rate.
     #[inline(always)]
     fn of_wheel(c: &Constants<f64>, rotation: &Rotation<f64>, i: usize, axis: usize) -> Self {
         let u = c.u(i, 0.0);

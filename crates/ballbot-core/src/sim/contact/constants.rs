@@ -12,8 +12,8 @@ const RECOVERY_RATE: f64 = 100.0;
 /// Largest share of an overlap that is removed in one step. Chosen by experiment.
 const LARGEST_RECOVERY: f64 = 0.2;
 
-/// Change of the wheel impulses in a sweep above which the sweeps continue, as a share of the impulse of the static load.
-/// Chosen by experiment.
+/// Change of the wheel impulses in a sweep above which the sweeps continue, as a share of the impulse of the static
+/// load. Chosen by experiment.
 const SETTLED_SHARE: f64 = 2e-3;
 
 cells! {

@@ -1,14 +1,14 @@
 //! The contact rows in the present pose: row velocities, and the effect of impulses on the velocities.
 //!
-//! Linear parts are in the inertial frame. Angular parts of the body are in the body frame, where its inertia is diagonal.
-//! Drive and normal impulses act on the bot; the opposite impulses act on the ball.
+//! Linear parts are in the inertial frame. Angular parts of the body are in the body frame, where its inertia is
+//! diagonal. Drive and normal impulses act on the bot; the opposite impulses act on the ball.
 
 use super::constants::{Constants, at3};
 use super::types::{PerRow, Velocities};
 use crate::lanes::{Lane, Rotation, Value, Vec3};
 
-/// Lower bound of the sine of the angle between axle and contact normal. At zero the drive direction is undefined; wheels
-/// in contact are far from it.
+/// Lower bound of the sine of the angle between axle and contact normal. At zero the drive direction is undefined;
+/// wheels in contact are far from it.
 const MIN_AXLE_SINE: f64 = 1e-3;
 
 /// Largest speed of recovery from an overlap, m/s. It limits the rebound of a robot deep in the floor. Chosen by
@@ -165,8 +165,8 @@ impl<L: Lane> Wheel<L> {
         let spin_share = along.neg_mul_add(along, one).max(like.splat(MIN_AXLE_SINE * MIN_AXLE_SINE)).sqrt();
         let share_inverse = one / spin_share;
         let drive = u.cross(normal) * share_inverse;
-        // The spin of the wheel replaces the body rate about the axle. This is the remaining effect of the body rate on the
-        // velocity of the rim.
+        // The spin of the wheel replaces the body rate about the axle. This is the remaining effect of the body rate on
+        // the velocity of the rim.
         let lost = (normal - u * along) * (along * share_inverse * c.wheel_radius.at(like));
         Self {
             gap: distance - c.contact_distance.at(like),

@@ -48,8 +48,8 @@ impl<L: Lane> JointFriction<L> {
 
 /// Delassus matrix: change of the velocity of each row per impulse of each row, in blocks of three rows.
 ///
-/// The rows of the floor share only the ball, whose inertia is isotropic, so they do not couple with each other. Joints do
-/// not couple with the floor.
+/// The rows of the floor share only the ball, whose inertia is isotropic, so they do not couple with each other. Joints
+/// do not couple with the floor.
 pub struct Delassus<L, V> {
     normal_normal: [[L; 3]; 3],
     normal_drive: [[L; 3]; 3],

@@ -51,8 +51,8 @@ cells! {
 }
 
 impl<T: Cell> ContactState<T> {
-    /// The state of tasks and controllers, with the origin of the body frame in place of the CoM and encoder rates in place
-    /// of absolute spins.
+    /// The state of tasks and controllers, with the origin of the body frame in place of the CoM and encoder rates in
+    /// place of absolute spins.
     #[inline(always)]
     pub fn lane_state<L: Lane<Cell = T>, V: Value<L>>(&self, token: L::Token, c: &Constants<V>) -> LaneState<L> {
         let (pose, v) = (self.pose::<L>(token), self.velocities::<L>(token));

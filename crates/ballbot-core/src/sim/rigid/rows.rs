@@ -19,8 +19,9 @@ const CONTACT_PREDICTION: f64 = 0.002;
 /// Margin that keeps the joint limit active in spite of rounding, m.
 const LIMIT_MARGIN: f64 = 1e-9;
 
-/// Gain per step of the low-pass filter from load to friction bound. Friction of slipping wheels changes the loads of the
-/// other wheels; with the unfiltered load as bound the forces oscillate with growing amplitude. Chosen by experiment.
+/// Gain per step of the low-pass filter from load to friction bound. Friction of slipping wheels changes the loads of
+/// the other wheels; with the unfiltered load as bound the forces oscillate with growing amplitude. Chosen by
+/// experiment.
 const LOAD_FILTER: f64 = 0.5;
 
 /// Force between a wheel and the ball in the last step.
@@ -110,8 +111,8 @@ fn closing(dt: f64) -> SpringCoefficients<Real> {
     SpringCoefficients::new((std::f64::consts::TAU * dt).recip(), -1.0)
 }
 
-/// Mean force over a step of `dt` with the warm start `start`, after a step with the force `last`; `usual` is the static
-/// load of a wheel (N).
+/// Mean force over a step of `dt` with the warm start `start`, after a step with the force `last`; `usual` is the
+/// static load of a wheel (N).
 pub fn wheel_force(joint: &GenericJoint, start: &WarmStart, last: &WheelForce, usual: f64, dt: f64) -> WheelForce {
     let load = start.load + (joint.motors[2].impulse + joint.limits[2].impulse) / dt;
     // The rows act on the wheel, their first body; the force on the ball is the opposite.

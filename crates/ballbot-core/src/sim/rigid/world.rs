@@ -39,7 +39,8 @@ pub struct Handles {
     pub wheel_colliders: [ColliderHandle; 3],
 }
 
-/// Solver settings, validated by growth rate, traction and loads of the robot. The number of sweeps is set in each step.
+/// Solver settings, validated by growth rate, traction and loads of the robot. The number of sweeps is set in each
+/// step.
 pub fn integration_parameters(sim_dt: f64) -> IntegrationParameters {
     let softness = rows::softness();
     IntegrationParameters {
@@ -120,7 +121,8 @@ impl World {
         )
     }
 
-    /// Inserts the root of the multibody. Its frame is at its CoM, because rapier integrates a root with an offset CoM wrongly.
+    /// Inserts the root of the multibody. Its frame is at its CoM, because rapier integrates a root with an offset CoM
+    /// wrongly.
     fn insert_body(&mut self, params: &Params, link: &BodyLink) -> (RigidBodyHandle, ColliderHandle) {
         let i = &link.inertia;
         let inertia = Matrix::from_cols_array(&[
