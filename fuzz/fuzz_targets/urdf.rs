@@ -1,7 +1,8 @@
-//! Any text in the place of the two URDFs is a robot that can exist, or an error: never a panic, a hang or a flood of memory.
+//! Fuzz target of the URDF reader. Any text must give valid parameters or an error, without panic, hang or excessive
+//! memory.
 //!
-//! An input is the bot's URDF, then the ball's from the first `<!--ball-->` on. Without that mark it is the bot's, on the
-//! shipped ball.
+//! An input is the URDF of the bot followed by `<!--ball-->` and the URDF of the ball. Without the mark it is the URDF
+//! of the bot alone, and the ball is the shipped one.
 #![no_main]
 
 use ballbot_core::Error;

@@ -450,7 +450,7 @@ class SpatialModel:
     """
 
     def __new__(
-        cls, params: Params, absolute_wheel_spin: bool = True, ball_spins_about_vertical: bool = False
+        cls, params: Params, absolute_wheel_spin: bool = True, ball_spins_about_vertical: bool = True
     ) -> Self: ...
     def accelerations(
         self,

@@ -21,6 +21,7 @@ PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 #: `[text](target)` and `![text](target)`.
 LINK = re.compile(r"!?\[([^\]]*)\]\(([^)\s]+)\)")
 MATH = re.compile(r"\$\$.+?\$\$|\$[^$\n]+\$", flags=re.DOTALL)
+MATH_BLOCK = re.compile(r"^```math\n(.+?)^```$", flags=re.DOTALL | re.MULTILINE)
 #: What makes a name exist in a file of Rust or Python.
 DEFINITION = (
     r"(?:\b(?:fn|struct|enum|trait|const|static|type|mod|impl(?:<[^>]*>)?(?:\s+\w+\s+for)?|def|class)\s+{name}\b"
@@ -102,8 +103,16 @@ def test_a_broken_link_is_found(line, complaint):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_math_survives_markdown(page):
-    """Markdown may take backslashes before punctuation, and free-standing `_` and `*`, before math is rendered."""
-    prose = re.sub(r"`[^`\n]*`", "", without_code(page.read_text(encoding="utf-8")))
+    """Between dollar signs, Markdown may take backslashes before punctuation and free-standing `_` and `*` first.
+
+    In blocks of code of the language `math` it takes nothing.
+    """
+    text = page.read_text(encoding="utf-8")
+    for block in MATH_BLOCK.findall(text):
+        assert "$" not in block, f"dollar sign in {block}"
+        assert block.count("{") == block.count("}"), f"unbalanced braces in {block}"
+        assert block.count(r"\begin") == block.count(r"\end"), f"unbalanced environments in {block}"
+    prose = re.sub(r"`[^`\n]*`", "", without_code(text))
     for formula in MATH.findall(prose):
         assert not re.search(r"\\[!-/:-@\[-`{-~]", formula), f"escaped punctuation in {formula}"
         assert not re.search(r"(?<![A-Za-z0-9])_(?=[A-Za-z0-9])|\*", formula), f"emphasis in {formula}"

@@ -1,4 +1,4 @@
-//! Mechanical energy of a state, whatever model it comes from.
+//! Mechanical energy of a state of any model.
 
 use crate::kinematics::Omniwheels;
 use crate::params::Params;

@@ -4,14 +4,14 @@ use crate::error::{Error, Result};
 use crate::params::Params;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-/// How three virtual torques become three wheel torques.
+/// Map from three virtual torques to three wheel torques.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TorqueMap {
-    /// Keeps the power: Σ τ_i ψ̇_i equals the virtual torques' power at the virtual wheels' rates.
+    /// Power-conserving map: Σ τ_i ψ̇_i is the power of the virtual torques at the rates of the virtual wheels.
     #[default]
     Consistent,
-    /// Eq. (8) of the paper as printed. It inverts the map of wheel *speeds*, so that tilt torques come out
-    /// (3/2) (r_k/r_w) cos²α times and the yaw torque 3 (r_k/r_w) sin²α times too large (Table II: 1.68, 3.36).
+    /// Eq. (8) of the paper as printed. It is the inverse of the map of wheel *speeds*. Tilt torques are too large by
+    /// the factor (3/2) (r_k/r_w) cos²α, the yaw torque by 3 (r_k/r_w) sin²α (Table II: 1.68 and 3.36).
     AsPrinted,
 }
 
@@ -27,14 +27,14 @@ impl std::str::FromStr for TorqueMap {
     }
 }
 
-/// Unit vectors of the three wheels in the body frame, and what follows from them.
+/// Unit vectors of the three wheels in the body frame, and the maps between wheels and body.
 #[derive(Clone, Debug)]
 pub struct Omniwheels {
-    /// p_i, from the ball center to each contact.
+    /// Directions p_i from the ball center to each contact.
     pub contact_directions: [Vector3<f64>; 3],
-    /// d_i, the direction in which each wheel drives the ball's surface.
+    /// Directions d_i in which each wheel drives the surface of the ball.
     pub drive_directions: [Vector3<f64>; 3],
-    /// Rows u_i = p_i × d_i; the axle of wheel i is −u_i.
+    /// Matrix of the rows u_i = p_i × d_i; the axle of wheel i is −u_i.
     pub u: Matrix3<f64>,
     u_inverse_transposed: Matrix3<f64>,
     gear_ratio: f64,
@@ -55,8 +55,8 @@ impl Omniwheels {
         Self { contact_directions, drive_directions, u, u_inverse_transposed, gear_ratio: params.gear_ratio() }
     }
 
-    /// Encoder rates without slip: ψ̇_i = (r_k/r_w) u_i · (Rᵀ ω_k − Ω), rad/s. `ball` is the ball's angular velocity in
-    /// the inertial frame, `body` the body's in the body frame.
+    /// Encoder rates without slip: ψ̇_i = (r_k/r_w) u_i · (Rᵀ ω_k − Ω), rad/s. `ball` is the angular velocity of the
+    /// ball in the inertial frame, `body` the angular velocity of the body in the body frame.
     pub fn wheel_speeds(
         &self,
         body_quaternion: &UnitQuaternion<f64>,
@@ -89,13 +89,14 @@ impl Omniwheels {
     pub fn wheel_torques(&self, virtual_torques: &Vector3<f64>, map: TorqueMap) -> Vector3<f64> {
         match map {
             TorqueMap::Consistent => self.u_inverse_transposed * on_body(virtual_torques),
-            // The printed matrix is the inverse of this one: rows (2/3 cos β_i, 2/3 sin β_i)/(k cos α), 1/(3 k sin α).
+            // The printed matrix is the inverse of the matrix used here: rows (2/3 cos β_i, 2/3 sin β_i)/(k cos α),
+            // 1/(3 k sin α).
             TorqueMap::AsPrinted => self.u * on_body(virtual_torques) * self.gear_ratio,
         }
     }
 }
 
-/// Wheel rates act on the ball; eq. (8) counts tilt torques on the body, so x and y change sign.
+/// Wheel torques drive the ball; eq. (8) counts tilt torques on the body, so x and y change sign.
 fn on_body(v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(-v.x, -v.y, v.z)
 }

@@ -7,7 +7,7 @@ use nalgebra::Matrix3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::slice;
 
-/// A parameter seen as a slice: scalars and vectors are named, read and written alike.
+/// Access to a parameter as a slice, for scalars and vectors alike.
 trait Value: Copy {
     const UNSET: Self;
     fn as_slice(&self) -> &[f64];
@@ -34,17 +34,18 @@ impl Value for [f64; 3] {
     }
 }
 
-/// Defines [`Params`] once: the struct, and access to its fields by name.
+/// Defines the struct [`Params`] and the access to its fields by name.
 macro_rules! parameters {
     (
         required { $($(#[$required_doc:meta])* $required:ident: $required_type:ty,)* }
         optional { $($(#[$optional_doc:meta])* $optional:ident: $optional_type:ty = $default:expr,)* }
     ) => {
-        /// Everything that describes one robot on one floor. SI units and radians.
+        /// Physical parameters of one robot on one floor. SI units and radians.
         ///
-        /// `body_*` describe everything above the ball as one rigid body: the wheels' **mass** counts, the wheels'
-        /// inertia about their own axles does not (eq. (2) of the paper adds it by itself). The body frame has its
-        /// origin at the ball center and z along the mast; the body's center of mass (CoM) is on that axis.
+        /// `body_*` describe everything above the ball as one rigid body. They include the **mass** of the wheels and
+        /// exclude the inertia of the wheels about their own axles, which eq. (2) of the paper adds separately. The
+        /// body frame has its origin at the ball center and z along the mast. The center of mass (CoM) of the body is
+        /// on that axis.
         #[derive(Clone, Debug, PartialEq)]
         pub struct Params {
             $($(#[$required_doc])* pub $required: $required_type,)*
@@ -55,7 +56,7 @@ macro_rules! parameters {
             /// Names of all parameters, in the order of the struct's fields.
             pub const NAMES: &'static [&'static str] = &[$(stringify!($required),)* $(stringify!($optional),)*];
 
-            /// Every required value unset, every other at its default.
+            /// Parameters with required values unset and all others at their defaults.
             fn unset() -> Self {
                 Self { $($required: Value::UNSET,)* $($optional: $default,)* }
             }
@@ -97,37 +98,37 @@ macro_rules! parameters {
 
 parameters! {
     required {
-        /// M_k, kg.
+        /// Mass M_k of the ball, kg.
         ball_mass: f64,
-        /// J_k about any diameter, kg·m².
+        /// Moment of inertia J_k of the ball about any diameter, kg·m².
         ball_inertia: f64,
-        /// r_k, m.
+        /// Radius r_k of the ball, m.
         ball_radius: f64,
-        /// M_b, body and wheels, kg.
+        /// Mass M_b of body and wheels, kg.
         body_mass: f64,
-        /// (J_b, J_b, J_z): principal moments about the body's CoM along the body axes, kg·m².
+        /// Principal moments (J_b, J_b, J_z) of the body about its CoM along the body axes, kg·m².
         body_inertia: [f64; 3],
-        /// l, from the ball center up to the body's CoM, m.
+        /// Height l of the CoM of the body above the ball center, m.
         body_com_height: f64,
         /// Mass of one omniwheel (part of `body_mass`), kg.
         wheel_mass: f64,
-        /// J_w of one omniwheel about its axle, kg·m².
+        /// Moment of inertia J_w of one omniwheel about its axle, kg·m².
         wheel_inertia: f64,
-        /// r_w, m.
+        /// Radius r_w of a wheel, m.
         wheel_radius: f64,
-        /// α, the angle at the ball center between the mast and a wheel contact, rad.
+        /// Zenith angle α: angle at the ball center between the mast and a wheel contact, rad.
         wheel_zenith: f64,
     }
     optional {
-        /// β_i, azimuth of each wheel contact about the mast, rad; 120 deg apart. Default 0, 120, 240 deg.
+        /// Azimuth β_i of each wheel contact about the mast, rad; 120 deg apart. Default 0, 120, 240 deg.
         wheel_azimuths: [f64; 3] = [0.0, TAU / 3.0, 2.0 * TAU / 3.0],
         /// Largest torque of one motor, N·m. Default 5, where the torques of the paper's Fig. 6c settle.
         max_wheel_torque: f64 = 5.0,
-        /// g, m/s². Default 9.81.
+        /// Gravitational acceleration g, m/s². Default 9.81.
         gravity: f64 = 9.81,
-        /// B_vk, viscous friction of the ball on the floor, N/(m/s). Default 0.
+        /// Viscous friction B_vk of the ball on the floor, N/(m/s). Default 0.
         ball_viscous_friction: f64 = 0.0,
-        /// B_vm, viscous friction of a wheel joint, N·m/(rad/s). Default 0.
+        /// Viscous friction B_vm of a wheel joint, N·m/(rad/s). Default 0.
         wheel_viscous_friction: f64 = 0.0,
         /// Dry friction of a wheel joint, N·m. Default 0.
         wheel_coulomb_friction: f64 = 0.0,
@@ -139,16 +140,17 @@ parameters! {
         floor_static_friction: f64 = 1.1,
         /// Dynamic friction coefficient of the floor. Default 1.05 (Table III, other pairs).
         floor_dynamic_friction: f64 = 1.05,
-        /// Slip speed over which static friction gives way to dynamic, m/s. Default 0.1 (Table III).
+        /// Critical slip speed of the Stribeck law, between static and dynamic friction, m/s. Default 0.1 (Table III).
         friction_critical_velocity: f64 = 0.1,
     }
 }
 
-/// B_vk of the paper's simulations, N/(m/s) (section III-A, "arbitrary"): not in its Table II, so not in the preset.
+/// Viscous friction B_vk of the simulations in the paper, N/(m/s) (section III-A, "arbitrary"). It is not in Table II
+/// and therefore not in the preset.
 pub const PAPER_BALL_VISCOUS_FRICTION: f64 = 49.849;
 
 impl Params {
-    /// Builds parameters from named values, a scalar as a slice of one.
+    /// Parameters from named values; a scalar is a slice of one.
     ///
     /// # Errors
     /// [`Error::UnknownName`], [`Error::Length`] or [`Error::MissingParameter`]; those of [`Params::validate`].
@@ -165,10 +167,10 @@ impl Params {
         Ok(params)
     }
 
-    /// A copy with some values changed.
+    /// Copy with some values changed.
     ///
     /// # Errors
-    /// As [`Params::from_fields`], but nothing can be missing.
+    /// As [`Params::from_fields`], except for missing parameters.
     pub fn replace<'n, 'v>(&self, changes: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         let params = self.clone().assign(changes)?;
         params.validate()?;
@@ -188,7 +190,7 @@ impl Params {
         Ok(self)
     }
 
-    /// Checks that the values describe a robot that can exist.
+    /// Checks that the values are physically possible.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] or [`Error::Inconsistent`], naming the value and the limit.
@@ -210,7 +212,7 @@ impl Params {
         for (i, &moment) in self.body_inertia.iter().enumerate() {
             positive(format_args!("body_inertia[{i}]"), moment)?;
             let others = self.body_inertia.iter().sum::<f64>() - moment;
-            // Moments of a flat body meet the bound exactly; let rounding pass.
+            // A flat body meets the bound exactly; the margin is for rounding.
             check(
                 format_args!("body_inertia[{i}]"),
                 moment,
@@ -232,7 +234,7 @@ impl Params {
         positive("wheel_radius", self.wheel_radius)?;
         positive("body_com_height", self.body_com_height)?;
         check("wheel_zenith", self.wheel_zenith, "between 0 and pi/2 rad, exclusive", |a| a > 0.0 && a < FRAC_PI_2)?;
-        // A shell has all its mass at the surface; published values are rounded, so leave 1 %.
+        // A thin shell is the upper bound. Published values are rounded, hence the margin of 1 %.
         let shell = 2.0 / 3.0 * self.ball_mass * self.ball_radius.powi(2);
         check(
             "ball_inertia",
@@ -281,7 +283,7 @@ impl Params {
         Matrix3::from_diagonal(&self.body_inertia.into())
     }
 
-    /// k = r_k / r_w, wheel turns a ball turn.
+    /// Gear ratio k = r_k / r_w: wheel turns per turn of the ball.
     pub fn gear_ratio(&self) -> f64 {
         self.ball_radius / self.wheel_radius
     }

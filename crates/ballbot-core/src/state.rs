@@ -1,7 +1,7 @@
-//! The state and the contact forces of a ballbot: one vocabulary for all models.
+//! State and contact forces of a ballbot, common to all models.
 //!
-//! Inertial frame: z up, floor at z = 0. Body frame: origin at the ball center (while the wheels touch the ball), z along
-//! the mast. Quaternions are `[w, x, y, z]` wherever they appear as numbers and map body to inertial.
+//! Inertial frame: z up, floor at z = 0. Body frame: origin at the ball center (while the wheels touch the ball), z
+//! along the mast. Quaternions are written `[w, x, y, z]` and map body to inertial.
 
 use crate::error::{Result, check, finite};
 use crate::kinematics::Omniwheels;
@@ -29,21 +29,21 @@ pub struct State {
     pub body_angular_velocity: Vector3<f64>,
     /// Rotation of each wheel relative to the body about its axle, rad.
     pub wheel_angles: [f64; 3],
-    /// Rate of each wheel relative to the body about its axle (what an encoder reads), rad/s.
+    /// Rate of each wheel relative to the body about its axle (the encoder rate), rad/s.
     pub wheel_speeds: [f64; 3],
 }
 
 impl State {
-    /// How many numbers [`State::to_array`] gives.
+    /// Length of [`State::to_array`].
     pub const LEN: usize = 32;
 
-    /// At rest, upright, the ball on the floor at the origin.
+    /// State at rest, upright, with the ball on the floor at the origin.
     pub fn upright(params: &Params) -> Self {
         Self::tilted(params, Vector2::zeros(), 0.0)
     }
 
-    /// At rest with the ball on the floor at the origin: turned by `yaw` about the vertical, then tilted by the rotation
-    /// vector (`tilt` x, `tilt` y, 0) in the inertial frame, rad.
+    /// State at rest with the ball on the floor at the origin: turned by `yaw` about the vertical, then tilted by the
+    /// rotation vector (`tilt` x, `tilt` y, 0) in the inertial frame, rad.
     pub fn tilted(params: &Params, tilt: Vector2<f64>, yaw: f64) -> Self {
         let ball_position = Vector3::new(0.0, 0.0, params.ball_radius);
         Self {
@@ -60,8 +60,8 @@ impl State {
         }
     }
 
-    /// Rolling without slip: ball and wheel rates follow from the ball's velocity (x, y), its spin about the vertical,
-    /// and the body's attitude and rate in the body frame.
+    /// State of rolling without slip. Ball and wheel rates follow from the velocity (x, y) of the ball, its spin about
+    /// the vertical, the attitude of the body and its angular velocity in the body frame.
     pub fn rolling(
         params: &Params,
         ball_velocity: Vector2<f64>,
@@ -73,7 +73,7 @@ impl State {
         Self::rolling_on(params, &wheels, ball_velocity, ball_spin, body_quaternion, body_angular_velocity)
     }
 
-    /// [`State::rolling`] for callers that have the wheels of `params` at hand.
+    /// [`State::rolling`] with the wheels of `params` given.
     pub(crate) fn rolling_on(
         params: &Params,
         wheels: &Omniwheels,
@@ -107,7 +107,7 @@ impl State {
         let mast = self.body_quaternion * Vector3::z();
         let sine = mast.xy().norm();
         if sine == 0.0 {
-            // Upside down, any horizontal axis would do.
+            // Upside down the axis is arbitrary.
             return Vector2::new(self.tilt(), 0.0);
         }
         Vector2::new(-mast.y, mast.x) * (self.tilt() / sine)
@@ -126,13 +126,13 @@ impl State {
         }
     }
 
-    /// A horizontal vector of the inertial frame, in the heading frame (turned by the yaw).
+    /// Components of a horizontal inertial vector in the heading frame, which is turned by the yaw.
     pub fn to_heading(&self, v: Vector2<f64>) -> Vector2<f64> {
         let (sin, cos) = self.yaw().sin_cos();
         Vector2::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x)
     }
 
-    /// All numbers in the order of the fields.
+    /// All values in the order of the fields.
     pub fn to_array(&self) -> [f64; Self::LEN] {
         let mut out = [0.0; Self::LEN];
         let ball_quaternion = wxyz(&self.ball_quaternion);
@@ -200,7 +200,7 @@ pub fn attitude(tilt: Vector2<f64>, yaw: f64) -> UnitQuaternion<f64> {
     swing * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw)
 }
 
-/// Angular velocity of a ball that rolls on the floor with `velocity`, its spin about the vertical left out.
+/// Angular velocity of a ball that rolls on the floor with `velocity`, without spin about the vertical.
 pub fn rolling_rate(params: &Params, velocity: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(-velocity.y, velocity.x, 0.0) / params.ball_radius
 }
@@ -239,8 +239,8 @@ pub struct Contacts {
 }
 
 impl Contacts {
-    /// Share of the dynamic friction limit in use, |f| / (μ N), at the three wheels and the floor. Above 1, or infinite
-    /// at a contact that would have to pull, a model without slip no longer describes the robot.
+    /// Share of the dynamic friction limit in use, |f| / (μ N), at the three wheels and the floor. The value is
+    /// infinite for a contact that would have to pull. Above 1 a model without slip is not valid.
     pub fn friction_utilization(&self, params: &Params) -> [f64; 4] {
         let share = |force: f64, limit: f64| match () {
             () if limit > 0.0 => force / limit,

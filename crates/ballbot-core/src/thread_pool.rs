@@ -1,11 +1,11 @@
-//! Threads that help the caller's.
+//! Worker threads beside the calling thread.
 
 use crate::error::{Error, Result};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Arc;
 
-/// Threads that are made when they are first needed. A forked child has none of its parent's threads, so a pool serves
-/// only the process that made it.
+/// Worker threads, started on first use. A forked child process has no threads of its parent, so a pool is used only in
+/// the process that started it.
 #[derive(Default)]
 pub struct WorkerThreads {
     count: usize,
@@ -13,20 +13,20 @@ pub struct WorkerThreads {
 }
 
 impl WorkerThreads {
-    /// `count` threads, of which there are none yet.
+    /// A pool of `count` threads that are not started yet.
     pub fn new(count: usize) -> Self {
         Self { count, pool: None }
     }
 
-    /// How many there are.
+    /// Number of threads.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Does `work` here and on each of the threads, all at once; they are made if this process has none.
+    /// Runs `work` on the calling thread and on each worker at the same time. Starts the workers if necessary.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] if the system gives no threads; no work is done then.
+    /// [`Error::Inconsistent`] if the threads cannot be started; `work` is not run then.
     pub fn share(&mut self, work: impl Fn() + Sync) -> Result<()> {
         match self.pool()? {
             None => work(),
@@ -35,7 +35,7 @@ impl WorkerThreads {
         Ok(())
     }
 
-    /// The threads, to be shared without keeping hold of `self`; none if there are to be none.
+    /// The started pool, shared so that `self` is not borrowed; `None` for zero threads.
     ///
     /// # Errors
     /// As [`WorkerThreads::share`].
@@ -45,7 +45,7 @@ impl WorkerThreads {
         }
         let process = std::process::id();
         if self.pool.as_ref().is_some_and(|(owner, _)| *owner != process) {
-            // Its threads died with the fork: dropping it could wait for them.
+            // After a fork its threads do not exist, and dropping the pool could wait for them.
             std::mem::forget(self.pool.take());
         }
         if self.pool.is_none() {
@@ -60,7 +60,7 @@ impl WorkerThreads {
     }
 }
 
-/// Does `work` here and on each thread of `pool`, all at once.
+/// Runs `work` on the calling thread and on each thread of `pool` at the same time.
 pub fn share(pool: &ThreadPool, work: impl Fn() + Sync) {
     pool.in_place_scope(|scope| {
         for _ in 0..pool.current_num_threads() {
@@ -70,7 +70,7 @@ pub fn share(pool: &ThreadPool, work: impl Fn() + Sync) {
     });
 }
 
-/// As many threads as are asked for, or as there are cores.
+/// Requested number of threads; by default the number of cores.
 ///
 /// # Errors
 /// [`Error::Inconsistent`] for zero.

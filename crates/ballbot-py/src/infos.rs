@@ -1,35 +1,35 @@
-//! Empty info dicts, one for each environment and step, without making a thousand objects a step.
+//! A pool of empty info dicts, one per environment and step, without a thousand allocations per step.
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use pyo3::{PyTraverseError, PyVisit};
 
-/// How many steps a caller may look back at before dicts are made anew: the step before the last is still in the caller's
-/// hands while the next one runs, and a callback may hold one more.
+/// Number of steps whose dicts are kept. The caller still refers to the dicts of the last step while the next one runs,
+/// and a callback may refer to one more step.
 const DICT_POOL_SIZE: usize = 3;
 
-/// Dicts that were handed out and came back: a dict is handed out again only if nobody else refers to it any more and
-/// nothing was written into it. Otherwise it is the caller's for good, and a new one takes its place.
+/// Pool of info dicts. A dict is reused only if it is empty and has no other reference. A dict that is still referenced
+/// by the caller is replaced by a new one.
 #[derive(Default)]
 pub(crate) struct EmptyInfos {
-    generations: [Vec<Py<PyDict>>; DICT_POOL_SIZE],
+    pools: [Vec<Py<PyDict>>; DICT_POOL_SIZE],
     next: usize,
 }
 
 impl EmptyInfos {
-    /// Shows the garbage collector what callers may have tied to us.
+    /// Visits the dicts for the garbage collector: reference cycles can pass through them.
     pub(crate) fn traverse(&self, visit: &PyVisit<'_>) -> Result<(), PyTraverseError> {
-        self.generations.iter().flatten().try_for_each(|dict| visit.call(dict))
+        self.pools.iter().flatten().try_for_each(|dict| visit.call(dict))
     }
 
-    /// Lets go of all dicts.
+    /// Releases all dicts.
     pub(crate) fn clear(&mut self) {
-        self.generations.iter_mut().for_each(Vec::clear);
+        self.pools.iter_mut().for_each(Vec::clear);
     }
 
-    /// `n` empty dicts that nobody else refers to, in a new list.
+    /// A new list of `n` empty dicts without other references.
     pub(crate) fn list<'py>(&mut self, py: Python<'py>, n: usize) -> PyResult<Bound<'py, PyList>> {
-        let dicts = &mut self.generations[self.next];
+        let dicts = &mut self.pools[self.next];
         self.next = (self.next + 1) % DICT_POOL_SIZE;
         dicts.resize_with(n, || PyDict::new(py).unbind());
         for dict in dicts.iter_mut() {

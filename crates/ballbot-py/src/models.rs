@@ -46,7 +46,7 @@ impl PySpatialModel {
         Self(SpatialModel::new(&params.0, absolute_wheel_spin, ball_spins_about_vertical))
     }
 
-    /// Derivative of the generalized velocity.
+    /// Derivative of the generalized velocity under motor torques (N·m, shape (3,)); shape of the generalized velocity.
     fn accelerations<'py>(
         &self,
         py: Python<'py>,
@@ -60,7 +60,7 @@ impl PySpatialModel {
         Ok(array(py, &accelerations.as_slice()[..self.0.degrees_of_freedom()]))
     }
 
-    /// Encoder rates, rad/s.
+    /// Encoder rates of the three wheels, rad/s, shape (3,).
     fn wheel_speeds<'py>(
         &self,
         py: Python<'py>,
@@ -77,7 +77,7 @@ impl PySpatialModel {
         Ok(self.0.energy(&quaternion, &velocity))
     }
 
-    /// Forces that the contacts must carry for the motion to be free of slip.
+    /// Contact forces of the motion without slip, under motor torques (N·m, shape (3,)).
     fn contacts(
         &self,
         body_quaternion: &Bound<'_, PyAny>,
@@ -91,11 +91,11 @@ impl PySpatialModel {
     }
 }
 
-/// The paper's planar model, eqs. (1)-(7), of q = (position, tilt towards positive position).
+/// The planar model of the paper, eqs. (1)-(7), with q = (position, tilt towards positive position) in m and rad.
 ///
 /// Args:
 ///     params: the robot.
-///     wheel_inertia: "as_printed" (J_w of one wheel) or "three_wheels" ((3/2) cos² α J_w, what three amount to).
+///     wheel_inertia: "as_printed" (J_w of one wheel) or "three_wheels" ((3/2) cos² α J_w, equivalent to three wheels).
 ///     plane: "yz" or "xz".
 #[pyclass(name = "PlanarModel", module = "ballbot_rs", frozen)]
 pub(crate) struct PyPlanarModel(PlanarModel);
@@ -110,7 +110,7 @@ impl PyPlanarModel {
         Ok(Self(PlanarModel::in_plane(&params.0, wheel_inertia, plane)))
     }
 
-    /// q̈ under a virtual torque (N·m), eq. (1).
+    /// Accelerations q̈ under a virtual torque (N·m), eq. (1), shape (2,).
     fn accelerations<'py>(
         &self,
         py: Python<'py>,
@@ -129,23 +129,23 @@ impl PyPlanarModel {
         Ok(self.0.energy(&q, &q_dot))
     }
 
-    /// θ̈_z under a virtual torque (N·m), eq. (7).
+    /// Yaw acceleration θ̈_z under a virtual torque (N·m), eq. (7), rad/s².
     fn yaw_acceleration(&self, virtual_torque: f64) -> PyResult<f64> {
         check_finite("virtual_torque", &[virtual_torque]).map_err(to_python)?;
         Ok(self.0.yaw_acceleration(virtual_torque))
     }
 
-    /// A (4×4) and B (4×1) of ẋ = A x + B u about rest upright; `STATES` and `INPUTS` name x and u.
+    /// Matrices A (4×4) and B (4×1) of ẋ = A x + B u about rest upright; `STATES` and `INPUTS` name x and u.
     fn linearize<'py>(&self, py: Python<'py>) -> (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>) {
         let (a, b) = self.0.linearize();
         (dynamic(py, &a), dynamic(py, &b))
     }
 
-    /// Names of the states that `linearize` is in, with units.
+    /// Names of the states x of `linearize`, with units.
     #[classattr]
     const STATES: [&'static str; 4] = ["position (m)", "tilt (rad)", "velocity (m/s)", "tilt rate (rad/s)"];
 
-    /// Name of the input that `linearize` is in, with its unit.
+    /// Name of the input u of `linearize`, with its unit.
     #[classattr]
     const INPUTS: [&'static str; 1] = ["virtual torque (N·m)"];
 }
@@ -160,7 +160,7 @@ fn dynamic<'py, const M: usize, const N: usize>(
 
 /// The spatial model linearized about rest upright: ẋ = A x + B u, in the heading frame.
 ///
-/// The ball is free to spin about the vertical and has done so from rest.
+/// The ball is free to spin about the vertical; its spin is that of motion from rest under motor torques.
 #[pyclass(name = "LinearModel", module = "ballbot_rs", frozen)]
 pub(crate) struct PyLinearModel(LinearModel);
 
@@ -172,19 +172,19 @@ impl PyLinearModel {
         Ok(Self(LinearModel::new(&or_paper(params)?)))
     }
 
-    /// A (10×10).
+    /// State matrix A (10×10).
     #[getter(A)]
     fn a<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
         dynamic(py, &self.0.a)
     }
 
-    /// B (10×3).
+    /// Input matrix B (10×3).
     #[getter(B)]
     fn b<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
         dynamic(py, &self.0.b)
     }
 
-    /// A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact.
+    /// Matrices A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact.
     fn discretize<'py>(
         &self,
         py: Python<'py>,
@@ -230,7 +230,7 @@ fn finite_vector(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>>
 
 /// Wheel torques (N·m) of virtual torques (τ_x, τ_y, τ_z) in the body frame, in the sign of the paper's eq. (8).
 ///
-/// "consistent" keeps the power; "as_printed" is eq. (8), whose tilt and yaw torques come out too large.
+/// `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large.
 #[pyfunction]
 #[pyo3(signature = (params, virtual_torques, mapping="consistent"))]
 pub(crate) fn virtual_to_wheel_torques<'py>(
@@ -244,7 +244,7 @@ pub(crate) fn virtual_to_wheel_torques<'py>(
     Ok(array(py, Omniwheels::new(&params.0).wheel_torques(&torques, map).as_slice()))
 }
 
-/// The inverse of the consistent map.
+/// Virtual torques (τ_x, τ_y, τ_z) of wheel torques, N·m, shape (3,): the inverse of the consistent map.
 #[pyfunction]
 pub(crate) fn wheel_to_virtual_torques<'py>(
     py: Python<'py>,

@@ -10,7 +10,8 @@ use std::path::PathBuf;
 
 /// Physical parameters of a ballbot. Immutable; scalars are floats, vectors tuples of three.
 ///
-/// `body_*` describe everything above the ball: the wheels' mass counts, their inertia about their axles does not.
+/// `body_*` describe everything above the ball: they include the mass of the wheels and exclude the inertia of the
+/// wheels about their own axles.
 /// Without default: `ball_mass` (kg), `ball_inertia` (about a diameter, kg·m²), `ball_radius` (m), `body_mass` (kg),
 /// `body_inertia` (three moments about the body's CoM, kg·m²), `body_com_height` (above the ball center, m),
 /// `wheel_mass` (kg), `wheel_inertia` (about the axle, kg·m²), `wheel_radius` (m), `wheel_zenith` (rad).
@@ -20,7 +21,7 @@ use std::path::PathBuf;
 /// `floor_dynamic_friction` (1.05), `friction_critical_velocity` (0.1 m/s).
 ///
 /// Raises:
-///     ValueError: a value is missing, not known, not finite, or out of range; the message has value and limit.
+///     ValueError: a value is missing, unknown, not finite, or out of range; the message has value and limit.
 #[pyclass(name = "Params", module = "ballbot_rs", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub(crate) struct PyParams(pub Params);
@@ -77,10 +78,11 @@ impl PyParams {
         Params::preset_names().to_vec()
     }
 
-    /// Parameters from TOML, one key a parameter. A string of one line that ends in ".toml" is a path.
+    /// Parameters from TOML text or from a TOML file, one key per parameter. A one-line string that ends in ".toml" is
+    /// a path.
     ///
     /// Raises:
-    ///     ValueError: malformed, or as the constructor; the message has the file, the key and the value.
+    ///     ValueError: malformed TOML, or as the constructor; the message has the file, the key and the value.
     ///     OSError: the file cannot be read.
     #[staticmethod]
     fn from_toml(text_or_path: &Bound<'_, PyAny>) -> PyResult<Self> {
@@ -94,7 +96,7 @@ impl PyParams {
         call(|| Params::from_toml(&text)).map(Self)
     }
 
-    /// All values as TOML text, which `from_toml` reads back to the last bit.
+    /// All values as TOML text; `from_toml` restores them to the last bit.
     fn to_toml(&self) -> String {
         self.0.to_toml()
     }
@@ -102,7 +104,7 @@ impl PyParams {
     /// Parameters of a ballbot described by two URDFs.
     ///
     /// Raises:
-    ///     UrdfError: malformed, or no ballbot; the message says why.
+    ///     UrdfError: malformed text, or not a ballbot; the message has the reason.
     ///     OSError: a file cannot be read.
     #[staticmethod]
     #[expect(clippy::needless_pass_by_value, reason = "extracted from Python objects")]
@@ -126,91 +128,91 @@ impl PyParams {
         Ok(dict)
     }
 
-    /// M_k, kg.
+    /// Mass M_k of the ball, kg.
     #[getter]
     fn ball_mass(&self) -> f64 {
         self.0.ball_mass
     }
 
-    /// J_k about any diameter, kg·m².
+    /// Moment of inertia J_k of the ball about any diameter, kg·m².
     #[getter]
     fn ball_inertia(&self) -> f64 {
         self.0.ball_inertia
     }
 
-    /// r_k, m.
+    /// Radius r_k of the ball, m.
     #[getter]
     fn ball_radius(&self) -> f64 {
         self.0.ball_radius
     }
 
-    /// M_b, body and wheels, kg.
+    /// Mass M_b of body and wheels, kg.
     #[getter]
     fn body_mass(&self) -> f64 {
         self.0.body_mass
     }
 
-    /// (J_b, J_b, J_z) about the body's CoM, kg·m².
+    /// Principal moments of inertia (J_b, J_b, J_z) of the body about its CoM, kg·m².
     #[getter]
     fn body_inertia(&self) -> (f64, f64, f64) {
         self.0.body_inertia.into()
     }
 
-    /// l, from the ball center, m.
+    /// Height l of the CoM of the body above the ball center, m.
     #[getter]
     fn body_com_height(&self) -> f64 {
         self.0.body_com_height
     }
 
-    /// Of one wheel, kg.
+    /// Mass of one wheel, kg.
     #[getter]
     fn wheel_mass(&self) -> f64 {
         self.0.wheel_mass
     }
 
-    /// J_w about the axle, kg·m².
+    /// Moment of inertia J_w of one wheel about its axle, kg·m².
     #[getter]
     fn wheel_inertia(&self) -> f64 {
         self.0.wheel_inertia
     }
 
-    /// r_w, m.
+    /// Radius r_w of a wheel, m.
     #[getter]
     fn wheel_radius(&self) -> f64 {
         self.0.wheel_radius
     }
 
-    /// α, rad.
+    /// Zenith angle α of the wheel contacts, rad.
     #[getter]
     fn wheel_zenith(&self) -> f64 {
         self.0.wheel_zenith
     }
 
-    /// β_i, rad.
+    /// Azimuths β_i of the three wheel contacts, rad.
     #[getter]
     fn wheel_azimuths(&self) -> (f64, f64, f64) {
         self.0.wheel_azimuths.into()
     }
 
-    /// Of one motor, N·m.
+    /// Largest torque of one motor, N·m.
     #[getter]
     fn max_wheel_torque(&self) -> f64 {
         self.0.max_wheel_torque
     }
 
-    /// m/s².
+    /// Gravitational acceleration, m/s².
     #[getter]
     fn gravity(&self) -> f64 {
         self.0.gravity
     }
 
-    /// B_vk, N/(m/s).
+    /// Viscous friction B_vk of the ball on the floor, N/(m/s).
     #[getter]
     fn ball_viscous_friction(&self) -> f64 {
         self.0.ball_viscous_friction
     }
 
-    /// B_vm, N·m/(rad/s).
+    /// Viscous friction B_vm of a wheel joint, N·m/(rad/s).
     #[getter]
     fn wheel_viscous_friction(&self) -> f64 {
         self.0.wheel_viscous_friction
@@ -222,31 +224,31 @@ impl PyParams {
         self.0.wheel_coulomb_friction
     }
 
-    /// Of wheel on ball, along the drive direction.
+    /// Static friction coefficient of wheel on ball, along the drive direction.
     #[getter]
     fn wheel_static_friction(&self) -> f64 {
         self.0.wheel_static_friction
     }
 
-    /// Of wheel on ball, along the drive direction.
+    /// Dynamic friction coefficient of wheel on ball, along the drive direction.
     #[getter]
     fn wheel_dynamic_friction(&self) -> f64 {
         self.0.wheel_dynamic_friction
     }
 
-    /// Of the floor.
+    /// Static friction coefficient of the floor.
     #[getter]
     fn floor_static_friction(&self) -> f64 {
         self.0.floor_static_friction
     }
 
-    /// Of the floor.
+    /// Dynamic friction coefficient of the floor.
     #[getter]
     fn floor_dynamic_friction(&self) -> f64 {
         self.0.floor_dynamic_friction
     }
 
-    /// Between static and dynamic friction, m/s.
+    /// Critical slip speed of the Stribeck law, between static and dynamic friction, m/s.
     #[getter]
     fn friction_critical_velocity(&self) -> f64 {
         self.0.friction_critical_velocity
@@ -265,7 +267,7 @@ impl PyParams {
     }
 }
 
-/// The path of a TOML file: a path object, or a string of one line that ends in ".toml".
+/// Path of a TOML file: a path object, or a one-line string that ends in ".toml".
 fn toml_path(value: &Bound<'_, PyAny>) -> Option<PathBuf> {
     match value.extract::<String>() {
         Ok(text) if !text.ends_with(".toml") || text.contains('\n') => None,
@@ -273,7 +275,7 @@ fn toml_path(value: &Bound<'_, PyAny>) -> Option<PathBuf> {
     }
 }
 
-/// Parameters given as such, by the name of a preset or by the path of a TOML file; the paper's for none.
+/// Parameters from an object, the name of a preset or the path of a TOML file; those of the paper for `None`.
 pub(crate) fn or_paper(params: Option<&Bound<'_, PyAny>>) -> PyResult<Params> {
     let Some(params) = params else { return Ok(Params::paper()) };
     if let Ok(params) = params.cast::<PyParams>() {

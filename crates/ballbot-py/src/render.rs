@@ -13,17 +13,17 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
 
-/// Takes pictures of a robot without GPU or display, by rays.
+/// A ray-casting renderer of a robot, without GPU or display.
 ///
 /// Args:
 ///     params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
-///     urdf: (bot, ball), two files whose visual shapes are shown in place of shapes made from `params`.
-///     width, height: of the picture, pixels.
-///     samples: color samples a pixel, 1, 2 or 4.
-///     camera: `target` (three, m), `distance` (m), `azimuth` (rad, counter-clockwise from x), `elevation` (rad),
-///         `field_of_view` (vertical, rad) and `follows` (the ball; then `target` is relative to its point of
-///         contact) change the default, which follows the robot.
-///     num_threads: threads that cast rays; None takes all cores. Pictures do not depend on it.
+///     urdf: paths (bot, ball) of two URDFs; their visual shapes replace the default shapes of `params`.
+///     width, height: size of the picture, pixels.
+///     samples: color samples per pixel, 1, 2 or 4.
+///     camera: dict of settings that replace the defaults: `target` (shape (3,), m), `distance` (m), `azimuth` (rad,
+///         counter-clockwise from x), `elevation` (rad), `field_of_view` (vertical, rad), `follows` (bool: the camera
+///         moves with the ball, and `target` is relative to its contact point with the floor).
+///     num_threads: number of threads; None is one per core. Pictures do not depend on it.
 ///
 /// Raises:
 ///     ValueError: a number out of range. TypeError: an unknown camera setting.
@@ -55,7 +55,7 @@ fn camera_with(mut camera: Camera, changes: Option<&Bound<'_, PyDict>>) -> PyRes
     Ok(camera)
 }
 
-/// A fresh array of a picture's rows and columns, filled by `fill` without the GIL.
+/// A new flat array of the product of `sizes`, filled by `fill` without the GIL.
 fn picture<'py, T: Element + Clone + Default + Send>(
     py: Python<'py>,
     sizes: &[usize],
@@ -115,10 +115,10 @@ impl PyRenderer {
         Ok(Self { renderer, params })
     }
 
-    /// The robot in a state, shape (height, width, 3), uint8.
+    /// Picture of the robot in a state, sRGB, shape (height, width, 3), uint8.
     ///
-    /// `contacts` adds arrows: loads (blue) and tractions (green) of the wheels, the floor's horizontal force (red).
-    /// `arrows` adds others, (from, to) in m, inertial frame: shape (n, 2, 3).
+    /// `contacts` adds arrows of the contact forces: loads (blue) and tractions (green) of the wheels, horizontal force
+    /// of the floor (red). `arrows` adds arrows from tails to tips in the inertial frame, m, shape (n, 2, 3).
     #[pyo3(signature = (state, contacts=None, arrows=None))]
     fn render<'py>(
         &self,
@@ -143,7 +143,7 @@ impl PyRenderer {
         rgb.reshape([height, width, 3])
     }
 
-    /// Distances along the camera's axis, shape (height, width), float32, m; infinite in the sky.
+    /// Depth along the camera axis, m, shape (height, width), float32; infinite in the sky.
     fn depth<'py>(&self, py: Python<'py>, state: &PyState) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let (width, height) = self.renderer.size();
         let depth = picture(py, &[height, width], |depth| {
@@ -152,7 +152,7 @@ impl PyRenderer {
         depth.reshape([height, width])
     }
 
-    /// What each pixel shows, shape (height, width), uint8: `LABELS[value]` names it.
+    /// Label of each pixel, shape (height, width), uint8; `LABELS[value]` is its name.
     fn labels<'py>(&self, py: Python<'py>, state: &PyState) -> PyResult<Bound<'py, PyArray2<u8>>> {
         let (width, height) = self.renderer.size();
         let labels = picture(py, &[height, width], |labels| {
@@ -161,7 +161,7 @@ impl PyRenderer {
         labels.reshape([height, width])
     }
 
-    /// Robots in states (rows as `State.to_array`, shape (n, 32)): shape (n, height, width, 3), uint8.
+    /// Pictures of the robot in n states (rows as `State.to_array`, shape (n, 32)), shape (n, height, width, 3), uint8.
     fn render_batch<'py>(&self, py: Python<'py>, states: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray4<u8>>> {
         let mut rows = Vec::new();
         read_elements::<f64>("states", states, &[None, Some(State::LEN)], &mut rows)?;
@@ -178,13 +178,13 @@ impl PyRenderer {
         rgb.reshape(ndarray::Ix4(states.len(), height, width, 3))
     }
 
-    /// Of the picture, pixels.
+    /// Width of the picture, pixels.
     #[getter]
     fn width(&self) -> usize {
         self.renderer.size().0
     }
 
-    /// Of the picture, pixels.
+    /// Height of the picture, pixels.
     #[getter]
     fn height(&self) -> usize {
         self.renderer.size().1

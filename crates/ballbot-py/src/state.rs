@@ -15,9 +15,10 @@ type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 
 /// Position, attitude and velocities of ball, body and wheels. Immutable; attributes are fresh float64 arrays.
 ///
-/// Body rates are in the body frame, everything else in the inertial frame (z up, floor at z = 0). Velocities and rates
-/// default to zero, attitudes to identity, `body_position` (origin of the body frame) to the ball's, likewise
-/// `body_velocity`.
+/// `body_angular_velocity` is in the body frame, all other vectors are in the inertial frame (z up, floor at z = 0).
+/// Velocities and rates default to zero, attitudes to identity, `body_position` (origin of the body frame) to
+/// `ball_position`, `body_velocity` to `ball_velocity`. Positions, velocities and wheel values have the shape (3,),
+/// quaternions (w, x, y, z) the shape (4,).
 ///
 /// Raises:
 ///     ValueError: a wrong shape, a number that is not finite, a quaternion whose length is not 1.
@@ -120,12 +121,13 @@ impl PyState {
         Ok(Self(state))
     }
 
-    /// 32 numbers: ball position, quaternion, velocity, rate; the body's likewise; wheel angles and speeds.
+    /// All values, shape (32,): position (3), quaternion (4), velocity (3) and angular velocity (3) of the ball, the
+    /// same of the body, wheel angles (3), wheel speeds (3).
     fn to_array<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.0.to_array())
     }
 
-    /// A copy with some fields changed.
+    /// Copy with some fields changed.
     #[pyo3(signature = (**changes))]
     fn replace<'py>(slf: &Bound<'py, Self>, changes: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         let arguments = PyDict::new(slf.py());
@@ -141,61 +143,61 @@ impl PyState {
         slf.get_type().call((), Some(&arguments))
     }
 
-    /// Ball center, m.
+    /// Position of the ball center, inertial frame, m.
     #[getter]
     fn ball_position<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.ball_position.as_slice())
     }
 
-    /// Attitude of the ball.
+    /// Attitude of the ball, (w, x, y, z), ball to inertial.
     #[getter]
     fn ball_quaternion<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &wxyz(&self.0.ball_quaternion))
     }
 
-    /// m/s.
+    /// Velocity of the ball center, inertial frame, m/s.
     #[getter]
     fn ball_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.ball_velocity.as_slice())
     }
 
-    /// Inertial frame, rad/s.
+    /// Angular velocity of the ball, inertial frame, rad/s.
     #[getter]
     fn ball_angular_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.ball_angular_velocity.as_slice())
     }
 
-    /// Origin of the body frame, m; the ball center unless a wheel has lifted off.
+    /// Position of the origin of the body frame, inertial frame, m; the ball center unless a wheel has lifted off.
     #[getter]
     fn body_position<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.body_position.as_slice())
     }
 
-    /// Attitude of the body.
+    /// Attitude of the body, (w, x, y, z), body to inertial.
     #[getter]
     fn body_quaternion<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &wxyz(&self.0.body_quaternion))
     }
 
-    /// Velocity of the body frame's origin, m/s.
+    /// Velocity of the origin of the body frame, inertial frame, m/s.
     #[getter]
     fn body_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.body_velocity.as_slice())
     }
 
-    /// Body frame, rad/s.
+    /// Angular velocity of the body, body frame, rad/s.
     #[getter]
     fn body_angular_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.body_angular_velocity.as_slice())
     }
 
-    /// Relative to the body, rad.
+    /// Rotation of each wheel relative to the body about its axle, rad.
     #[getter]
     fn wheel_angles<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.0.wheel_angles)
     }
 
-    /// Relative to the body (what encoders read), rad/s.
+    /// Rate of each wheel relative to the body about its axle (the encoder rate), rad/s.
     #[getter]
     fn wheel_speeds<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.0.wheel_speeds)
@@ -213,7 +215,7 @@ impl PyState {
         array(py, self.0.tilt_components().as_slice())
     }
 
-    /// Heading, rad.
+    /// Heading, rad, in (−π, π].
     #[getter]
     fn yaw(&self) -> f64 {
         self.0.yaw()
@@ -244,7 +246,7 @@ fn tilted(params: &Params, tilt: [f64; 2], yaw: f64) -> PyResult<State> {
     })
 }
 
-/// Forces at the contacts during the last step. Attributes are fresh float64 arrays.
+/// Contact forces during the last step. Attributes are fresh float64 arrays.
 #[pyclass(name = "Contacts", module = "ballbot_rs", frozen)]
 pub(crate) struct PyContacts {
     pub(crate) contacts: Contacts,
@@ -265,7 +267,7 @@ impl PyContacts {
         array(py, &self.contacts.wheel_tractions)
     }
 
-    /// Wheel surface relative to the ball along the drive direction, m/s.
+    /// Surface speed of each wheel relative to the ball along the drive direction, m/s.
     #[getter]
     fn wheel_slip_speeds<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.contacts.wheel_slip_speeds)
@@ -277,7 +279,7 @@ impl PyContacts {
         array(py, self.contacts.floor_force.as_slice())
     }
 
-    /// Velocity (x, y) of the ball's lowest point, m/s.
+    /// Velocity (x, y) of the lowest point of the ball, m/s.
     #[getter]
     fn floor_slip_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.contacts.floor_slip_velocity.as_slice())
@@ -289,7 +291,8 @@ impl PyContacts {
         self.contacts.bot_on_floor
     }
 
-    /// Share of the dynamic friction limit in use, three wheels and floor; above 1, no-slip models fail.
+    /// Share of the dynamic friction limit in use, three wheels and floor, shape (4,). Models without slip are valid up
+    /// to 1.
     #[getter]
     fn friction_utilization<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.contacts.friction_utilization(&self.params))

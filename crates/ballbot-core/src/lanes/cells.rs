@@ -1,19 +1,19 @@
-//! Numbers of eight robots in memory, and how those of one are taken out and put back.
+//! Struct-of-arrays storage of eight robots, and access to the numbers of one robot.
 
 use serde::{Deserialize, Serialize};
 use std::slice;
 
-/// How many robots lie side by side.
+/// Number of robots side by side.
 pub const EIGHT: usize = 8;
 
-/// One number of each of eight robots, as a vector register takes them.
+/// One number of each of eight robots, aligned for vector registers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[repr(C, align(64))]
 pub struct Eight(pub [f64; EIGHT]);
 
-/// A number as it lies in memory: of one robot (`f64`) or of eight ([`Eight`]).
+/// A stored number: of one robot (`f64`) or of eight ([`Eight`]).
 pub trait Cell: Copy + Default + PartialEq + Send + Sync + 'static {
-    /// How many robots.
+    /// Number of robots.
     const WIDTH: usize;
     /// The number of one robot.
     fn get(&self, index: usize) -> f64;
@@ -45,11 +45,11 @@ impl Cell for Eight {
     }
 }
 
-/// A number, or an array of them, as a slice of cells.
+/// A number or an array of numbers as a slice of cells.
 pub trait AsCells<T> {
-    /// To read.
+    /// Cells for reading.
     fn as_cells(&self) -> &[T];
-    /// To write.
+    /// Cells for writing.
     fn as_cells_mut(&mut self) -> &mut [T];
 }
 
@@ -80,7 +80,8 @@ impl<T, const N: usize, const M: usize> AsCells<T> for [[T; N]; M] {
     }
 }
 
-/// Defines a struct of cells `T`: numbers of one robot (`f64`) or of eight ([`Eight`]), with the one taken from the eight.
+/// Defines a struct of cells `T`, numbers of one robot (`f64`) or of eight ([`Eight`]), with access to one robot of
+/// eight.
 #[macro_export]
 macro_rules! cells {
     ($(#[$meta:meta])* pub struct $name:ident { $($(#[$doc:meta])* pub $field:ident: $type:ty,)* }) => {

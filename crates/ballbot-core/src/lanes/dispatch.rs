@@ -1,16 +1,16 @@
-//! The best instructions that the processor has, chosen at run time.
+//! Dispatch to the best instruction set of the processor at run time.
 //!
-//! What runs here is compiled once for each kind of processor; all of it must be `#[inline(always)]`, closures too, or it
-//! is compiled for the plainest.
+//! Dispatched code is compiled once per instruction set. All of it, closures included, must be `#[inline(always)]`; a
+//! function that is not inlined is compiled for the baseline instruction set.
 
 use fearless_simd::{Level, Simd};
 
 /// A computation on eight robots.
 pub trait Kernel {
-    /// Runs it with the instructions of `S`.
+    /// Runs the computation with the instructions of `S`.
     fn run<S: Simd>(self, simd: S);
 
-    /// Runs it robot by robot: on processors without fused multiply-adds, which would have to be emulated in every lane.
+    /// Runs the computation robot by robot, on processors without fused multiply-adds, whose emulation is slow.
     fn run_one_by_one(self);
 }
 
@@ -47,7 +47,7 @@ pub fn run_eight<K: Kernel>(kernel: K) {
     }
 }
 
-/// Runs a computation on one robot where fused multiply-adds are instructions, if the processor has them.
+/// Runs a computation on one robot with fused multiply-add instructions if the processor has them.
 pub fn run_one<R>(kernel: impl FnOnce() -> R) -> R {
     #[cfg(target_arch = "x86_64")]
     if let Some(simd) = Level::new().as_avx2() {

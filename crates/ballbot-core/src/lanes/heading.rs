@@ -4,19 +4,19 @@ use super::{Lane, Quat};
 
 /// Cosine and sine of the yaw.
 pub struct Heading<L> {
-    /// Cosine.
+    /// Cosine of the yaw.
     pub cos: L,
-    /// Sine.
+    /// Sine of the yaw.
     pub sin: L,
 }
 
 impl<L: Lane> Heading<L> {
-    /// Of a body with attitude `q`: the yaw is 2 atan2(z, w).
+    /// Heading of a body with attitude `q`: the yaw is 2 atan2(z, w).
     #[inline(always)]
     pub fn new(q: Quat<L>) -> Self {
         let (ww, zz) = (q.w.squared(), q.v.z.squared());
         let norm = ww + zz;
-        // Upside down there is no yaw.
+        // Upside down the yaw is undefined.
         let turned = norm.zero().lt(norm);
         let one = norm.splat(1.0);
         let inverse = one / L::select(turned, norm, one);
@@ -24,7 +24,7 @@ impl<L: Lane> Heading<L> {
         Self { cos: L::select(turned, (ww - zz) * inverse, one), sin: (wz + wz) * inverse }
     }
 
-    /// A horizontal vector of the inertial frame, in the heading frame.
+    /// Components in the heading frame of a horizontal vector of the inertial frame.
     #[inline(always)]
     pub fn of(&self, x: L, y: L) -> [L; 2] {
         [self.cos.mul_add(x, self.sin * y), self.cos.mul_add(y, -(self.sin * x))]

@@ -1,14 +1,14 @@
-//! Functions that processors have no instruction for, from IEEE operations alone.
+//! Transcendental functions from IEEE operations only, so that results are equal on all processors.
 
 use super::Lane;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
-/// e^(−x) for x ≥ 0 to 4e-14 relative; e^(−64) for all larger x.
+/// Exponential e^(−x) for x ≥ 0, relative error 4e-14; e^(−64) for x > 64.
 #[inline(always)]
 pub fn exp_of_negative<L: Lane>(x: L) -> L {
     const HALVINGS: i32 = 7;
     let x = x.min(x.splat(64.0)) * (-1.0 / f64::from(1 << HALVINGS));
-    // Taylor's series up to x = 1/2, to 1e-16.
+    // Taylor series for x up to 1/2, error 1e-16.
     let mut series = x.splat(1.0);
     for n in (1..=14).rev() {
         series = (series * x).mul_add_all(1.0 / f64::from(n), x.splat(1.0));
@@ -19,7 +19,7 @@ pub fn exp_of_negative<L: Lane>(x: L) -> L {
     series
 }
 
-/// Angle of the point (x, y) from the x axis for y ≥ 0, in [0, π], to 1e-15; zero for (0, 0).
+/// Angle of the point (x, y) from the x axis for y ≥ 0, in [0, π], error 1e-15; zero for (0, 0).
 #[inline(always)]
 pub fn atan2_positive<L: Lane>(y: L, x: L) -> L {
     let across = x.abs();
@@ -27,7 +27,7 @@ pub fn atan2_positive<L: Lane>(y: L, x: L) -> L {
     let zero = y.zero();
     let one = y.splat(1.0);
     let ratio = small / L::select(zero.lt(large), large, one);
-    // Above tan(π/8), measure from π/4.
+    // Above tan(π/8) the angle is measured from π/4.
     let steep = y.splat(0.414_213_562_373_095_03).lt(ratio);
     let t = L::select(steep, (ratio - 1.0) / (ratio + 1.0), ratio);
     let mut angle = arctangent(t);
@@ -36,7 +36,7 @@ pub fn atan2_positive<L: Lane>(y: L, x: L) -> L {
     L::select(x.lt(zero), -angle + std::f64::consts::PI, angle)
 }
 
-/// The angle in [−π, π] that differs from `angle` by whole turns, for |angle| below 1e9 rad.
+/// Angle in [−π, π] that differs from `angle` by whole turns, for |angle| below 1e9 rad.
 #[inline(always)]
 pub fn wrapped_angle<L: Lane>(angle: L) -> L {
     // Adding and subtracting 1.5 · 2⁵² rounds to a whole number.
@@ -45,7 +45,7 @@ pub fn wrapped_angle<L: Lane>(angle: L) -> L {
     turns.mul_add_all(-TAU, angle)
 }
 
-/// Its series, for |t| ≤ tan(π/8).
+/// Series of the arctangent for |t| ≤ tan(π/8).
 #[inline(always)]
 fn arctangent<L: Lane>(t: L) -> L {
     let squared = t.squared();

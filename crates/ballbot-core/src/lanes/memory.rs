@@ -1,15 +1,15 @@
-//! Numbers that a stage, a task or a controller keeps, read and written in lanes.
+//! Access in lanes to the internal numbers of a stage, a task or a controller.
 
 use super::Lane;
 
-/// Some numbers of one robot or of eight.
+/// Numbers of one robot or of eight.
 pub struct Memory<'a, L: Lane> {
     token: L::Token,
     cells: &'a mut [L::Cell],
 }
 
 impl<'a, L: Lane> Memory<'a, L> {
-    /// The numbers in `cells`.
+    /// Access to the numbers in `cells`.
     #[inline(always)]
     pub fn new(token: L::Token, cells: &'a mut [L::Cell]) -> Self {
         Self { token, cells }
@@ -27,7 +27,7 @@ impl<'a, L: Lane> Memory<'a, L> {
         value.store(&mut self.cells[index]);
     }
 
-    /// The same number for all robots.
+    /// A constant with the same value for all robots.
     #[inline(always)]
     pub fn splat(&self, value: f64) -> L {
         L::from_f64(self.token, value)

@@ -1,8 +1,8 @@
-//! Arithmetic on one robot or on eight side by side: the same code, the same results to the last bit.
+//! Arithmetic on one robot or on eight side by side, with the same code and results equal to the last bit.
 //!
 //! A computation is written once over [`Lane`] and instantiated for `f64` (one robot) and for eight `f64` in a vector
-//! register. All operations round as IEEE 754 says, fused multiply-adds included, and none mixes lanes, so that what
-//! comes out for a robot depends neither on its neighbors nor on the processor's vector width.
+//! register. All operations, fused multiply-adds included, round as specified by IEEE 754, and none mixes lanes. The
+//! result for a robot therefore depends neither on its neighbors nor on the vector width of the processor.
 
 mod cells;
 mod dispatch;
@@ -29,9 +29,9 @@ pub use wide::Wide;
 
 use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, Neg, Not, Sub, SubAssign};
 
-/// One number of each of some robots.
+/// One number per robot, of one robot or of eight.
 ///
-/// Methods that make a number from a constant take the lanes of `self` for their model. Comparisons with NaN are false.
+/// Methods that create a number from a constant return the type and width of `self`. Comparisons with NaN are false.
 pub trait Lane:
     Copy
     + Add<Output = Self>
@@ -46,61 +46,61 @@ pub trait Lane:
     + AddAssign
     + SubAssign
 {
-    /// One truth of each robot.
+    /// One boolean per robot.
     type Mask: Copy + BitAnd<Output = Self::Mask> + BitOr<Output = Self::Mask> + Not<Output = Self::Mask>;
 
-    /// How the numbers lie in memory.
+    /// Storage of the numbers in memory.
     type Cell: Cell;
 
-    /// What the processor can do, known to the compiler.
+    /// Proof at compile time of the available instructions.
     type Token: Copy;
 
-    /// Reads the numbers.
+    /// Loads the numbers from memory.
     fn load(token: Self::Token, cell: &Self::Cell) -> Self;
 
-    /// The same number for all robots.
+    /// A constant with the same value for all robots.
     fn from_f64(token: Self::Token, value: f64) -> Self;
 
-    /// Writes the numbers.
+    /// Stores the numbers in memory.
     fn store(self, cell: &mut Self::Cell);
 
-    /// The same number for all robots.
+    /// A constant with the same value for all robots.
     fn splat(self, value: f64) -> Self;
 
-    /// self · factor + term, rounded once.
+    /// Fused multiply-add self · factor + term, rounded once.
     fn mul_add(self, factor: Self, term: Self) -> Self;
 
-    /// The root.
+    /// Square root.
     fn sqrt(self) -> Self;
 
-    /// The magnitude.
+    /// Absolute value.
     fn abs(self) -> Self;
 
-    /// The larger; `other` if either is NaN.
+    /// Maximum; `other` if either is NaN.
     fn max(self, other: Self) -> Self;
 
-    /// The smaller; `other` if either is NaN.
+    /// Minimum; `other` if either is NaN.
     fn min(self, other: Self) -> Self;
 
-    /// self < other.
+    /// Comparison self < other.
     fn lt(self, other: Self) -> Self::Mask;
 
-    /// self <= other.
+    /// Comparison self <= other.
     fn le(self, other: Self) -> Self::Mask;
 
-    /// `yes` where `mask` is true, `no` elsewhere.
+    /// Selection of `yes` where `mask` is true, of `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 
-    /// Whether any robot's truth is true.
+    /// Whether the mask is true for any robot.
     fn any(mask: Self::Mask) -> bool;
 
-    /// self · factor + term with the same factor for all robots, rounded once.
+    /// Fused multiply-add self · factor + term with the same factor for all robots, rounded once.
     #[inline(always)]
     fn mul_add_all(self, factor: f64, term: Self) -> Self {
         self.mul_add(self.splat(factor), term)
     }
 
-    /// term − self · factor, rounded once.
+    /// Fused term − self · factor, rounded once.
     #[inline(always)]
     fn neg_mul_add(self, factor: Self, term: Self) -> Self {
         (-self).mul_add(factor, term)
@@ -112,20 +112,20 @@ pub trait Lane:
         self.splat(0.0)
     }
 
-    /// Its square.
+    /// Square.
     #[inline(always)]
     fn squared(self) -> Self {
         self * self
     }
 }
 
-/// Three numbers from three cells.
+/// Loads three numbers from three cells.
 #[inline(always)]
 pub fn load3<L: Lane>(token: L::Token, [a, b, c]: &[L::Cell; 3]) -> [L; 3] {
     [L::load(token, a), L::load(token, b), L::load(token, c)]
 }
 
-/// Three numbers into three cells.
+/// Stores three numbers in three cells.
 #[inline(always)]
 pub fn store3<L: Lane>([a, b, c]: [L; 3], cells: &mut [L::Cell; 3]) {
     a.store(&mut cells[0]);

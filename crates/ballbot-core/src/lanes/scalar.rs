@@ -1,8 +1,8 @@
-//! One robot: plain `f64`.
+//! Lanes of one robot: `f64`.
 
 use super::Lane;
 
-/// Nothing needs to be known of the processor.
+/// Token of scalar code, which needs no special instructions.
 #[derive(Clone, Copy, Debug)]
 pub struct Scalar;
 

@@ -1,10 +1,10 @@
-//! Vectors and rotations of lanes.
+//! Vectors, quaternions and rotation matrices of lanes.
 
 use super::{Lane, atan2_positive};
 use std::f64::consts::{PI, TAU};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
-/// A vector of three.
+/// A vector of three components.
 #[derive(Clone, Copy, Debug)]
 pub struct Vec3<L> {
     /// First component.
@@ -16,25 +16,25 @@ pub struct Vec3<L> {
 }
 
 impl<L: Lane> Vec3<L> {
-    /// From its components.
+    /// Vector of three components.
     #[inline(always)]
     pub fn new(x: L, y: L, z: L) -> Self {
         Self { x, y, z }
     }
 
-    /// From three cells.
+    /// Loads three cells.
     #[inline(always)]
     pub fn load(token: L::Token, cells: &[L::Cell; 3]) -> Self {
         Self::new(L::load(token, &cells[0]), L::load(token, &cells[1]), L::load(token, &cells[2]))
     }
 
-    /// From three cells that are not in one array.
+    /// Loads three cells that are not in one array.
     #[inline(always)]
     pub fn load_parts(token: L::Token, [x, y, z]: [&L::Cell; 3]) -> Self {
         Self::new(L::load(token, x), L::load(token, y), L::load(token, z))
     }
 
-    /// Into three cells.
+    /// Stores three cells.
     #[inline(always)]
     pub fn store(self, cells: &mut [L::Cell; 3]) {
         self.x.store(&mut cells[0]);
@@ -48,7 +48,7 @@ impl<L: Lane> Vec3<L> {
         Self::new(like.zero(), like.zero(), like.zero())
     }
 
-    /// `yes` where `mask` is true, `no` elsewhere.
+    /// Selection of `yes` where `mask` is true, of `no` elsewhere.
     #[inline(always)]
     pub fn select(mask: L::Mask, yes: Self, no: Self) -> Self {
         Self::new(L::select(mask, yes.x, no.x), L::select(mask, yes.y, no.y), L::select(mask, yes.z, no.z))
@@ -70,13 +70,13 @@ impl<L: Lane> Vec3<L> {
         )
     }
 
-    /// Component by component.
+    /// Product by component.
     #[inline(always)]
     pub fn scaled_by(self, [x, y, z]: [L; 3]) -> Self {
         Self::new(self.x * x, self.y * y, self.z * z)
     }
 
-    /// self + direction · amount.
+    /// Sum self + direction · amount.
     #[inline(always)]
     pub fn plus(self, direction: Self, amount: L) -> Self {
         Self::new(
@@ -86,7 +86,7 @@ impl<L: Lane> Vec3<L> {
         )
     }
 
-    /// Its squared length.
+    /// Squared length.
     #[inline(always)]
     pub fn norm_squared(self) -> L {
         self.dot(self)
@@ -149,14 +149,14 @@ pub struct Quat<L> {
 }
 
 impl<L: Lane> Quat<L> {
-    /// From `[w, x, y, z]`.
+    /// Loads `[w, x, y, z]`.
     #[inline(always)]
     pub fn load(token: L::Token, cells: &[L::Cell; 4]) -> Self {
         let [w, x, y, z] = cells;
         Self { w: L::load(token, w), v: Vec3::new(L::load(token, x), L::load(token, y), L::load(token, z)) }
     }
 
-    /// Into `[w, x, y, z]`.
+    /// Stores `[w, x, y, z]`.
     #[inline(always)]
     pub fn store(self, cells: &mut [L::Cell; 4]) {
         let [w, x, y, z] = cells;
@@ -166,17 +166,17 @@ impl<L: Lane> Quat<L> {
         self.v.z.store(z);
     }
 
-    /// `yes` where `mask` is true, `no` elsewhere.
+    /// Selection of `yes` where `mask` is true, of `no` elsewhere.
     #[inline(always)]
     pub fn select(mask: L::Mask, yes: Self, no: Self) -> Self {
         Self { w: L::select(mask, yes.w, no.w), v: Vec3::select(mask, yes.v, no.v) }
     }
 
-    /// Heading of a body with this attitude, rad, in (−π, π]: the rotation about the vertical that remains once the tilt is
-    /// undone, 2 atan2(z, w).
+    /// Heading of a body with this attitude, rad, in (−π, π]: the rotation about the vertical that remains once the
+    /// tilt is undone, 2 atan2(z, w).
     #[inline(always)]
     pub fn yaw(self) -> L {
-        // A quaternion and its negative are the same attitude: take the one with z >= 0.
+        // A quaternion and its negative are the same attitude; the one with z >= 0 is used.
         let zero = self.w.zero();
         let negative = self.v.z.lt(zero);
         let (w, z) = (L::select(negative, -self.w, self.w), self.v.z.abs());
@@ -207,13 +207,13 @@ impl<L: Lane> Quat<L> {
         }
     }
 
-    /// Turned by `half` · 2 in its own frame: right multiplication by the rotation whose vector is twice `half`, rad.
+    /// Rotated in its own frame by the rotation vector 2 · `half`, rad: multiplication from the right.
     #[inline(always)]
     pub fn turned_in_own_frame(self, half: Vec3<L>) -> Self {
         self.times(step_rotation(half)).normalized()
     }
 
-    /// Turned by the rotation vector 2 · `half` of the frame that it maps to, rad.
+    /// Rotated by the rotation vector 2 · `half` in the frame that the quaternion maps to, rad.
     #[inline(always)]
     pub fn turned(self, half: Vec3<L>) -> Self {
         step_rotation(half).times(self).normalized()
@@ -225,7 +225,7 @@ impl<L: Lane> Quat<L> {
         Self { w: self.w * inverse, v: self.v * inverse }
     }
 
-    /// As a matrix.
+    /// Rotation matrix.
     #[inline(always)]
     pub fn rotation(self) -> Rotation<L> {
         let (w, v) = (self.w, self.v);
@@ -245,7 +245,7 @@ impl<L: Lane> Quat<L> {
 }
 
 /// A quaternion, not of unit length, of the rotation vector 2 · `half`: (1, half · tan|half|/|half|). The series of the
-/// tangent is exact to rounding for steps up to 0.1 rad; far beyond, the step turns too little but in the right sense.
+/// tangent is exact to rounding for steps up to 0.1 rad; far beyond, the angle is too small, with the right sign.
 #[inline(always)]
 fn step_rotation<L: Lane>(half: Vec3<L>) -> Quat<L> {
     let squared = half.norm_squared();
@@ -260,18 +260,18 @@ fn step_rotation<L: Lane>(half: Vec3<L>) -> Quat<L> {
 /// A rotation matrix.
 #[derive(Clone, Copy, Debug)]
 pub struct Rotation<L> {
-    /// Its rows.
+    /// Rows of the matrix.
     pub rows: [Vec3<L>; 3],
 }
 
 impl<L: Lane> Rotation<L> {
-    /// The vector turned.
+    /// Rotated vector.
     #[inline(always)]
     pub fn apply(&self, v: Vec3<L>) -> Vec3<L> {
         Vec3::new(self.rows[0].dot(v), self.rows[1].dot(v), self.rows[2].dot(v))
     }
 
-    /// The vector turned back.
+    /// Vector rotated by the inverse.
     #[inline(always)]
     pub fn apply_transposed(&self, v: Vec3<L>) -> Vec3<L> {
         (self.rows[0] * v.x).plus(self.rows[1], v.y).plus(self.rows[2], v.z)

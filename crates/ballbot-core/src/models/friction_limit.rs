@@ -1,4 +1,4 @@
-//! What the wheels' friction lets the motors do.
+//! Limit of the motor torques from the friction between wheels and ball.
 
 use super::{BallSpin, SpatialModel, WheelSpin};
 use crate::params::Params;
@@ -6,12 +6,12 @@ use crate::state::Contacts;
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use std::f64::consts::TAU;
 
-/// Directions of a tilt torque that are tried; the limit changes by less than 2 % between neighbors.
+/// Number of tested directions of a tilt torque. The limit changes by less than 2 % between neighbors.
 const DIRECTIONS: u32 = 48;
 
-/// The largest torque of any wheel, N·m, that the upright robot at rest can exert for a tilt torque in the worst
-/// direction before a wheel slips (or the motors reach their limit). The motors' reaction unloads some wheels as it loads
-/// others, so this is well below μ N r_w with the loads N at rest.
+/// Largest torque of any wheel for a tilt torque in the worst direction, N·m, at which no wheel of the upright robot at
+/// rest slips; at most the limit of the motors. The reaction of the motors unloads some wheels, so the result is well
+/// below μ N r_w with the loads N at rest. Derived in `docs/derivations.md`, "Largest torque".
 pub fn traction_torque(params: &Params) -> f64 {
     let model = SpatialModel::new(params, WheelSpin::Absolute, BallSpin::Free);
     let contacts = |torques: &Vector3<f64>| model.contacts(&UnitQuaternion::identity(), &Vector6::zeros(), torques);
@@ -27,7 +27,7 @@ pub fn traction_torque(params: &Params) -> f64 {
         .fold(params.max_wheel_torque, f64::min)
 }
 
-/// How often the torques of `driven` fit until a wheel slips: loads and tractions are linear in the torques.
+/// Factor on the torques of `driven` at which the first wheel slips. Loads and tractions are linear in the torques.
 fn slip_scale(params: &Params, at_rest: &Contacts, driven: &Contacts) -> f64 {
     let friction = params.wheel_dynamic_friction;
     (0..3)

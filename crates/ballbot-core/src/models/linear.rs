@@ -1,4 +1,4 @@
-//! The spatial model linearized about rest upright, for any robot.
+//! The spatial model linearized about rest upright.
 
 use super::{BallSpin, SpatialModel, WheelSpin};
 use crate::params::Params;
@@ -9,20 +9,20 @@ pub const STATES: usize = 10;
 /// Number of inputs: the three wheel torques.
 pub const INPUTS: usize = 3;
 
-/// ẋ = A x + B τ with x = (x, y, tilt_x, tilt_y, yaw, v_x, v_y, Ω_x, Ω_y, Ω_z) in the heading frame. The
-/// ball is free to spin about the vertical, as in eq. (7) of the paper, and has done so from rest: its spin is what keeps
-/// the robot's angular momentum about the vertical at zero.
+/// Linear model ẋ = A x + B τ with x = (x, y, tilt_x, tilt_y, yaw, v_x, v_y, Ω_x, Ω_y, Ω_z) in the heading frame. The
+/// ball is free to spin about the vertical, as in eq. (7) of the paper. Its spin is no state: it follows from zero
+/// angular momentum of the robot about the vertical, as in motion from rest under motor torques.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearModel {
-    /// A.
+    /// State matrix A.
     pub a: SMatrix<f64, STATES, STATES>,
-    /// B.
+    /// Input matrix B.
     pub b: SMatrix<f64, STATES, INPUTS>,
 }
 
 impl LinearModel {
-    /// Derivatives of the spatial model's accelerations, taken where they are linear: torques and rates enter linearly
-    /// at rest, and gravity turns a small tilt into M_b g l times that tilt.
+    /// Linear model of `params`. The accelerations of the spatial model at rest are linear in torques; their odd part
+    /// is linear in rates. Gravity is the torque M_b g l times a small tilt.
     pub fn new(params: &Params) -> Self {
         // Dry friction has no derivative at rest.
         let model = SpatialModel::new(
@@ -34,14 +34,14 @@ impl LinearModel {
         let at = |velocity: &Vector6<f64>, torques: &Vector3<f64>| {
             model.accelerations(&upright, velocity, torques).fixed_rows::<5>(0).into_owned()
         };
-        // The motors turn ball and body against each other.
+        // Spin of the ball per yaw rate: motors turn ball and body in opposite directions.
         let turned = model.accelerations(&upright, &Vector6::zeros(), &Vector3::repeat(1.0));
         let ball_spin = turned[5] / turned[4];
         let mut a = SMatrix::<f64, STATES, STATES>::zeros();
         let mut b = SMatrix::<f64, STATES, INPUTS>::zeros();
         for i in 0..5 {
             a[(i, 5 + i)] = 1.0;
-            // Viscous friction is odd in the rates, what is quadratic in them is even.
+            // Viscous friction is odd in the rates; the quadratic terms are even.
             let mut unit = Vector6::from_fn(|j, _| f64::from(j == i));
             unit[5] = unit[4] * ball_spin;
             let odd = (at(&unit, &Vector3::zeros()) - at(&-unit, &Vector3::zeros())) * 0.5;

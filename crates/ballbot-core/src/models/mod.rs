@@ -1,4 +1,4 @@
-//! Closed-form models: no engine, no contact solver; the wheels and the ball never slip.
+//! Closed-form models without slip of wheels and ball, and without contact solver.
 
 mod friction_limit;
 pub mod linear;
@@ -22,13 +22,14 @@ use crate::state::{Contacts, State, rolling_rate};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Wheel speed over which dry friction builds up in the closed-form models, which cannot stick, rad/s.
+/// Width of the tanh that regularizes dry friction in the closed-form models, rad/s. Chosen by
+/// experiment.
 const DRY_FRICTION_WIDTH: f64 = 0.05;
 
-/// How far a state may be from rolling without slip to be accepted, m, m/s and rad/s.
+/// Largest deviation from rolling without slip of an accepted state, m, m/s and rad/s.
 const NO_SLIP_TOLERANCE: f64 = 1e-6;
 
-/// Far beyond any bound of a valid state, but small enough that its square does not overflow.
+/// Largest coordinate of a model that has not diverged. Its square does not overflow.
 const MAX_COORDINATE: f64 = 1e100;
 
 /// Whether all coordinates are finite and below [`MAX_COORDINATE`].
@@ -45,17 +46,18 @@ fn shaft_torques(params: &Params, torques: &Vector3<f64>, wheel_speeds: &Vector3
     })
 }
 
-/// What the contact forces of a robot without slip follow from.
+/// Motion of a robot without slip, from which the contact forces follow.
 struct Motion {
     body_quaternion: UnitQuaternion<f64>,
     ball_velocity: Vector3<f64>,
     ball_acceleration: Vector3<f64>,
     com_acceleration: Vector3<f64>,
-    /// f_i along d_i on the ball, N.
+    /// Traction f_i of each wheel on the ball along d_i, N.
     tractions: Vector3<f64>,
 }
 
-/// Wheel loads from Rᵀ M_b (a_b + g e3) = Σ N_i p_i − Σ f_i d_i, floor force from the momentum of ball and body.
+/// Contact forces: wheel loads from Rᵀ M_b (a_b + g e3) = Σ N_i p_i − Σ f_i d_i, floor force from the momentum of ball
+/// and body.
 fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Contacts {
     let weight = Vector3::z() * params.gravity;
     let mut balance =
@@ -78,7 +80,7 @@ fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Conta
     }
 }
 
-/// Refuses a state that slips or has left the floor, naming the first quantity that is off.
+/// Refuses a state that slips or is off the floor; the error names the first wrong quantity.
 fn require_rolling(params: &Params, wheels: &Omniwheels, state: &State) -> Result<()> {
     state.validate()?;
     let rolling = rolling_rate(params, &state.ball_velocity);
@@ -108,7 +110,7 @@ fn require_rolling(params: &Params, wheels: &Omniwheels, state: &State) -> Resul
     }
 }
 
-/// What the future of a closed-form model depends on, besides its parameters and time step.
+/// Snapshot of a closed-form model: everything that changes during simulation.
 #[derive(Serialize, Deserialize)]
 struct Saved {
     steps: u64,

@@ -1,30 +1,31 @@
-//! The paper's planar model, eqs. (1)-(7): one plane of the robot at a time.
+//! The planar model of the paper, eqs. (1)-(7): one vertical plane of the robot.
 //!
-//! Sign: in the yz-plane the paper's θ_x leans towards +y, so it is left-handed about x; in the xz-plane θ_y leans
-//! towards +x and is right-handed about y. Both planes therefore share one set of equations in (position, tilt towards
-//! positive position). A positive virtual torque drives the ball towards positive position and the mast away from it.
+//! Signs: in the yz-plane a positive θ_x of the paper leans towards +y and is left-handed about x. In the xz-plane a
+//! positive θ_y leans towards +x and is right-handed about y. Both planes therefore have the same equations in
+//! (position, tilt towards positive position). A positive virtual torque drives the ball towards positive position and
+//! the mast away from it.
 
 use crate::error::{Error, Result};
 use crate::params::Params;
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 
-/// What stands for J_w in eq. (2).
+/// Wheel inertia in the place of J_w in eq. (2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WheelInertia {
     /// J_w of a single wheel, as the paper prints it.
     #[default]
     AsPrinted,
-    /// (3/2) cos²α J_w, which three wheels amount to: with it the planar model is the spatial one in a plane.
+    /// Effective inertia (3/2) cos²α J_w of three wheels. With it the planar model equals the spatial model in a plane.
     ThreeWheels,
 }
 
 /// A vertical plane in which the robot moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Plane {
-    /// y and θ_x.
+    /// The yz-plane, with y and θ_x.
     #[default]
     Yz,
-    /// x and θ_y.
+    /// The xz-plane, with x and θ_y.
     Xz,
 }
 
@@ -37,12 +38,12 @@ pub struct PlanarModel {
 }
 
 impl PlanarModel {
-    /// The yz-plane of `params`.
+    /// Model of the yz-plane.
     pub fn new(params: &Params, wheel_inertia: WheelInertia) -> Self {
         Self::in_plane(params, wheel_inertia, Plane::Yz)
     }
 
-    /// Any of the two vertical planes of `params`.
+    /// Model of either vertical plane.
     pub fn in_plane(params: &Params, wheel_inertia: WheelInertia, plane: Plane) -> Self {
         let plane_inertia = match plane {
             Plane::Yz => params.body_inertia[0],
@@ -55,7 +56,7 @@ impl PlanarModel {
         Self { plane_inertia, wheel_inertia: factor * params.wheel_inertia, params: params.clone() }
     }
 
-    /// M(q), eq. (2), of q = (position, tilt).
+    /// Mass matrix M(q), eq. (2), with q = (position, tilt).
     pub fn mass_matrix(&self, tilt: f64) -> Matrix2<f64> {
         let p = &self.params;
         let k = p.gear_ratio();
@@ -72,12 +73,12 @@ impl PlanarModel {
         )
     }
 
-    /// Q, eq. (6): rate of the virtual wheel as a function of q̇, and generalized force of its torque.
+    /// Input map Q, eq. (6): rate of the virtual wheel as a function of q̇, and generalized force of its torque.
     pub fn input_map(&self) -> Vector2<f64> {
         Vector2::new(1.0 / self.params.wheel_radius, -self.params.gear_ratio())
     }
 
-    /// q̈ of eq. (1) under a virtual torque (N·m).
+    /// Accelerations q̈ of eq. (1) under a virtual torque (N·m).
     pub fn accelerations(&self, q: &Vector2<f64>, q_dot: &Vector2<f64>, virtual_torque: f64) -> Vector2<f64> {
         let p = &self.params;
         let arm = p.body_mass * p.body_com_height;
@@ -98,7 +99,7 @@ impl PlanarModel {
         0.5 * q_dot.dot(&(self.mass_matrix(q[1]) * q_dot)) + p.body_mass * p.gravity * p.body_com_height * q[1].cos()
     }
 
-    /// θ̈_z per virtual torque, eq. (7), rad/s² per N·m; the ball is free to spin about the vertical.
+    /// Yaw acceleration θ̈_z per virtual torque, eq. (7), rad/s² per N·m; the ball is free to spin about the vertical.
     pub fn yaw_gain(&self) -> f64 {
         let p = &self.params;
         let sin = p.wheel_zenith.sin();
@@ -107,12 +108,12 @@ impl PlanarModel {
                 + 3.0 * (p.ball_inertia + p.body_inertia[2]) * p.wheel_inertia * p.ball_radius.powi(2) * sin * sin)
     }
 
-    /// θ̈_z under a virtual torque (N·m), eq. (7).
+    /// Yaw acceleration θ̈_z under a virtual torque (N·m), eq. (7), rad/s².
     pub fn yaw_acceleration(&self, virtual_torque: f64) -> f64 {
         self.yaw_gain() * virtual_torque
     }
 
-    /// ẋ = A x + B τ of x = (position, tilt, their rates) about rest upright.
+    /// Matrices of ẋ = A x + B τ with x = (position, tilt, their rates) about rest upright.
     pub fn linearize(&self) -> (Matrix4<f64>, Vector4<f64>) {
         let p = &self.params;
         let inverse = self.mass_matrix(0.0).try_inverse().expect("a mass matrix is positive definite");

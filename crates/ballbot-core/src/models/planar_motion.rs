@@ -1,4 +1,4 @@
-//! The planar model in motion: three decoupled planes (xz, yz, and the yaw equation), advanced by RK4.
+//! Simulation of the planar model: two decoupled vertical planes and the yaw equation, integrated by RK4.
 
 use super::planar::Plane;
 use super::rk4::rk4;
@@ -11,18 +11,20 @@ use crate::snapshot;
 use crate::state::{Contacts, State, attitude, rolling_rate};
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 
-/// (x, θ_y), (y, θ_x), yaw, ball spin angle; the rates of these; wheel angles; ball quaternion.
+/// Coordinates (x, θ_y), (y, θ_x), yaw and ball spin angle; their rates; wheel angles; ball quaternion.
 type Coordinates = SVector<f64, 19>;
 
-/// Where the rates start in [`Coordinates`].
+/// Index of the first rate in [`Coordinates`].
 const RATES: usize = 6;
+/// Index of the first wheel angle.
 const WHEEL_ANGLES: usize = 12;
+/// Index of the scalar part of the ball quaternion.
 const BALL_QUATERNION: usize = 15;
 
-/// A robot whose xz, yz and yaw motions do not feel each other (the paper's assumption 2).
+/// A robot with decoupled xz, yz and yaw motion (assumption 2 of the paper).
 ///
-/// Uses [`WheelInertia::ThreeWheels`], so that motion in one plane is that of the spatial model with the paper's wheel
-/// energy. Tilt in both planes at once is composed as one rotation vector.
+/// The wheel inertia is [`WheelInertia::ThreeWheels`], so motion in one plane equals that of the spatial model with
+/// relative wheel spin. Tilts in both planes are the components of one rotation vector.
 #[derive(Clone, Debug)]
 pub struct PlanarMotion {
     params: Params,
@@ -37,7 +39,7 @@ pub struct PlanarMotion {
 }
 
 impl PlanarMotion {
-    /// At rest upright.
+    /// A robot at rest upright.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
         Self {
             wheels: Omniwheels::new(params),
@@ -56,7 +58,7 @@ impl PlanarMotion {
     fn wheel_speeds(&self, y: &Coordinates) -> Vector3<f64> {
         let rates = y.fixed_rows::<RATES>(RATES);
         let planar = self.xz.input_map();
-        // The rates conjugate to the virtual torques, in inertial axes; see `virtual_torques`.
+        // Rates conjugate to the virtual torques, along inertial axes; see `virtual_torques`.
         let about_x = planar[0] * rates[2] + planar[1] * rates[3];
         let about_y = -(planar[0] * rates[0] + planar[1] * rates[1]);
         let about_z = self.params.gear_ratio() * (rates[5] - rates[4]);
@@ -64,7 +66,8 @@ impl PlanarMotion {
         self.wheels.wheel_speeds_of_virtual(&heading.push(about_z))
     }
 
-    /// Virtual torques of the xz-plane, the yz-plane and the yaw equation under the motors' torques less joint friction.
+    /// Virtual torques of the xz-plane, the yz-plane and the yaw equation under the motors' torques less joint
+    /// friction.
     fn virtual_torques(&self, y: &Coordinates) -> Vector3<f64> {
         let shaft = shaft_torques(&self.params, &self.wheel_torques, &self.wheel_speeds(y));
         let in_heading = self.wheels.virtual_torques(&shaft);
@@ -83,7 +86,7 @@ impl PlanarMotion {
         let in_xz = plane(&self.xz, 0, torques.x);
         let in_yz = plane(&self.yz, 2, torques.y);
         let yaw = self.xz.yaw_acceleration(torques.z);
-        // Nothing else turns the pair of ball and body about the vertical.
+        // The angular momentum of ball and body about the vertical is constant.
         let ball_spin = -yaw * self.params.body_inertia[2] / self.params.ball_inertia;
         Vector6::new(in_xz[0], in_xz[1], in_yz[0], in_yz[1], yaw, ball_spin)
     }
@@ -105,7 +108,7 @@ impl PlanarMotion {
         out
     }
 
-    /// Acceleration of the body's CoM if both planes' motions add up.
+    /// Acceleration of the CoM of the body: sum of the motions in both planes.
     fn com_acceleration(&self, y: &Coordinates, rates: &Vector6<f64>) -> Vector3<f64> {
         let l = self.params.body_com_height;
         let mut acceleration = Vector3::zeros();
@@ -195,7 +198,7 @@ impl Model for PlanarMotion {
         let y = &self.coordinates;
         let derivative = self.derivative(y);
         let rates = self.rate_derivatives(y);
-        // The wheels' acceleration along the motion, by a central difference too small to matter beside the model.
+        // Wheel accelerations by a central difference, whose error is far below that of the model.
         let h = 1e-6;
         let wheel_acceleration =
             (self.wheel_speeds(&(y + derivative * h)) - self.wheel_speeds(&(y - derivative * h))) / (2.0 * h);
@@ -220,7 +223,7 @@ impl Model for PlanarMotion {
         let (yaw_rate, spin) = (rates[4], rates[5]);
         let wheels = 3.0 * p.wheel_inertia * (p.gear_ratio() * p.wheel_zenith.sin() * (spin - yaw_rate)).powi(2);
         let twice_yaw_energy = p.body_inertia[2] * yaw_rate.powi(2) + p.ball_inertia * spin.powi(2) + wheels;
-        // Each plane counts the whole potential energy.
+        // Each plane includes the whole potential energy.
         let counted_twice = p.body_mass * p.gravity * p.body_com_height;
         plane(&self.xz, 0) + plane(&self.yz, 2) + 0.5 * twice_yaw_energy - counted_twice
     }

@@ -1,9 +1,10 @@
 //! The coupled 3D model without slip, by Kane's method.
 //!
 //! Generalized velocity ν = (v_x, v_y, Ω_x, Ω_y, Ω_z, s): the ball's velocity on the floor (inertial frame), the body's
-//! angular velocity (body frame), the ball's spin about the vertical. The constraints of the wheels are nonholonomic, so
-//! putting the wheel speeds into a Lagrangian and using Euler-Lagrange would be wrong off the plane; projecting the
-//! Newton-Euler equations on the partial velocities (Kane & Levinson, Dynamics: Theory and Applications, 1985, ch. 6) is not.
+//! angular velocity (body frame), the ball's spin about the vertical. The wheel constraints are nonholonomic. Inserting
+//! them into a Lagrangian gives wrong equations outside of a plane. Kane's method projects the Newton-Euler equations
+//! on the partial velocities (Kane & Levinson, Dynamics: Theory and Applications, 1985, ch. 6). See
+//! `docs/derivations.md`.
 
 use super::{Motion, contact_loads, shaft_torques};
 use crate::error::{Error, Result};
@@ -57,11 +58,11 @@ pub struct SpatialModel {
 /// Matrices of one configuration.
 struct Terms {
     rotation: Matrix3<f64>,
-    /// ψ̇ = B ν.
+    /// Encoder rates: ψ̇ = B ν.
     b: Matrix3x6<f64>,
-    /// σ = B_s ν, the spins that carry the wheels' kinetic energy.
+    /// Spins in the kinetic energy of the wheels: σ = B_s ν.
     b_s: Matrix3x6<f64>,
-    /// v_CoM = J_c ν.
+    /// Velocity of the CoM: v_CoM = J_c ν.
     j_c: Matrix3x6<f64>,
     mass: Matrix6<f64>,
 }
@@ -81,12 +82,12 @@ impl SpatialModel {
         }
     }
 
-    /// The robot's parameters.
+    /// Parameters of the robot.
     pub fn params(&self) -> &Params {
         &self.params
     }
 
-    /// The robot's wheels.
+    /// Wheels of the robot.
     pub fn wheels(&self) -> &Omniwheels {
         &self.wheels
     }
@@ -114,7 +115,7 @@ impl SpatialModel {
         Ok(Vector6::from_fn(|i, _| values.get(i).copied().unwrap_or(0.0)))
     }
 
-    /// ω_k = S ν, in the inertial frame.
+    /// Matrix S of the angular velocity of the ball in the inertial frame, ω_k = S ν.
     fn ball_rate_map(&self) -> Matrix3x6<f64> {
         let mut s = Matrix3x6::zeros();
         s[(0, 1)] = -1.0 / self.params.ball_radius;
@@ -158,7 +159,7 @@ impl SpatialModel {
         Terms { rotation, b, b_s, j_c, mass }
     }
 
-    /// ν' under motor torques (N·m). The sixth element is zero where the ball may not spin about the vertical.
+    /// Derivative ν' under motor torques (N·m). The sixth element is zero with [`BallSpin::Pinned`].
     pub fn accelerations(
         &self,
         body_quaternion: &UnitQuaternion<f64>,
@@ -193,12 +194,12 @@ impl SpatialModel {
         solve_mass(terms, &force)
     }
 
-    /// R (Ω × (Ω × l e3)): the CoM's acceleration at ν' = 0.
+    /// Acceleration R (Ω × (Ω × l e3)) of the CoM at ν' = 0.
     fn centripetal(&self, terms: &Terms, rate: &Vector3<f64>) -> Vector3<f64> {
         terms.rotation * rate.cross(&rate.cross(&(Vector3::z() * self.params.body_com_height)))
     }
 
-    /// σ̇ at ν' = 0: −k U (Ω × Rᵀ S ν).
+    /// Derivative −k U (Ω × Rᵀ S ν) of σ at ν' = 0.
     fn spin_drift(&self, terms: &Terms, velocity: &Vector6<f64>, rate: &Vector3<f64>) -> Vector3<f64> {
         let ball_rate = terms.rotation.transpose() * (self.ball_rate_map() * velocity);
         self.wheels.u * rate.cross(&ball_rate) * -self.params.gear_ratio()
@@ -218,8 +219,8 @@ impl SpatialModel {
             + p.body_mass * p.gravity * p.body_com_height * terms.rotation[(2, 2)]
     }
 
-    /// Forces that the floor and the wheels must carry for the motion to be free of slip. The model is valid only while
-    /// [`Contacts::friction_utilization`] stays within 0 and 1.
+    /// Contact forces of floor and wheels in the motion without slip. The model is valid only while
+    /// [`Contacts::friction_utilization`] is between 0 and 1.
     pub fn contacts(
         &self,
         body_quaternion: &UnitQuaternion<f64>,
@@ -241,7 +242,7 @@ impl SpatialModel {
         contact_loads(&self.params, &self.wheels, &motion)
     }
 
-    /// M⁻¹ times a generalized force: ν' per force, or the jump of ν per impulse.
+    /// Product of M⁻¹ and a generalized force or impulse: ν' or the change of ν.
     pub fn response(&self, body_quaternion: &UnitQuaternion<f64>, force: &Vector6<f64>) -> Vector6<f64> {
         solve_mass(&self.terms(body_quaternion), force)
     }
@@ -260,7 +261,7 @@ impl SpatialModel {
     }
 }
 
-/// A state that has diverged gives NaN, which its owner reports.
+/// Solution of M ν' = force; NaN for a mass matrix of a diverged state, which is reported as divergence.
 fn solve_mass(terms: &Terms, force: &Vector6<f64>) -> Vector6<f64> {
     terms.mass.cholesky().map_or_else(|| Vector6::repeat(f64::NAN), |mass| mass.solve(force))
 }

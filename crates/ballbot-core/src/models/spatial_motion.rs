@@ -1,4 +1,4 @@
-//! The spatial model in motion: RK4 over position, attitude and generalized velocity.
+//! Simulation of the spatial model: RK4 for position, attitude and generalized velocity.
 
 use super::rk4::rk4;
 use super::{BallSpin, Saved, SpatialModel, WheelSpin, require_rolling, sound};
@@ -9,10 +9,10 @@ use crate::snapshot;
 use crate::state::{Contacts, State, rolling_rate};
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 
-/// Ball position (2), body quaternion (4), ν (6), ball quaternion (4), wheel angles (3).
+/// Coordinates: ball position (2), body quaternion (4), ν (6), ball quaternion (4), wheel angles (3).
 type Coordinates = SVector<f64, 19>;
 
-/// A robot that follows [`SpatialModel`] with absolute wheel spin and a ball free to spin about the vertical.
+/// A robot with the equations of [`SpatialModel`], absolute wheel spin and free ball spin.
 #[derive(Clone, Debug)]
 pub struct SpatialMotion {
     model: SpatialModel,
@@ -24,7 +24,7 @@ pub struct SpatialMotion {
 }
 
 impl SpatialMotion {
-    /// At rest upright.
+    /// A robot at rest upright.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
         let model = SpatialModel::new(params, WheelSpin::Absolute, BallSpin::Free);
         let coordinates = coordinates_of(&State::upright(params));

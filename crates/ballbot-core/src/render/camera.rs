@@ -1,28 +1,29 @@
-//! Where the picture is taken from.
+//! The camera: position, direction and field of view.
 
 use crate::error::{Result, check, finite};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// A pinhole camera. The inertial frame's z is up in the picture.
+/// A pinhole camera. The z axis of the inertial frame is up in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// Where it looks: a point of the inertial frame or, if it follows, relative to the ball's point of contact, m.
+    /// Point at the center of the picture, m: in the inertial frame or, if the camera follows, from the contact point
+    /// of the ball with the floor.
     pub target: Vector3<f64>,
-    /// From the target, m.
+    /// Distance from the target, m.
     pub distance: f64,
     /// Direction of the camera from the target, counter-clockwise from x seen from above, rad.
     pub azimuth: f64,
-    /// Height of that direction above the horizontal, rad.
+    /// Angle of that direction above the horizontal, rad.
     pub elevation: f64,
     /// Vertical field of view, rad.
     pub field_of_view: f64,
-    /// Whether it moves with the ball along the floor.
+    /// Whether the camera moves with the ball along the floor.
     pub follows: bool,
 }
 
 impl Camera {
-    /// A camera that follows a robot of a height (m), which fills most of the picture.
+    /// A camera that follows a robot of `height` (m). The robot fills most of the picture.
     pub fn following(height: f64) -> Self {
         let field_of_view: f64 = 0.6;
         Self {
@@ -35,7 +36,7 @@ impl Camera {
         }
     }
 
-    /// Checks that it is a camera.
+    /// Checks ranges, and that the camera is above the floor.
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] naming the number and its limit.
@@ -50,7 +51,7 @@ impl Camera {
         Ok(())
     }
 
-    /// The camera where it stands for a ball at `ball`.
+    /// Rays of the camera for a ball at `ball`.
     pub(super) fn placed(&self, ball: &Vector3<f64>, width: usize, height: usize) -> View {
         let follow = if self.follows { Vector3::new(ball.x, ball.y, 0.0) } else { Vector3::zeros() };
         let (sin, cos) = self.elevation.sin_cos();
@@ -68,21 +69,22 @@ impl Camera {
     }
 }
 
-/// A camera in place: the ray of each pixel.
+/// The rays of all pixels.
 pub(super) struct View {
     pub position: Vector3<f64>,
-    /// Unit length; a ray's component along it is 1.
+    /// Viewing direction, unit length; the component of each ray along it is 1.
     pub forward: Vector3<f64>,
-    /// From a pixel to its right neighbor, and to the one below, at unit depth.
+    /// Step from a pixel to its right neighbor at unit depth, m.
     pub right: Vector3<f64>,
+    /// Step from a pixel to the one below at unit depth, m.
     pub down: Vector3<f64>,
     center: (f64, f64),
-    /// Size of a pixel at unit depth.
+    /// Size of a pixel at unit depth, m.
     pub pixel: f64,
 }
 
 impl View {
-    /// Direction of the ray through a point of the picture, in pixels from its upper left corner; depth 1 long.
+    /// Direction of the ray through a point of the picture (pixels from the upper left corner), of depth 1.
     pub fn ray(&self, x: f64, y: f64) -> Vector3<f64> {
         self.forward + self.right * (x - self.center.0) + self.down * (y - self.center.1)
     }

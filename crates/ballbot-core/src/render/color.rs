@@ -1,4 +1,4 @@
-//! Colors, and the markings that make rotation visible.
+//! Linear colors, sRGB encoding, and patterns that make rotation visible.
 
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
@@ -6,28 +6,28 @@ use std::f64::consts::TAU;
 /// Red, green and blue, linear, in [0, 1].
 pub type Color = Vector3<f64>;
 
-/// How a part is colored, in the part's own frame.
+/// Color pattern of a part, in the frame of the part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Paint {
     /// One color.
     Plain(Color),
-    /// The eight octants about the origin, in turn.
+    /// Two colors alternating over the eight octants about the origin.
     Octants(Color, Color),
-    /// Sectors about z, in turn, and a narrow one of a third color where the angle is zero.
+    /// Two colors alternating over sectors about z, and a mark in the sector at angle zero.
     Sectors {
-        /// How many; even.
+        /// Number of sectors, even.
         count: u32,
         /// The first color.
         first: Color,
-        /// The second.
+        /// The second color.
         second: Color,
-        /// Of the mark.
+        /// Color of the mark.
         mark: Color,
     },
 }
 
 impl Paint {
-    /// The color at a point of the part.
+    /// Color at a point of the part.
     pub(super) fn at(&self, point: &Vector3<f64>) -> Color {
         match self {
             Self::Plain(color) => *color,
@@ -51,7 +51,7 @@ impl Paint {
     }
 }
 
-/// Linear color of sRGB bytes as they are written in style sheets.
+/// Linear color of an sRGB color written as 0xRRGGBB.
 pub fn srgb(hex: u32) -> Color {
     let channel = |shift: u32| {
         let value = f64::from((hex >> shift) & 0xff) / 255.0;
@@ -60,7 +60,7 @@ pub fn srgb(hex: u32) -> Color {
     Color::new(channel(16), channel(8), channel(0))
 }
 
-/// sRGB bytes of linear light, by table: the power is the most expensive part of a pixel otherwise.
+/// Table from linear light to sRGB bytes. Without the table the power function would dominate the cost of a pixel.
 pub(super) struct Display {
     table: Vec<u8>,
 }

@@ -1,4 +1,4 @@
-//! How a robot looks that comes with parameters alone: ball, wheels, plates, motors and a mast in its proportions.
+//! Default visuals of a robot without URDF: ball, wheels, plates, motors and a mast, sized by the parameters.
 
 use super::color::{Color, Paint, srgb};
 use super::scene::{Link, Part, Scene};
@@ -8,7 +8,7 @@ use crate::params::Params;
 use nalgebra::{UnitQuaternion, Vector3};
 
 impl Scene {
-    /// A robot of primitive shapes with the radii, the wheels and the center of mass of `params`.
+    /// A scene of primitive shapes with the radii, wheels and center of mass of `params`.
     pub fn of(params: &Params) -> Self {
         let wheels = Omniwheels::new(params);
         let mut parts = vec![ball(params)];
@@ -35,7 +35,7 @@ fn wheel(params: &Params, wheels: &Omniwheels, i: usize, parts: &mut Vec<Part>) 
     let direction = wheels.contact_directions[i];
     let axle = -wheels.u.row(i).transpose();
     let center = direction * (params.ball_radius + radius);
-    // The mark points from the ball at wheel angle zero.
+    // At wheel angle zero the mark points away from the ball.
     let frame = [direction, axle.cross(&direction), axle];
     let attitude = UnitQuaternion::from_basis_unchecked(&frame);
     let mut part = |link: Link, along: f64, shape: Shape, paint: Paint| {
@@ -55,7 +55,7 @@ fn body(params: &Params, parts: &mut Vec<Part>) {
     let (ball, wheel) = (params.ball_radius, params.wheel_radius);
     let reach = (ball + wheel) * params.wheel_zenith.sin();
     let plate = (ball + wheel) * params.wheel_zenith.cos() + 1.6 * wheel;
-    // A slender mast of this half length about the CoM has the body's inertia.
+    // Half length of a slender mast about the CoM with the inertia of the body.
     let half_height = (3.0 * params.body_inertia[0].max(params.body_inertia[1]) / params.body_mass).sqrt();
     let top = (params.body_com_height + half_height).max(plate + 3.0 * wheel);
     let deck = plate + 0.3 * (top - plate);
@@ -77,13 +77,13 @@ fn body(params: &Params, parts: &mut Vec<Part>) {
         let at = (azimuth + std::f64::consts::FRAC_PI_3).sin_cos();
         upright(0.05 * reach, plate, deck, (0.75 * reach * at.1, 0.75 * reach * at.0), dark);
         let at = azimuth.sin_cos();
-        // What carries the wheel.
+        // The bracket of the wheel.
         upright(0.16 * reach, plate - 0.7 * wheel, plate, (0.8 * reach * at.1, 0.8 * reach * at.0), dark);
     }
     upright(0.5 * reach, plate + thickness, plate + 0.7 * (deck - plate), (0.0, 0.0), teal);
     upright(0.12 * reach, deck, top, (0.0, 0.0), light);
     upright(0.3 * reach, top, top + 0.4 * reach, (0.0, 0.0), teal);
-    // The front: where wheel 0 stands.
+    // The front: the side of wheel 0.
     let azimuth = params.wheel_azimuths[0];
     let eye = (0.26 * reach * azimuth.cos(), 0.26 * reach * azimuth.sin());
     upright(0.08 * reach, top + 0.12 * reach, top + 0.3 * reach, eye, srgb(0xf2c037));

@@ -1,4 +1,4 @@
-//! Arrows for the forces at the contacts.
+//! Arrows of the contact forces.
 
 use super::color::srgb;
 use super::renderer::Arrow;
@@ -7,10 +7,10 @@ use crate::params::Params;
 use crate::state::{Contacts, State};
 use nalgebra::Vector3;
 
-/// Length of an arrow for a force, m/N.
+/// Length of an arrow per force, m/N.
 const SCALE: f64 = 0.012;
 
-/// What the wheels and the floor do to the ball: loads in blue, tractions in green, the floor's horizontal force in red.
+/// Forces of wheels and floor on the ball: loads in blue, tractions in green, horizontal force of the floor in red.
 pub fn force_arrows(params: &Params, state: &State, contacts: &Contacts) -> Vec<Arrow> {
     let wheels = Omniwheels::new(params);
     let mut arrows = Vec::with_capacity(7);
@@ -18,7 +18,7 @@ pub fn force_arrows(params: &Params, state: &State, contacts: &Contacts) -> Vec<
         let (p, d) = (wheels.contact_directions[i], wheels.drive_directions[i]);
         let out = |v| state.body_quaternion * v;
         let contact = state.body_position + out(p * params.ball_radius);
-        // A load presses from outside, or the wheel would hide it.
+        // Load arrows end at the outside of the wheel, which would hide them otherwise.
         let top = contact + out(p) * (2.0 * params.wheel_radius);
         let load = out(p) * (contacts.wheel_normal_forces[i] * SCALE);
         arrows.push(Arrow { from: top + load, to: top, colour: srgb(0x1971c2) });
@@ -26,7 +26,7 @@ pub fn force_arrows(params: &Params, state: &State, contacts: &Contacts) -> Vec<
         arrows.push(Arrow { from: contact, to: contact + traction, colour: srgb(0x2f9e44) });
     }
     let lowest = state.ball_position - Vector3::z() * params.ball_radius;
-    // Its vertical part is inside the ball.
+    // The vertical part would be inside the ball.
     let force = contacts.floor_force.xy().push(0.0) * SCALE;
     let above = Vector3::z() * (0.02 * params.ball_radius);
     arrows.push(Arrow { from: lowest + above, to: lowest + above + force, colour: srgb(0xe03131) });

@@ -1,4 +1,4 @@
-//! How a robot looks that comes with URDFs: their visual shapes, marked where rotation would not show.
+//! Scene of the visual shapes of two URDFs, with patterns on shapes whose rotation would be invisible.
 
 use super::color::{Color, Paint, srgb};
 use super::scene::{Link, Part, Scene};
@@ -11,11 +11,11 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-/// Most triangles of one mesh: a light one has thousands.
+/// Largest number of triangles of one mesh. Meshes of robots have thousands.
 const MAX_TRIANGLES: usize = 2_000_000;
 
 impl Scene {
-    /// The robot of two URDFs as their visual elements show it.
+    /// The scene of the visual elements of two URDFs.
     ///
     /// # Errors
     /// As [`visuals_from_urdf`]; [`Error::Io`] and [`Error::Decode`] for a mesh that cannot be read. Meshes are STL.

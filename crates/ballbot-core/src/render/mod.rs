@@ -1,6 +1,6 @@
-//! Pictures of a robot, without GPU, window or display: rays cast at its shapes.
+//! Ray-cast pictures of a robot, without GPU, window or display.
 //!
-//! The same state gives the same picture to the last bit, on any number of threads.
+//! The picture of a state is the same to the last bit on any number of threads.
 
 mod camera;
 mod color;

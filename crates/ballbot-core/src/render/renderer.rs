@@ -1,4 +1,4 @@
-//! The picture: every pixel's ray, in tiles, on all cores.
+//! The renderer: one ray or more per pixel, in tiles, on all cores.
 
 use super::camera::{Camera, View};
 use super::color::{Color, Display, Paint};
@@ -11,36 +11,36 @@ use crate::thread_pool::{self, WorkerThreads, thread_count};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::sync::{Mutex, PoisonError};
 
-/// Edge of a tile, pixels: parts that a tile cannot see are dropped for all its pixels at once.
+/// Edge of a tile, pixels. Parts outside the cone of a tile are skipped for all its pixels.
 const TILE: usize = 16;
-/// Where an arrow may begin and end, m.
+/// Largest coordinate of the ends of an arrow, m.
 const MAX_ARROW_COORDINATE: f64 = 1e6;
-/// Largest picture, pixels along an edge.
+/// Largest width and height of a picture, pixels.
 const MAX_EDGE: usize = 8192;
 
 /// An arrow in the inertial frame: a force, a push.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arrow {
-    /// Where it begins, m.
+    /// Tail, m.
     pub from: Vector3<f64>,
-    /// Where it points, m.
+    /// Tip, m.
     pub to: Vector3<f64>,
-    /// Its color.
+    /// Linear color.
     pub colour: Color,
 }
 
-/// What [`Renderer::render`] writes; each slice is row by row from the top, `height` × `width` × channels.
+/// Output slices of [`Renderer::render`], row by row from the top: `height` × `width` × channels.
 #[derive(Default)]
 pub struct Picture<'a> {
-    /// Red, green, blue.
+    /// Red, green and blue of each pixel, sRGB bytes.
     pub rgb: Option<&'a mut [u8]>,
     /// Distance along the camera's axis, m; infinite in the sky.
     pub depth: Option<&'a mut [f32]>,
-    /// [`Label`]s.
+    /// [`Label`] of each pixel.
     pub labels: Option<&'a mut [u8]>,
 }
 
-/// Takes pictures of a scene.
+/// A scene, a camera and a picture size.
 pub struct Renderer {
     scene: Scene,
     width: usize,
@@ -52,7 +52,7 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// A renderer of pictures of `width` by `height` pixels, with 1, 2 or 4 color samples a pixel, on all cores.
+    /// A renderer of pictures of `width` by `height` pixels, with 1, 2 or 4 color samples per pixel, on all cores.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] naming the number and its limit.
@@ -68,7 +68,7 @@ impl Renderer {
         Ok(Self { scene, width, height, samples, camera, display: Display::new(), helpers })
     }
 
-    /// The same on a number of threads, the caller's among them; pictures do not depend on it.
+    /// The same renderer on `num_threads` threads, the calling thread included. Pictures do not depend on the number.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] for zero threads.
@@ -82,12 +82,12 @@ impl Renderer {
         (self.width, self.height)
     }
 
-    /// The camera.
+    /// Camera of the next picture.
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// Moves the camera.
+    /// Replaces the camera.
     ///
     /// # Errors
     /// As [`Camera::validate`].
@@ -97,10 +97,11 @@ impl Renderer {
         Ok(())
     }
 
-    /// Takes a picture. Depth and labels are those of a pixel's center.
+    /// Renders a picture. Depth and labels are taken at the center of each pixel.
     ///
     /// # Errors
-    /// [`Error::Length`] for a slice of the wrong length, [`Error::OutOfRange`] for a state or an arrow that is not finite.
+    /// [`Error::Length`] for a slice of the wrong length, [`Error::OutOfRange`] for a state or an arrow that is
+    /// not finite.
     pub fn render(&self, state: &State, arrows: &[Arrow], picture: Picture<'_>) -> Result<()> {
         state.validate()?;
         let mut arrow_parts = Vec::with_capacity(2 * arrows.len());
@@ -121,7 +122,7 @@ impl Renderer {
         let parts = self.scene.placed(state, &arrow_parts);
         let view = self.camera.placed(&state.ball_position, self.width, self.height);
         let frame = Frame { parts: &parts, light: Light::new(&parts), view, renderer: self };
-        // Bands of tiles: each writes its own rows of each slice.
+        // Each band of tiles writes its own rows of each slice.
         let band = TILE * self.width;
         let bands = self.height.div_ceil(TILE);
         let rgb = split(picture.rgb, 3 * band, bands);
@@ -143,7 +144,7 @@ impl Renderer {
     }
 }
 
-/// A slice in chunks, or as many times nothing.
+/// Chunks of a slice; `chunks` times `None` without a slice.
 fn split<T>(slice: Option<&mut [T]>, chunk: usize, chunks: usize) -> Vec<Option<&mut [T]>> {
     match slice {
         Some(slice) => slice.chunks_mut(chunk).map(Some).collect(),
@@ -177,11 +178,11 @@ impl Arrow {
     }
 }
 
-/// Where the samples of a pixel are: on no common row or column.
+/// Positions of the samples in a pixel. No two share a row or a column.
 const SAMPLES: [&[(f64, f64)]; 3] =
     [&[(0.5, 0.5)], &[(0.25, 0.75), (0.75, 0.25)], &[(0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625)]];
 
-/// One picture being taken.
+/// One picture during rendering.
 struct Frame<'a> {
     parts: &'a [Placed<'a>],
     light: Light,
@@ -189,7 +190,7 @@ struct Frame<'a> {
     renderer: &'a Renderer,
 }
 
-/// What a ray meets first.
+/// Color, depth and label of the first hit of a ray.
 struct PixelSample {
     color: Color,
     depth: f64,
@@ -197,7 +198,7 @@ struct PixelSample {
 }
 
 impl Frame<'_> {
-    /// Rows from `top` on.
+    /// Renders the tiles whose upper row is `top`.
     fn band(
         &self,
         top: usize,
@@ -237,13 +238,13 @@ impl Frame<'_> {
         }
     }
 
-    /// Parts whose sphere reaches into the cone around a tile.
+    /// Collects the parts whose bounding sphere intersects the cone of a tile.
     fn parts_in_tile(&self, left: usize, top: usize, columns: usize, rows: usize, near: &mut Vec<usize>) {
         let (x, y) = (left as f64 + 0.5 * columns as f64, top as f64 + 0.5 * rows as f64);
         let axis = self.view.ray(x, y);
         let corners = [(left, top), (left + columns, top), (left, top + rows), (left + columns, top + rows)];
         let axis = axis.normalize();
-        // Rounding must not lose a part that just touches the cone.
+        // The margin keeps parts that touch the cone within rounding.
         let spread =
             1e-9 + corners.iter().map(|&(x, y)| axis.angle(&self.view.ray(x as f64, y as f64))).fold(0.0, f64::max);
         near.clear();
@@ -271,7 +272,7 @@ impl Frame<'_> {
                 first = Some((part, hit));
             }
         }
-        // Rays are 1 deep: a distance along them is a depth.
+        // Rays have depth 1, so the distance along a ray is the depth.
         let (label, color): (_, &dyn Fn() -> Color) = match &first {
             Some((part, hit)) => (part.label, &|| {
                 let point = origin + direction * hit.distance;

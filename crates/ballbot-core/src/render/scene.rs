@@ -1,4 +1,4 @@
-//! What there is to see, and where it is in a state.
+//! Parts of a scene and their poses in a state.
 
 use super::color::Paint;
 use super::shape::{Hit, Shape};
@@ -7,7 +7,7 @@ use crate::params::Params;
 use crate::state::State;
 use nalgebra::{Matrix3, UnitQuaternion, UnitVector3, Vector3};
 
-/// What a part moves with.
+/// The link that a part is fixed to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Link {
     /// The ball; parts are placed in its frame.
@@ -16,15 +16,15 @@ pub enum Link {
     Body,
     /// A wheel; parts are placed in the body frame at wheel angle zero, and turn about its axle.
     Wheel(usize),
-    /// Nothing: placed in the inertial frame.
+    /// No link: parts are placed in the inertial frame.
     Inertial,
 }
 
-/// Labels of a segmentation image: what a pixel shows.
+/// Labels of a segmentation image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Label {
-    /// Nothing but sky.
+    /// The sky.
     Sky = 0,
     /// The floor.
     Floor = 1,
@@ -43,7 +43,7 @@ pub enum Label {
 }
 
 impl Label {
-    /// Name of each label, at its number.
+    /// Names of the labels, indexed by label.
     pub const NAMES: [&'static str; 8] = ["sky", "floor", "ball", "body", "wheel_0", "wheel_1", "wheel_2", "arrow"];
 }
 
@@ -63,19 +63,19 @@ impl Link {
 /// A painted shape that moves with a link.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// What it moves with.
+    /// Link that the part is fixed to.
     pub link: Link,
     /// Origin of the shape, m.
     pub position: Vector3<f64>,
     /// Attitude of the shape.
     pub attitude: UnitQuaternion<f64>,
-    /// What rays hit.
+    /// Geometry.
     pub shape: Shape,
-    /// Its colors.
+    /// Color pattern.
     pub paint: Paint,
 }
 
-/// The parts of a robot.
+/// The parts of a robot and the geometry that places them.
 #[derive(Clone, Debug)]
 pub struct Scene {
     pub(super) parts: Vec<Part>,
@@ -85,7 +85,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A scene of parts about a robot's ball, body and wheels.
+    /// A scene of parts fixed to the ball, the body and the wheels of a robot.
     pub fn new(params: &Params, parts: Vec<Part>) -> Self {
         let wheels = Omniwheels::new(params);
         let axle = |i: usize| UnitVector3::new_normalize(-wheels.u.row(i).transpose());
@@ -102,7 +102,7 @@ impl Scene {
         let top = |part: &Part| {
             let (center, radius) = part.shape.bounding_sphere();
             let reach = match &part.shape {
-                // The sphere around something flat says little about its height.
+                // The bounding sphere of a flat upright shape is far higher than the shape.
                 Shape::Cylinder { half_length, .. } if part.attitude.angle() < 1e-6 => *half_length,
                 Shape::Cuboid { half_extents } if part.attitude.angle() < 1e-6 => half_extents.z,
                 _ => radius,
@@ -112,7 +112,7 @@ impl Scene {
         self.parts.iter().map(top).fold(self.ball_radius, f64::max) + self.ball_radius
     }
 
-    /// Every part where it is in `state`.
+    /// Poses of all parts in `state`.
     pub(super) fn placed<'a>(&'a self, state: &State, arrows: &'a [Part]) -> Vec<Placed<'a>> {
         let place = |part: &'a Part| {
             let (origin, attitude) = match part.link {
@@ -132,16 +132,18 @@ impl Scene {
     }
 }
 
-/// A part in place.
+/// A part with its pose in the inertial frame.
 pub(super) struct Placed<'a> {
     pub part: &'a Part,
     pub label: Label,
     position: Vector3<f64>,
-    /// Part to inertial, and back.
+    /// Rotation from part to inertial frame.
     rotation: Matrix3<f64>,
+    /// Rotation from inertial to part frame.
     inverse: Matrix3<f64>,
-    /// Of a sphere around it.
+    /// Center of the bounding sphere, inertial frame, m.
     pub center: Vector3<f64>,
+    /// Radius of the bounding sphere, m.
     pub radius: f64,
 }
 
@@ -160,7 +162,7 @@ impl<'a> Placed<'a> {
         }
     }
 
-    /// Whether the line of a ray passes its sphere, ahead of the origin.
+    /// Whether a ray intersects the bounding sphere ahead of its origin.
     #[inline]
     pub fn near(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, length_squared: f64) -> bool {
         let to = self.center - origin;
@@ -169,7 +171,7 @@ impl<'a> Placed<'a> {
         miss <= self.radius * self.radius * length_squared && along + self.radius * length_squared.sqrt() > 0.0
     }
 
-    /// First hit within `limit`; its normal is in the inertial frame.
+    /// First hit within `limit`, with the normal in the inertial frame.
     pub fn cast(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<Hit> {
         let (origin, direction) = (self.inverse * (origin - self.position), self.inverse * direction);
         let hit = self.part.shape.cast(&origin, &direction, limit)?;

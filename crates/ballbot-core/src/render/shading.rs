@@ -1,30 +1,31 @@
-//! Light: sun and sky, soft shadows, the floor's checker.
+//! Shading: sun, sky, soft shadows and the checkered floor.
 
 use super::camera::View;
 use super::color::{Color, srgb};
 use super::scene::Placed;
 use nalgebra::Vector3;
 
-/// Edge of a square of the floor, m; four make the meter of the grid.
+/// Edge of a square of the checkered floor, m; a quarter of the spacing of the grid lines.
 const CHECKER_EDGE: f64 = 0.25;
-/// Half width of a line of the meter grid, m.
+/// Half width of a grid line, m; grid lines are 1 m apart.
 const GRID_HALF_WIDTH: f64 = 0.006;
-/// Where the floor has faded into the sky, m.
+/// Distance over which the floor fades into the sky, m.
 const HAZE_DISTANCE: f64 = 14.0;
-/// Rays to the sun where its edge may be hidden; as few as do not show.
+/// Number of shadow rays to the disc of the sun, chosen by experiment: fewer show as steps in penumbras.
 const SUN_RAYS: usize = 12;
-/// Apparent radius of the sun, rad: that of a lamp rather than of the sun.
+/// Apparent radius of the light source, rad. The true sun, 0.005 rad, would cast hard shadows.
 const SUN_RADIUS: f64 = 0.05;
 
-/// Parts between a point and the sun that are remembered for all rays to it.
+/// Largest number of possible shadow casters kept per point for all its shadow rays.
 const MAX_SHADOW_PARTS: usize = 32;
 
-/// Everything that is the same for all pixels.
+/// Light sources and colors, equal for all pixels.
 pub(super) struct Light {
     sun: Vector3<f64>,
     towards: [Vector3<f64>; SUN_RAYS],
-    /// Of a sphere around all parts.
+    /// Center of a sphere around all parts, inertial frame, m.
     center: Vector3<f64>,
+    /// Radius of that sphere, m.
     radius: f64,
     horizon: Color,
     zenith: Color,
@@ -62,7 +63,7 @@ impl Light {
         self.horizon.lerp(&self.zenith, height.sqrt())
     }
 
-    /// Light that a point of a part sends to the eye.
+    /// Color of a point of a part in the direction of the camera.
     pub fn surface(
         &self,
         color: &Color,
@@ -73,14 +74,14 @@ impl Light {
     ) -> Color {
         let facing = normal.dot(&self.sun);
         let lit = if facing > 0.0 { facing * self.sunlight(point, normal, parts) } else { 0.0 };
-        // The sky from above, the floor's light from below.
+        // Ambient light: brighter from the sky above than from the floor below.
         let around = 0.30 + 0.16 * normal.z;
         let half = (self.sun - direction.normalize()).normalize();
         let gloss = if lit > 0.0 { 0.18 * normal.dot(&half).max(0.0).powi(40) * lit } else { 0.0 };
         color * (around + 0.78 * lit) + Color::repeat(gloss)
     }
 
-    /// Light of the floor at a point, `t` along a ray of depth-1 direction.
+    /// Color of a point of the floor at depth `t` of a ray.
     pub fn floor(
         &self,
         point: &Vector3<f64>,
@@ -104,7 +105,7 @@ impl Light {
         (color * shade).lerp(&self.horizon, 1.0 - (-haze).exp())
     }
 
-    /// Share of the sky that a point of the floor sees past the parts' spheres.
+    /// Unoccluded share of the sky above a point of the floor, by the bounding spheres of the parts.
     fn openness(&self, point: &Vector3<f64>, parts: &[Placed<'_>]) -> f64 {
         let nearby = |part: &&Placed<'_>| (part.center - point).norm_squared() < (4.0 * part.radius).powi(2);
         parts.iter().filter(nearby).fold(1.0, |open, part| {
@@ -114,7 +115,7 @@ impl Light {
         })
     }
 
-    /// Share of the sun that is not hidden.
+    /// Unoccluded share of the sun.
     fn sunlight(&self, point: &Vector3<f64>, normal: &Vector3<f64>, parts: &[Placed<'_>]) -> f64 {
         let to = self.center - point;
         let along = to.dot(&self.sun);
@@ -122,7 +123,7 @@ impl Light {
         if along < -self.radius || to.norm_squared() - along * along > reach * reach {
             return 1.0;
         }
-        // Off the surface, or it would shade itself.
+        // The offset prevents self-shadowing.
         let origin = point + normal * 1e-6;
         let mut near: [Option<&Placed<'_>>; MAX_SHADOW_PARTS] = [None; MAX_SHADOW_PARTS];
         let (mut count, mut thin) = (0, false);
@@ -143,7 +144,7 @@ impl Light {
         }
         let hides = |part: &Placed<'_>, towards: &Vector3<f64>| part.cast(&origin, towards, f64::INFINITY).is_some();
         let hidden = |towards: &Vector3<f64>| {
-            // Too many to remember: try them all.
+            // More casters than slots: test all parts.
             if count > MAX_SHADOW_PARTS {
                 parts.iter().any(|part| hides(part, towards))
             } else {
@@ -152,7 +153,7 @@ impl Light {
         };
         let count_hidden = |rays: &[Vector3<f64>]| rays.iter().filter(|towards| hidden(towards)).count();
         let (inner, rim) = self.towards.split_at(SUN_RAYS - 4);
-        // The outermost rays first: where they agree, so do those between, unless something thin is between them.
+        // If the outermost rays agree, the inner ones do too, unless a part is thinner than the disc of the sun.
         let on_rim = count_hidden(rim);
         if !thin && (on_rim == 0 || on_rim == rim.len()) {
             return 1.0 - (on_rim / rim.len()) as f64;
@@ -161,7 +162,8 @@ impl Light {
     }
 }
 
-/// Share of the second color in a box of a checker: an exact average, so that squares far away neither flicker nor moiré.
+/// Share of the second color in a rectangle of the checker. The average is exact, so distant squares show no
+/// moiré.
 fn checker(x: f64, y: f64, width_x: f64, width_y: f64) -> f64 {
     // The integral of a square wave of ±1 is a triangle wave.
     let wave = |x: f64, width: f64| {
@@ -172,7 +174,7 @@ fn checker(x: f64, y: f64, width_x: f64, width_y: f64) -> f64 {
     0.5 - 0.5 * wave(x, width_x) * wave(y, width_y)
 }
 
-/// Share of a line of the meter grid in an interval.
+/// Share of an interval that is covered by grid lines.
 fn grid(x: f64, width: f64) -> f64 {
     let covered = |x: f64| {
         let meter = x.floor();

@@ -1,4 +1,4 @@
-//! What rays can hit.
+//! Shapes and their intersections with rays.
 
 use crate::error::{Error, Result};
 use nalgebra::Vector3;
@@ -7,19 +7,19 @@ use parry3d_f64::query::{Ray, RayCast};
 use parry3d_f64::shape::TriMesh;
 use std::sync::Arc;
 
-/// A shape about the origin of its own frame; axes of cylinders along z. Lengths in m.
+/// A shape about the origin of its own frame. Axes of cylinders and cones are along z.
 #[derive(Clone, Debug)]
 pub enum Shape {
     /// A ball.
     Sphere {
-        /// m.
+        /// Radius, m.
         radius: f64,
     },
     /// A solid cylinder.
     Cylinder {
-        /// m.
+        /// Radius, m.
         radius: f64,
-        /// m.
+        /// Half of the length, m.
         half_length: f64,
     },
     /// A box.
@@ -29,21 +29,21 @@ pub enum Shape {
     },
     /// A cone, its tip at +`half_length`.
     Cone {
-        /// Of its base, m.
+        /// Radius of the base, m.
         radius: f64,
-        /// m.
+        /// Half of the length, m.
         half_length: f64,
     },
     /// Triangles in a bounding-volume hierarchy.
     Mesh(Arc<TriMesh>),
 }
 
-/// Where a ray meets a shape, in the shape's frame.
+/// Intersection of a ray and a shape, in the frame of the shape.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hit {
-    /// Along the ray, in lengths of its direction.
+    /// Distance along the ray in lengths of its direction.
     pub distance: f64,
-    /// Unit length, out of the shape.
+    /// Outward normal, unit length.
     pub normal: Vector3<f64>,
 }
 
@@ -51,7 +51,7 @@ impl Shape {
     /// A mesh from its corners (m) and triangles of indices into them.
     ///
     /// # Errors
-    /// [`Error::Decode`] for a mesh without triangles, or an index or a number that means nothing.
+    /// [`Error::Decode`] for a mesh without triangles, an index out of range or a corner that is not finite.
     pub fn mesh(points: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Result<Self> {
         let refuse = |reason: String| Error::Decode { what: "mesh".into(), reason };
         if let Some(point) = points.iter().find(|p| !p.iter().all(|x| x.is_finite())) {
@@ -65,7 +65,7 @@ impl Shape {
         Ok(Self::Mesh(Arc::new(mesh)))
     }
 
-    /// Center and radius of a sphere around it.
+    /// Center and radius of a bounding sphere, m.
     pub(super) fn bounding_sphere(&self) -> (Vector3<f64>, f64) {
         match self {
             Self::Sphere { radius } => (Vector3::zeros(), *radius),
@@ -80,7 +80,7 @@ impl Shape {
         }
     }
 
-    /// Half of how thin it is: the radius of a sphere that fits into it; for a mesh, into the box around it.
+    /// Radius of the largest inscribed sphere, m; of a mesh, of its bounding box.
     pub(super) fn inner_radius(&self) -> f64 {
         match self {
             Self::Sphere { radius } => *radius,
@@ -91,7 +91,7 @@ impl Shape {
         }
     }
 
-    /// First hit from outside within `limit`.
+    /// First hit within `limit` from an origin outside the shape.
     pub(super) fn cast(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<Hit> {
         let hit = match self {
             Self::Sphere { radius } => sphere(origin, direction, *radius),
@@ -113,7 +113,7 @@ impl Shape {
     }
 }
 
-/// The smaller root of a t² + 2 b t + c.
+/// Smaller root of a t² + 2 b t + c.
 fn first_root(a: f64, b: f64, c: f64) -> Option<f64> {
     let discriminant = b * b - a * c;
     (discriminant >= 0.0).then(|| (-b - discriminant.sqrt()) / a)
@@ -137,7 +137,7 @@ fn cylinder(origin: &Vector3<f64>, direction: &Vector3<f64>, radius: f64, half_l
     cap(origin, direction, radius, -direction.z.signum() * half_length)
 }
 
-/// The disc of a radius at height `z`, seen from the side that the ray comes from.
+/// Hit of the disc of `radius` at height `z`, with the normal towards the origin of the ray.
 fn cap(origin: &Vector3<f64>, direction: &Vector3<f64>, radius: f64, z: f64) -> Option<Hit> {
     let distance = (z - origin.z) / direction.z;
     let at = origin + direction * distance;

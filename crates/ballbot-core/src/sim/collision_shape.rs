@@ -1,4 +1,4 @@
-//! Where the wheels are and what stands for the body where it meets the floor: the same in every simulation.
+//! Collision shapes of the bot, common to `contact` and `rigid`: wheels, and a cylinder for the body.
 
 use crate::error::{Result, check};
 use crate::kinematics::Omniwheels;
@@ -6,7 +6,7 @@ use crate::params::Params;
 use crate::state::State;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// How deep in the floor the bot may start, m.
+/// Largest overlap of bot and floor in an accepted state, m.
 const MAX_FLOOR_OVERLAP: f64 = 1e-3;
 
 /// Wheel centers in the body frame, m.
@@ -14,19 +14,19 @@ pub fn wheel_centers(params: &Params, wheels: &Omniwheels) -> [Vector3<f64>; 3] 
     wheels.contact_directions.map(|p| p * (params.ball_radius + params.wheel_radius))
 }
 
-/// The cylinder about the mast that stands for the body where it meets the floor.
+/// Collision cylinder of the body, about the mast.
 pub struct BodyShape {
-    /// m.
+    /// Radius, m.
     pub radius: f64,
-    /// Lower end in the body frame, m.
+    /// z of the lower end in the body frame, m.
     pub bottom: f64,
-    /// Upper end in the body frame, m.
+    /// z of the upper end in the body frame, m.
     pub top: f64,
 }
 
 impl BodyShape {
-    /// As wide as the circle of the wheel centers, from just above the ball to the height that the body's radius of
-    /// gyration asks of a slender mast: parameters carry inertia, not outlines.
+    /// Cylinder from the mass properties, as the parameters contain no outline. Its radius is that of the circle of the
+    /// wheel centers. It extends from just above the ball to the top of a slender mast with the inertia of the body.
     pub fn new(params: &Params) -> Self {
         let half_height = (3.0 * params.body_inertia[0].max(params.body_inertia[1]) / params.body_mass).sqrt();
         let bottom = 1.05 * params.ball_radius;
@@ -38,7 +38,7 @@ impl BodyShape {
     }
 }
 
-/// What of the bot can meet the floor.
+/// Collision shapes of the bot.
 pub struct CollisionShape {
     pub body: BodyShape,
     wheel_centers: [Vector3<f64>; 3],
@@ -54,7 +54,7 @@ impl CollisionShape {
         }
     }
 
-    /// The part that is nearest to the floor (or deepest in it), and how high its lowest point is, m.
+    /// Lowest part of the bot, and the height of its lowest point, m.
     pub fn lowest_point(&self, position: &Vector3<f64>, attitude: &UnitQuaternion<f64>) -> (&'static str, f64) {
         let height = |point: Vector3<f64>| (position + attitude * point).z;
         let wheel = self.wheel_centers.map(height).into_iter().fold(f64::INFINITY, f64::min) - self.wheel_radius;
@@ -64,7 +64,7 @@ impl CollisionShape {
         if wheel < body { ("wheels", wheel) } else { ("body", body) }
     }
 
-    /// Refuses a state whose bot reaches into the floor.
+    /// Refuses a state in which the bot overlaps the floor.
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] naming the part and its height.

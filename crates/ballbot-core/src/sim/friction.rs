@@ -1,13 +1,12 @@
-//! The law of friction that the simulations share.
+//! Friction law of `contact` and `rigid`.
 
 use crate::lanes::{Lane, exp_of_negative};
 
-/// Friction coefficient at a slip speed, given as its squared ratio to the critical velocity: from `fixed` at rest to
-/// `moving` well above the critical velocity (Stribeck; Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30(7),
-/// 1994, eq. (4)).
+/// Friction coefficient of the Stribeck law, μ_d + (μ_s − μ_d) exp(−(v / v_c)²), with μ_s `fixed`, μ_d `moving` and
+/// (v / v_c)² `squared_ratio` (Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30(7), 1994, eq. (4)).
 #[inline(always)]
 pub fn stribeck<L: Lane>(fixed: L, moving: L, squared_ratio: L) -> L {
-    /// Below this four terms of the exponential's series are exact.
+    /// Argument below which four terms of the exponential series are exact to rounding.
     const SERIES_LIMIT: f64 = 1e-3;
     let one = squared_ratio.splat(1.0);
     let x = -squared_ratio;

@@ -1,17 +1,17 @@
-//! The ball: one massive link with a sphere around its center of mass.
+//! The ball of a URDF: one link with mass, with a sphere around its center of mass.
 
 use super::checked::{Checked, TOLERANCE};
 use super::shape::{Shape, spheres_and_cylinders};
 use super::tree::Tree;
 use nalgebra::Matrix3;
 
-/// What the ball's URDF says.
+/// Parameters of the ball.
 pub(super) struct Ball {
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
-    /// About any diameter, kg·m².
+    /// Moment of inertia about any diameter, kg·m².
     pub inertia: f64,
-    /// m.
+    /// Radius, m.
     pub radius: f64,
 }
 

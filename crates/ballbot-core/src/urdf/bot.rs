@@ -1,4 +1,4 @@
-//! The bot: a body symmetric about its mast, on three equal wheels.
+//! The bot of a URDF: a body symmetric about its mast, on three equal wheels.
 
 use super::checked::{Checked, TOLERANCE};
 use super::mass::RigidMass;
@@ -8,9 +8,9 @@ use super::wheel::Wheel;
 use nalgebra::{Matrix3, Point3};
 use std::slice;
 
-/// What the bot's URDF says, in the terms of [`crate::Params`].
+/// Parameters of the bot, as [`crate::Params`] defines them.
 pub(super) struct Bot {
-    /// Of the ball center over the root frame's origin, m.
+    /// Height of the ball center above the origin of the root frame, m.
     pub ball_height: f64,
     mass: f64,
     inertia: [f64; 3],
@@ -27,14 +27,14 @@ impl Bot {
         let wheels = wheels(&tree)?;
         check_equal(&wheels, &GEOMETRY)?;
         let placement = Placement::solve(&wheels, ball_radius)?;
-        // Only about the right axles do the wheels' inertias mean what they should.
+        // Inertias about the axles are compared only after the axles have been checked.
         check_equal(&wheels, &DYNAMICS)?;
         wheels.iter().try_for_each(Wheel::check_balance)?;
         let body = tree.mass(None, "the body")?;
         let parts = [&body, &wheels[0].body, &wheels[1].body, &wheels[2].body].map(Clone::clone);
         let total = RigidMass::combined(&parts).ok_or("the bot has no mass")?;
         let com_height = com_height(&total.center, placement.ball_height)?;
-        // The models add the wheels' spin by themselves.
+        // `body_inertia` excludes the inertia of the wheels about their axles.
         let spin: Matrix3<f64> = wheels.iter().map(|w| w.axle * w.axle.transpose() * w.axial_inertia).sum();
         let inertia = principal_moments(&(total.inertia - spin))?;
         let Placement { zenith, azimuths, ball_height, .. } = placement;
@@ -42,7 +42,7 @@ impl Bot {
         Ok(Self { ball_height, mass: total.mass, inertia, com_height, zenith, azimuths, wheel })
     }
 
-    /// Names and values of the parameters that the bot determines.
+    /// Names and values of the parameters of the bot.
     pub fn fields(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
         let scalars = [
             ("body_mass", &self.mass),
@@ -54,7 +54,7 @@ impl Bot {
             ("wheel_viscous_friction", &self.wheel.damping),
             ("wheel_coulomb_friction", &self.wheel.friction),
         ];
-        // No limit in the file leaves the default.
+        // Without an effort limit the parameter keeps its default.
         let effort = (self.wheel.effort > 0.0).then_some(("max_wheel_torque", &self.wheel.effort));
         scalars
             .into_iter()
@@ -83,7 +83,7 @@ fn wheels(tree: &Tree) -> Checked<[Wheel; 3]> {
     Ok([Wheel::read(tree, 0, a)?, Wheel::read(tree, 1, b)?, Wheel::read(tree, 2, c)?])
 }
 
-/// A quantity that all wheels share: its name and its value.
+/// Name and value of a quantity that is equal for all wheels.
 type Quantity = (&'static str, fn(&Wheel) -> f64);
 
 const GEOMETRY: [Quantity; 1] = [("radius", |w| w.radius)];
@@ -113,7 +113,7 @@ fn check_equal(wheels: &[Wheel; 3], quantities: &[Quantity]) -> Checked<()> {
     Ok(())
 }
 
-/// Height of the center of mass over the ball center, refused if it is not on the mast.
+/// Height of the center of mass above the ball center, m. Refuses a center of mass off the mast.
 fn com_height(center: &Point3<f64>, ball_height: f64) -> Checked<f64> {
     let height = center.z - ball_height;
     let off_mast = center.x.hypot(center.y);
@@ -127,7 +127,7 @@ fn com_height(center: &Point3<f64>, ball_height: f64) -> Checked<f64> {
     ))
 }
 
-/// The diagonal of `inertia`, refused if its products are not negligible.
+/// Diagonal of `inertia`. Refuses products of inertia above the tolerance.
 fn principal_moments(inertia: &Matrix3<f64>) -> Checked<[f64; 3]> {
     let moments = inertia.diagonal();
     for (name, product) in [("xy", inertia[(0, 1)]), ("xz", inertia[(0, 2)]), ("yz", inertia[(1, 2)])] {

@@ -8,7 +8,7 @@ use urdf_rs::Link;
 /// A rigid part in the root frame.
 #[derive(Clone, Debug)]
 pub(super) struct RigidMass {
-    /// kg, > 0.
+    /// Mass, kg, > 0.
     pub mass: f64,
     /// Center of mass, m.
     pub center: Point3<f64>,
@@ -17,7 +17,7 @@ pub(super) struct RigidMass {
 }
 
 impl RigidMass {
-    /// The inertial element of a link whose frame is `frame`; none for a link without mass.
+    /// The inertial element of a link with the frame `frame`; `None` for a link without mass.
     pub fn of_link(link: &Link, frame: &Isometry3<f64>) -> Checked<Option<Self>> {
         let name = &link.name;
         let mass = link.inertial.mass.value;
@@ -39,11 +39,11 @@ impl RigidMass {
         Ok(Some(Self { mass, center: at.translation.vector.into(), inertia }))
     }
 
-    /// Several parts as one; none for no parts.
+    /// Several parts as one rigid part; `None` without parts.
     pub fn combined(parts: &[Self]) -> Option<Self> {
         let mass: f64 = parts.iter().map(|p| p.mass).sum();
         let first = parts.first()?;
-        // Relative to the first part, so that a far-away root frame costs no precision.
+        // Relative to the first part, so that a distant root frame costs no precision.
         let offset = parts.iter().map(|p| (p.center - first.center) * p.mass).sum::<nalgebra::Vector3<f64>>() / mass;
         let center = first.center + offset;
         let inertia = parts
@@ -56,10 +56,10 @@ impl RigidMass {
         Some(Self { mass, center, inertia })
     }
 
-    /// Refuses an inertia that no body has; `what` names the part.
+    /// Refuses an inertia that is not positive definite; `what` names the part.
     pub fn check_inertia(&self, what: &str) -> Checked<()> {
         let j = &self.inertia;
-        // Sylvester's criterion: unlike an eigenvalue iteration it ends for any numbers.
+        // Sylvester's criterion terminates for any numbers; an eigenvalue iteration may not.
         let minors = [j[(0, 0)], j.fixed_view::<2, 2>(0, 0).determinant(), j.determinant()];
         if minors.iter().all(|&m| m > 0.0) {
             return Ok(());

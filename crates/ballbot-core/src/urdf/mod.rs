@@ -1,17 +1,17 @@
-//! Reads a ballbot from two URDFs: one of the bot (body and wheels), one of the ball.
+//! Parameters and visuals of a ballbot from two URDFs: one of the bot (body and wheels), one of the ball.
 //!
-//! Names of links and joints do not matter, the mechanics do. The bot has three continuous (or revolute) joints, its
-//! wheels in the order of the document; whatever hangs on the root by fixed joints is part of the body, whatever hangs
-//! on a wheel by fixed joints is part of the wheel. The root frame has z along the mast, at any height on it: the ball
-//! center is where three wheels touch one ball centered on the mast. A wheel's radius and center come from the largest
-//! sphere or coaxial cylinder around its axle, among the collision shapes if there is one, else among the visual ones.
+//! Names of links and joints are free. The bot has three continuous (or revolute) joints, one per wheel, in document
+//! order. Links fixed to the root are part of the body. Links fixed to a wheel are part of the wheel. The z axis of the
+//! root frame is along the mast; its origin is at any height. The ball center is the point of the mast from which three
+//! wheels touch one ball. Radius and center of a wheel are those of the largest sphere or coaxial cylinder around its
+//! axle, of collision shapes if there is one, else of visual shapes.
 //!
-//! A URDF says nothing about gravity, the friction coefficients and the ball's friction on the floor: those are the
-//! defaults of [`Params`]. Position and velocity limits of the wheel joints are not read.
+//! Gravity, friction coefficients and the friction of the ball on the floor are not in a URDF and keep the defaults of
+//! [`Params`]. Position and velocity limits of the wheel joints are not read.
 //!
-//! The simulated robot is symmetric about its mast where the models need it. What breaks that is refused, with the
-//! value and the limit: a center of mass off the mast, principal axes of inertia that are not those of the root frame,
-//! wheels that differ, an axle that is not `-u_i` (see [`crate::kinematics`]).
+//! The models assume a robot that is symmetric about its mast. These deviations are refused with value and limit: a
+//! center of mass off the mast, principal axes of inertia that are not the axes of the root frame, unequal wheels, an
+//! axle that is not `-u_i` (see [`crate::kinematics`]).
 
 mod ball;
 mod bot;
@@ -34,7 +34,7 @@ use std::path::Path;
 /// Parameters of the ballbot described by the files `bot` and `ball`.
 ///
 /// # Errors
-/// [`Error::Io`] for a file that cannot be read; those of [`params_from_urdf_text`], naming the file.
+/// [`Error::Io`] for a file that cannot be read; those of [`params_from_urdf_text`], with the name of the file.
 pub fn params_from_urdf(bot: &Path, ball: &Path) -> Result<Params> {
     read_params((&bot.display().to_string(), &read_file(bot)?), (&ball.display().to_string(), &read_file(ball)?))
 }
@@ -42,8 +42,9 @@ pub fn params_from_urdf(bot: &Path, ball: &Path) -> Result<Params> {
 /// Parameters of the ballbot described by the texts `bot` and `ball`.
 ///
 /// # Errors
-/// [`Error::Urdf`] for malformed text, or text that does not describe a bot or a ball this simulator can represent;
-/// what [`Params::validate`] finds is such an error too.
+/// [`Error::Urdf`] for malformed text, for a bot or a ball outside of this module's assumptions, and for parameters
+/// that
+/// [`Params::validate`] refuses.
 pub fn params_from_urdf_text(bot: &str, ball: &str) -> Result<Params> {
     read_params(("bot URDF", bot), ("ball URDF", ball))
 }

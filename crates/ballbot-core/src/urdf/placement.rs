@@ -1,22 +1,22 @@
-//! Where three wheels stand on a ball: the ball center on the mast, the zenith and the azimuths.
+//! Placement of three wheels on a ball: height of the ball center, zenith and azimuths.
 
 use super::checked::{Checked, TOLERANCE};
 use super::wheel::Wheel;
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::TAU;
 
-/// Three wheels on one ball.
+/// Placement of three wheels on one ball.
 pub(super) struct Placement {
-    /// z of the ball center in the root frame, m.
+    /// z coordinate of the ball center in the root frame, m.
     pub ball_height: f64,
-    /// α, rad.
+    /// Zenith α of the contacts, rad.
     pub zenith: f64,
-    /// β of each wheel, in [0, 2π), rad.
+    /// Azimuth β of each contact, in [0, 2π), rad.
     pub azimuths: [f64; 3],
 }
 
 impl Placement {
-    /// Finds the ball of radius `ball_radius`, centered on the mast, that all `wheels` touch from above.
+    /// Placement on a ball of radius `ball_radius`, centered on the mast, that all `wheels` touch from above.
     pub fn solve(wheels: &[Wheel; 3], ball_radius: f64) -> Checked<Self> {
         let reach = ball_radius + wheels[0].radius;
         let off_mast = wheels.each_ref().map(|w| w.center.x.hypot(w.center.y));
@@ -51,7 +51,7 @@ impl Placement {
     }
 }
 
-/// Azimuth of a point in [0, 2π), with rounding errors below zero left as they are.
+/// Azimuth of a point in [0, 2π), rad. Rounding errors below zero are kept.
 fn azimuth(p: &Point3<f64>) -> f64 {
     let angle = p.y.atan2(p.x);
     if angle < -TOLERANCE { angle + TAU } else { angle }

@@ -1,4 +1,4 @@
-//! Round shapes of links: what tells the radius of the ball and of the wheels.
+//! Spheres and cylinders of links, which define the radii of ball and wheels.
 
 use super::checked::Checked;
 use super::numbers::{finite, pose};
@@ -9,15 +9,15 @@ use urdf_rs::{Geometry, Link, Pose};
 /// A sphere or a cylinder in the root frame.
 #[derive(Clone, Debug)]
 pub(super) struct Shape {
-    /// m, > 0.
+    /// Radius, m, > 0.
     pub radius: f64,
-    /// m.
+    /// Center, m.
     pub center: Point3<f64>,
-    /// Unit vector along the axis of a cylinder, none for a sphere.
+    /// Unit vector along the axis of a cylinder; `None` for a sphere.
     pub cylinder_axis: Option<Vector3<f64>>,
 }
 
-/// The spheres and cylinders of `links` that `accept` lets pass: collision shapes if there are any, else visual ones.
+/// Spheres and cylinders of `links` that satisfy `accept`: collision shapes if there are any, else visual shapes.
 pub(super) fn spheres_and_cylinders(
     tree: &Tree,
     links: &[usize],

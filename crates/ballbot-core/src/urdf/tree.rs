@@ -1,4 +1,4 @@
-//! The links of a URDF as a tree: where they are, and which joint turns them.
+//! The link tree of a URDF: poses, and the joint that turns each link.
 
 use super::checked::Checked;
 use super::mass::RigidMass;
@@ -7,27 +7,27 @@ use nalgebra::Isometry3;
 use std::collections::HashMap;
 use urdf_rs::{Joint, JointType, Link, Material};
 
-/// Deepest nesting of XML elements read. A URDF needs six levels; the XML reader recurses.
+/// Largest nesting depth of XML elements. A URDF has six levels; the XML reader is recursive.
 const MAX_DEPTH: usize = 64;
 
 /// A URDF whose joints form a tree, with all joints at zero.
 pub(super) struct Tree {
-    /// In document order.
+    /// Links in document order.
     pub links: Vec<Link>,
-    /// In document order.
+    /// Joints in document order.
     pub joints: Vec<Joint>,
-    /// Frame of each link in the root frame.
+    /// Pose of each link in the root frame.
     pub poses: Vec<Isometry3<f64>>,
-    /// Materials that visuals name.
+    /// Materials that visuals refer to by name.
     pub materials: Vec<Material>,
     /// The child link of each joint.
     pub children: Vec<usize>,
-    /// The joint that turns each link, none for links fixed to the root.
+    /// The joint that turns each link; `None` for links fixed to the root.
     turned_by: Vec<Option<usize>>,
 }
 
 impl Tree {
-    /// Parses `text` and lays out its links.
+    /// Parses `text` and computes the poses of its links.
     pub fn read(text: &str) -> Checked<Self> {
         check_depth(text)?;
         let urdf = urdf_rs::read_from_string(text).map_err(|e| format!("not a readable URDF: {e}"))?;
@@ -63,12 +63,12 @@ impl Tree {
         (0..self.joints.len()).filter(|&j| turns(&self.joints[j])).collect()
     }
 
-    /// Links turned by `joint`, those fixed to the root for none.
+    /// Links turned by `joint`; links fixed to the root for `None`.
     pub fn turned_by(&self, joint: Option<usize>) -> Vec<usize> {
         (0..self.links.len()).filter(|&link| self.turned_by[link] == joint).collect()
     }
 
-    /// Mass of each link in the root frame, none for a link without mass.
+    /// Mass of each link in the root frame; `None` for a link without mass.
     pub fn masses(&self) -> Checked<Vec<Option<RigidMass>>> {
         self.links.iter().zip(&self.poses).map(|(link, pose)| RigidMass::of_link(link, pose)).collect()
     }
@@ -90,7 +90,7 @@ fn turns(joint: &Joint) -> bool {
     matches!(joint.joint_type, JointType::Continuous | JointType::Revolute)
 }
 
-/// Which joint turns the child of `joint`, given the one that turns its parent.
+/// The joint that turns the child of `joint`, given the joint that turns its parent.
 fn turning_joint(joints: &[Joint], joint: usize, parent: Option<usize>) -> Checked<Option<usize>> {
     let Joint { name, joint_type, mimic, .. } = &joints[joint];
     if *joint_type == JointType::Fixed {
@@ -124,7 +124,7 @@ fn edges(links: &[Link], joints: &[Joint]) -> Checked<Vec<(usize, usize)>> {
     joints.iter().map(|j| Ok((find(j, &j.parent.link)?, find(j, &j.child.link)?))).collect()
 }
 
-/// The one link that hangs on no joint.
+/// The only link that is not the child of a joint.
 fn root(links: &[Link], edges: &[(usize, usize)]) -> Checked<usize> {
     let mut hangs = vec![false; links.len()];
     for &(_, child) in edges {

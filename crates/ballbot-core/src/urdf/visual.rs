@@ -1,4 +1,4 @@
-//! What a URDF shows: its visual shapes, where the simulated robot has them.
+//! Visual shapes of two URDFs, in the frames of the simulated robot.
 
 use super::bot::Bot;
 use super::checked::{Checked, read_file, refuse};
@@ -10,10 +10,10 @@ use nalgebra::{Isometry3, Translation3, Vector3};
 use std::path::{Path, PathBuf};
 use urdf_rs::Geometry;
 
-/// What a visual moves with.
+/// The link that a visual is fixed to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VisualLink {
-    /// The ball; the visual is placed in its frame, whose origin is its center.
+    /// The ball; the visual is placed in the frame with origin at the ball center.
     Ball,
     /// The body; the visual is placed in the body frame.
     Body,
@@ -24,34 +24,34 @@ pub enum VisualLink {
 /// A shape about its own origin. Lengths in m.
 #[derive(Clone, Debug, PartialEq)]
 pub enum VisualShape {
-    /// Radius.
+    /// Sphere of a radius.
     Sphere(f64),
-    /// Radius and length, the axis along z.
+    /// Cylinder along z, of a radius and a length.
     Cylinder(f64, f64),
-    /// Edges.
+    /// Box with edges of these lengths.
     Cuboid(Vector3<f64>),
-    /// A file of triangles, and the factors that make its coordinates meters.
+    /// Path of a file of triangles, and factors from its coordinates to m.
     Mesh(PathBuf, Vector3<f64>),
 }
 
 /// A visual element of a link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Visual {
-    /// What it moves with.
+    /// Link that the visual is fixed to.
     pub link: VisualLink,
-    /// Where it is.
+    /// Pose in the frame of the link.
     pub pose: Isometry3<f64>,
-    /// Its shape.
+    /// Geometry.
     pub shape: VisualShape,
-    /// Red, green, blue in [0, 1], as written (sRGB); none for a visual without color.
+    /// Red, green and blue in [0, 1], sRGB; `None` for a visual without color.
     pub color: Option<[f64; 3]>,
 }
 
 /// The visual elements of the ballbot described by the files `bot` and `ball`.
 ///
 /// # Errors
-/// As [`super::params_from_urdf`]; [`crate::Error::Urdf`] for a visual that is no sphere, cylinder, box or mesh, has a
-/// size that is not positive, or a mesh without a file beside the URDF.
+/// As [`super::params_from_urdf`]; [`crate::Error::Urdf`] for a visual that is not a sphere, cylinder, box or mesh
+/// file, or has a size that is not positive.
 pub fn visuals_from_urdf(bot: &Path, ball: &Path) -> Result<Vec<Visual>> {
     let params: Params = super::params_from_urdf(bot, ball)?;
     let (bot_text, ball_text) = (read_file(bot)?, read_file(ball)?);

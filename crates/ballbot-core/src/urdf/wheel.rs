@@ -1,4 +1,4 @@
-//! One wheel of the bot: its axle, its round shape, its mass and its joint's dynamics.
+//! One wheel of the bot: axle, radius, mass and joint friction.
 
 use super::checked::{Checked, TOLERANCE};
 use super::mass::RigidMass;
@@ -11,28 +11,28 @@ use urdf_rs::{Joint, JointType};
 
 /// A wheel in the root frame.
 pub(super) struct Wheel {
-    /// "wheel i (joint 'name')".
+    /// Name for messages: "wheel i (joint 'name')".
     pub what: String,
-    /// m.
+    /// Center, m.
     pub center: Point3<f64>,
     /// Unit vector of the joint axis.
     pub axle: Vector3<f64>,
-    /// m.
+    /// Radius, m.
     pub radius: f64,
-    /// The wheel's links as one rigid part.
+    /// All links of the wheel as one rigid part.
     pub body: RigidMass,
-    /// About the axle, kg·m².
+    /// Moment of inertia about the axle, kg·m².
     pub axial_inertia: f64,
     /// Joint damping, N·m/(rad/s).
     pub damping: f64,
     /// Joint friction, N·m.
     pub friction: f64,
-    /// Effort limit, N·m; zero for none.
+    /// Effort limit, N·m; zero without limit.
     pub effort: f64,
 }
 
 impl Wheel {
-    /// Wheel `i`, the links turned by `joint`.
+    /// Wheel `i`: the links turned by `joint`.
     pub fn read(tree: &Tree, i: usize, joint: usize) -> Checked<Self> {
         let what = format!("wheel {i} (joint '{}')", tree.joints[joint].name);
         let links = tree.turned_by(Some(joint));
@@ -58,7 +58,7 @@ impl Wheel {
         Ok(Self { what, center, axle, radius, body, axial_inertia, damping, friction, effort })
     }
 
-    /// Refuses a wheel that moves the bot's center of mass or changes its inertia as it turns.
+    /// Refuses a wheel whose rotation would move the center of mass or change the inertia of the bot.
     pub fn check_balance(&self) -> Checked<()> {
         let Self { what, axle, body, .. } = self;
         let off_axle = (body.center - self.center).cross(axle).norm();
@@ -86,19 +86,19 @@ fn axle(tree: &Tree, joint: usize, what: &str) -> Checked<(Point3<f64>, Vector3<
     let axis = Vector3::from(*tree.joints[joint].axis.xyz);
     finite(&format!("the axis of {what}"), axis.as_slice())?;
     let axis = axis.try_normalize(f64::MIN_POSITIVE).ok_or_else(|| format!("{what}: its axis has length 0"))?;
-    // At zero a joint's frame is that of its child link.
+    // At joint angle zero the joint frame is the frame of the child link.
     let pose = tree.poses[tree.children[joint]];
     Ok((pose.translation.vector.into(), pose.rotation * axis))
 }
 
-/// Damping, friction and effort limit of a joint; zero where the file is silent.
+/// Damping, friction and effort limit of a joint; zero if the file does not give them.
 fn dynamics(joint: &Joint, what: &str) -> Checked<(f64, f64, f64)> {
     let range = joint.limit.upper - joint.limit.lower;
     if joint.joint_type == JointType::Revolute && range > 0.0 && range < TAU {
         return Err(format!("{what}: its limits leave {range} rad, but a wheel turns without end: make it continuous"));
     }
     let (damping, friction) = joint.dynamics.as_ref().map_or((0.0, 0.0), |d| (d.damping, d.friction));
-    // From version 1.2 of the format on, no limit is infinite.
+    // From version 1.2 of the format on, "no limit" is written as infinity.
     let effort = if joint.limit.effort == f64::INFINITY { 0.0 } else { joint.limit.effort };
     for (name, value) in [("damping", damping), ("friction", friction), ("effort limit", effort)] {
         if !value.is_finite() || value < 0.0 {

@@ -1,7 +1,7 @@
-//! Contacts that a balancing robot does not have: its bot against the floor, its ball against the body.
+//! Rare contacts: bot on the floor, and ball against the body.
 //!
-//! They are rare, so they are left out of the rows and of the lanes: a robot that has one is stepped by itself, by sweeps
-//! over these contacts, on the velocities themselves, in turns with the rows' sweeps.
+//! They are not part of the rows and are not computed in lanes. A robot near such a contact is stepped alone. Sweeps
+//! over these contacts, which change the velocities directly, alternate with sweeps over the rows.
 
 use super::constants::Constants;
 use super::phases::{self, Start};
@@ -11,19 +11,21 @@ use super::state::{ContactState, Torques};
 use super::types::{PerRow, Velocities};
 use crate::lanes::{Lane, Rotation, Scalar, Value, Vec3};
 
-/// Sweeps while such a contact is near; they start from nothing.
+/// Gauss-Seidel sweeps with rare contacts, without warm start. Chosen by experiment.
 const SWEEPS: usize = 20;
 
-/// Wheels, then three points of each rim of the body's cylinder, one of them the lowest.
+/// Number of contact points of bot and floor: one per wheel, three on each rim of the body cylinder, one of them
+/// lowest.
 const POINTS: usize = 9;
 
-/// Distance at which a contact counts as near, m, besides what a step may cover.
+/// Distance in addition to the motion within a step at which a contact is considered, m.
 const CONTACT_MARGIN: f64 = 2e-3;
 
-/// How far the ball's center may be from where it belongs, in ball radii, before the body's cylinder can be in its way.
+/// Offset of the ball center from the origin of the body frame, in ball radii, beyond which ball and body cylinder may
+/// touch.
 const MAX_CENTER_OFFSET: f64 = 0.02;
 
-/// Robots that need the contacts of this module in this step.
+/// Mask of the robots that need the contacts of this module in this step.
 #[inline(always)]
 pub fn near<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, token: L::Token, push: &[L::Cell; 6]) -> L::Mask {
     let (pose, v) = (&start.pose, &start.velocities);
@@ -50,7 +52,7 @@ pub fn near<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, token: L::
         | limit.squared().lt(offset.norm_squared())
 }
 
-/// One step of a robot that [`near`] has named.
+/// One step of a robot for which [`near`] is true.
 #[inline(always)]
 pub fn step(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torques<f64>) {
     let start = Start::new(c, Scalar, state);
@@ -69,7 +71,7 @@ pub fn step(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torques
     phases::finish::<f64, f64, true>(c, Scalar, state, &start, (contacts.free, contacts.impulses), on_floor);
 }
 
-/// A robot's rows, and its velocities without their impulses but with those of the contacts of this module.
+/// Rows of a robot, and its velocities with the impulses of rare contacts but without those of the rows.
 struct Contacts<'a> {
     c: &'a Constants<f64>,
     rows: &'a Rows<f64>,
@@ -81,7 +83,7 @@ struct Contacts<'a> {
 }
 
 impl Contacts<'_> {
-    /// Impulses of these contacts and of the rows, in turns; whether the bot touches the floor.
+    /// Solves for the impulses of rare contacts and rows. Returns whether the bot touches the floor.
     #[inline(always)]
     fn solve(&mut self, points: &mut [Point; POINTS], ball: &mut BallOnBody) -> bool {
         let c = self.c;
@@ -106,16 +108,16 @@ impl Contacts<'_> {
     }
 }
 
-/// A row of a point of the bot on the floor: what it measures of the bot's velocities.
+/// A row of a contact point of bot and floor.
 #[derive(Clone, Copy)]
 struct Row {
-    /// Inertial frame.
+    /// Direction in the inertial frame, unit vector.
     direction: Vec3<f64>,
-    /// Body frame.
+    /// Factor of the body rate, body frame, m.
     arm: Vec3<f64>,
-    /// The wheel that the point is of, and the share of its spin, m.
+    /// Wheel of the point and factor of its spin, m; `None` for a point of the body.
     spin: Option<(usize, f64)>,
-    /// 1 / (what a unit impulse does to it).
+    /// Inverse of the change of the row velocity per impulse, kg.
     inverse: f64,
 }
 
@@ -127,13 +129,14 @@ impl Row {
         Self { direction, arm, spin, inverse: 1.0 / (c.body_mass_inverse + angular + spin_part) }
     }
 
-    /// Of a point fixed to the body, along an inertial axis.
+    /// Row of a point fixed to the body, along an inertial axis.
     #[inline(always)]
     fn of_body(c: &Constants<f64>, rotation: &Rotation<f64>, arm: Vec3<f64>, axis: usize) -> Self {
         Self::new(c, unit(axis), arm.cross(rotation.rows[axis]), None)
     }
 
-    /// Of the lowest point of wheel `i`, which turns about its axle with its own spin, not the body's.
+    /// Row of the lowest point of wheel `i`. About the axle the wheel rotates with its own spin instead of the body
+    /// rate.
     #[inline(always)]
     fn of_wheel(c: &Constants<f64>, rotation: &Rotation<f64>, i: usize, axis: usize) -> Self {
         let u = c.u(i, 0.0);
@@ -143,7 +146,7 @@ impl Row {
         Self::new(c, unit(axis), arm, Some((i, along * c.wheel_radius)))
     }
 
-    /// What a unit impulse of another row of the same point, across it, does to this one.
+    /// Change of the velocity of this row per impulse of an orthogonal row of the same point, 1/kg.
     #[inline(always)]
     fn coupling(&self, c: &Constants<f64>, other: &Self) -> f64 {
         let spin_part = self.spin.zip(other.spin).map_or(0.0, |((_, a), (_, b))| a * b / c.wheel_inertia);
@@ -166,7 +169,7 @@ impl Row {
     }
 }
 
-/// The inertial axis 0 x, 1 y or 2 z.
+/// Unit vector of the inertial axis 0 (x), 1 (y) or 2 (z).
 #[inline(always)]
 fn unit(axis: usize) -> Vec3<f64> {
     let mut values = [0.0; 3];
@@ -174,13 +177,15 @@ fn unit(axis: usize) -> Vec3<f64> {
     values.into()
 }
 
-/// A point of the bot over the floor.
+/// A contact point of bot and floor.
 struct Point {
+    /// Height above the floor, m.
     gap: f64,
-    /// Normal, x, y; likewise the impulses.
+    /// Rows along the normal, x and y.
     rows: [Row; 3],
-    /// 1 / (the most that a unit impulse along the floor does to the velocity along it).
+    /// Inverse of the largest change of the tangential velocity per tangential impulse, kg.
     tangent_inverse: f64,
+    /// Impulses along the normal, x and y, N·s.
     impulses: [f64; 3],
 }
 
@@ -208,7 +213,7 @@ fn points(c: &Constants<f64>, start: &Start<f64>) -> [Point; POINTS] {
     })
 }
 
-/// Where, seen along the mast, down is: an azimuth in the body frame; 0 where the mast is vertical.
+/// Azimuth of the downward direction in the body frame, rad; 0 for a vertical mast.
 #[inline(always)]
 fn lowest_direction(rotation: &Rotation<f64>) -> f64 {
     let up = rotation.rows[2];
@@ -219,13 +224,13 @@ impl Point {
     #[inline(always)]
     fn new(c: &Constants<f64>, gap: f64, rows: [Row; 3]) -> Self {
         let [_, x, y] = &rows;
-        // The larger eigenvalue of the pair's matrix: one number for both axes, or friction would not oppose the slip.
+        // The larger eigenvalue of the tangential matrix. One value for both axes keeps friction opposite to the slip.
         let (xx, yy, xy) = (1.0 / x.inverse, 1.0 / y.inverse, x.coupling(c, y));
         let largest = 0.5 * (xx + yy) + (0.5 * (xx - yy)).hypot(xy);
         Self { gap, tangent_inverse: 1.0 / largest, rows, impulses: [0.0; 3] }
     }
 
-    /// Improves the impulses of this point and changes both sets of velocities by them.
+    /// One Gauss-Seidel sweep over the rows of this point; applies the changes to both sets of velocities.
     #[inline(always)]
     fn sweep(&mut self, c: &Constants<f64>, friction: f64, velocities: [&mut Velocities<f64>; 2]) {
         let [now, free] = velocities;
@@ -251,9 +256,9 @@ impl Point {
 /// The ball against the body's cylinder, without friction.
 struct BallOnBody {
     gap: f64,
-    /// From the body to the ball, inertial frame.
+    /// Normal from body to ball, inertial frame.
     normal: Vec3<f64>,
-    /// Body frame.
+    /// Factor of the body rate, body frame, m.
     arm: Vec3<f64>,
     inverse: f64,
     impulse: f64,
@@ -268,7 +273,7 @@ impl BallOnBody {
         let nearest = Vec3::new(ball.x * share, ball.y * share, ball.z.clamp(c.body_bottom, c.body_top));
         let offset = ball - nearest;
         let distance = offset.norm_squared().sqrt();
-        // A center inside the cylinder leaves by its lower end, where it came from.
+        // A ball center inside the cylinder is pushed out through the lower end.
         let normal = if distance > 0.0 { offset * distance.recip() } else { -unit(2) };
         let arm = normal.cross(nearest);
         let angular = arm.scaled_by(c.body_inertia_inverse).dot(arm);

@@ -1,4 +1,4 @@
-//! Constants of the solver: derived once from the parameters and the time step, shared by all lanes or one set a lane.
+//! Constants of the solver, computed from parameters and time step: shared by all lanes, or one set per lane.
 
 use crate::kinematics::Omniwheels;
 use crate::lanes::{EIGHT, Eight, Lane, LaneValue, Value, Vec3, Wide, cells};
@@ -7,36 +7,39 @@ use crate::sim::collision_shape::{BodyShape, wheel_centers};
 use fearless_simd::Simd;
 use std::borrow::Cow;
 
-/// Rate at which overlap is removed, 1/s, and the largest share of it in one step.
+/// Recovery rate of an overlap (Baumgarte), 1/s. Chosen by experiment.
 const RECOVERY_RATE: f64 = 100.0;
+/// Largest share of an overlap that is removed in one step. Chosen by experiment.
 const LARGEST_RECOVERY: f64 = 0.2;
 
-/// Change of the wheels' impulses in a sweep that calls for another, as a share of the static load's.
+/// Change of the wheel impulses in a sweep above which the sweeps continue, as a share of the impulse of the static
+/// load. Chosen by experiment.
 const SETTLED_SHARE: f64 = 2e-3;
 
 cells! {
-    /// Numbers in SI units, vectors in the body frame.
+    /// Constants in SI units; vectors in the body frame.
     #[derive(Clone, Debug, Default, PartialEq)]
     pub struct Constants {
         pub sim_dt: T,
         pub sim_dt_inverse: T,
         pub half_dt: T,
-        /// Speed that gravity adds in a step.
+        /// Change of speed by gravity in a step.
         pub gravity_dt: T,
         pub ball_radius: T,
         pub ball_mass_inverse: T,
-        /// Share of the ball's velocity that viscous friction leaves after a step.
+        /// Factor on the horizontal velocity of the ball in a step by viscous friction.
         pub ball_drag: T,
         pub body_mass_inverse: T,
         pub body_inertia: [T; 3],
         pub body_inertia_inverse: [T; 3],
-        /// From the body frame's origin up to the CoM.
+        /// Height of the CoM above the origin of the body frame.
         pub com_height: T,
         pub wheel_radius: T,
-        /// Between the centers of a wheel and the ball in contact.
+        /// Distance of the centers of a wheel and the ball in contact.
         pub contact_distance: T,
-        /// 1 / M_b + 1 / M_k, and the compliance of the ball's surface on the floor.
+        /// 1 / M_b + 1 / M_k.
         pub relative_mass_inverse: T,
+        /// Change of the tangential velocity of the ball on the floor per impulse, 1 / M_k + r_k² / J_k.
         pub floor_compliance: T,
         pub floor_compliance_inverse: T,
         pub ball_mass: T,
@@ -45,11 +48,11 @@ cells! {
         pub wheel_inertia_inverse: T,
         /// Change of a wheel's spin in a step per torque.
         pub wheel_dt_inverse_inertia: T,
-        /// r_w / J_w
+        /// r_w / J_w.
         pub wheel_rim_ratio: T,
-        /// From the CoM.
+        /// Centers of the wheels, from the CoM.
         pub wheel_centers: [[T; 3]; 3],
-        /// u_i; the axle of wheel i is −u_i.
+        /// Vectors u_i; the axle of wheel i is −u_i.
         pub u: [[T; 3]; 3],
         pub wheel_static_friction: T,
         pub wheel_dynamic_friction: T,
@@ -57,33 +60,39 @@ cells! {
         pub floor_dynamic_friction: T,
         /// 1 / (critical velocity of the Stribeck law)².
         pub critical_velocity_inverse_squared: T,
-        /// Largest dry impulse of a wheel joint in a step, and its viscous impulse for each rad/s.
+        /// Largest angular impulse of dry friction of a wheel joint in a step.
         pub joint_dry_impulse: T,
+        /// Angular impulse of viscous friction of a wheel joint in a step per rad/s.
         pub joint_viscous_impulse: T,
-        /// Share of an overlap that a step removes, over its time.
+        /// Recovery rate of an overlap, 1/s.
         pub recovery: T,
-        /// The cylinder that stands for the body: radius, and its ends from the CoM.
+        /// Radius of the body cylinder.
         pub body_radius: T,
+        /// Lower end of the body cylinder, from the CoM.
         pub body_bottom: T,
+        /// Upper end of the body cylinder, from the CoM.
         pub body_top: T,
-        /// Distance from the CoM within which all of the bot is.
+        /// Radius of a sphere about the CoM that contains the bot.
         pub reach: T,
-        /// Speed of the farthest point of the bot per angular impulse, at most.
+        /// Upper bound of the speed of any point of the bot per angular impulse.
         pub reach_inverse_inertia: T,
-        /// r_k² / J_k, r_k / J_k and r_w² / J_w.
+        /// r_k² / J_k.
         pub ball_surface_compliance: T,
+        /// r_k / J_k.
         pub ball_rim_ratio: T,
+        /// r_w² / J_w.
         pub wheel_surface_compliance: T,
-        /// Load of a wheel at rest upright, and of the floor.
+        /// Load of a wheel at rest upright.
         pub static_wheel_load: T,
+        /// Load of the floor at rest.
         pub static_floor_load: T,
-        /// Squared change of the wheels' impulses in a sweep that calls for another.
+        /// Squared change of the wheel impulses in a sweep above which the sweeps continue.
         pub settled_squared: T,
     }
 }
 
 impl Constants<f64> {
-    /// Of `params` (valid ones) in steps of `sim_dt`.
+    /// Constants of valid `params` and a time step `sim_dt`.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
         let wheels = Omniwheels::new(params);
         let shape = BodyShape::new(params);
@@ -150,7 +159,7 @@ impl Constants<f64> {
 }
 
 impl<V> Constants<V> {
-    /// Each number changed by `f`.
+    /// Constants with `f` applied to each number.
     #[inline(always)]
     pub fn map<U>(&self, f: impl Fn(&V) -> U) -> Constants<U> {
         let one = |value: &V| f(value);
@@ -224,7 +233,7 @@ impl<V: Copy> Constants<V> {
     }
 }
 
-/// Constants of eight robots, shared (`f64`) or one set each ([`Eight`]).
+/// Storage of the constants of eight robots: shared (`f64`) or one set per robot ([`Eight`]).
 pub trait InLanes: LaneValue {
     /// Runs `f` with the constants in the lanes of a vector register.
     fn with<S: Simd, R>(constants: &Constants<Self>, simd: S, f: impl FnOnce(&Constants<Self::Wide<S>>) -> R) -> R;

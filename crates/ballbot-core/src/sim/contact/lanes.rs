@@ -1,4 +1,4 @@
-//! Eight robots of the contact model side by side, each with parameters of its own or all with the same.
+//! Eight robots of the contact model side by side, with equal or individual parameters.
 
 use super::constants::{Constants, InLanes, LaneConstants};
 use super::state::{ContactState, Torques};
@@ -22,17 +22,17 @@ pub struct ContactLanes {
     sim_dt: f64,
 }
 
-/// A computation on what eight robots do, written over lanes.
+/// A computation on the states of eight robots, generic over lanes.
 pub trait RobotsKernel {
-    /// All eight at once.
+    /// Runs on all eight robots at once.
     fn run<L: Lane<Cell = Eight>>(self, token: L::Token, robots: &LaneRobot<L>);
 
-    /// Robot `i` alone, on processors that step robots one by one.
+    /// Runs on robot `i` alone, on processors that step robots one by one.
     fn run_lane(&mut self, i: usize, robot: &LaneRobot<f64>);
 }
 
 impl ContactLanes {
-    /// At rest upright.
+    /// Eight robots at rest upright.
     pub fn new(params: &Arc<Params>, sim_dt: f64) -> Self {
         let wheels = Arc::new(Omniwheels::new(params));
         let mut lanes = Self {
@@ -93,7 +93,8 @@ impl ContactLanes {
         self.state.set_lane(i, state);
     }
 
-    /// Advances all by `steps` time steps under commands in [-1, 1]; `one` is room for the actuator's numbers of one robot.
+    /// Advances all by `steps` time steps under commands in [-1, 1]; `one` is
+    /// workspace for the actuator memory of one robot.
     pub fn drive_lanes<A: Actuator>(
         &mut self,
         actuator: &A,
@@ -112,7 +113,7 @@ impl ContactLanes {
         }
     }
 
-    /// Runs a computation on what the robots do now.
+    /// Runs a computation on the present states.
     pub fn read_lanes(&self, kernel: impl RobotsKernel) {
         match &self.constants {
             LaneConstants::Shared(constants) => run_eight(Read { constants, state: &self.state, kernel }),

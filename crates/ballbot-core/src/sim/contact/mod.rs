@@ -1,10 +1,10 @@
-//! The robot in maximal coordinates with a contact solver of its own: what `rigid` does, specialized and in lanes.
+//! The robot in maximal coordinates with a specialized contact solver, for one robot and in lanes.
 //!
-//! Ball, body and the absolute spins of three wheels move freely; nine contact rows hold them together: the normal load
-//! of each wheel and of the floor, the floor's friction (a disc) and the drive friction of each wheel (an interval along
-//! its drive direction). Each step evaluates the rows where the robot is, solves them for impulses by projected
-//! Gauss-Seidel sweeps that start from the last step's impulses, and moves everything with the velocities that result
-//! (semi-implicit Euler). A bot on the floor and a ball against the body are solved by further sweeps (`body_contacts`).
+//! The coordinates are those of ball, body and the absolute spins of three wheels. Nine contact rows couple them: the
+//! normal force of each wheel and of the floor, the floor friction (in a disc) and the drive friction of each wheel (in
+//! an interval along its drive direction). A step evaluates the rows, solves for the impulses by projected Gauss-Seidel
+//! sweeps with a warm start from the last step, and integrates with the new velocities (semi-implicit Euler). `step`
+//! has the algorithm. Contacts of bot and floor and of ball and body are solved by further sweeps (`body_contacts`).
 
 mod body_contacts;
 mod constants;

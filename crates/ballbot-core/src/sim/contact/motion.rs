@@ -1,4 +1,4 @@
-//! The contact model in motion: one robot, in plain `f64`.
+//! Simulation of one robot of the contact model in `f64`.
 
 use super::constants::Constants;
 use super::state::ContactState;
@@ -13,7 +13,7 @@ use crate::snapshot;
 use crate::state::{Contacts, State};
 use nalgebra::Vector3;
 
-/// A ballbot on a flat floor, in contact wherever it touches.
+/// A ballbot on a flat floor, with unilateral contacts and friction.
 pub struct ContactMotion {
     params: Params,
     wheels: Omniwheels,
@@ -22,7 +22,7 @@ pub struct ContactMotion {
 }
 
 impl ContactMotion {
-    /// At rest upright.
+    /// A robot at rest upright.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
         let mut motion = Self {
             wheels: Omniwheels::new(params),
@@ -34,12 +34,12 @@ impl ContactMotion {
         motion
     }
 
-    /// Constants of its robot and time step.
+    /// Constants of the robot and the time step.
     pub fn constants(&self) -> &Constants<f64> {
         &self.constants
     }
 
-    /// What it carries from one step to the next.
+    /// State of the simulation, with warm-start impulses.
     pub fn memory(&self) -> &ContactState<f64> {
         &self.memory
     }
@@ -61,7 +61,7 @@ impl Model for ContactMotion {
         self.constants = Constants::new(params, sim_dt);
         self.params = params.clone();
         if keeps_moving {
-            // Impulses of joint friction start anew: without friction nothing would remove the old ones.
+            // Impulses of joint friction are reset: without friction no row would remove them.
             self.memory.joint_impulses = [0.0; 3];
         } else {
             self.place(&State::upright(params));
@@ -106,7 +106,7 @@ impl Model for ContactMotion {
         CollisionShape::new(&self.params, &self.wheels).require_above_floor(state)
     }
 
-    /// Acts over the next time step, so that the contacts answer within that step.
+    /// Acts during the next time step, so that the contact forces of that step include the reaction.
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
         self.memory.push(&self.constants, impulse, point);
     }

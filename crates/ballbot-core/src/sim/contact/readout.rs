@@ -1,4 +1,4 @@
-//! One robot's solver state from and to the common vocabulary: [`State`], [`Contacts`], pushes.
+//! Conversion of the solver state of one robot from and to [`State`] and [`Contacts`], and pushes.
 
 use super::constants::Constants;
 use super::state::ContactState;
@@ -8,11 +8,11 @@ use crate::lanes::{Scalar, run_one};
 use crate::state::{Contacts, State, wxyz};
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 
-/// Largest gap at which the first impulses of a contact assume the robot's weight, m.
+/// Largest gap at which a contact of a new state starts with the impulse of its static load, m.
 const CONTACT_TOLERANCE: f64 = 1e-4;
 
 impl ContactState<f64> {
-    /// At time zero in `state`, which has been accepted.
+    /// Solver state at time zero in an accepted `state`.
     pub fn at(c: &Constants<f64>, wheels: &Omniwheels, state: &State) -> Self {
         let com = Vector3::z() * c.com_height;
         let rate = state.body_angular_velocity;
@@ -42,7 +42,7 @@ impl ContactState<f64> {
         }
     }
 
-    /// The state in the common vocabulary.
+    /// The state over lanes of width one.
     pub fn read(&self, c: &Constants<f64>) -> LaneState<f64> {
         run_one(
             #[inline(always)]
@@ -79,7 +79,7 @@ impl ContactState<f64> {
         }
     }
 
-    /// Surface speed of wheel `i` less the ball's along its drive direction, m/s.
+    /// Surface speed of wheel `i` relative to the ball along its drive direction, m/s.
     fn slip_speed(&self, c: &Constants<f64>, i: usize) -> f64 {
         let body = rotation(self.body_quaternion);
         let rate = Vector3::from(self.body_rate);
@@ -87,7 +87,7 @@ impl ContactState<f64> {
         let center = body * Vector3::from(c.wheel_centers[i]);
         let normal = (center + Vector3::from(self.body_position) - Vector3::from(self.ball_position)).normalize();
         let drive = u.cross(&normal).normalize();
-        // The wheel turns with the body, but about its axle −u with its own spin.
+        // The wheel rotates with the body, except about its axle −u, where it has its own spin.
         let wheel_rate = body * rate - u * (self.wheel_spins[i] + Vector3::from(c.u[i]).dot(&rate));
         let rim = Vector3::from(self.body_velocity) + (body * rate).cross(&center)
             - wheel_rate.cross(&normal) * c.wheel_radius;

@@ -1,33 +1,37 @@
-//! The contact rows where the robot is now: what they measure of the velocities and what their impulses do to them.
+//! The contact rows in the present pose: row velocities, and the effect of impulses on the velocities.
 //!
-//! Linear parts are in the inertial frame, where the ball's velocities are; the body's angular parts in the body frame,
-//! where its inertia is diagonal. Drive and normal impulses are those on the bot; the ball feels the opposite.
+//! Linear parts are in the inertial frame. Angular parts of the body are in the body frame, where its inertia is
+//! diagonal. Drive and normal impulses act on the bot; the opposite impulses act on the ball.
 
 use super::constants::{Constants, at3};
 use super::types::{PerRow, Velocities};
 use crate::lanes::{Lane, Rotation, Value, Vec3};
 
-/// Below this a wheel's axle points at the ball and there is no drive direction, which no wheel in contact comes near.
+/// Lower bound of the sine of the angle between axle and contact normal. At zero the drive direction is undefined;
+/// wheels in contact are far from it.
 const MIN_AXLE_SINE: f64 = 1e-3;
 
-/// Speed at which an overlap opens at most, m/s: a robot thrown deep into the floor is not to be shot out of it.
+/// Largest speed of recovery from an overlap, m/s. It limits the rebound of a robot deep in the floor. Chosen by
+/// experiment.
 const MAX_RECOVERY_SPEED: f64 = 1.0;
 
 /// The rows of one step.
 pub struct Rows<L> {
-    /// Between wheel and ball, and between ball and floor; negative where they overlap.
+    /// Gap between each wheel and the ball, m; negative for an overlap.
     pub gaps: [L; 3],
+    /// Gap between ball and floor, m; negative for an overlap.
     pub floor_gap: L,
-    /// Ball center from the body's CoM, body frame.
+    /// Ball center relative to the CoM of the body, body frame.
     pub ball_in_body: Vec3<L>,
-    /// From the ball to each wheel, inertial frame.
+    /// Normals from the ball to each wheel, inertial frame.
     pub normals: [Vec3<L>; 3],
     /// Drive directions, inertial frame.
     pub drives: [Vec3<L>; 3],
-    /// normal × drive, inertial frame.
+    /// Products normal × drive, inertial frame.
     pub turns: [Vec3<L>; 3],
-    /// What the body's rate adds to the rows, body frame.
+    /// Factors of the body rate in the normal rows, body frame, m.
     pub normal_arms: [Vec3<L>; 3],
+    /// Factors of the body rate in the drive rows, body frame, m.
     pub drive_arms: [Vec3<L>; 3],
     /// Sine of the angle between axle and normal: the share of a wheel's spin along its drive direction.
     pub spin_shares: [L; 3],
@@ -55,7 +59,7 @@ impl<L: Lane> Rows<L> {
         }
     }
 
-    /// Surface speed of wheel `i` less the ball's along the drive direction.
+    /// Surface speed of wheel `i` relative to the ball along the drive direction.
     #[inline(always)]
     pub fn slip_speed<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>, i: usize) -> L {
         let rim = v.spins[i] * self.spin_shares[i] * c.wheel_radius.at(v.spins[i]);
@@ -63,7 +67,7 @@ impl<L: Lane> Rows<L> {
         body + rim - self.turns[i].dot(v.ball_rate) * c.ball_radius.at(rim)
     }
 
-    /// Velocity of the ball's lowest point, x and y.
+    /// Velocity of the lowest point of the ball, x and y.
     #[inline(always)]
     pub fn floor_slip<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> [L; 2] {
         let radius = c.ball_radius.at(v.ball.x);
@@ -76,7 +80,7 @@ impl<L: Lane> Rows<L> {
         speed + allowance(c, self.gaps[i])
     }
 
-    /// What the impulses are to bring to zero: slip, and approach that is faster than the gap allows.
+    /// Residuals that the impulses bring to zero: slip, and approach faster than the gap allows.
     #[inline(always)]
     pub fn residuals<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> PerRow<L> {
         let [x, y] = self.floor_slip(c, v);
@@ -88,7 +92,7 @@ impl<L: Lane> Rows<L> {
         }
     }
 
-    /// Adds what `impulses` do to the velocities.
+    /// Applies `impulses` to the velocities.
     #[inline(always)]
     pub fn apply<const JOINTS: bool, V: Value<L>>(
         &self,
@@ -122,14 +126,14 @@ impl<L: Lane> Rows<L> {
     }
 }
 
-/// Speed at which a gap may close in one step; for an overlap, minus the speed at which it is to open.
+/// Largest speed at which a gap may close in one step; for an overlap minus the recovery speed.
 #[inline(always)]
 pub fn allowance<L: Lane, V: Value<L>>(c: &Constants<V>, gap: L) -> L {
     let rate = L::select(gap.zero().lt(gap), c.sim_dt_inverse.at(gap), c.recovery.at(gap));
     (gap * rate).max(gap.splat(-MAX_RECOVERY_SPEED))
 }
 
-/// Rate of wheel `i` against the body.
+/// Rate of wheel `i` relative to the body.
 #[inline(always)]
 pub fn encoder_rate<L: Lane, V: Value<L>>(c: &Constants<V>, v: &Velocities<L>, i: usize) -> L {
     c.u(i, v.spins[i]).dot(v.body_rate) + v.spins[i]
@@ -156,13 +160,13 @@ impl<L: Lane> Wheel<L> {
         let distance = offset.norm_squared().sqrt();
         let normal = offset * (one / distance.max(like.splat(f64::MIN_POSITIVE)));
 
-        // The share of the normal along the axle: zero while the ball's center is where it belongs.
+        // Component of the normal along the axle: zero while the ball center is at the origin of the body frame.
         let along = normal.dot(u);
         let spin_share = along.neg_mul_add(along, one).max(like.splat(MIN_AXLE_SINE * MIN_AXLE_SINE)).sqrt();
         let share_inverse = one / spin_share;
         let drive = u.cross(normal) * share_inverse;
-        // The rim's velocity belongs to the wheel's spin, not to the body's rate about the axle; the rest of what the
-        // body's rate does to the rim is this.
+        // The spin of the wheel replaces the body rate about the axle. This is the remaining effect of the body rate on
+        // the velocity of the rim.
         let lost = (normal - u * along) * (along * share_inverse * c.wheel_radius.at(like));
         Self {
             gap: distance - c.contact_distance.at(like),

@@ -1,19 +1,19 @@
-//! Impulses of the rows by projected Gauss-Seidel on their Delassus matrix.
+//! Projected Gauss-Seidel for the impulses of the rows, on their Delassus matrix.
 
 use super::constants::{Constants, at3};
 use super::rows::Rows;
 use super::types::PerRow;
 use crate::lanes::{Lane, Value, Vec3};
 
-/// Sweeps of one step at least; they start from the last step's impulses.
+/// Smallest number of sweeps in a step, with warm start. Chosen by experiment.
 pub const SWEEPS: usize = 4;
 
-/// Sweeps of one step at most: impacts, hard pushes and wheels that begin to slip take more.
+/// Largest number of sweeps in a step, for impacts, hard pushes and the onset of slip. Chosen by experiment.
 pub const MOST_SWEEPS: usize = 60;
 
-/// How fast the load that bounds a wheel's friction follows the load, in a sweep. Friction of slipping wheels pushes ball
-/// and body sideways and so changes the loads of the others by more than itself: bounded by the load at once, it would
-/// swing from sweep to sweep, and farther each time.
+/// Gain per sweep of the low-pass filter from normal impulse to friction bound. Friction of slipping wheels changes the
+/// loads of the other wheels by more than itself; with the unfiltered load as bound the sweeps diverge. Chosen by
+/// experiment.
 const LOAD_FILTER: f64 = 0.33;
 
 /// Friction coefficients in this step.
@@ -26,9 +26,9 @@ pub struct Friction<L> {
 /// Joint friction over one step.
 #[derive(Clone, Copy)]
 pub struct JointFriction<L> {
-    /// Largest dry impulse.
+    /// Largest angular impulse of dry friction, N·m·s.
     pub dry: L,
-    /// Viscous impulse for each rad/s.
+    /// Angular impulse of viscous friction per rad/s, N·m·s².
     pub viscous: L,
 }
 
@@ -38,7 +38,7 @@ impl<L: Lane> JointFriction<L> {
         Self { dry: c.joint_dry_impulse.at(like), viscous: c.joint_viscous_impulse.at(like) }
     }
 
-    /// Whether any robot has any.
+    /// Whether any robot has joint friction.
     #[inline(always)]
     pub fn any(&self) -> bool {
         let zero = self.dry.zero();
@@ -46,15 +46,15 @@ impl<L: Lane> JointFriction<L> {
     }
 }
 
-/// What an impulse of one row does to the velocity of another: the upper triangle in blocks of three.
+/// Delassus matrix: change of the velocity of each row per impulse of each row, in blocks of three rows.
 ///
-/// The floor's rows and each other's tangent share only the ball, whose inertia is the same in all directions, so they
-/// do not couple; joints do not couple with the floor.
+/// The rows of the floor share only the ball, whose inertia is isotropic, so they do not couple with each other. Joints
+/// do not couple with the floor.
 pub struct Delassus<L, V> {
     normal_normal: [[L; 3]; 3],
     normal_drive: [[L; 3]; 3],
     drive_drive: [[L; 3]; 3],
-    /// Floor row (normal, x, y), wheel.
+    /// Couplings by floor row (normal, x, y) and wheel.
     floor_normal: [[L; 3]; 3],
     floor_drive: [[L; 3]; 3],
     joint_normal: [[L; 3]; 3],
@@ -95,7 +95,7 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
             own_drive: c.drive_compliance.at(zero),
             wheel_surface: c.wheel_surface_compliance.at(zero),
         };
-        // Written out: nested loops over pairs stay loops in the compiled code, over arrays in memory.
+        // Written out, because the compiler keeps nested loops over pairs as loops over arrays in memory.
         let (n01, n02, n12) = (pairs.normals(0, 1), pairs.normals(0, 2), pairs.normals(1, 2));
         let nn = [[pairs.own_normal(0), n01, n02], [n01, pairs.own_normal(1), n12], [n02, n12, pairs.own_normal(2)]];
         let nd = [
@@ -150,7 +150,7 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
         }
     }
 
-    /// Adds to the residuals what impulses do to them.
+    /// Adds the effect of `impulses` to the residuals.
     #[inline(always)]
     pub fn add_effect<const JOINTS: bool>(&self, impulses: &PerRow<L>, residuals: &mut PerRow<L>) {
         for k in 0..3 {
@@ -212,7 +212,7 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
         }
     }
 
-    /// Robots of which the wheels' impulses changed much from one sweep to the next.
+    /// Mask of the robots whose wheel impulses changed by more than the threshold in the last sweep.
     #[inline(always)]
     pub fn unsettled(c: &Constants<V>, old: &PerRow<L>, new: &PerRow<L>) -> L::Mask {
         let mut change = new.floor[0].zero();
@@ -223,7 +223,7 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
         c.settled_squared.at(change).lt(change)
     }
 
-    /// Improves the impulses of all rows once, each within what its contact can do, and keeps the residuals up to date.
+    /// One Gauss-Seidel sweep: updates the impulse of each row, projected on its bounds, and the residuals.
     #[inline(always)]
     pub fn sweep<const JOINTS: bool>(
         &self,
@@ -256,7 +256,7 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
                 let stick = impulses.joints[k] - r.joints[k] / own;
                 let dry = stick.min(joint_friction.dry).max(-joint_friction.dry);
                 let softness = joint_friction.viscous * own;
-                // Zero is added for its sign: beside a robot with friction, one without keeps its plain zero.
+                // Adding zero turns −0 into +0, so lanes without friction have the bits of a robot alone.
                 let new = (softness / (softness + 1.0)).mul_add(stick - dry, dry) + 0.0;
                 let change = new - impulses.joints[k];
                 impulses.joints[k] = new;
@@ -288,8 +288,9 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
 /// Elements of the Delassus matrix among the wheels' rows.
 struct Couplings<'a, L> {
     rows: &'a Rows<L>,
-    /// Arms over the body's inertia.
+    /// Normal arms divided by the inertia of the body.
     normal: [Vec3<L>; 3],
+    /// Drive arms divided by the inertia of the body.
     drive: [Vec3<L>; 3],
     linear: L,
     ball_surface: L,
@@ -334,12 +335,12 @@ impl<L: Lane> Couplings<'_, L> {
     }
 }
 
-/// The pair, drawn to the rim of the disc of radius `limit` where it is outside.
+/// Radial projection of a pair on the disc of radius `limit`.
 #[inline(always)]
 pub fn in_disc<L: Lane>([x, y]: [L; 2], limit: L) -> [L; 2] {
     let squared = x.mul_add(x, y.squared());
     let outside = limit.squared().lt(squared);
-    // Roots and divisions are slow, slip on the floor is rare, and lanes inside keep their bits either way.
+    // The branch skips a root and a division; slip on the floor is rare, and lanes inside keep their bits either way.
     if !L::any(outside) {
         return [x, y];
     }

@@ -1,4 +1,4 @@
-//! State and warm-start impulses of one robot or of eight: what a step reads and writes.
+//! State and warm-start impulses of one robot or of eight.
 
 use super::constants::Constants;
 use super::rows::encoder_rate;
@@ -7,7 +7,7 @@ use crate::lane_state::{LaneRobot, LaneState};
 use crate::lanes::{Cell, Lane, Quat, Value, Vec3, cells, load3, store3};
 use serde::{Deserialize, Serialize};
 
-/// Squared speeds and rates from which arithmetic would overflow soon.
+/// Largest sum of squared speeds and rates of a robot that has not diverged.
 const MAX_SPEED_SQUARED: f64 = 1e30;
 
 /// Torques of the three motors, N·m.
@@ -17,29 +17,29 @@ cells! {
     /// State and contact impulses of one robot or of eight. Inertial frame and SI units unless said.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct ContactState {
-        /// Since the reset.
+        /// Steps since the reset.
         pub steps: T,
         pub ball_position: [T; 3],
         pub ball_quaternion: [T; 4],
         pub ball_velocity: [T; 3],
         pub ball_rate: [T; 3],
-        /// Of the CoM.
+        /// Position of the CoM.
         pub body_position: [T; 3],
         pub body_quaternion: [T; 4],
-        /// Of the CoM.
+        /// Velocity of the CoM.
         pub body_velocity: [T; 3],
-        /// Body frame.
+        /// Angular velocity of the body, body frame.
         pub body_rate: [T; 3],
         pub wheel_angles: [T; 3],
         /// Absolute spins about the axles: encoder rate less u_i · Ω.
         pub wheel_spins: [T; 3],
-        /// Of the last step, on the ball: normal, x, y.
+        /// Impulse of the floor on the ball in the last step: normal, x, y.
         pub floor_impulse: [T; 3],
-        /// Of the last step, on the bot.
+        /// Normal impulse of the ball on the bot at each wheel in the last step.
         pub normal_impulses: [T; 3],
-        /// Of the last step, on the bot.
+        /// Drive friction impulse of the ball on the bot at each wheel in the last step.
         pub drive_impulses: [T; 3],
-        /// Of the last step.
+        /// Angular impulse of joint friction in the last step.
         pub joint_impulses: [T; 3],
         /// Impulse on the body and angular impulse about its CoM that act in the next step.
         pub push: [T; 6],
@@ -51,13 +51,14 @@ cells! {
 }
 
 impl<T: Cell> ContactState<T> {
-    /// The state: the body at its frame's origin instead of its CoM, the wheels' rates against the body.
+    /// The state of tasks and controllers, with the origin of the body frame in place of the CoM and encoder rates in
+    /// place of absolute spins.
     #[inline(always)]
     pub fn lane_state<L: Lane<Cell = T>, V: Value<L>>(&self, token: L::Token, c: &Constants<V>) -> LaneState<L> {
         let (pose, v) = (self.pose::<L>(token), self.velocities::<L>(token));
         let rotation = pose.body_quaternion.rotation();
         let mast = Vec3::new(rotation.rows[0].z, rotation.rows[1].z, rotation.rows[2].z);
-        // Ω × e3
+        // R (Ω × e3)
         let mast_rate = rotation.apply(Vec3::new(v.body_rate.y, -v.body_rate.x, v.body_rate.x.zero()));
         LaneState {
             ball_position: pose.ball,
@@ -82,7 +83,7 @@ impl<T: Cell> ContactState<T> {
         [encoder_rate(c, &v, 0), encoder_rate(c, &v, 1), encoder_rate(c, &v, 2)]
     }
 
-    /// The robot as tasks and controllers see it.
+    /// State, health and floor contact for tasks and controllers.
     #[inline(always)]
     pub fn robot<L: Lane<Cell = T>, V: Value<L>>(&self, token: L::Token, c: &Constants<V>) -> LaneRobot<L> {
         let diverged = L::load(token, &self.diverged);

@@ -1,4 +1,17 @@
-//! One time step, and many.
+//! The time step of the contact model. One step, with sections of `docs/derivations.md` in parentheses:
+//!
+//! ```text
+//! rows(pose)                              gaps, normals, drive directions, arms               (Rows)
+//! if a rare contact is near: body_contacts::step, with the same parts and further sweeps      (Rare contacts)
+//! mu   = stribeck(slip(velocities))       friction coefficients at the start of the step      (Friction law)
+//! free = velocities + dt M^-1 forces      gravity, motors, push, drag, gyroscopic torque      (Free velocities)
+//! W    = J M^-1 J^T                       change of row velocities per impulse                (Delassus matrix)
+//! r    = J free + b(gap) + W impulses     residuals with the impulses of the last step        (Warm start)
+//! repeat 4 to 60 times, until the wheel impulses change little:                               (Sweeps)
+//!     for each row k: impulse_k = project(impulse_k - r_k / W_kk); r += W_k change
+//! velocities = free + M^-1 J^T impulses   velocities at the end of the step                   (Sweeps)
+//! pose       = pose + dt velocities       attitudes by rotation vectors                       (Semi-implicit Euler)
+//! ```
 
 #[cfg(test)]
 mod flops;
@@ -31,7 +44,7 @@ fn advance_one(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torq
     }
 }
 
-/// Advances eight robots; each moves as [`advance`] would move it, to the last bit.
+/// Advances eight robots. The result for each is that of [`advance`] to the last bit.
 #[inline(always)]
 pub fn advance_wide<S: Simd, V: InLanes>(
     simd: S,
@@ -65,7 +78,7 @@ pub fn one_by_one<V: InLanes>(constants: &Constants<V>, state: &mut ContactState
     }
 }
 
-/// One step of robots that need no contact of [`body_contacts`]; false, and nothing done, if one does.
+/// One step of robots without contacts of [`body_contacts`]. Returns false, without effect, if a robot needs them.
 #[inline(always)]
 fn step<L: Lane, V: Value<L>>(
     c: &Constants<V>,
@@ -110,7 +123,7 @@ fn step_on_ball<L: Lane, V: Value<L>, const JOINTS: bool>(
     let mut open = Delassus::<L, V>::unsettled(c, &old, &impulses);
     let mut sweeps = SWEEPS;
     while L::any(open) && sweeps < MOST_SWEEPS {
-        // Robots that have settled keep what they have, whatever their neighbors need.
+        // Settled robots keep their impulses while their neighbors continue.
         let (old, old_residuals, old_estimate) = (impulses, residuals, normal_estimate);
         delassus.sweep::<JOINTS>(&friction, joint_friction, &mut normal_estimate, &mut impulses, &mut residuals);
         let still = Delassus::<L, V>::unsettled(c, &old, &impulses);

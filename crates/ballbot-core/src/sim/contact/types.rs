@@ -1,12 +1,12 @@
-//! What a robot is made of in numbers: where its parts are, how they move, what acts on its contact rows.
+//! Value types of the solver: pose, velocities, and one number per contact row.
 
 use crate::lanes::{Lane, Quat, Vec3};
 
-/// Where the robot is.
+/// Positions and attitudes of all parts.
 pub struct Pose<L> {
     pub ball: Vec3<L>,
     pub ball_quaternion: Quat<L>,
-    /// CoM.
+    /// CoM of the body.
     pub body: Vec3<L>,
     pub body_quaternion: Quat<L>,
     pub wheel_angles: [L; 3],
@@ -22,10 +22,10 @@ pub struct Velocities<L> {
     pub spins: [L; 3],
 }
 
-/// One number of each row: an impulse, or the velocity that it is to bring to zero.
+/// One number per row: an impulse or a residual velocity.
 #[derive(Clone, Copy)]
 pub struct PerRow<L> {
-    /// Normal, x, y.
+    /// Floor rows: normal, x, y.
     pub floor: [L; 3],
     pub normals: [L; 3],
     pub drives: [L; 3],
@@ -33,7 +33,7 @@ pub struct PerRow<L> {
 }
 
 impl<L: Lane> PerRow<L> {
-    /// `yes` where `mask` is true, `no` elsewhere.
+    /// Selection of `yes` where `mask` is true, of `no` elsewhere.
     #[inline(always)]
     pub fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
         Self {
@@ -46,7 +46,7 @@ impl<L: Lane> PerRow<L> {
 }
 
 impl<L: Lane> Velocities<L> {
-    /// `yes` where `mask` is true, `no` elsewhere.
+    /// Selection of `yes` where `mask` is true, of `no` elsewhere.
     #[inline(always)]
     pub fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
         Self {
@@ -71,7 +71,7 @@ impl<L: Lane> Velocities<L> {
 }
 
 impl<L: Lane> Pose<L> {
-    /// `yes` where `mask` is true, `no` elsewhere.
+    /// Selection of `yes` where `mask` is true, of `no` elsewhere.
     #[inline(always)]
     pub fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
         Self {
@@ -84,7 +84,7 @@ impl<L: Lane> Pose<L> {
     }
 }
 
-/// `yes` where `mask` is true, `no` elsewhere.
+/// Selection of `yes` where `mask` is true, of `no` elsewhere.
 #[inline(always)]
 pub fn select3<L: Lane>(mask: L::Mask, yes: [L; 3], no: [L; 3]) -> [L; 3] {
     [L::select(mask, yes[0], no[0]), L::select(mask, yes[1], no[1]), L::select(mask, yes[2], no[2])]

@@ -1,4 +1,4 @@
-//! How the robot's mass is split between body and wheels.
+//! Mass properties of the body link and the wheel links.
 
 use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
@@ -6,26 +6,27 @@ use crate::params::Params;
 use crate::sim::collision_shape::wheel_centers;
 use nalgebra::{Matrix3, Vector3};
 
-/// The body without its wheels, such that body and wheels together have the mass properties of the parameters.
+/// The body without its wheels. Body and wheels together have the mass properties of the parameters.
 pub struct BodyLink {
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
     /// Center of mass in the body frame, m.
     pub com: Vector3<f64>,
-    /// About the center of mass, body axes, kg·m².
+    /// Inertia about the center of mass, body axes, kg·m².
     pub inertia: Matrix3<f64>,
 }
 
-/// Inertia of a wheel across its axle, of a thin disc, kg·m². It only moves inertia between body and wheel links.
+/// Inertia of a wheel across its axle, kg·m²: that of a thin disc. Its value only shifts inertia between body and wheel
+/// links.
 pub fn wheel_transverse_inertia(params: &Params) -> f64 {
     0.5 * params.wheel_inertia
 }
 
 impl BodyLink {
-    /// What the parameters leave once the wheels are taken away.
+    /// Mass properties of the parameters minus those of the wheels.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] if the wheels have more inertia than the whole.
+    /// [`Error::Inconsistent`] if the wheels have more inertia than the bot.
     pub fn new(params: &Params, wheels: &Omniwheels) -> Result<Self> {
         let whole_com = Vector3::z() * params.body_com_height;
         let mass = params.body_mass - 3.0 * params.wheel_mass;
@@ -34,7 +35,7 @@ impl BodyLink {
         let mut inertia = params.body_inertia_matrix() - steiner(mass, com - whole_com);
         let transverse = wheel_transverse_inertia(params);
         for (center, axle) in centers.iter().zip(wheels.u.row_iter()) {
-            // The wheel's inertia about its own axle is not part of the parameters' body inertia.
+            // `body_inertia` excludes the inertia of the wheels about their axles.
             inertia -= (Matrix3::identity() - axle.transpose() * axle) * transverse;
             inertia -= steiner(params.wheel_mass, center - whole_com);
         }

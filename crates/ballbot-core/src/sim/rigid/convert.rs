@@ -1,4 +1,4 @@
-//! Between nalgebra, which the crate speaks, and glam, which rapier speaks.
+//! Conversions between nalgebra types of this crate and glam types of rapier.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rapier3d_f64::math::{Rotation, Vector};

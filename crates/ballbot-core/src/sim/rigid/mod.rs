@@ -1,8 +1,8 @@
 //! The robot as rigid bodies in rapier3d: ball, body and three omniwheels, in unilateral contact.
 //!
-//! Body and wheels are one multibody with revolute joints. The ball rests on the floor by an ordinary contact. Rapier's
-//! friction being isotropic, an omniwheel's contact with the ball is two constraint rows of their own (`rows`): the
-//! normal force, which only pushes, and the friction along the drive direction, bounded by μ N.
+//! Body and wheels are one multibody with revolute joints. The ball rests on the floor by a rapier contact. Contact
+//! friction of rapier is isotropic, that of an omniwheel is not. The contact of an omniwheel with the ball is therefore
+//! two rows of a joint (`rows`): the unilateral normal force, and the friction along the drive direction within ±μ N.
 
 mod bodies;
 mod convert;

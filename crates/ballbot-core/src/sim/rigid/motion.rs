@@ -1,4 +1,4 @@
-//! The rigid-body robot in motion.
+//! Simulation of the robot as rigid bodies.
 
 use super::bodies::BodyLink;
 use super::convert::{from_rapier, rotation_from_rapier, rotation_to_rapier, to_rapier};
@@ -17,14 +17,14 @@ use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How far the wheel may hover over the ball for its first friction limit to count on the robot's weight, m.
+/// Largest gap at which a contact of a new state starts with its static load, m.
 const CONTACT_TOLERANCE: f64 = 1e-4;
 
 /// A ballbot of rigid bodies on a flat floor.
 pub struct RigidMotion {
     pub(super) params: Params,
     pub(super) wheels: Omniwheels,
-    /// CoM of the body without its wheels, in the body frame: the multibody's root.
+    /// CoM of the body without its wheels, body frame, m: the root of the multibody.
     pub(super) root: Vector3<f64>,
     pub(super) collision_shape: CollisionShape,
     pub(super) template: World,
@@ -35,16 +35,18 @@ pub struct RigidMotion {
     pub(super) sim_state: SimulationState,
 }
 
-/// What the next step needs besides the world.
+/// State of the simulation besides the rapier world.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub(super) struct SimulationState {
+    /// Steps since the reset.
     pub(super) steps: u64,
-    /// Between wheels and ball; the loads bound the drive friction of the next step.
+    /// Forces between wheels and ball in the last step; warm start and friction bounds of the next.
     pub(super) wheel_forces: [WheelForce; 3],
+    /// Force of the floor on the ball in the last step, inertial frame, N.
     pub(super) floor_force: [f64; 3],
-    /// Impulse on the body at its root and angular impulse about it, still to act, N·s and N·m·s.
+    /// Pending impulse on the body at its root and angular impulse about the root, N·s and N·m·s.
     pub(super) push: [f64; 6],
-    /// False once rapier has frozen a state that was not finite.
+    /// False after a state that was not finite, which rapier freezes.
     pub(super) healthy: bool,
 }
 
@@ -55,7 +57,7 @@ impl SimulationState {
 }
 
 impl RigidMotion {
-    /// At rest upright.
+    /// A robot at rest upright.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] if the wheels have more inertia than the whole bot.
@@ -94,19 +96,19 @@ impl RigidMotion {
         self.world.multibody_joints.get_multibody(self.handles.bot).expect("the bot is never removed")
     }
 
-    /// Linear velocity of the root and angular velocity of the body, inertial frame. The multibody knows them at the
-    /// end of a step, its rigid bodies only at the start of the next.
+    /// Linear velocity of the root and angular velocity of the body, inertial frame. After a step the multibody has the
+    /// new velocities; its rigid bodies are updated only at the start of the next step.
     pub(super) fn root_velocity(&self) -> (Vector3<f64>, Vector3<f64>) {
         let velocities = self.bot().generalized_velocity();
         (velocities.fixed_rows::<3>(0).into_owned(), velocities.fixed_rows::<3>(3).into_owned())
     }
 
-    /// Wheel surface less ball surface along the drive direction, m/s.
+    /// Velocity of the wheel surface relative to the ball surface along the drive direction, m/s.
     pub(super) fn slip_speed(&self, i: usize, contact: &Contact) -> f64 {
         let (velocity, rate) = self.root_velocity();
         let root = from_rapier(self.world.bodies[self.handles.body].translation());
         let of_body = velocity + rate.cross(&(contact.point - root));
-        // Relative to the body, the rim moves along the drive direction.
+        // The rim moves along the drive direction relative to the body.
         let rim = self.params.wheel_radius * self.bot().generalized_velocity()[6 + i];
         let ball = wheel_contact::point_velocity(&self.world.bodies[self.handles.ball], &contact.point);
         (of_body - ball).dot(&contact.drive) + rim
@@ -155,7 +157,7 @@ impl RigidMotion {
         bot.update_rigid_bodies(&mut world.bodies, true);
     }
 
-    /// Before the first step no contact has carried a load yet: count on the weight where a wheel touches.
+    /// Wheel forces before the first step: the static load for each wheel in contact.
     fn first_forces(&self) -> [WheelForce; 3] {
         let usual = self.params.static_wheel_load();
         let ball = self.world.bodies[self.handles.ball].translation();
@@ -244,7 +246,7 @@ impl Model for RigidMotion {
     fn contacts(&self) -> Contacts {
         let forces = &self.sim_state.wheel_forces;
         Contacts {
-            // Before the first step the loads are only what its friction counts on.
+            // Before the first step the loads are only the initial friction bounds.
             wheel_normal_forces: if self.sim_state.steps > 0 { forces.map(|f| f.load) } else { [0.0; 3] },
             wheel_tractions: forces.map(|f| f.traction),
             wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(i, &self.contact(i))),
@@ -264,7 +266,7 @@ impl Model for RigidMotion {
         mechanical_energy(&self.params, &self.wheels, &self.state())
     }
 
-    /// Acts as a force over the next time step, so that the contacts answer within that step.
+    /// Acts as a force during the next time step, so that the contact forces of that step include the reaction.
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
         let body = rotation_from_rapier(*self.world.bodies[self.handles.body].rotation());
         let angular_impulse = (body * (point - self.root)).cross(impulse);
@@ -275,7 +277,7 @@ impl Model for RigidMotion {
         if *impulse == Vector3::zeros() {
             return;
         }
-        // Loads under a push are not those of the step before it.
+        // A push changes the loads, so the last step is no warm start.
         self.sim_state.wheel_forces.iter_mut().for_each(|force| force.steady = false);
     }
 
@@ -296,8 +298,8 @@ impl Model for RigidMotion {
     }
 }
 
-/// Whether two robots are the same to rapier: only values that are read at every step, or set with the joint friction,
-/// differ.
+/// Whether the rapier bodies of two robots are equal. Parameters that are read at each step or set with the joint
+/// friction may differ.
 fn same_bodies(a: &Params, b: &Params) -> bool {
     let read_each_step = Params {
         gravity: b.gravity,

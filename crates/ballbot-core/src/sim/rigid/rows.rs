@@ -1,49 +1,52 @@
 //! The two constraint rows of an ideal omniwheel on the ball: normal force and friction along the drive direction.
 //!
-//! They are the rows of one joint, along z and x of a frame at the contact. A rapier contact would take four, two of
-//! them for friction that this wheel does not have. A joint's rows start each step from no force, which takes the
-//! solver many sweeps to make up for; so the force of the last step acts on both bodies as a given one (`WarmStart`), and
-//! the rows find what it lacks.
+//! They are the rows of one joint, along z and x of a frame at the contact. A rapier contact would have more rows, for
+//! friction that an omniwheel does not have. Joint rows have no warm start in rapier and would need many sweeps. The
+//! force of the last step is therefore applied to both bodies as an external force (`WarmStart`), and the rows compute
+//! the difference.
 
 use super::convert::to_rapier;
 use super::wheel_contact::Contact;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Viscosity of a row that holds, N/(m/s): the slip under 10 N is 1e-7 m/s.
+/// Damping of a motor row, N/(m/s). The slip under 10 N is 1e-7 m/s.
 const MOTOR_DAMPING: f64 = 1e8;
 
-/// How far apart wheel and ball may be for the row to look out for them to meet, m.
+/// Largest gap at which the normal row is active, m.
 const CONTACT_PREDICTION: f64 = 0.002;
 
-/// Keeps the limit on the side where it acts whatever the rounding, m.
+/// Margin that keeps the joint limit active in spite of rounding, m.
 const LIMIT_MARGIN: f64 = 1e-9;
 
-/// How fast the load that bounds friction follows the load, in a step. Friction of slipping wheels pushes ball and body
-/// sideways and so changes the loads of the others: bounded by the last load itself, it would swing from step to step, and
-/// farther each time.
+/// Gain per step of the low-pass filter from load to friction bound. Friction of slipping wheels changes the loads of
+/// the other wheels; with the unfiltered load as bound the forces oscillate with growing amplitude. Chosen by
+/// experiment.
 const LOAD_FILTER: f64 = 0.5;
 
-/// What one step leaves to the next, N.
+/// Force between a wheel and the ball in the last step.
 #[derive(Clone, Copy, Default, Serialize, Deserialize)]
 pub struct WheelForce {
+    /// Normal force, N.
     pub load: f64,
-    /// The load that bounds the next step's friction. It follows the load by a share a step ([`LOAD_FILTER`]).
+    /// Filtered normal force that bounds the friction of the next step ([`LOAD_FILTER`]), N.
     pub normal_estimate: f64,
-    /// On the ball along the drive direction.
+    /// Friction on the ball along the drive direction, N.
     pub traction: f64,
-    /// Whether the load is steady enough to start the next step from.
+    /// Whether the load is steady enough for a warm start of the next step.
     pub steady: bool,
 }
 
-/// The force that a step starts from, N; nothing unless it was steady.
+/// External force at the start of a step; zero unless the last force was steady.
 #[derive(Clone, Copy, Default)]
 pub struct WarmStart {
+    /// Normal force, N.
     pub load: f64,
+    /// Friction on the ball along the drive direction, N.
     pub traction: f64,
 }
 
-/// A joint between a wheel and the ball that holds nothing until it is anchored.
+/// A joint between a wheel and the ball, without force until [`anchor`] is called.
 pub fn joint() -> GenericJoint {
     let mut joint = GenericJoint::new(JointAxesMask::empty());
     for axis in [JointAxis::LinX, JointAxis::LinZ] {
@@ -51,17 +54,17 @@ pub fn joint() -> GenericJoint {
         joint.set_motor_velocity(axis, 0.0, MOTOR_DAMPING);
         joint.set_motor_max_force(axis, 0.0);
     }
-    // The row along z stands for the contact of the colliders.
+    // The row along z replaces the contact of the colliders.
     joint.set_contacts_enabled(false);
     joint
 }
 
-/// How bodies that overlap move apart.
+/// Recovery from overlap: a spring of 200 Hz natural frequency and damping ratio 5, chosen by experiment.
 pub fn softness() -> SpringCoefficients<Real> {
     SpringCoefficients::new(200.0, 5.0)
 }
 
-/// Anchors the rows at the contact of a wheel and the ball at the given poses, with friction up to `grip` (N).
+/// Places the rows at the contact of a wheel and the ball at the given poses, with a friction limit of `grip` (N).
 pub fn anchor(
     joint: &mut GenericJoint,
     contact: &Contact,
@@ -87,9 +90,9 @@ pub fn anchor(
     joint.limits[2].impulse = 0.0;
     let mut start = WarmStart::default();
     if last.steady {
-        // From half the grip at most, so that friction that turns round has all of it within two steps.
+        // At most half the grip, so that friction can reverse to the full grip within two steps.
         start = WarmStart { load: last.load, traction: last.traction.clamp(-0.5 * grip, 0.5 * grip) };
-        // With a motor as strong as the start, the load can vanish or double, but not pull.
+        // A motor limit equal to the warm start lets the load vanish or double, but not pull.
         joint.motor_axes |= JointAxesMask::LIN_Z;
         joint.motors[2].max_force = start.load;
         joint.motors[2].target_vel = contact.gap * softness().erp_inv_dt(dt);
@@ -103,18 +106,18 @@ pub fn anchor(
     start
 }
 
-/// Lets a gap close within the step but no further: by the limit's rule for overlaps, at the rate −1/dt.
+/// Softness with which a gap may close within the step but no further: the rule for overlaps at the rate −1/dt.
 fn closing(dt: f64) -> SpringCoefficients<Real> {
     SpringCoefficients::new((std::f64::consts::TAU * dt).recip(), -1.0)
 }
 
-/// The force over the step of `dt` that began with `start`, after one with `last`; a wheel's usual load is `usual` (N).
+/// Mean force over a step of `dt` with the warm start `start`, after a step with the force `last`; `usual` is the
+/// static load of a wheel (N).
 pub fn wheel_force(joint: &GenericJoint, start: &WarmStart, last: &WheelForce, usual: f64, dt: f64) -> WheelForce {
     let load = start.load + (joint.motors[2].impulse + joint.limits[2].impulse) / dt;
-    // The rows act on the wheel, their first body; the ball feels the opposite.
+    // The rows act on the wheel, their first body; the force on the ball is the opposite.
     let traction = start.traction - joint.motors[0].impulse / dt;
-    // Twice the load at the start is all that the row along z can add up to, so a load that has just dropped or doubled
-    // is no start.
+    // The row along z is limited to twice the warm start, so a load that halved or nearly doubled is not steady.
     let lasting = load > 0.5 * last.load && load < 1.9 * last.load;
     let normal_estimate =
         if last.steady { last.normal_estimate + LOAD_FILTER * (load - last.normal_estimate) } else { load };

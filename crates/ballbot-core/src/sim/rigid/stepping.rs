@@ -8,14 +8,14 @@ use crate::sim::friction::stribeck;
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 
-/// Clearance below which the bot might meet the floor within a step whatever happens to it, m.
+/// Clearance between bot and floor below which the colliders of the bot stay enabled, m.
 const FLOOR_CLEARANCE: f64 = 0.01;
 
-/// Sweeps of the solver over all rows, and sweeps after it has moved the bodies, where the forces of the last
-/// step are a good start.
+/// Sweeps over all rows before and after the bodies are moved, with a warm start from steady forces. Chosen by
+/// experiment.
 const STEADY_SWEEPS: [usize; 2] = [3, 0];
 
-/// The same where they are not: at first, after a push, and when the robot lands.
+/// Sweeps without warm start: in the first step, after a push, and at a landing. Chosen by experiment.
 const TRANSIENT_SWEEPS: [usize; 2] = [8, 1];
 
 impl RigidMotion {
@@ -59,8 +59,8 @@ impl RigidMotion {
         self.sim_state.wheel_forces.iter().all(|force| force.steady)
     }
 
-    /// Whether nothing of the bot can touch the floor within the step, nor its body the ball: then its colliders need
-    /// not be looked at.
+    /// Whether the bot cannot touch the floor within the step, nor its body the ball. The colliders of the bot are
+    /// disabled then.
     fn far_from_floor(&self) -> bool {
         if !self.all_steady() {
             return false;
@@ -83,7 +83,7 @@ impl RigidMotion {
         }
     }
 
-    /// Torques, pushes, drag, and the contact forces that the step starts from.
+    /// Applies motor torques, pushes, drag and the warm-start forces.
     fn apply_forces(&mut self, wheel_torques: &[f64; 3], contacts: &[Contact; 3], starts: &[WarmStart; 3]) {
         let axles = [0, 1, 2].map(|i| self.axle(i));
         let bodies = &mut self.world.bodies;
@@ -108,7 +108,7 @@ impl RigidMotion {
     }
 }
 
-/// Sets the force and the torque of the next step.
+/// Replaces force and torque on a body for the next step.
 fn set_loads(body: &mut RigidBody, force: &Vector3<f64>, torque: &Vector3<f64>) {
     body.reset_forces(false);
     body.reset_torques(false);

@@ -1,23 +1,23 @@
-//! Where a wheel meets the ball.
+//! Contact geometry of a wheel and the ball.
 
 use super::convert::from_rapier;
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 
-/// Where and along what a wheel drives the ball.
+/// Contact of a wheel with the ball.
 pub struct Contact {
     /// Contact point, inertial frame, m.
     pub point: Vector3<f64>,
-    /// From the ball center to the wheel center.
+    /// Unit vector from the ball center to the wheel center, inertial frame.
     pub normal: Vector3<f64>,
-    /// Drive direction in the plane of contact.
+    /// Drive direction in the plane of contact, unit vector, inertial frame.
     pub drive: Vector3<f64>,
-    /// From the ball's surface to the wheel's, m.
+    /// Gap between the surfaces of ball and wheel, m; negative for an overlap.
     pub gap: f64,
 }
 
 impl Contact {
-    /// Of a ball and a wheel whose axle is `axle` (inertial frame).
+    /// Contact of a ball and a wheel with the axle `axle`, all in the inertial frame.
     pub fn new(
         ball: Vector3<f64>,
         ball_radius: f64,
@@ -34,7 +34,7 @@ impl Contact {
     }
 }
 
-/// Velocity of a body's material point, inertial frame, m/s.
+/// Velocity of a material point of a body, inertial frame, m/s.
 pub fn point_velocity(body: &RigidBody, point: &Vector3<f64>) -> Vector3<f64> {
     let arm = point - from_rapier(body.center_of_mass());
     from_rapier(body.linvel()) + from_rapier(body.angvel()).cross(&arm)

@@ -1,4 +1,4 @@
-//! The rapier world of one robot: what is in it, and how a fresh copy of it is made.
+//! The rapier world of one robot: its bodies, colliders and joints.
 
 use super::bodies::{BodyLink, wheel_transverse_inertia};
 use super::convert::to_rapier;
@@ -11,8 +11,8 @@ use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Everything that changes as the world steps. Stepping needs a [`PhysicsPipeline`] besides, which holds no state but
-/// must not be shared between worlds.
+/// All state that changes in a step. A step also needs a [`PhysicsPipeline`], which is workspace without state and must
+/// not be shared between worlds.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct World {
     pub bodies: RigidBodySet,
@@ -25,7 +25,7 @@ pub struct World {
     soft_bodies: SoftBodySet,
 }
 
-/// Where the robot's parts are found in its world.
+/// Handles of the parts of the robot.
 #[derive(Clone, Copy)]
 pub struct Handles {
     pub ball: RigidBodyHandle,
@@ -39,8 +39,8 @@ pub struct Handles {
     pub wheel_colliders: [ColliderHandle; 3],
 }
 
-/// Solver settings under which the robot's growth rate, traction and loads come out right, but for the sweeps, which
-/// each step chooses.
+/// Solver settings, validated by growth rate, traction and loads of the robot. The number of sweeps is set in each
+/// step.
 pub fn integration_parameters(sim_dt: f64) -> IntegrationParameters {
     let softness = rows::softness();
     IntegrationParameters {
@@ -48,7 +48,7 @@ pub fn integration_parameters(sim_dt: f64) -> IntegrationParameters {
         contact_softness: softness,
         static_contact_softness: softness,
         num_solver_iterations: 1,
-        // Contacts kept while bodies move would put the lever arms of a balancing robot in the wrong place.
+        // Recycled contacts would have wrong lever arms after the bodies have moved.
         contact_recycling: false,
         contact_clustering: false,
         friction_in_bias_pass: true,
@@ -60,7 +60,7 @@ pub fn integration_parameters(sim_dt: f64) -> IntegrationParameters {
     }
 }
 
-/// Workspace for one world, without rapier's stopwatches, which would read the clock several times a step.
+/// Workspace for one world. Disabled counters save several clock reads per step.
 pub fn new_pipeline() -> PhysicsPipeline {
     let mut pipeline = PhysicsPipeline::new();
     pipeline.counters.disable();
@@ -68,7 +68,7 @@ pub fn new_pipeline() -> PhysicsPipeline {
 }
 
 impl World {
-    /// A robot at rest, its body frame at the inertial frame's axes; never stepped.
+    /// World of a robot at rest upright at the origin.
     pub fn new(params: &Params, wheels: &Omniwheels) -> Result<(Self, Handles)> {
         let mut world = Self {
             bodies: RigidBodySet::new(),
@@ -83,7 +83,7 @@ impl World {
         let floor_collider = world.colliders.insert(
             ColliderBuilder::new(SharedShape::halfspace(Vector::Z))
                 .friction(params.floor_dynamic_friction)
-                // The floor alone decides the friction of what touches it.
+                // The friction of all floor contacts is that of the floor.
                 .friction_combine_rule(CoefficientCombineRule::Max),
         );
         let (ball, ball_collider) = world.insert_ball(params);
@@ -94,7 +94,7 @@ impl World {
         let bot = world.bot_index(body);
         let multibody = world.multibody_joints.get_multibody_mut(bot).expect("just built");
         multibody.set_self_contacts_enabled(false);
-        // Rapier damps every angular freedom by default, the free root's included.
+        // Rapier damps all angular degrees of freedom by default, those of the free root included.
         multibody.damping_mut().fill(0.0);
         let drives = wheel_handles.map(|wheel| world.impulse_joints.insert(wheel, ball, rows::joint(), true));
         let handles = Handles {
@@ -121,7 +121,8 @@ impl World {
         )
     }
 
-    /// The multibody's root: its frame is at its own CoM, since rapier moves a root with an offset CoM wrongly.
+    /// Inserts the root of the multibody. Its frame is at its CoM, because rapier integrates a root with an offset CoM
+    /// wrongly.
     fn insert_body(&mut self, params: &Params, link: &BodyLink) -> (RigidBodyHandle, ColliderHandle) {
         let i = &link.inertia;
         let inertia = Matrix::from_cols_array(&[
@@ -137,7 +138,7 @@ impl World {
         ]);
         let shape = BodyShape::new(params);
         let center = Vector3::z() * (0.5 * (shape.bottom + shape.top)) - link.com;
-        // Rapier's cylinders stand along y.
+        // Cylinders of rapier are along y.
         let upright = Rotation::from_rotation_x(std::f64::consts::FRAC_PI_2);
         self.insert(
             RigidBodyBuilder::dynamic()
@@ -168,7 +169,7 @@ impl World {
         let start = self.bodies[body].translation() + center;
         let inserted = self.insert(
             RigidBodyBuilder::dynamic().translation(start).additional_mass_properties(mass),
-            // For the floor alone: the wheel meets the ball by the rows of its drive.
+            // Collider for the floor only; the contact with the ball is the rows of the joint.
             ColliderBuilder::ball(params.wheel_radius),
         );
         let mut joint = GenericJoint::new(JointAxesMask::LOCKED_REVOLUTE_AXES);
@@ -179,7 +180,7 @@ impl World {
     }
 
     fn insert(&mut self, body: RigidBodyBuilder, collider: ColliderBuilder) -> (RigidBodyHandle, ColliderHandle) {
-        // A balancing robot moves slowly enough for rapier to put it to sleep.
+        // Rapier would put a slowly moving robot to sleep.
         let handle = self.bodies.insert(body.can_sleep(false));
         let collider = collider.density(0.0).friction(0.0);
         (handle, self.colliders.insert_with_parent(collider, handle, &mut self.bodies))
@@ -189,7 +190,7 @@ impl World {
         self.multibody_joints.rigid_body_link(body).expect("the wheels' joints made the body a link").multibody
     }
 
-    /// Advances by one step of `settings`. False if rapier found a state that is not finite and froze it.
+    /// Advances by one step. False after a state that was not finite, which rapier freezes.
     pub fn step(&mut self, pipeline: &mut PhysicsPipeline, gravity: f64, settings: &IntegrationParameters) -> bool {
         pipeline.step(
             Vector::new(0.0, 0.0, -gravity),
@@ -209,7 +210,7 @@ impl World {
         pipeline.quarantine().is_empty()
     }
 
-    /// Whether all parts of the robot are there.
+    /// Whether the world contains all parts of the robot.
     pub fn holds(&self, handles: &Handles) -> bool {
         let bodies = [handles.ball, handles.body].into_iter().chain(handles.wheels);
         let colliders = [handles.floor_collider, handles.ball_collider, handles.body_collider]
@@ -236,7 +237,7 @@ impl World {
         (&mut joint.data, poses)
     }
 
-    /// Takes the bot's colliders out of the world or puts them back.
+    /// Enables or disables the colliders of the bot.
     pub fn set_bot_colliders(&mut self, handles: &Handles, enabled: bool) {
         if self.colliders[handles.body_collider].is_enabled() != enabled {
             for collider in [handles.body_collider].into_iter().chain(handles.wheel_colliders) {
@@ -247,7 +248,7 @@ impl World {
 
     /// Sets the floor's friction coefficient.
     pub fn set_floor_friction(&mut self, handles: &Handles, friction: f64) {
-        // A collider that changes makes rapier look at it anew: not for what friction does not show.
+        // A changed collider is processed again by rapier, so changes without effect are skipped.
         if (self.colliders[handles.floor_collider].friction() - friction).abs() > 1e-6 {
             self.colliders[handles.floor_collider].set_friction(friction);
         }
