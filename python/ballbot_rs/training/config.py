@@ -98,23 +98,27 @@ def default_text(task: str) -> str:
     """The TOML text of a task's own configuration.
 
     Raises:
-        ValueError: there is no such task.
+        ValueError: there is no such task, or no configuration of it comes with the package.
     """
     env_id_of(task)
-    return (resources.files(__package__) / "configs" / f"{task}.toml").read_text(encoding="utf-8")
+    path = resources.files(__package__) / "configs" / f"{task}.toml"
+    if not path.is_file():
+        raise ValueError(f"no training configuration of the task '{task}' comes with the package: name one by --config")
+    return path.read_text(encoding="utf-8")
 
 
 def load(task: str, path: Path | None = None) -> tuple[TrainConfig, str]:
     """A task's configuration and its text, from `path` or the one that comes with the package.
 
     Raises:
-        ValueError: as `parse`.
+        ValueError: as `parse`, or a configuration of another task.
         OSError: the file cannot be read.
     """
-    text = default_text(task)
-    if path is not None:
-        text = path.read_text(encoding="utf-8")
-    return parse(text, f"{task}.toml" if path is None else str(path)), text
+    text = default_text(task) if path is None else path.read_text(encoding="utf-8")
+    config = parse(text, f"{task}.toml" if path is None else str(path))
+    if config.env_id != env_id_of(task):
+        raise ValueError(f"{path} is of {config.env_id}, but the task is {task} ({env_id_of(task)})")
+    return config, text
 
 
 def with_values(text: str, values: Mapping[str, Any]) -> str:
