@@ -21,13 +21,14 @@ SEED ?= 0
 MINUTES ?= 5
 SOAK_STEPS ?= 10000000
 
-.PHONY: help setup train test lint docs wheel paper verify bench bench-core instructions fuzz soak cad demo format clean
+.PHONY: help setup generate train test lint docs wheel paper verify bench bench-core instructions fuzz soak cad demo format clean
 
 help:
 	@echo "make demo    watch a trained policy balance; installs no PyTorch"
 	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
 	@echo "make test    all tests, Rust and Python"
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
+	@echo "make generate  write what follows from the tables of tasks, controllers and parameters"
 	@echo "make docs    documentation of the Rust core, in target/doc"
 	@echo "make wheel   build a wheel for Linux (COMPATIBILITY=$(COMPATIBILITY)) and try it in an empty environment"
 	@echo "make paper   repeat the paper's experiments, report in docs/paper.md"
@@ -41,6 +42,9 @@ help:
 	@echo "make clean   delete everything that was built"
 
 setup: $(INSTALLED)
+
+generate: $(INSTALLED)
+	$(BIN)/python tools/generate.py
 
 demo: $(DEMO_INSTALLED)
 	$(BIN)/ballbot view --controller assets/policies/balance.onnx

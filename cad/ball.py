@@ -1,4 +1,4 @@
-"""The ball: a hollow shell under a skin, centred on the origin."""
+"""The ball: a hollow shell under a skin, centered on the origin."""
 
 import cadquery as cq
 

@@ -1,4 +1,4 @@
-"""Every dimension of the robot, mm and degrees. Heights are above the ball's centre, along the mast."""
+"""Every dimension of the robot, mm and degrees. Heights are above the ball's center, along the mast."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -18,11 +18,11 @@ class Wheel:
     """One row of barrel rollers, whose outlines are arcs of the wheel's circle."""
 
     radius: float = 50.0
-    #: Of the wheel's centre line from the mast, seen from the ball's centre.
+    #: Of the wheel's center line from the mast, seen from the ball's center.
     zenith: float = 45.0
     azimuths: tuple[float, ...] = (0.0, 120.0, 240.0)
     rollers: int = 10
-    #: Of a roller's axle from the wheel's centre.
+    #: Of a roller's axle from the wheel's center.
     roller_axle: float = 43.5
     #: Half of the arc of the wheel's circle that a roller covers.
     roller_arc: float = 13.8
@@ -67,7 +67,7 @@ class Keeper:
     """Three claws and a ring below the ball's equator: the ball stays with the robot when it is lifted."""
 
     azimuths: tuple[float, ...] = (60.0, 180.0, 300.0)
-    #: Of the claws' inner face from the ball's centre.
+    #: Of the claws' inner face from the ball's center.
     claw_radius: float = 115.0
     claw_thickness: float = 3.5
     claw_width: float = 10.0

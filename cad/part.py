@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Part:
-    """In the frame of its link. Parts of one `mesh` share a material, a colour and an STL file."""
+    """In the frame of its link. Parts of one `mesh` share a material, a color and an STL file."""
 
     name: str
     mesh: str
@@ -32,7 +32,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Mass:
-    """Mass (kg), centre of mass (m) and inertia about it (kg·m²)."""
+    """Mass (kg), center of mass (m) and inertia about it (kg·m²)."""
 
     mass: float
     center: Array
@@ -74,7 +74,7 @@ def combined(masses: Iterable[Mass]) -> Mass:
 
 
 def wheel_location(azimuth: float) -> cq.Location:
-    """The wheel frame in the body frame: x towards the ball's centre, y the drive direction, z the axle."""
+    """The wheel frame in the body frame: x towards the ball's center, y the drive direction, z the axle."""
     a, b = math.radians(WHEEL.zenith), math.radians(azimuth)
     towards = (math.sin(a) * math.cos(b), math.sin(a) * math.sin(b), math.cos(a))
     axle = (math.cos(a) * math.cos(b), math.cos(a) * math.sin(b), -math.sin(a))

@@ -1,4 +1,4 @@
-"""Binary STL files in metres, closed: neighbouring triangles share their corners to the last bit."""
+"""Binary STL files in meters, closed: neighboring triangles share their corners to the last bit."""
 
 from pathlib import Path
 

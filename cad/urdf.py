@@ -9,12 +9,12 @@ from pathlib import Path
 class Look:
     """How a mesh is shown, and how finely it is cut into triangles: mm and rad."""
 
-    colour: str
+    color: str
     tolerance: float = 0.4
     angle: float = 0.6
 
 
-#: Colours are the materials of the URDF.
+#: Colors are the materials of the URDF.
 LOOKS = {
     "body_plates": Look("plate", angle=1.0),
     "body_frame": Look("frame"),
@@ -41,7 +41,7 @@ def _with_meshes(link: str, content: str) -> str:
     visuals = "".join(
         "    <visual>\n"
         f'      <geometry><mesh filename="meshes/{mesh}.stl"/></geometry>\n'
-        f'      <material name="{look.colour}"/>\n'
+        f'      <material name="{look.color}"/>\n'
         "    </visual>\n"
         for mesh, look in LOOKS.items()
         if mesh.split("_")[0] == link.split("_")[0]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ballbot_rs import Lqr, Params, State
+from ballbot_rs import BalanceEnv, Lqr, Params, State
 from tests.support.paths import ASSETS
 from tests.support.tiny_config import TINY_CONFIG
 
@@ -47,8 +47,9 @@ def assets() -> Path:
 @pytest.fixture(scope="session")
 def balance() -> Callable[[State], np.ndarray]:
     """Actions that keep a robot upright, for environments at the default rate and torque."""
-    regulator = Lqr(control_dt=0.01)
-    return lambda state: np.clip(regulator(state), -1.0, 1.0).astype(np.float32)
+    torque = BalanceEnv().max_wheel_torque
+    regulator = Lqr(control_dt=0.01, max_torque=torque)
+    return lambda state: (regulator(state) / torque).astype(np.float32)
 
 
 @pytest.fixture

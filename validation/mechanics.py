@@ -71,7 +71,7 @@ def leaning(params: bb.Params, tilt: float, azimuth: float, yaw: float, torque: 
     do the same work about the axis of the ball's rotation if their torques along u_i add up to its torque.
     """
     axis = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    state = bb.State.upright(params, tilt * axis[:2], yaw)
+    state = bb.State.at_rest(params, tilt * axis[:2], yaw)
     seen = matrix(state.body_quaternion).T @ axis
     return state, np.linalg.solve(wheel_directions(params).T, torque * seen)
 

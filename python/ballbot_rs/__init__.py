@@ -1,8 +1,9 @@
 """A fast, verified simulator of a robot that balances on a ball.
 
 The physics is in Rust; this package gives it to Python: single robots (`Ballbot`), batches (`Batch`), closed-form
-models (`SpatialModel`, `PlanarModel`), controllers (`Pid`, `Lqr`), environments for reinforcement learning, and the
-comparison of controllers and policies (`compare`, `run`). Importing it registers `ballbot/Balance-v0` with Gymnasium.
+models (`SpatialModel`, `PlanarModel`, `LinearModel`), controllers (`Pid`, `Lqr`), environments for reinforcement
+learning, and the comparison of controllers and policies (`compare`, `run`). Importing it registers every task with
+Gymnasium, among them `ballbot/Balance-v0`.
 SI units and radians throughout; quaternions are `[w, x, y, z]`.
 """
 
@@ -13,7 +14,8 @@ from ballbot_rs._core import (
     Ballbot,
     Batch,
     Contacts,
-    DivergedError,
+    Controller,
+    LinearModel,
     Lqr,
     Params,
     Pid,
@@ -21,17 +23,18 @@ from ballbot_rs._core import (
     Renderer,
     SpatialModel,
     State,
-    UrdfError,
     __version__,
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
+from ballbot_rs._errors import BallbotError, DivergedError, InvalidInputError, UrdfError
 from ballbot_rs.analysis.episodes import Result, compare, evaluate
 from ballbot_rs.analysis.trajectory import Push, Trajectory, run
 from ballbot_rs.control.onnx_policy import OnnxPolicy
-from ballbot_rs.envs.gymnasium_env import BalanceEnv
+from ballbot_rs.envs.gymnasium_env import BallbotEnv
 from ballbot_rs.envs.registration import register_environments
-from ballbot_rs.envs.vector_env import BalanceVectorEnv
+from ballbot_rs.envs.tasks import BalanceEnv, BalanceVectorEnv
+from ballbot_rs.envs.vector_env import BallbotVectorEnv
 
 if TYPE_CHECKING:
     from ballbot_rs.control.sb3_policy import save
@@ -42,10 +45,16 @@ __all__ = [
     "BalanceEnv",
     "BalanceVectorEnv",
     "Ballbot",
+    "BallbotEnv",
+    "BallbotError",
     "BallbotVecEnv",
+    "BallbotVectorEnv",
     "Batch",
     "Contacts",
+    "Controller",
     "DivergedError",
+    "InvalidInputError",
+    "LinearModel",
     "Lqr",
     "OnnxPolicy",
     "Params",

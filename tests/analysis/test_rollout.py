@@ -66,28 +66,43 @@ def test_each_robot_has_its_own_memory_and_each_run_a_new_one():
 
 
 def test_an_object_runs_at_its_own_rate():
-    shown = bb.run(bb.Pid(control_dt=0.002), seconds=0.5, env_options={"model": "spatial"})
-    named = bb.run("pid", seconds=0.5, env_options={"model": "spatial"})
+    shown = bb.run(bb.Pid(control_dt=0.002), seconds=0.5, env_options=SHORT)
+    named = bb.run("pid", seconds=0.5, env_options=SHORT)
     np.testing.assert_array_equal(shown.torques, named.torques)
     assert shown.times[1] == pytest.approx(0.002)
 
 
+def test_a_pid_object_runs_on_several_robots():
+    mine, named = (bb.evaluate(pid, episodes=4, env_options=SHORT) for pid in (bb.Pid(), "pid"))
+    assert vars(mine) == vars(named)
+
+
+class Uncopied(Counting):
+    def __deepcopy__(self, memo):
+        raise TypeError("one of a kind")
+
+
 def test_objects_that_cannot_be_copied_are_refused_for_several_robots():
-    with pytest.raises(TypeError, match="pid cannot be copied for 2 robots"):
-        bb.evaluate(bb.Pid(control_dt=0.002), episodes=2, env_options=SHORT)
+    with pytest.raises(TypeError, match="uncopied cannot be copied for 2 robots: one of a kind"):
+        bb.evaluate(Uncopied(), episodes=2, env_options=SHORT)
 
 
-def test_frames_of_a_rollout_are_the_steps_of_the_batch():
-    controller = find("lqr")
+@pytest.mark.parametrize("source", ["lqr", Proportional()], ids=["in the core", "in Python"])
+def test_chunks_of_a_rollout_are_the_steps_of_the_batch(source):
+    controller = find(source)
     batch, twin = (batch_for(controller, 3, task="balance", num_threads=1, seed=4, options=SHORT) for _ in range(2))
     twin.reset()
-    for frame in rollout(batch, controller, 70):
-        np.testing.assert_array_equal(frame.states, twin.states())
-        _, rewards, terminated, truncated = twin.step(frame.actions)
-        np.testing.assert_array_equal(frame.rewards, rewards)
-        np.testing.assert_array_equal(frame.truncated, truncated)
-        assert not (frame.success & ~(terminated | truncated)).any()
-    assert frame.step == 69
+    steps = 0
+    for chunk in rollout(batch, controller, 70):
+        assert chunk.first == steps
+        for i in range(len(chunk)):
+            np.testing.assert_array_equal(chunk.states[i], twin.states())
+            _, rewards, terminated, truncated = twin.step((chunk.torques[i] / twin.max_wheel_torque).astype(np.float32))
+            np.testing.assert_array_equal(chunk.rewards[i], rewards)
+            np.testing.assert_array_equal(chunk.truncated[i], truncated)
+            assert not (chunk.success[i] & ~(terminated | truncated)).any()
+            steps += 1
+    assert steps == 70
 
 
 @pytest.mark.parametrize(

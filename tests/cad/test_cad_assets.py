@@ -178,7 +178,7 @@ def test_the_visuals_leave_the_parameters_alone(paper):
 
 def test_the_renderer_shows_wheels_that_turn(paper):
     renderer = Renderer(urdf=(BOT, ASSETS / "ball.urdf"), width=96, height=96, camera={"distance": 0.8})
-    upright = State.upright(paper)
+    upright = State.at_rest(paper)
     turned = upright.replace(wheel_angles=[math.radians(18.0)] * 3)
     changed = np.any(renderer.render(upright) != renderer.render(turned), axis=2)
     assert changed[renderer.labels(upright) > 3].mean() > 0.1

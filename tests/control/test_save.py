@@ -12,7 +12,7 @@ import ballbot_rs as bb
 from ballbot_rs.cli import main
 from ballbot_rs.control import sb3_policy
 from ballbot_rs.control.resolve import find
-from ballbot_rs.envs.registration import BALANCE
+from tests.support.names import BALANCE
 
 OPTIONS = {"model": "spatial", "max_wheel_torque": 0.25}
 
@@ -29,7 +29,7 @@ def test_a_saved_policy_is_evaluated_and_exported_as_itself(algorithm, tmp_path)
     path = bb.save(model, tmp_path / "mine")
     assert path == tmp_path / "mine.zip"
     found = find(path)
-    assert found.env_options == {**OPTIONS, "max_episode_steps": 1000}
+    assert found.env_options == bb.BallbotVecEnv(1, **OPTIONS).task_options
     observations = np.random.default_rng(0).normal(size=(20, 16)).astype(np.float32)
     expected = model.predict(observations, deterministic=True)[0]
     np.testing.assert_array_equal(found.policy(observations), expected)

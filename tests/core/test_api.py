@@ -14,7 +14,11 @@ from ballbot_rs import (
     PAPER_BALL_VISCOUS_FRICTION,
     BalanceEnv,
     Ballbot,
+    BallbotError,
+    Controller,
     DivergedError,
+    InvalidInputError,
+    LinearModel,
     Lqr,
     Params,
     Pid,
@@ -25,8 +29,9 @@ from ballbot_rs import (
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
-from ballbot_rs._core import Batch
-from ballbot_rs.envs._batch_env import OPTIONS
+from ballbot_rs._core import CONTROLLERS
+from ballbot_rs.envs._batch_env import option_names
+from ballbot_rs.envs.options import BalanceOptions, CommonOptions
 from tests.support.paths import ROOT
 
 VECTORS = ROOT / "crates/ballbot-core/tests/data/spatial_vectors.json"
@@ -43,7 +48,10 @@ def test_every_exported_name_exists():
 def test_exceptions_are_what_users_would_catch():
     assert issubclass(UrdfError, ValueError)
     assert issubclass(DivergedError, ArithmeticError)
-    assert UrdfError.__module__ == DivergedError.__module__ == "ballbot_rs"
+    assert issubclass(InvalidInputError, ValueError)
+    for error in (UrdfError, DivergedError, InvalidInputError):
+        assert issubclass(error, BallbotError)
+        assert error.__module__ == "ballbot_rs"
 
 
 class TestParams:
@@ -175,7 +183,7 @@ class TestState:
         assert state.yaw == 0.0
 
     def test_upright_with_tilt_and_yaw(self, paper):
-        state = State.upright(paper, tilt=(0.03, -0.04), yaw=0.5)
+        state = State.at_rest(paper, tilt=(0.03, -0.04), yaw=0.5)
         assert state.tilt == pytest.approx(0.05, abs=1e-12)
         np.testing.assert_allclose(state.tilt_components, [0.03, -0.04], atol=1e-12)
         assert state.yaw == pytest.approx(0.5, abs=1e-12)
@@ -202,7 +210,7 @@ class TestState:
         np.testing.assert_array_equal(array[:3], state.ball_position)
 
     def test_copies_are_equal(self, paper):
-        state = State.upright(paper, tilt=(0.1, 0.2), yaw=-1.0)
+        state = State.at_rest(paper, tilt=(0.1, 0.2), yaw=-1.0)
         for again in (pickle.loads(pickle.dumps(state)), copy.deepcopy(state), eval(repr(state), {"State": State})):
             assert again == state
         assert state.replace() == state
@@ -210,7 +218,7 @@ class TestState:
         assert state != "state"
 
     def test_attributes_are_copies(self, paper):
-        state = State.upright(paper)
+        state = State.at_rest(paper)
         state.ball_position[:] = 9.0
         assert state.ball_position[0] == 0.0
         with pytest.raises(AttributeError):
@@ -243,7 +251,7 @@ class TestPlanarModel:
     def test_poles(self, paper, friction, expected):
         a, b = PlanarModel(paper.replace(ball_viscous_friction=friction)).linearize()
         assert a.shape == (4, 4)
-        assert b.shape == (4,)
+        assert b.shape == (4, 1)
         poles = np.linalg.eigvals(a)
         # A double pole at zero is only as exact as the square root of the rounding error.
         np.testing.assert_allclose(np.sort(poles.real), expected, atol=1e-7)
@@ -257,7 +265,7 @@ class TestPlanarModel:
             step = np.eye(2)[i] * h
             slope = (model.accelerations(step, [0, 0], 0) - model.accelerations(-step, [0, 0], 0)) / (2 * h)
             np.testing.assert_allclose(a[2:, i], slope, atol=1e-6)
-        np.testing.assert_allclose(b[2:], model.accelerations([0, 0], [0, 0], 1.0), rtol=1e-9)
+        np.testing.assert_allclose(b[2:, 0], model.accelerations([0, 0], [0, 0], 1.0), rtol=1e-9)
         assert model.energy([0, 0], [0, 0]) == pytest.approx(2.228 * 9.81 * 0.142)
 
 
@@ -281,7 +289,7 @@ class TestControllers:
     def test_they_balance(self, model, make):
         robot, controller = Ballbot(model=model, sim_dt=0.002), make()
         assert controller.control_dt == 0.002
-        robot.reset(tilt=(np.deg2rad(3.0), np.deg2rad(-2.0)))
+        robot.reset(State.at_rest(robot.params, tilt=(np.deg2rad(3.0), np.deg2rad(-2.0))))
         for _ in range(2000):
             torques = controller(robot.state)
             assert np.abs(torques).max() <= robot.params.max_wheel_torque
@@ -297,24 +305,51 @@ class TestControllers:
         assert regulator.residual < 1e-9
 
     def test_a_reset_pid_forgets(self, paper):
-        pid, tilted = Pid(control_dt=0.002), State.upright(paper, tilt=(0.002, 0.0))
+        pid, tilted = Pid(control_dt=0.002), State.at_rest(paper, tilt=(0.002, 0.0))
         first = pid(tilted)
         assert not np.array_equal(pid(tilted), first)
         pid.reset()
         np.testing.assert_array_equal(pid(tilted), first)
 
     def test_max_torque_is_kept(self, paper):
-        leaning = State.upright(paper, tilt=(0.3, 0.1))
+        leaning = State.at_rest(paper, tilt=(0.3, 0.1))
         for controller in (Pid(max_torque=0.05), Lqr(max_torque=0.05)):
             assert np.abs(controller(leaning)).max() == pytest.approx(0.05, rel=1e-12)
 
 
-def test_the_options_that_cannot_be_set_are_those_of_the_task():
-    """The list that `set_attr` refuses by is the one that the core accepts, no more and no less."""
-    defaults = {"params": "paper", "model": "rigid", "max_episode_steps": 10, "setpoint": (0, 0)}
-    defaults |= {"reward": {}, "sim_dt": 0.001, "fall_tilt": 0.5}
-    for name in OPTIONS:
-        Batch(1, "disabled", **{name: defaults.get(name, 0.01)})
-    documented = set(re.findall(r"`(\w+)`", BalanceEnv.__doc__.split("## Arguments")[1].split("Raises")[0]))
-    assert documented - {"max_episode_steps"} <= set(OPTIONS)
-    assert set(OPTIONS) <= documented | {"max_episode_steps", "reward", "params"}
+def test_a_controller_by_its_name_is_the_class(paper):
+    leaning = State.at_rest(paper, tilt=(0.01, 0.02))
+    np.testing.assert_array_equal(Controller("lqr", tilt=0.2)(leaning), Lqr(tilt=0.2)(leaning))
+    np.testing.assert_array_equal(Controller("pid")(leaning), Pid()(leaning))
+    assert Controller("pid").control_dt == Pid().control_dt == CONTROLLERS["pid"]["control_dt"] == 0.002
+    assert Controller("lqr").setpoint_parts == ["position", "velocity", "yaw"]
+    with pytest.raises(ValueError, match="unknown controller 'mpc': expected one of lqr, pid"):
+        Controller("mpc")
+
+
+def test_a_part_of_a_setpoint_that_a_law_ignores_is_refused(paper):
+    for controller, part in ((Pid(), "position"), (Lqr(), "tilt")):
+        with pytest.raises(TypeError, match=f"'{part}', it does not follow that part of a setpoint"):
+            controller(State.at_rest(paper), **{part: (0.1, 0.0)})
+
+
+def test_costs_may_be_given_as_matrices_or_diagonals():
+    q, r = np.arange(1.0, 11.0), [2.0, 2.0, 2.0]
+    np.testing.assert_array_equal(Lqr(Q=q, R=r).gain, Lqr(Q=np.diag(q), R=np.diag(r)).gain)
+    with pytest.raises(TypeError, match="Lqr takes Q, or weights"):
+        Lqr(Q=q, tilt=0.1)
+
+
+def test_the_linear_model_names_what_it_is_in(paper):
+    model = LinearModel(paper)
+    assert model.A.shape == (len(model.STATES), len(model.STATES)) == (10, 10)
+    assert model.B.shape == (len(model.STATES), len(model.INPUTS)) == (10, 3)
+    a, b = model.discretize(1e-6)
+    np.testing.assert_allclose((a - np.eye(10)) / 1e-6, model.A, atol=1e-3)
+    np.testing.assert_allclose(b / 1e-6, model.B, rtol=1e-3, atol=1e-3)
+
+
+def test_every_option_that_the_core_has_is_documented():
+    for name in option_names("balance"):
+        assert f"- `{name}`: " in BalanceEnv.__doc__, name
+        assert name in BalanceOptions.__annotations__ or name in CommonOptions.__annotations__

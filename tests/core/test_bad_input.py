@@ -8,6 +8,7 @@ from ballbot_rs import (
     BalanceEnv,
     BalanceVectorEnv,
     Ballbot,
+    BallbotVectorEnv,
     Lqr,
     Params,
     Pid,
@@ -18,7 +19,7 @@ from ballbot_rs import (
     wheel_to_virtual_torques,
 )
 from ballbot_rs.analysis.episodes import evaluate
-from ballbot_rs.envs.registration import BALANCE
+from tests.support.names import BALANCE
 
 NAN, INF = float("nan"), float("inf")
 UPRIGHT = [1, 0, 0, 0]
@@ -41,7 +42,7 @@ CASES = {
     "action inf": (lambda: stepped([0, 0, -INF]), ValueError, r"actions\[0, 2\] = -inf .* finite"),
     "action too short": (lambda: stepped([0, 0]), ValueError, r"shape \(2,\), expected \(3,\) for one robot"),
     "action scalar": (lambda: stepped(0.5), ValueError, "shape"),
-    "action 2-D": (lambda: stepped(np.zeros((1, 3))), ValueError, r"shape \(1, 3\), .* BalanceVectorEnv takes"),
+    "action 2-D": (lambda: stepped(np.zeros((1, 3))), ValueError, r"shape \(1, 3\), .* BallbotVectorEnv takes"),
     "action text": (lambda: stepped("abc"), TypeError, "actions must be an array of numbers"),
     "action None": (lambda: stepped(None), (TypeError, ValueError), "actions"),
     "action dict": (lambda: stepped({"a": 1}), TypeError, "actions must be an array of numbers"),
@@ -54,16 +55,20 @@ CASES = {
     "push NaN": (lambda: robot().push([0, NAN, 0]), ValueError, r"impulse\[1\] = NaN"),
     "push point": (lambda: robot().push([0, 0, 0], [0, 0, INF]), ValueError, r"point\[2\] = inf"),
     "push shape": (lambda: robot().push([0, 0]), ValueError, r"impulse has shape \(2,\)"),
-    "friction negative": (lambda: robot().set_joint_dynamics(-1.0), ValueError, "viscous_friction = -1 .* >= 0"),
-    "friction NaN": (lambda: robot().set_joint_dynamics(0, NAN), ValueError, "coulomb_friction = NaN"),
+    "params of no robot": (lambda: robot().set_params("kugel"), ValueError, "unknown robot preset 'kugel'"),
+    "params None": (lambda: robot().set_params(None), TypeError, "params must be Params"),
     # Robots and states.
     "model": (lambda: Ballbot(model="x"), ValueError, "unknown model 'x': expected one of planar, spatial, contact, r"),
     "params": (lambda: Ballbot(3), TypeError, "Params, the name of a preset or the path of a TOML file"),
     "sim_dt zero": (lambda: Ballbot(sim_dt=0.0), ValueError, "sim_dt = 0 .* 0.02"),
     "sim_dt NaN": (lambda: Ballbot(sim_dt=NAN), ValueError, "sim_dt = NaN"),
     "sim_dt large": (lambda: Ballbot(sim_dt=0.05), ValueError, "sim_dt = 0.05 .* 0.02"),
-    "tilt shape": (lambda: robot().reset(tilt=[0, 0, 0]), ValueError, r"tilt has shape \(3,\), expected \(2,\)"),
-    "tilt NaN": (lambda: robot().reset(tilt=[0, NAN]), ValueError, "NaN"),
+    "tilt shape": (
+        lambda: State.at_rest(Params.paper(), [0, 0, 0]),
+        ValueError,
+        r"tilt has shape \(3,\), expected \(2,\)",
+    ),
+    "tilt NaN": (lambda: State.at_rest(Params.paper(), [0, NAN]), ValueError, "NaN"),
     "below the floor": (lambda: robot().reset(State([0, 0, 0])), ValueError, r"ball_position\[2\] = 0 .* = 0.112"),
     "far away": (lambda: robot().reset(State([1e6, 0, 1])), ValueError, "limit 10000 m"),
     "slip": (lambda: robot().reset(State([0, 0, 0.112], [1, 0, 0])), ValueError, "slip"),
@@ -79,17 +84,17 @@ CASES = {
     "unknown field": (lambda: State([0, 0, 1]).replace(x=1), TypeError, "no field x; it has ball_position"),
     # Models and controllers.
     "spatial torque": (
-        lambda: SpatialModel(Params.paper()).accelerations(UPRIGHT, [0] * 5, [0, 0, INF]),
+        lambda: SpatialModel(Params.paper()).accelerations(UPRIGHT, [0] * 6, [0, 0, INF]),
         ValueError,
         r"wheel_torques\[2\] = inf",
     ),
     "spatial shape": (
-        lambda: SpatialModel(Params.paper()).accelerations(UPRIGHT, [0] * 6, [0] * 3),
+        lambda: SpatialModel(Params.paper()).accelerations(UPRIGHT, [0] * 5, [0] * 3),
         ValueError,
-        r"\(6,\), expected \(5,\)",
+        r"\(5,\), expected \(6,\)",
     ),
     "spatial quaternion": (
-        lambda: SpatialModel(Params.paper()).energy([2, 0, 0, 0], [0] * 5),
+        lambda: SpatialModel(Params.paper()).energy([2, 0, 0, 0], [0] * 6),
         ValueError,
         "length of body_quaternion = 2",
     ),
@@ -104,10 +109,14 @@ CASES = {
     "pid limit": (lambda: Pid(max_torque=0), ValueError, "max_torque = 0"),
     "pid state": (lambda: Pid()(3), TypeError, "State"),
     "lqr weight": (lambda: Lqr(position=0), ValueError, "position = 0 .* > 0"),
-    "lqr name": (lambda: Lqr(speed=1), TypeError, "unknown weight 'speed': expected one of position"),
+    "lqr name": (
+        lambda: Lqr(speed=1),
+        TypeError,
+        "Lqr got an unexpected keyword argument 'speed': expected one of position",
+    ),
     "lqr rate": (lambda: Lqr(control_dt=NAN), ValueError, "control_dt = NaN"),
     "lqr too slow": (lambda: Lqr(control_dt=100.0), ValueError, "Riccati"),
-    "setpoint NaN": (lambda: Lqr()(State([0, 0, 1]), position=[0, NAN]), ValueError, r"setpoint\[1\] = NaN"),
+    "setpoint NaN": (lambda: Lqr()(State([0, 0, 1]), position=[0, NAN]), ValueError, r"position\[1\] = NaN"),
     # Environments.
     "num_envs zero": (lambda: BalanceVectorEnv(0), ValueError, "num_envs = 0, it must be at least 1"),
     "num_envs negative": (lambda: BalanceVectorEnv(-2), ValueError, "num_envs = -2, it must be at least 1"),
@@ -137,10 +146,10 @@ CASES = {
     "control_dt text": (lambda: BalanceEnv(control_dt="fast"), TypeError, "str"),
     "torque beyond motor": (lambda: BalanceEnv(max_wheel_torque=6), ValueError, "max_wheel_torque = 6 .* 5 N·m"),
     "reset tilt": (lambda: BalanceEnv(reset_tilt=0.5), ValueError, "reset_tilt = 0.5 .* fall_tilt = 0.349"),
-    "setpoint shape": (lambda: BalanceEnv(setpoint=[1]), ValueError, r"setpoint has shape \(1,\), expected \(2,\)"),
+    "setpoint shape": (lambda: BalanceEnv(setpoint=[1]), ValueError, "setpoint has 1 values, expected 2"),
     "reward name": (
         lambda: BalanceEnv(reward={"bonus": 1}),
-        TypeError,
+        ValueError,
         "unknown reward term 'bonus': expected one of alive",
     ),
     "reward NaN": (lambda: BalanceEnv(reward={"tilt": NAN}), ValueError, "reward.* = NaN"),
@@ -184,7 +193,7 @@ CASES = {
         TypeError,
         "got an unexpected keyword argument 'frameskip'",
     ),
-    "vec task": (lambda: BalanceVectorEnv(2, task="walk"), ValueError, "unknown task 'walk'"),
+    "vec task": (lambda: BallbotVectorEnv(2, task="walk"), ValueError, "unknown task 'walk'"),
     "vec states": (
         lambda: BalanceVectorEnv(2).reset(options={"states": [None]}),
         ValueError,
@@ -199,7 +208,11 @@ CASES = {
     "evaluate seed": (lambda: evaluate("zero", episodes=1, seed=-1), ValueError, "seed = -1"),
     "evaluate name": (lambda: evaluate("lpr"), FileNotFoundError, "no policy at lpr: .*did you mean 'lqr'"),
     "evaluate object": (lambda: evaluate(3), TypeError, "3 is no controller"),
-    "evaluate option": (lambda: evaluate("zero", episodes=1, env_options={"x": 1}), TypeError, "no option 'x'"),
+    "evaluate option": (
+        lambda: evaluate("zero", episodes=1, env_options={"x": 1}),
+        TypeError,
+        "unexpected keyword argument 'x'",
+    ),
 }
 
 
@@ -213,8 +226,8 @@ def test_bad_input_is_refused(name):
 @pytest.mark.parametrize(
     "call",
     [
-        lambda: SpatialModel(Params.paper()).accelerations(UPRIGHT, [0, 0, 0, 0, NAN], [0, 0, 0]),
-        lambda: SpatialModel(Params.paper()).energy(UPRIGHT, [0, 0, 0, INF, 0]),
+        lambda: SpatialModel(Params.paper()).accelerations(UPRIGHT, [0, 0, 0, 0, 0, NAN], [0, 0, 0]),
+        lambda: SpatialModel(Params.paper()).energy(UPRIGHT, [0, 0, 0, INF, 0, 0]),
         lambda: PlanarModel(Params.paper()).accelerations([NAN, 0], [0, 0], 0),
         lambda: PlanarModel(Params.paper()).accelerations([0, 0], [0, 0], NAN),
         lambda: PlanarModel(Params.paper()).energy([0, NAN], [0, 0]),

@@ -19,7 +19,7 @@ def test_a_new_robot_stands_at_rest(model, paper):
     assert robot.sim_dt == 0.001
     assert robot.time == 0.0
     assert robot.params == paper
-    np.testing.assert_allclose(robot.state.to_array(), State.upright(paper).to_array(), atol=1e-12)
+    np.testing.assert_allclose(robot.state.to_array(), State.at_rest(paper).to_array(), atol=1e-12)
     assert robot.energy == pytest.approx(paper.body_mass * paper.gravity * paper.body_com_height, rel=1e-9)
     assert f"model='{model}'" in repr(robot)
 
@@ -53,7 +53,7 @@ def test_a_reset_robot_equals_a_new_one(model):
     used.step(TORQUES, 100)
     used.push((0.1, 0.0, 0.0))
     for robot in (used, new):
-        robot.reset(tilt=(0.02, 0.01), yaw=0.4)
+        robot.reset(State.at_rest(robot.params, tilt=(0.02, 0.01), yaw=0.4))
         robot.step(TORQUES, 100)
     assert used.state == new.state
     assert used.energy == new.energy
@@ -65,8 +65,6 @@ def test_reset_to_a_state(model, paper):
     state = State.rolling(paper, (0.3, -0.1))
     robot.reset(state)
     np.testing.assert_allclose(robot.state.to_array(), state.to_array(), atol=1e-9)
-    with pytest.raises(TypeError, match="not both"):
-        robot.reset(state, tilt=(0.1, 0.0))
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -90,7 +88,7 @@ def test_static_loads(model):
 @pytest.mark.parametrize("model", MODELS)
 def test_energy_is_conserved_without_friction(model):
     robot = Ballbot(model=model, sim_dt=0.0005)
-    robot.reset(tilt=(0.05, 0.02))
+    robot.reset(State.at_rest(robot.params, tilt=(0.05, 0.02)))
     before = robot.energy
     robot.step((0, 0, 0), 600)
     assert robot.state.tilt > 0.1
@@ -119,32 +117,30 @@ def test_a_push_along_x_tilts_about_y(model, paper):
 @pytest.mark.parametrize("model", MODELS)
 def test_joint_friction_dissipates_and_outlives_a_reset(model):
     free, damped = Ballbot(model=model), Ballbot(model=model)
-    damped.set_joint_dynamics(viscous_friction=0.01)
-    assert damped.joint_dynamics == {"viscous_friction": 0.01, "coulomb_friction": 0.0}
-    damped.set_joint_dynamics(coulomb_friction=0.002)
-    assert damped.joint_dynamics == {"viscous_friction": 0.01, "coulomb_friction": 0.002}
+    rough = damped.params.replace(wheel_viscous_friction=0.01, wheel_coulomb_friction=0.002)
+    damped.set_params(rough)
     for robot in (free, damped):
-        robot.reset(tilt=(0.05, 0.0))
+        robot.reset(State.at_rest(robot.params, tilt=(0.05, 0.0)))
         robot.step((0, 0, 0), 300)
     assert damped.energy < free.energy - 1e-3
-    assert damped.joint_dynamics == {"viscous_friction": 0.01, "coulomb_friction": 0.002}
-    assert free.joint_dynamics == {"viscous_friction": 0.0, "coulomb_friction": 0.0}
+    assert damped.params == rough
+    assert free.params == Params.paper()
 
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("how", ["snapshot", "pickle", "deepcopy"])
 def test_a_copy_continues_bit_identically(model, how):
     robot = Ballbot(model=model, sim_dt=0.002)
-    robot.set_joint_dynamics(0.001, 0.002)
-    robot.reset(tilt=(0.03, -0.02), yaw=1.0)
+    robot.set_params(robot.params.replace(wheel_viscous_friction=0.001, wheel_coulomb_friction=0.002))
+    robot.reset(State.at_rest(robot.params, tilt=(0.03, -0.02), yaw=1.0))
     robot.step(TORQUES, 40)
     robot.push((0.05, 0.02, 0.0))
     if how == "snapshot":
-        twin = Ballbot(model=model, sim_dt=0.002)
+        twin = Ballbot(robot.params, model=model, sim_dt=0.002)
         twin.restore(robot.snapshot())
     else:
         twin = pickle.loads(pickle.dumps(robot)) if how == "pickle" else copy.deepcopy(robot)
-    assert twin.joint_dynamics == robot.joint_dynamics
+    assert twin.params == robot.params
     for steps in (1, 2, 60):
         robot.step(TORQUES, steps)
         twin.step(TORQUES, steps)
@@ -193,14 +189,14 @@ def test_divergence_is_reported_and_a_reset_recovers(model, impulse):
     assert np.isfinite(robot.energy)
     new = Ballbot(model=model)
     for fixed in (robot, new):
-        fixed.reset(tilt=(0.01, 0.0))
+        fixed.reset(State.at_rest(fixed.params, tilt=(0.01, 0.0)))
         fixed.step(TORQUES, 50)
     assert robot.state == new.state
 
 
 def test_a_falling_robot_ends_on_the_floor():
     robot = Ballbot()
-    robot.reset(tilt=(0.3, 0.0))
+    robot.reset(State.at_rest(robot.params, tilt=(0.3, 0.0)))
     assert not robot.contacts.bot_on_floor
     robot.step((0, 0, 0), 2000)
     assert robot.contacts.bot_on_floor

@@ -16,7 +16,7 @@ from validation.engines import probes
 from validation.paper_replication import wheel_torques
 
 STUB = ast.parse((Path(core.__file__).parent / "_core.pyi").read_text(encoding="utf-8"))
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 
 #: `[text](target)` and `![text](target)`.
 LINK = re.compile(r"!?\[([^\]]*)\]\(([^)\s]+)\)")
@@ -30,7 +30,7 @@ DEFINITION = (
 
 def documented(nodes, owner, prefix=""):
     for node in nodes:
-        if isinstance(node, ast.ClassDef):
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             yield f"{prefix}{node.name}", ast.get_docstring(node), getattr(owner, node.name)
             yield from documented(node.body, getattr(owner, node.name), f"{node.name}.")
         elif isinstance(node, ast.FunctionDef) and ast.get_docstring(node) and node.name != "__call__":

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from ballbot_rs import BalanceEnv, Params, State
-from ballbot_rs.envs.registration import BALANCE, REWARD_THRESHOLD
+from tests.support.names import BALANCE
 
 MODELS = ["rigid", "contact", "spatial", "planar"]
 ZERO = np.zeros(3, dtype=np.float32)
@@ -42,7 +42,7 @@ def test_stable_baselines_checker_has_nothing_to_say():
 def test_registration():
     spec = gymnasium.spec(BALANCE)
     assert spec.max_episode_steps == 1000
-    assert spec.reward_threshold == REWARD_THRESHOLD
+    assert spec.reward_threshold == 950.0
     assert not spec.nondeterministic
 
 
@@ -68,9 +68,9 @@ def test_spaces_and_python_types():
 
 
 def test_observation_rows_are_what_the_documentation_says():
-    env = BalanceEnv(setpoint=(0.3, -0.1))
+    env = BalanceEnv(setpoint=(0.3, -0.1), scale_observations=False)
     yaw, tilt = 0.7, 0.04
-    state = State.upright(env.params, tilt=(tilt, 0.0), yaw=yaw).replace(
+    state = State.at_rest(env.params, tilt=(tilt, 0.0), yaw=yaw).replace(
         body_angular_velocity=(0.1, 0.2, 0.3), wheel_speeds=(1.0, 2.0, 3.0), ball_velocity=(0.5, 0.0, 0.0)
     )
     observation, _ = env.reset(options={"state": state})
@@ -156,12 +156,13 @@ def test_make_honours_max_episode_steps(balance, length):
         assert (steps, terminated, truncated) == (length, False, True)
 
 
-@pytest.mark.parametrize(("length", "success"), [(5, False), (900, True)])
-def test_success_is_judged_at_the_end_that_make_sets(balance, length, success):
+@pytest.mark.parametrize(("length", "success"), [(5, False), (900, True), (1200, True)])
+def test_success_at_the_end_that_make_sets_is_read_from_the_environment(balance, length, success):
     env = gymnasium.make(BALANCE, max_episode_steps=length, model="spatial")
     env.reset(seed=3)
     _, (*_, info) = run_to_end(env, lambda e: balance(e.unwrapped.state))
-    assert info["is_success"] is success
+    assert info == {}
+    assert env.unwrapped.is_success is success
 
 
 def test_constructor_honours_max_episode_steps(balance):
@@ -260,7 +261,7 @@ def test_reward_is_the_sum_of_its_terms():
         assert terms["alive"] == 2.0
         assert all(value <= 0.0 for name, value in terms.items() if name != "alive")
         assert terms["tilt"] == pytest.approx(-3.0 * (env.state.tilt / np.deg2rad(20)) ** 2, rel=1e-9)
-        assert reward == np.float32(sum(terms.values()))
+        assert reward == pytest.approx(sum(terms.values()), abs=1e-12)
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -268,7 +269,7 @@ def test_reward_is_the_sum_of_its_terms():
 def test_copies_continue_bit_identically(model, duplicate):
     env = gymnasium.make(BALANCE, model=model, max_episode_steps=25)
     env.reset(seed=5)
-    env.unwrapped.set_joint_dynamics(viscous_friction=1e-4)
+    env.unwrapped.set_params(env.unwrapped.params.replace(wheel_viscous_friction=1e-4))
     actions = np.random.default_rng(2).uniform(-0.3, 0.3, (60, 3))
     for action in actions[:10]:
         env.step(action)

@@ -10,7 +10,7 @@ OPTIONS = {"model": "spatial", "max_episode_steps": 30}
 
 @pytest.fixture
 def leaning(paper):
-    return State.upright(paper, tilt=(0.05, 0.0))
+    return State.at_rest(paper, tilt=(0.05, 0.0))
 
 
 def test_the_episode_after_a_given_start_is_that_of_a_single_environment(leaning):
@@ -52,7 +52,7 @@ def test_a_refused_reset_changes_nothing(paper, leaning):
 
 def test_task_options_cannot_be_set_as_attributes():
     vector, sb3 = BalanceVectorEnv(2, **OPTIONS), BallbotVecEnv(num_envs=2, **OPTIONS)
-    for name in ("reset_tilt", "max_wheel_torque", "params", "reward"):
+    for name in ("reset_tilt", "max_wheel_torque", "scale_observations", "reward"):
         for env in (vector, sb3):
             with pytest.raises(AttributeError, match=f"{name} is fixed"):
                 env.set_attr(name, 0.3)

@@ -13,7 +13,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from ballbot_rs import BalanceEnv, BalanceVectorEnv, BallbotVecEnv, Params, State
-from ballbot_rs.envs.registration import BALANCE
+from tests.support.names import BALANCE
 
 #: Falls and truncations both happen within the steps that the tests take.
 SHORT = {"model": "spatial", "max_episode_steps": 45}
@@ -168,7 +168,7 @@ def test_terminal_observation_is_the_last_of_the_episode():
 
 def test_a_fall_is_no_truncation():
     env = BallbotVecEnv(num_envs=1, seed=0)
-    env.set_options({"state": State.upright(Params.paper(), tilt=(0.3, 0.0))})
+    env.set_options({"state": State.at_rest(Params.paper(), tilt=(0.3, 0.0))})
     env.reset()
     for _ in range(60):
         _, _, dones, infos = env.step(np.zeros((1, 3)))
@@ -206,7 +206,7 @@ def test_seed_is_respected_once():
 
 def test_options_are_used_once_and_reset_infos_renewed(paper):
     env = BallbotVecEnv(num_envs=2, seed=0)
-    state = State.upright(paper, tilt=(0.0, 0.05))
+    state = State.at_rest(paper, tilt=(0.0, 0.05))
     env.set_options([{}, {"state": state}])
     env.reset_infos = [{"old": 1}, {"old": 1}]
     env.reset()
@@ -239,7 +239,8 @@ def test_get_attr_set_attr_and_env_method():
     assert env.env_is_wrapped(Monitor) == [False, False, False]
     assert env.env_is_wrapped(Monitor, indices=1) == [False]
     assert env.env_method("push", [0.5, 0.0, 0.0], indices=[1]) == [None]
-    env.env_method("set_joint_dynamics", viscous_friction=0.002, indices=2)
+    env.env_method("set_params", Params.paper().replace(wheel_viscous_friction=0.002), indices=2)
+    assert [p.wheel_viscous_friction for p in env.get_attr("params")] == [0.0, 0.0, 0.002]
     moved = env.get_attr("state")
     assert moved[1].body_velocity[0] > states[1].body_velocity[0] + 0.05
     assert moved[0] == states[0]

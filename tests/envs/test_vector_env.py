@@ -8,11 +8,11 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 
-from ballbot_rs import BalanceEnv, BalanceVectorEnv, State
-from ballbot_rs.envs.registration import BALANCE
+from ballbot_rs import BalanceEnv, BalanceVectorEnv, BallbotVectorEnv, State
+from tests.support.names import BALANCE
 
 #: Falls and truncations both happen within the steps that the tests take.
 SHORT = {"model": "spatial", "max_episode_steps": 45}
@@ -103,7 +103,7 @@ def test_make_vec_with_defaults():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         env = gymnasium.make_vec(BALANCE, num_envs=3)
-    assert isinstance(env, BalanceVectorEnv)
+    assert isinstance(env, BallbotVectorEnv)
     assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
     assert env.autoreset_mode is AutoresetMode.NEXT_STEP
     assert env.observation_space.shape == (3, 16)
@@ -150,8 +150,8 @@ def test_unknown_autoreset_modes_are_refused(mode):
 
 def test_next_step_resets_one_step_later_and_ignores_the_action(balance):
     env = BalanceVectorEnv(2, model="spatial", seed=0)
-    leaning = State.upright(env.params, tilt=(0.2, 0.0))
-    env.reset(options={"states": [State.upright(env.params), leaning]})
+    leaning = State.at_rest(env.params, tilt=(0.2, 0.0))
+    env.reset(options={"states": [State.at_rest(env.params), leaning]})
     terminated = np.zeros(2, dtype=bool)
     for _ in range(45):
         actions = np.stack([balance(env.get_attr("state")[0]), np.zeros(3, dtype=np.float32)])
@@ -161,11 +161,12 @@ def test_next_step_resets_one_step_later_and_ignores_the_action(balance):
     assert terminated.tolist() == [False, True]
     assert info["_termination"].tolist() == info["_is_success"].tolist() == [False, True]
     assert info["termination"].tolist() == [None, "tilt"]
-    assert -observations[1, 2] < np.cos(np.deg2rad(19.9)), "this is not the last observation of the episode"
+    cosine = 1.0 - 0.1 * observations[1, 2]
+    assert cosine < np.cos(np.deg2rad(19.9)), "this is not the last observation of the episode"
     observations, rewards, terminated, truncated, info = env.step(np.ones((2, 3)))
     assert rewards[0] > 0.5
     assert (rewards[1], terminated[1], truncated[1], info) == (0.0, False, False, {})
-    np.testing.assert_array_equal(observations[:, 13:16], [[1, 1, 1], [0, 0, 0]])
+    np.testing.assert_array_equal(observations[:, 13:16], [[2, 2, 2], [0, 0, 0]])
     assert env.get_attr("state")[1].tilt < np.deg2rad(5.01)
 
 
@@ -272,7 +273,7 @@ def test_constructor_seed_is_that_of_the_first_reset():
 
 
 def test_reset_to_given_states(paper):
-    state = State.upright(paper, tilt=(0.03, 0.0))
+    state = State.at_rest(paper, tilt=(0.03, 0.0))
     env = BalanceVectorEnv(2)
     observations, _ = env.reset(seed=4, options={"states": [None, state]})
     np.testing.assert_allclose(env.get_attr("state")[1].to_array(), state.to_array(), atol=1e-12)
@@ -291,7 +292,9 @@ def test_call_get_attr_and_set_attr():
     terms = env.call("reward_terms")
     assert [t["alive"] for t in terms] == [1.0, 1.0]
     env.call("push", [0.5, 0.0, 0.0])
-    env.call("set_joint_dynamics", viscous_friction=0.001)
+    rough = env.params.replace(wheel_viscous_friction=0.001)
+    env.call("set_params", rough)
+    assert env.get_attr("params") == (rough, rough)
     env.step(np.zeros((2, 3)))
     assert (env.states[:, 20] > before[:, 20] + 0.05).all(), "the push did not move the bodies"
     env.set_attr("note", "same")
@@ -387,7 +390,9 @@ def test_step_before_reset_is_refused():
 
 def test_infos_equal_those_of_make_vec_without_our_batch():
     made = {"num_envs": 3, "max_episode_steps": 40, "model": "spatial"}
-    fast, slow = (gymnasium.make_vec(BALANCE, vectorization_mode=mode, **made) for mode in (None, "sync"))
+    fast = gymnasium.make_vec(BALANCE, **made)
+    # Each ends its own episodes, so that it has `is_success` at their ends.
+    slow = SyncVectorEnv([lambda: BalanceEnv(max_episode_steps=40, model="spatial")] * 3)
     fast.reset(seed=1)
     slow.reset(seed=1)
     for actions in actions_of(3, 100, scale=0.2):

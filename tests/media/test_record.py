@@ -42,8 +42,9 @@ def test_a_robot_that_was_pushed_comes_back_upright(controller, model):
 
 def test_a_trajectory_is_that_of_the_environment():
     shown = trajectory.run("lqr", seconds=1.0, tilt=(0.1, 0.05), env_options=CONTACT)
-    batch = Batch(1, "disabled", 1, 0, **CONTACT)
-    batch.reset(starts=[bb.State.upright(batch.params, tilt=(0.1, 0.05))])
+    torque = bb.Params.paper().max_wheel_torque
+    batch = Batch(1, autoreset="disabled", num_threads=1, max_wheel_torque=torque, **CONTACT)
+    batch.reset(starts=[bb.State.at_rest(batch.params(), tilt=(0.1, 0.05))])
     for state, torque in zip(shown.states, shown.torques, strict=True):
         np.testing.assert_array_equal(state.to_array(), batch.states()[0])
         batch.step([torque / batch.max_wheel_torque])

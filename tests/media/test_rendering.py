@@ -17,14 +17,14 @@ ROOT = Path(__file__).parents[2]
 GOLDEN = Path(__file__).with_name("golden_frames.npz")
 SMALL = {"width": 96, "height": 72}
 PARAMS = bb.Params.paper()
-UPRIGHT = bb.State.upright(PARAMS)
-LEANING = bb.State.upright(PARAMS, tilt=(0.1, 0.25), yaw=0.4)
+UPRIGHT = bb.State.at_rest(PARAMS)
+LEANING = bb.State.at_rest(PARAMS, tilt=(0.1, 0.25), yaw=0.4)
 
 #: Name of each golden frame and how it is made.
 FRAMES = {
     "upright": lambda: bb.Renderer(**SMALL).render(UPRIGHT),
     "leaning": lambda: bb.Renderer(**SMALL, samples=4).render(LEANING, arrows=[[[0.4, 0.0, 0.5], [0.2, 0.0, 0.5]]]),
-    "kugle": lambda: bb.Renderer("kugle", **SMALL, samples=2).render(bb.State.upright(bb.Params.preset("kugle"))),
+    "kugle": lambda: bb.Renderer("kugle", **SMALL, samples=2).render(bb.State.at_rest(bb.Params.preset("kugle"))),
     "urdf": lambda: bb.Renderer(urdf=(ROOT / "assets/bot.urdf", ROOT / "assets/ball.urdf"), **SMALL).render(LEANING),
 }
 

@@ -15,7 +15,7 @@ PACKAGE = Path(ballbot_rs.__file__).parent
 MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
 
 #: Modules that may import torch and Stable-Baselines3; nothing else may, so that the core runs without them.
-LEARNING = {"control/sb3_policy.py", "envs/sb3.py", "training/export.py", "training/policy.py", "training/train.py"}
+LEARNING = {"control/sb3_policy.py", "envs/sb3.py", "training/export.py", "training/train.py"}
 
 
 def run_python(code):

@@ -11,17 +11,13 @@ import pytest
 from stable_baselines3 import PPO, SAC
 
 import ballbot_rs as bb
-from ballbot_rs._core import OBSERVATION
 from ballbot_rs.analysis.episodes import compare
 from ballbot_rs.cli import main
 from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy
 from ballbot_rs.control.sb3_policy import METADATA, metadata
-from ballbot_rs.envs.registration import BALANCE
 from ballbot_rs.training import export
-from ballbot_rs.training.policy import ScaledObservation
+from tests.support.names import BALANCE
 from tests.support.paths import ROOT
-
-BOUNDS = np.array([bound for _, _, bound in OBSERVATION], dtype=np.float32)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +30,7 @@ def exported(tiny_run, tmp_path_factory):
 @pytest.fixture
 def observations():
     rng = np.random.default_rng(1)
-    return rng.uniform(-BOUNDS, BOUNDS, (1000, 16)).astype(np.float32)
+    return rng.uniform(-10.0, 10.0, (1000, 16)).astype(np.float32)
 
 
 def test_an_exported_policy_acts_as_its_source(exported, tiny_run, observations):
@@ -62,10 +58,10 @@ def test_a_policy_of_sac_is_exported_too(tmp_path, observations):
     model = SAC(
         "MlpPolicy",
         bb.BallbotVecEnv(num_envs=1, model="planar"),
-        policy_kwargs={"features_extractor_class": ScaledObservation, "net_arch": [8]},
+        policy_kwargs={"net_arch": [8]},
         buffer_size=10,
     )
-    setattr(model, METADATA, metadata(BALANCE, "SAC", {"model": "planar"}))
+    setattr(model, METADATA, metadata("balance", "SAC", {"model": "planar", "scale_observations": True}))
     model.save(tmp_path / "sac.zip")
     export.export(tmp_path / "sac.zip", tmp_path / "sac.onnx")
     expected = model.predict(observations, deterministic=True)[0]
@@ -74,10 +70,11 @@ def test_a_policy_of_sac_is_exported_too(tmp_path, observations):
 
 def test_it_says_what_it_is_for_and_nothing_of_this_machine(exported):
     policy = OnnxPolicy(exported)
-    assert policy.env_options == {"model": "spatial", "max_episode_steps": 60}
+    assert policy.env_options == bb.BallbotVecEnv(1, model="spatial", max_episode_steps=60).task_options
     assert policy.metadata["env_id"] == BALANCE
-    assert (policy.metadata["max_wheel_torque"], policy.metadata["control_dt"]) == (1.0, 0.01)
-    assert policy.metadata["normalisation"]["at_rest"][2] == -1.0
+    assert policy.metadata["max_wheel_torque"] == policy.env_options["max_wheel_torque"] < 1.0
+    assert policy.metadata["control_dt"] == 0.01
+    assert policy.metadata["observation"][2] == ["gravity direction, body z", "", 1.0, -1.0, 0.1]
     assert policy.metadata["versions"]["ballbot_rs"] == bb.__version__
     content = exported.read_bytes()
     assert not re.search(rb"site-packages|/home/|/tmp/|\.py\b", content)
@@ -119,6 +116,18 @@ def test_a_policy_for_something_else_is_refused(exported, tmp_path, edit, messag
     with pytest.raises(ValueError, match=message) as caught:
         compare([str(path)], episodes=1)
     assert str(path) in str(caught.value)
+
+
+def test_a_policy_from_before_scaling_acts_on_what_it_was_trained_on(exported, tmp_path):
+    def old(fields):
+        rows = json.loads(fields[PREFIX + "observation"])
+        fields[PREFIX + "observation"] = json.dumps([row[:3] for row in rows])
+        fields[PREFIX + "env_options"] = json.dumps({"model": "spatial"})
+
+    policy = OnnxPolicy(edited(exported, tmp_path / "old.onnx", old))
+    assert policy.env_options["scale_observations"] is False
+    assert policy.env_options["max_wheel_torque"] == 1.0
+    assert OnnxPolicy(exported).env_options["scale_observations"] is True
 
 
 def test_files_that_are_no_policy_are_refused(exported, tmp_path):

@@ -11,11 +11,9 @@ from stable_baselines3 import PPO
 
 from ballbot_rs import BallbotVecEnv, __version__
 from ballbot_rs.analysis.episodes import evaluate
-from ballbot_rs.control.resolve import PID_CONTROL_DT
 from ballbot_rs.control.sb3_policy import METADATA, find_file, load
-from ballbot_rs.envs.registration import BALANCE
 from ballbot_rs.training import config, train
-from ballbot_rs.training.policy import ScaledObservation
+from tests.support.names import BALANCE
 from tests.support.tiny_config import TINY_CONFIG
 
 
@@ -86,22 +84,6 @@ class TestConfig:
         assert {**vars(found), "total_timesteps": 768} == vars(expected)
 
 
-class TestScaledObservation:
-    def test_a_robot_at_rest_reads_as_zeros(self):
-        env = BallbotVecEnv(num_envs=1, reset_tilt=0, reset_ball_speed=0, reset_tilt_rate=0, setpoint=(0.0, 0.0))
-        layer = ScaledObservation(env.observation_space)
-        at_rest = torch.as_tensor(env.reset())
-        np.testing.assert_allclose(layer(at_rest).numpy(), 0.0, atol=1e-6)
-        assert layer.features_dim == 16
-
-    def test_outliers_are_cut_off_and_nothing_is_learned(self):
-        layer = ScaledObservation(BallbotVecEnv(num_envs=1).observation_space)
-        wild = torch.full((1, 16), 1e6)
-        np.testing.assert_array_equal(layer(wild).numpy(), 10.0)
-        assert not list(layer.parameters())
-        assert set(layer.state_dict()) == {"at_rest", "gain"}, "the scales are not saved with the policy"
-
-
 class TestRun:
     def test_leaves_everything_behind(self, tiny_run):
         assert (tiny_run / "config.toml").read_text(encoding="utf-8") == TINY_CONFIG
@@ -124,12 +106,12 @@ class TestRun:
         assert find_file(tiny_run) == tiny_run / "best_model.zip"
 
     def test_a_policy_says_what_it_was_trained_for(self, tiny_run):
-        model, found = load(tiny_run, BALANCE)
+        model, found = load(tiny_run, "balance")
         assert isinstance(model, PPO)
         assert found == getattr(model, METADATA)
         assert found["env_id"] == BALANCE
         assert found["algorithm"] == "PPO"
-        assert found["env_options"] == {"model": "spatial", "max_episode_steps": 60}
+        assert found["env_options"] == BallbotVecEnv(1, model="spatial", max_episode_steps=60).task_options
         assert len(found["observation"]) == 16
         with zipfile.ZipFile(tiny_run / "best_model.zip") as archive:
             assert json.loads(archive.read("data"))[METADATA] == found, "other tools cannot read the metadata"
@@ -153,7 +135,7 @@ class TestRun:
         text = text.replace("n_epochs = 1\n", "buffer_size = 1000\n").replace("768", "256")
         folder = tmp_path / "sac"
         policy = train.train(config.parse(text, "sac"), text, folder, progress_bar=False)
-        assert load(policy, BALANCE)[1]["algorithm"] == "SAC"
+        assert load(policy, "balance")[1]["algorithm"] == "SAC"
         assert evaluate(str(folder), episodes=2).episodes == 2
 
     @pytest.mark.parametrize(
@@ -208,7 +190,7 @@ class TestResume:
         train.resume(interrupted, progress_bar=False)
         assert PPO.load(interrupted / "final_model.zip").num_timesteps == 1024
         assert (interrupted / "checkpoints" / "rl_model_1024_steps.zip").is_file()
-        assert load(interrupted, BALANCE)[1]["env_options"]["max_episode_steps"] == 60
+        assert load(interrupted, "balance")[1]["env_options"]["max_episode_steps"] == 60
 
     def test_only_a_better_policy_replaces_the_best(self, interrupted):
         record = dict(np.load(interrupted / "evaluations.npz"))
@@ -255,7 +237,7 @@ class TestEvaluation:
     def test_pid_runs_at_its_own_rate(self):
         options = {"model": "spatial"}
         pid = evaluate("pid", episodes=5, env_options=options)
-        assert pid.control_dt == PID_CONTROL_DT == 0.002
+        assert pid.control_dt == 0.002
         assert pid.survival_rate == 1.0
         slower = evaluate("pid", episodes=5, env_options={**options, "control_dt": 0.004})
         assert slower.control_dt == 0.004

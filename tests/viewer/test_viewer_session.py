@@ -8,8 +8,8 @@ import time
 import numpy as np
 import pytest
 
-from ballbot_rs import BalanceEnv, Ballbot, Lqr, Params
-from ballbot_rs.control.resolve import Controller
+from ballbot_rs import BalanceEnv, Ballbot, Lqr, Params, State
+from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.viewer.drivers import LawDriver, PolicyDriver
 from ballbot_rs.viewer.history import SERIES, SPAN
 from ballbot_rs.viewer.recording import CAPACITY, Recording
@@ -33,7 +33,7 @@ class Linear:
         return np.asarray(self._choose(observations[0]))[np.newaxis]
 
     def named(self, name):
-        return Controller(name, self.env_options, self.act)
+        return ResolvedController(name, self.env_options, self.act)
 
 
 def run(session, seconds):
@@ -62,7 +62,7 @@ def test_lqr_balances_every_robot_on_every_model_after_a_push(model, robot):
 def test_a_push_is_an_impulse_in_the_inertial_frame(model):
     session = Session(model, controller="zero")
     robot = Ballbot(None, model, session.driver.sim_dt)
-    robot.reset(tilt=session.start_tilt)
+    robot.reset(State.at_rest(robot.params, session.start_tilt))
     robot.push([-0.1, 0.1 * math.sqrt(3.0), 0.0])
     robot.step([0.0, 0.0, 0.0], 5)
     session.push(math.radians(120.0), 0.2)

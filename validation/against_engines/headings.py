@@ -189,7 +189,7 @@ def energy(params: bb.Params, state: bb.State) -> tuple[float, float]:
 
 
 def _energy_drift(robot: AnyRobot, params: bb.Params) -> float:
-    robot.reset(bb.State.upright(params, _FALL * np.array([np.cos(0.7), np.sin(0.7)]), 0.5))
+    robot.reset(bb.State.at_rest(params, _FALL * np.array([np.cos(0.7), np.sin(0.7)]), 0.5))
     before = sum(energy(params, robot.state()))
     probes.advance(robot, np.zeros(3), _FALL_SECONDS)
     state = robot.state()

@@ -35,7 +35,7 @@ _LIMITS = {ROLLING: 5e-11, CONTACT: 4e-3, RIGID: 4e-3}
 def run() -> Findings:
     """Runs all engines."""
     params = bb.Params.paper()
-    start = bb.State.upright(params, _TILT * np.array([np.cos(_AZIMUTH), np.sin(_AZIMUTH)]), _YAW)
+    start = bb.State.at_rest(params, _TILT * np.array([np.cos(_AZIMUTH), np.sin(_AZIMUTH)]), _YAW)
     lqr, found = bb.Lqr(params, CONTROL_DT), engines()
 
     def law(state: bb.State, _time: float) -> "Array":

@@ -28,7 +28,7 @@ _LIMITS = {ROLLING: 5e-11, CONTACT: 0.04, RIGID: 0.04}
 def run() -> Findings:
     """Runs all engines."""
     params, found = bb.Params.paper(), engines()
-    start = bb.State.upright(params, yaw=_YAW)
+    start = bb.State.at_rest(params, yaw=_YAW)
 
     def law(_state: bb.State, time: float) -> "Array":
         return np.asarray(_TORQUE * np.sin(2.0 * np.pi * _FREQUENCIES * time + _PHASES))

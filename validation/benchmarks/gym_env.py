@@ -15,7 +15,7 @@ class ExternalEnv(gymnasium.Env[task.Floats, task.Floats]):
     """The balance task on one robot of `engine`."""
 
     def __init__(self, engine: str, seed: int = 0) -> None:
-        self.observation_space = observation_space()
+        self.observation_space = observation_space("balance")
         self.action_space = action_space()
         self._robot = robot_geometry()
         self._external = make_external_robot(engine, self._robot)

@@ -55,7 +55,7 @@ class MujocoVecEnv(VecEnv):
         self._last_action = np.zeros((num_envs, 3), dtype=np.float32)
         self._action = self._last_action
         self._steps = np.zeros(num_envs, dtype=np.int64)
-        super().__init__(num_envs, observation_space(), action_space())
+        super().__init__(num_envs, observation_space("balance"), action_space())
 
     def reset(self) -> task.Floats:
         """Begins episodes in all environments."""

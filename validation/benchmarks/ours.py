@@ -20,5 +20,5 @@ def known_models(wanted: tuple[str, ...] = WANTED) -> list[str]:
 
 def make_env(model: str, num_envs: int, num_threads: int, **options: Any) -> bb.BallbotVecEnv:
     """The balance task of `num_envs` robots on `num_threads` threads, started as those of the other engines are."""
-    options = {"reset_yaw": task.RESET_YAW} | options
+    options = {"reset_yaw": task.RESET_YAW, "max_wheel_torque": task.MAX_TORQUE} | options
     return bb.BallbotVecEnv(num_envs=num_envs, model=model, num_threads=num_threads, seed=0, **options)

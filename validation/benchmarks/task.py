@@ -10,7 +10,6 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import OBSERVATION
 from validation.engines.geometry import Array, RobotGeometry
 from validation.engines.rotations import attitude, to_body
 
@@ -24,7 +23,11 @@ RESET_TILT, RESET_SPEED, RESET_RATE = np.radians(5.0), 0.1, 0.2  # rad, m/s, rad
 RESET_YAW = 0.0
 SUCCESS_RADIUS = 0.1  # m
 
-_BOUND = np.array([bound for _, _, bound in OBSERVATION], dtype=np.float32)
+#: Bounds of the rows of an observation, their values at rest upright, and the magnitudes over which they are divided.
+_BOUND = np.array([1.0] * 3 + [20.0] * 3 + [200.0] * 3 + [10.0] * 4 + [1.0] * 3)
+_AT_REST = np.array([0.0, 0.0, -1.0] + [0.0] * 13)
+_TYPICAL = np.array([0.1] * 3 + [1.0] * 3 + [5.0] * 3 + [0.1] * 2 + [0.2] * 2 + [0.5] * 3)
+_SCALED_BOUND = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,9 +76,9 @@ def draw_starts(robot: RobotGeometry, rng: np.random.Generator, n: int) -> Start
 
 
 def observe(sensed: Sensed, last_action: Floats) -> Floats:
-    """Observations, (n, 16); the heading frame has the robot's yaw."""
+    """Scaled observations, (n, 16); the heading frame has the robot's yaw."""
     w, x, y, z = sensed.attitude.T
-    out = np.empty((len(w), 16), dtype=np.float32)
+    out = np.empty((len(w), 16))
     out[:, 0] = 2.0 * (w * y - x * z)
     out[:, 1] = -2.0 * (y * z + w * x)
     out[:, 2] = 2.0 * (x * x + y * y) - 1.0
@@ -88,8 +91,11 @@ def observe(sensed: Sensed, last_action: Floats) -> Floats:
         out[:, column + 1] = cos * vector[:, 1] - sin * vector[:, 0]
     out[:, 13:] = last_action
     np.clip(out, -_BOUND, _BOUND, out=out)
+    out -= _AT_REST
+    out /= _TYPICAL
+    np.clip(out, -_SCALED_BOUND, _SCALED_BOUND, out=out)
     # Only a diverged robot has one; looking is cheaper than replacing.
-    return np.nan_to_num(out, copy=False) if np.isnan(out.sum()) else out
+    return (np.nan_to_num(out, copy=False) if np.isnan(out.sum()) else out).astype(np.float32)
 
 
 def reward_and_fall(sensed: Sensed, action: Floats, last_action: Floats) -> tuple[Floats, npt.NDArray[np.bool_]]:

@@ -63,7 +63,7 @@ def run() -> Findings:
 def end(model: str, sim_dt: float) -> Array:
     """Ball position in radii and direction of the mast after the fall."""
     robot = bb.Ballbot(model=model, sim_dt=sim_dt)
-    robot.reset(tilt=(0.05, -0.03))
+    robot.reset(bb.State.at_rest(robot.params, tilt=(0.05, -0.03)))
     robot.step(_TORQUES, steps=round(_SECONDS / sim_dt))
     state = robot.state
     mast = matrix(state.body_quaternion)[:, 2]

@@ -46,7 +46,7 @@ def digest(model: str, threads: int) -> str:
             found.update(array.tobytes())
         found.update(envs.states.tobytes())
     robot = bb.Ballbot(model=model)
-    robot.reset(tilt=(0.1, 0.05))
+    robot.reset(bb.State.at_rest(robot.params, tilt=(0.1, 0.05)))
     for torques in np.random.default_rng(4).uniform(-0.2, 0.2, (300, 3)):
         robot.step(torques)
         found.update(robot.state.to_array().tobytes())

@@ -84,7 +84,7 @@ def ledger(model: str, sim_dt: float) -> tuple[Array, Given]:
     )
     robot = bb.Ballbot(params, model=model, sim_dt=sim_dt)
     regulator = bb.Lqr(params, control_dt=0.005, max_torque=0.3)
-    start = bb.State.upright(params, tilt=(0.05, -0.03), yaw=0.2)
+    start = bb.State.at_rest(params, tilt=(0.05, -0.03), yaw=0.2)
     robot.reset(start if model == "spatial" else start.replace(wheel_speeds=[30.0, 30.0, 30.0]))
     substeps = round(0.005 / sim_dt)
     rows, sums, first, given = [np.zeros(5)], np.zeros(4), robot.energy, {True: 0.0, False: 0.0}

@@ -100,7 +100,7 @@ def run() -> Findings:
 def drop(params: bb.Params, model: str) -> Drop:
     """The fall and the rest after it."""
     robot = bb.Ballbot(params, model=model, sim_dt=_DT)
-    lift, upright = np.array([0.0, 0.0, _HEIGHT]), bb.State.upright(params)
+    lift, upright = np.array([0.0, 0.0, _HEIGHT]), bb.State.at_rest(params)
     robot.reset(upright.replace(ball_position=upright.ball_position + lift, body_position=upright.body_position + lift))
     rows = []
     for _ in range(_STEPS):

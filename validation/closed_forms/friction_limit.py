@@ -87,7 +87,7 @@ def traction_share(params: bb.Params) -> float:
 def grips(params: bb.Params, model: str, yaw: float, torque: float) -> bool:
     """Whether no wheel slips 30 ms after three equal torques were put on."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
-    robot.reset(tilt=(0.0, 0.0), yaw=yaw)
+    robot.reset(bb.State.at_rest(robot.params, tilt=(0.0, 0.0), yaw=yaw))
     # The contacts of rapier take their load first.
     robot.step(np.zeros(3), steps=20)
     robot.step(np.full(3, torque), steps=30)

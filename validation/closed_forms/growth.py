@@ -64,7 +64,7 @@ def run() -> Findings:
 def fall(params: bb.Params, model: str, times: Array) -> Array:
     """Tilts at `times`, from rest."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
-    robot.reset(tilt=(_TILT * np.cos(0.5), _TILT * np.sin(0.5)), yaw=0.3)
+    robot.reset(bb.State.at_rest(robot.params, tilt=(_TILT * np.cos(0.5), _TILT * np.sin(0.5)), yaw=0.3))
     tilts = [robot.state.tilt]
     for span in np.diff(times):
         robot.step(np.zeros(3), steps=round(span / robot.sim_dt))

@@ -56,7 +56,7 @@ def topple(model: str, sim_dt: float) -> Array:
     """Drifts of both after each step (steps, 2), as shares of the momenta that ball and body exchange."""
     params = bb.Params.paper().replace(floor_static_friction=0.0, floor_dynamic_friction=0.0)
     robot = bb.Ballbot(params, model=model, sim_dt=sim_dt)
-    start = bb.State.upright(params, tilt=(0.2, -0.1), yaw=0.4)
+    start = bb.State.at_rest(params, tilt=(0.2, -0.1), yaw=0.4)
     robot.reset(start.replace(ball_velocity=_VELOCITY, body_velocity=_VELOCITY))
     first = robot.state
     linear, angular = momentum.linear(params, first)[:2], momentum.about_vertical(params, first)

@@ -74,14 +74,14 @@ def ride(gain: Array) -> float:
     params = bb.Params.paper()
     # Runge-Kutta at the rate of the control: its error is far below what is looked for.
     robot, regulator = bb.Ballbot(params, model="spatial", sim_dt=_DT), bb.Lqr(params, control_dt=_DT)
-    upright = bb.State.upright(params, tilt=_SMALL * np.array([0.8, -0.6]), yaw=0.3)
+    upright = bb.State.at_rest(params, tilt=_SMALL * np.array([0.8, -0.6]), yaw=0.3)
     rates = _SMALL * np.array([2.0, -1.0, 0.0])
     robot.reset(bb.State.rolling(params, _SMALL * np.array([0.4, 0.3]), upright.body_quaternion, rates, 0.0))
     yaw, position = 0.3 + _SMALL, _SMALL * np.array([0.1, 0.05])
     total, promised = 0.0, 0.0
     for k in range(round(_SHORT / _DT) + 1):
         x = regulator.deviation(robot.state, position=position, yaw=yaw)
-        left = float(x @ regulator.cost @ x)
+        left = float(x @ regulator.riccati_solution @ x)
         promised = promised or left
         if k * _DT >= _SHORT:
             break
@@ -99,7 +99,7 @@ def cost(model: str, tilt: float, change: float = 1.0) -> float:
     """Cost of a recovery over what the regulator promises; `change` multiplies its gains."""
     params = bb.Params.paper()
     robot, regulator = bb.Ballbot(params, model=model, sim_dt=1e-3), bb.Lqr(params, control_dt=_DT)
-    robot.reset(tilt=tilt * np.array([0.8, -0.6]), yaw=0.3)
+    robot.reset(bb.State.at_rest(robot.params, tilt=tilt * np.array([0.8, -0.6]), yaw=0.3))
     gain = change * regulator.gain
     # A heading error and a position error as large, so that all parts of the cost take part.
     yaw, position = 0.3 + tilt, tilt * np.array([0.1, 0.05])
@@ -110,4 +110,4 @@ def cost(model: str, tilt: float, change: float = 1.0) -> float:
         torques = -gain @ x
         total += _cost_of(x, torques)
         robot.step(torques, steps=round(_DT / robot.sim_dt))
-    return total / float(start @ regulator.cost @ start)
+    return total / float(start @ regulator.riccati_solution @ start)

@@ -70,7 +70,7 @@ def run() -> Findings:
 def throw(params: bb.Params, model: str, direction: float, steps: int) -> tuple[Array, Array]:
     """Speeds of the ball and friction over load after each of `steps` steps of 1 ms."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
-    upright = bb.State.upright(params)
+    upright = bb.State.at_rest(params)
     robot.reset(
         upright.replace(
             ball_velocity=_SPEED * np.array([np.cos(direction), np.sin(direction), 0.0]),

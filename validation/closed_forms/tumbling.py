@@ -79,7 +79,7 @@ def attitude(params: bb.Params, time: float) -> Array:
 def fly(params: bb.Params, model: str, sim_dt: float, steps: int) -> list[bb.State]:
     """States after each step; ball and bot start far apart, the bot tumbling high above."""
     robot = bb.Ballbot(params, model=model, sim_dt=sim_dt)
-    upright = bb.State.upright(params)
+    upright = bb.State.at_rest(params)
     robot.reset(
         upright.replace(
             body_position=upright.body_position + np.array([0.0, 0.0, _HEIGHT]),

@@ -27,7 +27,7 @@ def advance(robot: AnyRobot, torques: Array, seconds: float) -> None:
 
 def growth(robot: AnyRobot, params: bb.Params, yaw: float, azimuth: float, tilt: float = _TILT) -> float:
     """Growth rate λ of a tilt from rest, 1/s."""
-    robot.reset(bb.State.upright(params, tilt * np.array([np.cos(azimuth), np.sin(azimuth)]), yaw))
+    robot.reset(bb.State.at_rest(params, tilt * np.array([np.cos(azimuth), np.sin(azimuth)]), yaw))
     tilts = []
     for _ in range(_READINGS):
         advance(robot, np.zeros(3), _APART)
@@ -47,7 +47,7 @@ def growth_rate(before: float, at: float, after: float, apart: float) -> float:
 
 def drive(robot: AnyRobot, params: bb.Params, yaw: float, wheel: int) -> tuple[float, float]:
     """How a ball starts to move when one wheel is driven: angle to the exact motion (deg) and share of its speed."""
-    start, exact = bb.State.upright(params, yaw=yaw), OurRobot("spatial", params, robot.sim_dt)
+    start, exact = bb.State.at_rest(params, yaw=yaw), OurRobot("spatial", params, robot.sim_dt)
     torques = np.zeros(3)
     torques[wheel] = _TORQUE
     velocities = []
@@ -66,7 +66,7 @@ def drive(robot: AnyRobot, params: bb.Params, yaw: float, wheel: int) -> tuple[f
 def slip_limit(robot: AnyRobot, model: RobotGeometry, yaw: float) -> float:
     """Mean traction of slipping wheels over load times friction coefficient: 1 is Coulomb's."""
     p = model.params
-    robot.reset(bb.State.upright(p, yaw=yaw))
+    robot.reset(bb.State.at_rest(p, yaw=yaw))
     advance(robot, np.zeros(3), _PUSHED)
     torques, spins = np.full(3, _SLIPPING), []
     for _ in range(2):
@@ -84,7 +84,7 @@ def resting_load(params: bb.Params) -> float:
 
 def wheel_loads(robot: AnyRobot, params: bb.Params) -> Array:
     """Loads of the wheels (3, N) of the robot upright at rest, after 0.3 s."""
-    robot.reset(bb.State.upright(params))
+    robot.reset(bb.State.at_rest(params))
     for _ in range(round(0.3 / robot.sim_dt)):
         robot.step(np.zeros(3), 1)
     return np.asarray(robot.wheel_loads())

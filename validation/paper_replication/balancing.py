@@ -97,7 +97,7 @@ def simulate(control_dt: float, seconds: float) -> Array:
     limit = 1e5
     params = bb.Params.paper().replace(ball_viscous_friction=VISCOUS_FRICTION, max_wheel_torque=limit)
     robot = bb.Ballbot(params, model="planar", sim_dt=control_dt)
-    robot.reset(tilt=(-TILT, 0.0))
+    robot.reset(bb.State.at_rest(robot.params, tilt=(-TILT, 0.0)))
     pid = bb.Pid(params, control_dt, max_torque=limit)
     rows = []
     for _ in range(round(seconds / control_dt)):

@@ -128,7 +128,7 @@ def floor_friction(params: bb.Params, model: str) -> Curve:
     idle = params.replace(wheel_static_friction=1e-6, wheel_dynamic_friction=1e-6)
     robot = bb.Ballbot(idle, model=model, sim_dt=_SIM_DT)
     turning = [0.0, -_FASTEST / params.ball_radius, 0.0]
-    robot.reset(bb.State.upright(params).replace(ball_angular_velocity=turning))
+    robot.reset(bb.State.at_rest(params).replace(ball_angular_velocity=turning))
     speeds, coefficients, speed = [], [], _FASTEST
     while speed > _SLIPS:
         robot.step(np.zeros(3))

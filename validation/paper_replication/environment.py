@@ -28,7 +28,7 @@ def run() -> Findings:
         ["actuating", "`Ballbot.step(wheel_torques)`, `.push(impulse)`"],
         [
             "joint dynamics",
-            "`Ballbot.set_joint_dynamics(viscous_friction, coulomb_friction)`, also of the environments",
+            "`Ballbot.set_params(params.replace(wheel_viscous_friction=...))`, also of the environments",
         ],
         ["`reset()`", "`BalanceEnv.reset(seed=..., options={'state': ...})`"],
         ["`step()`", "`BalanceEnv.step(action)`"],
@@ -38,8 +38,8 @@ def run() -> Findings:
         ["Stable-Baselines3", "`BallbotVecEnv`, all robots stepped at once; or `BalanceEnv` as it is"],
     ]
     for owner, names in (
-        (bb.Ballbot, ("state", "contacts", "energy", "step", "push", "set_joint_dynamics")),
-        (bb.BalanceEnv, ("reset", "step", "render", "close", "state", "push", "set_joint_dynamics")),
+        (bb.Ballbot, ("state", "contacts", "energy", "step", "push", "set_params")),
+        (bb.BalanceEnv, ("reset", "step", "render", "close", "state", "push", "set_params")),
     ):
         for name in names:
             assert hasattr(owner, name), f"{owner.__name__}.{name}"

@@ -55,7 +55,7 @@ def balance(
     params = bb.Params.paper()
     robot = bb.Ballbot(params, model=model, sim_dt=_SIM_DT)
     # A tilt about +x leans towards −y.
-    robot.reset(tilt=(-np.radians(tilts[0]), np.radians(tilts[1])))
+    robot.reset(bb.State.at_rest(robot.params, tilt=(-np.radians(tilts[0]), np.radians(tilts[1]))))
     pid = bb.Pid(params, control_dt, mapping=mapping, max_torque=max_torque)
     rows: list[Array] = []
     fell = False
@@ -95,7 +95,7 @@ def recovers(model: str, tilts: tuple[float, float], mapping: str, max_torque: f
     """Whether the tilt is within 0.5 deg after 1.5 s."""
     params = bb.Params.paper()
     robot = bb.Ballbot(params, model=model, sim_dt=_SIM_DT)
-    robot.reset(tilt=(-np.radians(tilts[0]), np.radians(tilts[1])))
+    robot.reset(bb.State.at_rest(robot.params, tilt=(-np.radians(tilts[0]), np.radians(tilts[1]))))
     pid = bb.Pid(params, control_dt, mapping=mapping, max_torque=max_torque)
     steps = round(control_dt / _SIM_DT)
     for _ in range(round(1.5 / control_dt)):

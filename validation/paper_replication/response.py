@@ -53,7 +53,7 @@ def written_out(friction: float) -> Plant:
 def linear_plant(friction: float) -> Plant:
     """`PlanarModel` linearised about rest upright."""
     a, b = bb.PlanarModel(bb.Params.paper().replace(ball_viscous_friction=friction)).linearize()
-    return lambda x, torque: a @ x + b * torque
+    return lambda x, torque: a @ x + b[:, 0] * torque
 
 
 def closed_loop(plant: Plant, reference: float, start: Array, seconds: float, dt: float = 1e-4) -> Array:

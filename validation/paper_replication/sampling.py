@@ -113,7 +113,7 @@ def _exponential(matrix: Array) -> Array:
 def growth(params: bb.Params, mapping: str, control_dt: float, model: str = "spatial") -> float:
     """Factor by which a small tilt about x grows from sample to sample, once the fastest one or two modes lead."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
-    robot.reset(tilt=(_TILT, 0.0))
+    robot.reset(bb.State.at_rest(robot.params, tilt=(_TILT, 0.0)))
     pid = bb.Pid(params, control_dt, mapping=mapping, max_torque=params.max_wheel_torque)
     tilts: list[float] = []
     while robot.state.tilt < 1e-3 and len(tilts) < 2000:

@@ -69,9 +69,9 @@ def run() -> Findings:
 
 def holding_torques(params: bb.Params, tilt: float, azimuth: float) -> tuple[Array, bb.Contacts]:
     """Wheel torques under which a robot at rest keeps its tilt towards `azimuth`, and the forces then."""
-    model = bb.SpatialModel(params)
+    model = bb.SpatialModel(params, ball_spins_about_vertical=False)
     about = tilt * np.array([-np.sin(azimuth), np.cos(azimuth)])
-    quaternion = bb.State.upright(params, about).body_quaternion
+    quaternion = bb.State.at_rest(params, about).body_quaternion
     rest = np.zeros(5)
     free = model.accelerations(quaternion, rest, np.zeros(3))
     per_torque = np.array([model.accelerations(quaternion, rest, unit) - free for unit in np.eye(3)]).T

@@ -6,7 +6,7 @@ use crate::state::State;
 use nalgebra::Vector3;
 
 /// Kinetic energy of ball, body and wheels (absolute wheel spin) plus potential energy, J. The potential energy is zero
-/// with the ball resting on the floor and the body's CoM at the height of the ball centre.
+/// with the ball resting on the floor and the body's CoM at the height of the ball center.
 pub fn mechanical_energy(params: &Params, wheels: &Omniwheels, state: &State) -> f64 {
     let arm = Vector3::z() * params.body_com_height;
     let rate = state.body_angular_velocity;

@@ -30,7 +30,7 @@ impl std::str::FromStr for TorqueMap {
 /// Unit vectors of the three wheels in the body frame, and what follows from them.
 #[derive(Clone, Debug)]
 pub struct Omniwheels {
-    /// p_i, from the ball centre to each contact.
+    /// p_i, from the ball center to each contact.
     pub contact_directions: [Vector3<f64>; 3],
     /// d_i, the direction in which each wheel drives the ball's surface.
     pub drive_directions: [Vector3<f64>; 3],

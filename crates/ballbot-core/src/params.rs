@@ -44,7 +44,7 @@ macro_rules! parameters {
         ///
         /// `body_*` describe everything above the ball as one rigid body: the wheels' **mass** counts, the wheels'
         /// inertia about their own axles does not (eq. (2) of the paper adds it by itself). The body frame has its
-        /// origin at the ball centre and z along the mast; the body's centre of mass (CoM) is on that axis.
+        /// origin at the ball center and z along the mast; the body's center of mass (CoM) is on that axis.
         #[derive(Clone, Debug, PartialEq)]
         pub struct Params {
             $($(#[$required_doc])* pub $required: $required_type,)*
@@ -107,7 +107,7 @@ parameters! {
         body_mass: f64,
         /// (J_b, J_b, J_z): principal moments about the body's CoM along the body axes, kg·m².
         body_inertia: [f64; 3],
-        /// l, from the ball centre up to the body's CoM, m.
+        /// l, from the ball center up to the body's CoM, m.
         body_com_height: f64,
         /// Mass of one omniwheel (part of `body_mass`), kg.
         wheel_mass: f64,
@@ -115,7 +115,7 @@ parameters! {
         wheel_inertia: f64,
         /// r_w, m.
         wheel_radius: f64,
-        /// α, the angle at the ball centre between the mast and a wheel contact, rad.
+        /// α, the angle at the ball center between the mast and a wheel contact, rad.
         wheel_zenith: f64,
     }
     optional {

@@ -1,6 +1,6 @@
 //! The state and the contact forces of a ballbot: one vocabulary for all models.
 //!
-//! Inertial frame: z up, floor at z = 0. Body frame: origin at the ball centre (while the wheels touch the ball), z along
+//! Inertial frame: z up, floor at z = 0. Body frame: origin at the ball center (while the wheels touch the ball), z along
 //! the mast. Quaternions are `[w, x, y, z]` wherever they appear as numbers and map body to inertial.
 
 use crate::error::{Result, check, finite};
@@ -11,15 +11,15 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 /// Position, attitude and velocities of ball, body and wheels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
-    /// Ball centre, inertial frame, m.
+    /// Ball center, inertial frame, m.
     pub ball_position: Vector3<f64>,
     /// Attitude of the ball.
     pub ball_quaternion: UnitQuaternion<f64>,
-    /// Velocity of the ball centre, inertial frame, m/s.
+    /// Velocity of the ball center, inertial frame, m/s.
     pub ball_velocity: Vector3<f64>,
     /// Angular velocity of the ball, inertial frame, rad/s.
     pub ball_angular_velocity: Vector3<f64>,
-    /// Origin of the body frame, inertial frame, m; the ball centre unless a wheel has lifted off.
+    /// Origin of the body frame, inertial frame, m; the ball center unless a wheel has lifted off.
     pub body_position: Vector3<f64>,
     /// Attitude of the body.
     pub body_quaternion: UnitQuaternion<f64>,

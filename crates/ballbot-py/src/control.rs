@@ -214,9 +214,10 @@ pub(crate) struct PyPid;
 #[pymethods]
 impl PyPid {
     #[new]
-    #[pyo3(signature = (
-        params=None, control_dt=Pid::PAPER_CONTROL_DT, *, mapping="consistent", max_torque=None, **gains
-    ))]
+    #[pyo3(
+        signature = (params=None, control_dt=Pid::PAPER_CONTROL_DT, *, mapping="consistent", max_torque=None, **gains),
+        text_signature = "(params=None, control_dt=0.002, *, mapping='consistent', max_torque=None, **gains)"
+    )]
     fn new(
         params: Argument<'_, '_>,
         control_dt: f64,

@@ -6,13 +6,13 @@ use pyo3::{PyTraverseError, PyVisit};
 
 /// How many steps a caller may look back at before dicts are made anew: the step before the last is still in the caller's
 /// hands while the next one runs, and a callback may hold one more.
-const GENERATIONS: usize = 3;
+const DICT_POOL_SIZE: usize = 3;
 
 /// Dicts that were handed out and came back: a dict is handed out again only if nobody else refers to it any more and
 /// nothing was written into it. Otherwise it is the caller's for good, and a new one takes its place.
 #[derive(Default)]
 pub(crate) struct EmptyInfos {
-    generations: [Vec<Py<PyDict>>; GENERATIONS],
+    generations: [Vec<Py<PyDict>>; DICT_POOL_SIZE],
     next: usize,
 }
 
@@ -30,7 +30,7 @@ impl EmptyInfos {
     /// `n` empty dicts that nobody else refers to, in a new list.
     pub(crate) fn list<'py>(&mut self, py: Python<'py>, n: usize) -> PyResult<Bound<'py, PyList>> {
         let dicts = &mut self.generations[self.next];
-        self.next = (self.next + 1) % GENERATIONS;
+        self.next = (self.next + 1) % DICT_POOL_SIZE;
         dicts.resize_with(n, || PyDict::new(py).unbind());
         for dict in dicts.iter_mut() {
             // SAFETY: the pointer is that of a live object, and the GIL is held.

@@ -15,9 +15,10 @@ type Array<'py> = Bound<'py, PyArray1<f64>>;
 
 /// Equations of motion of the coupled 3D robot without slip (Kane's method).
 ///
-/// Generalised velocity: ball velocity x, y (inertial), body angular velocity (body frame) and, with
-/// `ball_spins_about_vertical`, the ball's spin about the vertical: 5 or 6 numbers. `absolute_wheel_spin=False` is the
-/// paper's wheel energy, in which a wheel's spin counts relative to the body.
+/// The defaults are the equations that `Ballbot(model="spatial")` integrates. Generalized velocity: ball velocity x, y
+/// (inertial frame, m/s), body angular velocity (body frame, rad/s) and spin of the ball about the vertical (rad/s),
+/// shape (6,); shape (5,) without the last with `ball_spins_about_vertical=False`, which constrains that spin to zero.
+/// `absolute_wheel_spin=False` is the paper's wheel energy, in which the spin of a wheel counts relative to the body.
 #[pyclass(name = "SpatialModel", module = "ballbot_rs", frozen)]
 pub(crate) struct PySpatialModel(SpatialModel);
 
@@ -40,12 +41,12 @@ impl PySpatialModel {
 #[pymethods]
 impl PySpatialModel {
     #[new]
-    #[pyo3(signature = (params, absolute_wheel_spin=true, ball_spins_about_vertical=false))]
+    #[pyo3(signature = (params, absolute_wheel_spin=true, ball_spins_about_vertical=true))]
     fn new(params: &PyParams, absolute_wheel_spin: bool, ball_spins_about_vertical: bool) -> Self {
         Self(SpatialModel::new(&params.0, absolute_wheel_spin, ball_spins_about_vertical))
     }
 
-    /// Derivative of the generalised velocity.
+    /// Derivative of the generalized velocity.
     fn accelerations<'py>(
         &self,
         py: Python<'py>,

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 ///
 /// `body_*` describe everything above the ball: the wheels' mass counts, their inertia about their axles does not.
 /// Without default: `ball_mass` (kg), `ball_inertia` (about a diameter, kg·m²), `ball_radius` (m), `body_mass` (kg),
-/// `body_inertia` (three moments about the body's CoM, kg·m²), `body_com_height` (above the ball centre, m),
+/// `body_inertia` (three moments about the body's CoM, kg·m²), `body_com_height` (above the ball center, m),
 /// `wheel_mass` (kg), `wheel_inertia` (about the axle, kg·m²), `wheel_radius` (m), `wheel_zenith` (rad).
 /// With default: `wheel_azimuths` (0, 120, 240 deg), `max_wheel_torque` (5 N·m), `gravity` (9.81 m/s²),
 /// `ball_viscous_friction` (0 N/(m/s)), `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m),
@@ -156,7 +156,7 @@ impl PyParams {
         self.0.body_inertia.into()
     }
 
-    /// l, from the ball centre, m.
+    /// l, from the ball center, m.
     #[getter]
     fn body_com_height(&self) -> f64 {
         self.0.body_com_height

@@ -19,7 +19,7 @@ use std::path::PathBuf;
 ///     params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
 ///     urdf: (bot, ball), two files whose visual shapes are shown in place of shapes made from `params`.
 ///     width, height: of the picture, pixels.
-///     samples: colour samples a pixel, 1, 2 or 4.
+///     samples: color samples a pixel, 1, 2 or 4.
 ///     camera: `target` (three, m), `distance` (m), `azimuth` (rad, counter-clockwise from x), `elevation` (rad),
 ///         `field_of_view` (vertical, rad) and `follows` (the ball; then `target` is relative to its point of
 ///         contact) change the default, which follows the robot.

@@ -87,9 +87,10 @@ impl PyState {
 
     /// At rest on the floor at the origin: turned by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad).
     #[staticmethod]
-    #[pyo3(signature = (params, tilt=(0.0, 0.0), yaw=0.0))]
-    fn at_rest(params: &PyParams, tilt: (f64, f64), yaw: f64) -> PyResult<Self> {
-        tilted(&params.0, [tilt.0, tilt.1], yaw).map(Self)
+    #[pyo3(signature = (params, tilt=None, yaw=0.0), text_signature = "(params, tilt=(0.0, 0.0), yaw=0.0)")]
+    fn at_rest(params: &PyParams, tilt: Argument<'_, '_>, yaw: f64) -> PyResult<Self> {
+        let tilt = tilt.map_or(Ok([0.0; 2]), |tilt| numbers::<2>("tilt", tilt))?;
+        tilted(&params.0, tilt, yaw).map(Self)
     }
 
     /// Rolling without slip with the ball's velocity (x, y): ball and wheel rates follow from it.
@@ -140,7 +141,7 @@ impl PyState {
         slf.get_type().call((), Some(&arguments))
     }
 
-    /// Ball centre, m.
+    /// Ball center, m.
     #[getter]
     fn ball_position<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.ball_position.as_slice())
@@ -164,7 +165,7 @@ impl PyState {
         array(py, self.0.ball_angular_velocity.as_slice())
     }
 
-    /// Origin of the body frame, m; the ball centre unless a wheel has lifted off.
+    /// Origin of the body frame, m; the ball center unless a wheel has lifted off.
     #[getter]
     fn body_position<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.0.body_position.as_slice())

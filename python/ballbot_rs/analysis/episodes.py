@@ -12,7 +12,7 @@ from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._state_rows import BALL_POSITION, tilt_of
 from ballbot_rs.analysis.rollout import batch_for, rollout
 from ballbot_rs.analysis.settling import settling_times
-from ballbot_rs.control.resolve import Controller, Source, common_options, find
+from ballbot_rs.control.resolve import ResolvedController, Source, common_options, find, options_of
 from ballbot_rs.envs.registration import DEFAULT_TASK
 
 #: Tilt within which a robot has settled, rad.
@@ -63,14 +63,15 @@ def compare(
     """Runs episodes of one task from the starts that `seed` gives, the same for every controller.
 
     Args:
-        controllers: each "pid" (at 500 Hz, unless a `control_dt` is given), "lqr", "zero", the path of a policy file
-            (of Stable-Baselines3, or ONNX) or of a training run, or an object that maps a `State` to wheel torques in
-            N·m (one that takes `position` gets the setpoint, m).
+        controllers: each the name of a controller ("pid" runs at 500 Hz, unless a `control_dt` is given; "zero" is no
+            torque), the path of a policy file (of Stable-Baselines3, or ONNX) or of a training run, a `Controller`, or
+            an object that maps a `State` to wheel torques in N·m (one that takes `position` gets the setpoint, m).
         task: name of the task ("balance"). It, or `env_options`, is needed for policy files without metadata.
         episodes: number of episodes; episode i is that of an environment seeded with seed + i.
         seed: of the first episode.
         num_threads: threads that step the robots; None takes all cores.
-        env_options: options of the environment, over those that the policies were trained with.
+        env_options: options of the environment, over those that the policies were trained with. Without
+            `max_wheel_torque` among them feedback laws have the motors' limit and their own, not that of policies.
         progress: called with the number of steps done and their total.
 
     Raises:
@@ -83,7 +84,14 @@ def compare(
     found = [find(source, task=task, env_options=env_options) for source in controllers]
     options = common_options(found, env_options)
     batches = [
-        batch_for(controller, episodes, task=task or DEFAULT_TASK, num_threads=num_threads, seed=seed, options=options)
+        batch_for(
+            controller,
+            episodes,
+            task=task or DEFAULT_TASK,
+            num_threads=num_threads,
+            seed=seed,
+            options=options_of(controller, options, env_options),
+        )
         for controller in found
     ]
     total = sum(batch.max_episode_steps for batch in batches)
@@ -99,8 +107,9 @@ def compare(
     return results
 
 
-def _run(controller: Controller, batch: Batch, advance: Callable[[int], None]) -> Result:
+def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], None]) -> Result:
     n, steps = batch.num_envs, batch.max_episode_steps
+    setpoint = np.asarray(batch.options.get("setpoint", (0.0, 0.0)))
     running = np.ones(n, dtype=bool)
     success = np.zeros(n, dtype=bool)
     survived = np.zeros(n, dtype=bool)
@@ -108,17 +117,20 @@ def _run(controller: Controller, batch: Batch, advance: Callable[[int], None]) -
     distances = np.full((steps, n), np.nan)
     squared_torques = np.full((steps, n), np.nan)
     returns = np.zeros(n)
-    for frame in rollout(batch, controller, steps):
-        tilts[frame.step, running] = tilt_of(frame.states[running])
-        away = frame.states[running, BALL_POSITION][:, :2] - np.asarray(batch.setpoint)
-        distances[frame.step, running] = np.linalg.norm(away, axis=1)
-        torques = frame.actions[running] * batch.max_wheel_torque
-        squared_torques[frame.step, running] = np.mean(torques**2, axis=1)
-        returns[running] += frame.rewards[running]
-        success |= frame.success & running
-        survived |= frame.truncated & ~frame.terminated & running
-        running &= ~(frame.terminated | frame.truncated)
-        advance(frame.step + 1)
+    for chunk in rollout(batch, controller, steps):
+        ended = chunk.terminated | chunk.truncated
+        # Before a step, no earlier one has ended the first episode.
+        still = running & (np.cumsum(ended, axis=0) - ended == 0)
+        rows = slice(chunk.first, chunk.first + len(chunk))
+        tilts[rows] = np.where(still, tilt_of(chunk.states), np.nan)
+        away = np.linalg.norm(chunk.states[..., BALL_POSITION][..., :2] - setpoint, axis=-1)
+        distances[rows] = np.where(still, away, np.nan)
+        squared_torques[rows] = np.where(still, np.mean(chunk.torques**2, axis=-1), np.nan)
+        returns += np.where(still, chunk.rewards, 0.0).sum(axis=0)
+        success |= (chunk.success & still).any(axis=0)
+        survived |= (chunk.truncated & ~chunk.terminated & still).any(axis=0)
+        running &= ~ended.any(axis=0)
+        advance(rows.stop)
         if not running.any():
             break
     advance(steps)

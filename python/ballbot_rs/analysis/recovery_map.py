@@ -84,14 +84,16 @@ def collect(
     azimuths = np.arange(sectors) * 2 * np.pi / sectors
     # Leaning towards an azimuth is a rotation about the axis 90 deg ahead of it.
     leaning = [(-tilt * np.sin(azimuth), tilt * np.cos(azimuth)) for tilt in tilts for azimuth in azimuths]
-    starts = [State.upright(batch.params, tilt=components) for components in leaning]
+    params = batch.params(0)
+    starts = [State.at_rest(params, tilt=components) for components in leaning]
     steps = max(round(seconds / batch.control_dt), 1)
     standing = np.ones(batch.num_envs, dtype=bool)
     leans = np.empty((steps, batch.num_envs))
-    for frame in rollout(batch, found, steps, starts):
-        leans[frame.step] = tilt_of(frame.states)
-        standing &= ~frame.terminated
-        progress(frame.step + 1, steps)
+    for chunk in rollout(batch, found, steps, starts):
+        end = chunk.first + len(chunk)
+        leans[chunk.first : end] = tilt_of(chunk.states)
+        standing &= ~chunk.terminated.any(axis=0)
+        progress(end, steps)
     times = np.where(standing, settling_times(leans, SETTLED_TILT, batch.control_dt), np.inf)
     recovered = np.isfinite(times)
     shape = (rings, sectors)
@@ -100,7 +102,7 @@ def collect(
         model=batch.model,
         tilts=tilts,
         azimuths=azimuths,
-        wheel_azimuths=batch.params.wheel_azimuths,
+        wheel_azimuths=params.wheel_azimuths,
         stood=standing.reshape(shape),
         recovered=recovered.reshape(shape),
         settling_times=np.where(recovered, times, np.nan).reshape(shape),

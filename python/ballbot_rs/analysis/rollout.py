@@ -7,8 +7,9 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Ballbot, Batch, Contacts, DivergedError, State
-from ballbot_rs.control.resolve import Controller
+from ballbot_rs._core import Ballbot, Batch, Contacts, Controller, State
+from ballbot_rs._errors import DivergedError
+from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs._batch_env import new_batch
 
 Array = npt.NDArray[np.float64]
@@ -16,42 +17,55 @@ Array = npt.NDArray[np.float64]
 #: Models without a floor under the body: a robot that has fallen cannot lie.
 WITHOUT_FLOOR: Final = ("planar", "spatial")
 
+#: Control steps that are kept in memory at once.
+CHUNK: Final = 50
+
 _Act: TypeAlias = Callable[[npt.NDArray[np.float32]], npt.NDArray[np.float32]]
 
 
 @dataclasses.dataclass(frozen=True)
-class Frame:
-    """One control step of all robots of a batch."""
+class Chunk:
+    """Control steps of all robots of a batch; the first axis is time, the second the robot."""
 
-    #: Number of the step, from 0.
-    step: int
-    #: Before the step, shape (n, 32), rows as `State.to_array`.
+    #: Number of the first step, from 0.
+    first: int
+    #: Before each step, shape (k, n, 32), rows as `State.to_array`.
     states: Array
-    #: Within [-1, 1], shape (n, 3).
-    actions: npt.NDArray[np.float32]
-    #: Shape (n,).
+    #: Of the wheels, N·m, shape (k, n, 3).
+    torques: Array
+    #: Shape (k, n).
     rewards: Array
-    #: Shape (n,).
+    #: Shape (k, n).
     terminated: npt.NDArray[np.bool_]
-    #: Shape (n,).
+    #: Shape (k, n).
     truncated: npt.NDArray[np.bool_]
-    #: Whether an episode that ended with this step was a success, shape (n,).
+    #: Whether an episode that ended with a step was a success, shape (k, n).
     success: npt.NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.rewards)
 
 
 def batch_for(
-    controller: Controller,
+    controller: ResolvedController,
     num_envs: int,
     *,
     task: str,
     num_threads: int | None,
     seed: int,
     options: Mapping[str, Any],
+    autoreset: str = "same_step",
 ) -> Batch:
-    """Robots that are reset as soon as they fall, sampled at the rate of the controller unless the options name one."""
+    """Robots, sampled at the rate of the controller unless the options name one.
+
+    A feedback law has a limit of torques of its own; unless the options name one, that of the motors is the batch's.
+    """
+    if controller.policy is None and options.get("max_wheel_torque") is None:
+        params = new_batch(1, task=task, num_threads=1, options=options).params(0)
+        options = {**options, "max_wheel_torque": params.max_wheel_torque}
 
     def batch(options: Mapping[str, Any]) -> Batch:
-        return new_batch(num_envs, task=task, num_threads=num_threads, seed=seed, options=options)
+        return new_batch(num_envs, task=task, autoreset=autoreset, num_threads=num_threads, seed=seed, options=options)
 
     if controller.control_dt is None or "control_dt" in options:
         return batch(options)
@@ -64,25 +78,47 @@ def batch_for(
 
 
 def rollout(
-    batch: Batch, controller: Controller, steps: int, starts: Sequence[State | None] | None = None
-) -> Iterator[Frame]:
+    batch: Batch, controller: ResolvedController, steps: int, starts: Sequence[State | None] | None = None
+) -> Iterator[Chunk]:
     """Steps a controller on all robots of a batch, from their first episodes on.
 
     Args:
         batch: the robots; they are reset first.
-        controller: on every robot.
+        controller: on every robot; those of the core run without Python in the loop.
         steps: number of control steps.
         starts: states to start from; None draws them.
     """
-    act = _bind(controller, batch)
+    law = _core_law(controller, batch)
     observations = batch.reset(starts=starts)
-    for step in range(steps):
-        states = batch.states()
-        actions = act(observations)
+    act = None if law is not None else _bind(controller, batch)
+    for first in range(0, steps, CHUNK):
+        length = min(CHUNK, steps - first)
+        if law is not None:
+            yield _in_core(batch, law, first, length)
+        else:
+            assert act is not None
+            chunk, observations = _in_python(batch, act, first, length, observations)
+            yield chunk
+
+
+def _in_core(batch: Batch, law: Controller, first: int, length: int) -> Chunk:
+    record = ("states", "torques", "rewards", "terminated", "truncated", "success")
+    found = batch.rollout(law, length, record=record)
+    found["states"] = found["states"][:-1]
+    found["success"] &= found["terminated"] | found["truncated"]
+    return Chunk(first, **found)
+
+
+def _in_python(
+    batch: Batch, act: _Act, first: int, length: int, observations: npt.NDArray[np.float32]
+) -> tuple[Chunk, npt.NDArray[np.float32]]:
+    rows = []
+    for _ in range(length):
+        states, actions = batch.states(), act(observations)
         observations, rewards, terminated, truncated = batch.step(actions)
-        ended = terminated | truncated
-        success = batch.endings()[0] & ended if ended.any() else np.zeros_like(ended)
-        yield Frame(step, states, actions, rewards.astype(np.float64), terminated, truncated, success)
+        success = batch.endings()[0] & (terminated | truncated)
+        rows.append((states, actions.astype(float) * batch.max_wheel_torque, rewards, terminated, truncated, success))
+    return Chunk(first, *(np.array(column) for column in zip(*rows, strict=True))), observations
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,60 +135,89 @@ class Run:
 
 
 def run_one(
-    batch: Batch, controller: Controller, steps: int, start: State, pushes: Mapping[int, npt.ArrayLike] | None = None
+    batch: Batch,
+    controller: ResolvedController,
+    steps: int,
+    start: State,
+    pushes: Mapping[int, npt.ArrayLike] | None = None,
 ) -> Run:
     """Runs a controller on a batch of one robot; after a fall with the motors off.
 
     Args:
-        batch: one robot.
+        batch: one robot, not reset by itself.
         controller: on this robot.
         steps: number of control steps.
         start: first state.
         pushes: impulses on the body, N·s, by the number of the step that begins with them.
     """
-    act = _bind(controller, batch)
+    pushes = pushes or {}
+    law = _core_law(controller, batch)
+    act = _bind(controller, batch) if law is None else lambda observations: batch.control(law)  # noqa: ARG005
     observations = batch.reset(starts=[start])
-    # A batch neither tells its contacts nor goes on after a fall: this robot, with the same torques, does both.
-    robot = Ballbot(batch.params, batch.model, batch.sim_dt)
-    robot.reset(start)
-    substeps = round(batch.control_dt / batch.sim_dt)
-    states, contacts, torques = [robot.state], [robot.contacts], []
-    fell_at = None
+    states, contacts = [batch.state(0)], [batch.contacts(0)]
+    torques: list[Array] = []
     for step in range(steps):
-        action = act(observations) if fell_at is None else np.zeros((1, 3), np.float32)
-        torque = action[0].astype(float) * batch.max_wheel_torque
-        impulse = (pushes or {}).get(step)
-        if impulse is not None:
-            robot.push(impulse)
-            batch.push(0, impulse)
+        action = act(observations)
+        if step in pushes:
+            batch.push(0, pushes[step])
+        observations, _, terminated, _ = batch.step(action)
+        if batch.ending(0)[1] == "diverged":
+            return Run(states, contacts, np.array(torques).reshape(-1, 3), step)
+        torques.append(action[0].astype(float) * batch.max_wheel_torque)
+        states.append(batch.state(0))
+        contacts.append(batch.contacts(0))
+        if terminated[0]:
+            _lie(batch, states, contacts, torques, steps, pushes)
+            return Run(states, contacts, np.array(torques), step + 1)
+    return Run(states, contacts, np.array(torques), None)
+
+
+def _lie(
+    batch: Batch,
+    states: list[State],
+    contacts: list[Contacts],
+    torques: list[Array],
+    steps: int,
+    pushes: Mapping[int, npt.ArrayLike],
+) -> None:
+    """Goes on after a fall, motors off, to the end of the time; the task's episode has ended, so without the batch."""
+    if batch.model in WITHOUT_FLOOR:
+        return
+    robot = Ballbot(batch.params(0), batch.model, batch.sim_dt)
+    robot.reset(states[-1])
+    for step in range(len(torques), steps):
+        if step in pushes:
+            robot.push(pushes[step])
         try:
-            robot.step(torque, substeps)
+            robot.step(np.zeros(3), batch.substeps)
         except DivergedError:
-            fell_at = step if fell_at is None else fell_at
-            break
-        torques.append(torque)
+            return
+        torques.append(np.zeros(3))
         states.append(robot.state)
         contacts.append(robot.contacts)
-        if fell_at is None:
-            observations, _, terminated, _ = batch.step(action)
-            if terminated[0]:
-                fell_at = step + 1
-                if batch.model in WITHOUT_FLOOR:
-                    break
-    return Run(states, contacts, np.array(torques).reshape(-1, 3), fell_at)
 
 
-def _bind(controller: Controller, batch: Batch) -> _Act:
-    """Actions within [-1, 1] of a controller on the robots of a batch."""
+def _core_law(controller: ResolvedController, batch: Batch) -> Controller | None:
+    """The law of the core that a controller is; None if it is anything else."""
+    if controller.policy is not None:
+        return None
+    # The environment clips each torque at its own limit; a controller that has this limit keeps their direction.
+    params = batch.params(0).replace(max_wheel_torque=batch.max_wheel_torque)
+    law = controller.law(params, batch.control_dt)
+    return law if isinstance(law, Controller) else None
+
+
+def _bind(controller: ResolvedController, batch: Batch) -> _Act:
+    """Actions within [-1, 1] of a policy, or of a feedback law in Python, on the robots of a batch."""
     if controller.policy is not None:
         policy = controller.policy
         return lambda observations: _limited(policy(observations))
-    # The environment clips each torque at its own limit; a controller that has this limit keeps their direction.
-    params = batch.params.replace(max_wheel_torque=batch.max_wheel_torque)
+    params = batch.params(0).replace(max_wheel_torque=batch.max_wheel_torque)
     laws = controller.laws(batch.num_envs, params, batch.control_dt)
+    setpoint = batch.options.get("setpoint", (0.0, 0.0))
 
     def act(observations: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:  # noqa: ARG001
-        torques = [law(batch.state(i), batch.setpoint) for i, law in enumerate(laws)]
+        torques = [law(batch.state(i), setpoint) for i, law in enumerate(laws)]
         return _limited(np.asarray(torques, dtype=np.float64) / batch.max_wheel_torque)
 
     return act

@@ -85,16 +85,16 @@ def run(
     found = find(controller, task=task, env_options=env_options)
     # Only a fall ends the episode: lengths in steps are for the task's own rate.
     options = {**common_options([found], env_options), "max_episode_steps": None}
-    batch = batch_for(found, 1, task=task or DEFAULT_TASK, num_threads=1, seed=0, options=options)
+    batch = batch_for(found, 1, task=task or DEFAULT_TASK, num_threads=1, seed=0, options=options, autoreset="disabled")
     steps = max(round(seconds / batch.control_dt), 1)
     pushes = {} if push is None else {min(round(push.time / batch.control_dt), steps - 1): push.impulse}
-    start = State.upright(batch.params, tilt=tilt, yaw=yaw)
+    start = State.at_rest(batch.params(0), tilt=tilt, yaw=yaw)
     done = run_one(batch, found, steps, start, pushes)
     last = done.torques[-1:] if len(done.torques) else np.zeros((1, 3))
     return Trajectory(
         controller=found.name,
         model=batch.model,
-        params=batch.params,
+        params=batch.params(0),
         times=np.array([row * batch.control_dt for row in range(len(done.states))]),
         states=done.states,
         contacts=done.contacts,

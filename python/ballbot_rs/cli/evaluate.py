@@ -9,7 +9,7 @@ from ballbot_rs._text_table import print_table
 from ballbot_rs.analysis.episodes import compare
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.envs.registration import DEFAULT_TASK, TASKS
+from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 
 
 def add_to(commands: Any) -> None:
@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> None:
         )
     if arguments.json:
         report = {
-            "env_id": TASKS[arguments.task or DEFAULT_TASK],
+            "env_id": env_id_of(arguments.task or DEFAULT_TASK),
             "seed": arguments.seed,
             "ballbot_rs": __version__,
             "results": [vars(result) for result in results],

@@ -5,10 +5,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+from ballbot_rs._core import TASKS
 from ballbot_rs._extras import require
 from ballbot_rs.cli import scenario
 from ballbot_rs.control.onnx_policy import OnnxPolicy
-from ballbot_rs.envs.registration import DEFAULT_TASK, TASKS
+from ballbot_rs.envs.registration import DEFAULT_TASK
 
 
 def add_to(commands: Any) -> None:
@@ -34,13 +35,14 @@ def run(arguments: argparse.Namespace) -> None:
         target = (source if source.is_dir() else source.parent) / "policy.onnx"
     if target.suffix != ".onnx":
         raise ValueError(f"{target}: the name of an ONNX file ends in .onnx")
+    task = arguments.task or DEFAULT_TASK
     with require("exporting", "train", "export"):
         from ballbot_rs.training import export
     options = scenario.env_options(arguments)
     given = options if options or arguments.task is not None else None
-    difference = export.export(arguments.policy, target, TASKS[arguments.task or DEFAULT_TASK], given)
+    difference = export.export(arguments.policy, target, task, given)
     if arguments.json:
-        report = {"policy": str(target), "difference": difference, "metadata": OnnxPolicy(target).metadata}
+        report = {"policy": str(target), "difference": difference, "metadata": OnnxPolicy(target, task).metadata}
         print(json.dumps(report, indent=2))
         return
     size = target.stat().st_size / 1024

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs import __version__
-from ballbot_rs._core import MODELS, Params
-from ballbot_rs.control.resolve import CONTROLLERS
-from ballbot_rs.envs.registration import TASKS
+from ballbot_rs._core import MODELS, ROBOTS, TASKS
+from ballbot_rs.control.resolve import NAMES
 
 #: What the package may work with.
 LIBRARIES = (
@@ -56,9 +55,9 @@ def collect() -> dict[str, Any]:
         "processors": os.cpu_count(),
         "threads": _threads(),
         "models": list(MODELS),
-        "robots": Params.preset_names(),
+        "robots": list(ROBOTS),
         "tasks": sorted(TASKS),
-        "controllers": list(CONTROLLERS),
+        "controllers": list(NAMES),
         "libraries": {name: _version(name) for name in LIBRARIES},
     }
 

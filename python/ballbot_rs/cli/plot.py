@@ -10,7 +10,7 @@ from typing import Any
 from ballbot_rs._extras import require
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.control.resolve import CONTROLLERS, common_options
+from ballbot_rs.control.resolve import NAMES, common_options
 
 FIGURES = ("trajectories", "phase_portrait", "recovery_map", "learning_curve")
 
@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> None:
         from ballbot_rs.media.figures.style import save
     arguments.controller = arguments.controller or ["lqr"]
     output = arguments.output or Path("figures")
-    runs = [name for name in arguments.controller if name not in CONTROLLERS and (Path(name) / "run.json").is_file()]
+    runs = [name for name in arguments.controller if name not in NAMES and (Path(name) / "run.json").is_file()]
     wanted = arguments.figure or [name for name in FIGURES if name != "learning_curve" or runs]
     if "learning_curve" in wanted and not runs:
         raise ValueError("a learning curve is of training runs, and none is given")
@@ -71,7 +71,9 @@ def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[s
         maps = []
         for controller in found:
             with bar(f"recovery of {controller.name}", quiet) as progress:
-                maps.append(recovery.collect(controller, env_options=chosen.env_options, progress=progress))
+                maps.append(
+                    recovery.collect(controller, task=chosen.task, env_options=chosen.env_options, progress=progress)
+                )
         drawn.append(("recovery_map", recovery_map.draw(maps)))
     if "learning_curve" in wanted:
         drawn.append(("learning_curve", learning_curve.draw([read(Path(name)) for name in runs])))

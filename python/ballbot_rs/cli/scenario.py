@@ -9,12 +9,12 @@ from typing import Any
 
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
-from ballbot_rs._core import MODELS, Params
+from ballbot_rs._core import MODELS, ROBOTS, TASKS, Params
 from ballbot_rs.analysis.trajectory import Push, Trajectory, run
-from ballbot_rs.control.resolve import CONTROLLERS, Controller, Source, find
-from ballbot_rs.envs.registration import DEFAULT_TASK, TASKS
+from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, find
+from ballbot_rs.envs.registration import DEFAULT_TASK
 
-CONTROLLER_METAVAR = f"{'|'.join(CONTROLLERS)}|PATH"
+CONTROLLER_METAVAR = f"{'|'.join(NAMES)}|PATH"
 
 
 def add_task(command: Any) -> None:
@@ -28,7 +28,7 @@ def _task(name: str) -> str:
     if name in TASKS:
         return name
     hint = did_you_mean(name, TASKS)
-    if name in CONTROLLERS or Path(name).exists():
+    if name in NAMES or Path(name).exists():
         hint = f": a controller is named by --controller {name}"
     raise argparse.ArgumentTypeError(f"unknown task '{name}', expected one of {', '.join(sorted(TASKS))}{hint}")
 
@@ -50,7 +50,7 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else") -> Non
     command.add_argument(
         "--robot",
         metavar="NAME|FILE.toml",
-        help=f"{', '.join(Params.preset_names())}, or a file with parameters (default: {otherwise} paper)",
+        help=f"{', '.join(ROBOTS)}, or a file with parameters (default: {otherwise} paper)",
     )
     command.add_argument(
         "--env-option",
@@ -85,7 +85,7 @@ def robot_option(name: str) -> Any:
         OSError: the file cannot be read.
     """
     if Path(name).suffix != ".toml":
-        known = Params.preset_names()
+        known = ROBOTS
         if name not in known:
             hint = did_you_mean(name, known)
             raise ValueError(f"unknown robot '{name}': expected one of {', '.join(known)}, or FILE.toml{hint}")
@@ -125,7 +125,7 @@ def env_options(arguments: argparse.Namespace) -> dict[str, Any]:
     return options
 
 
-def controllers(arguments: argparse.Namespace) -> list[Controller]:
+def controllers(arguments: argparse.Namespace) -> list[ResolvedController]:
     """The controllers that the command line names."""
     options = env_options(arguments)
     given = arguments.controller if isinstance(arguments.controller, list) else [arguments.controller or "lqr"]
@@ -141,6 +141,7 @@ class Scenario:
     yaw: float
     push: Push | None
     env_options: dict[str, Any]
+    task: str | None
 
     def of(self, controller: Source) -> Trajectory:
         """The trajectory under a controller."""
@@ -150,6 +151,7 @@ class Scenario:
             tilt=self.tilt,
             yaw=self.yaw,
             push=self.push,
+            task=self.task,
             env_options=self.env_options,
         )
 
@@ -171,4 +173,6 @@ def add_scenario(command: Any, seconds: float) -> None:
 def scenario(arguments: argparse.Namespace) -> Scenario:
     """The scenario that the command line describes."""
     push = None if arguments.push is None else Push(tuple(arguments.push), arguments.push_at)
-    return Scenario(arguments.seconds, tuple(arguments.tilt), arguments.yaw, push, env_options(arguments))
+    return Scenario(
+        arguments.seconds, tuple(arguments.tilt), arguments.yaw, push, env_options(arguments), arguments.task
+    )

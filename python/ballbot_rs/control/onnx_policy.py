@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import OBSERVATION
+from ballbot_rs._core import TASKS
 from ballbot_rs._extras import require
-from ballbot_rs.envs.registration import BALANCE
+from ballbot_rs.control import policy_file
+from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 
 #: What an exported policy says of itself, each a JSON text; the keys of its file begin with `PREFIX`.
 FIELDS = {
     "env_id": str,
     "env_options": dict,
     "observation": list,
-    "normalisation": dict,
     "max_wheel_torque": float,
     "control_dt": float,
     "algorithm": str,
@@ -26,17 +26,12 @@ FIELDS = {
 PREFIX = "ballbot."
 
 
-def observation_layout() -> list[list[Any]]:
-    """Name, unit and bound of each row of an observation, as JSON has it."""
-    return [[name, unit, bound] for name, unit, bound in OBSERVATION]
-
-
 class OnnxPolicy:
     """A policy that `ballbot export` wrote.
 
     Args:
         path: the file.
-        env_id: the environment that it is to act in.
+        task: the task that it is to act in.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -44,32 +39,37 @@ class OnnxPolicy:
         ModuleNotFoundError: onnxruntime is not installed.
     """
 
-    def __init__(self, path: str | PathLike[str], env_id: str = BALANCE) -> None:
+    def __init__(self, path: str | PathLike[str], task: str = DEFAULT_TASK) -> None:
         file = Path(fspath(path))
         if not file.is_file():
             raise FileNotFoundError(f"no policy at {file}")
         self._session = _session(file)
         self.metadata = _metadata(file, self._session.get_modelmeta().custom_metadata_map)
-        _check(file, self.metadata, env_id)
+        _check(file, self.metadata, task)
         ends = (*self._session.get_inputs(), *self._session.get_outputs())
         shapes = [(end.name, end.shape[1:]) for end in ends]
-        if shapes != [("observation", [len(OBSERVATION)]), ("action", [3])]:
-            raise ValueError(f"{file} maps {shapes}, expected an observation of {len(OBSERVATION)} to an action of 3")
+        self._rows = len(TASKS[task]["observation"])
+        if shapes != [("observation", [self._rows]), ("action", [3])]:
+            raise ValueError(f"{file} maps {shapes}, expected an observation of {self._rows} to an action of 3")
+        self._env_options = policy_file.completed(task, self.metadata["env_options"])
 
     @property
     def env_options(self) -> dict[str, Any]:
-        """Arguments of the environment that the policy was trained with."""
-        return dict(self.metadata["env_options"])
+        """Options of the environment that the policy was trained in.
+
+        A policy from before 0.2.0 gets observations without scaling, and 1 N·m an action, as it was trained.
+        """
+        return dict(self._env_options)
 
     def act(self, observation: npt.ArrayLike) -> npt.NDArray[np.float32]:
-        """Actions in [-1, 1]: shape (3,) for an observation (16,), shape (n, 3) for a batch (n, 16).
+        """Actions in [-1, 1]: shape (3,) for an observation (m,), shape (n, 3) for a batch (n, m).
 
         Raises:
             ValueError: another shape.
         """
         rows = np.asarray(observation, dtype=np.float32)
-        if rows.ndim not in (1, 2) or rows.shape[-1] != len(OBSERVATION):
-            raise ValueError(f"observation has shape {rows.shape}, expected (16,) or (n, 16)")
+        if rows.ndim not in (1, 2) or rows.shape[-1] != self._rows:
+            raise ValueError(f"observation has shape {rows.shape}, expected ({self._rows},) or (n, {self._rows})")
         actions: npt.NDArray[np.float32]
         (actions,) = self._session.run(["action"], {"observation": np.ascontiguousarray(np.atleast_2d(rows))})
         return actions if rows.ndim == 2 else actions[0]
@@ -101,9 +101,15 @@ def _metadata(file: Path, found: dict[str, str]) -> dict[str, Any]:
     return read
 
 
-def _check(file: Path, metadata: dict[str, Any], env_id: str) -> None:
-    for field, expected in (("env_id", env_id), ("observation", observation_layout())):
-        if metadata[field] != expected:
-            raise ValueError(
-                f"{file} was trained for another environment: {field} is {metadata[field]!r}, expected {expected!r}"
-            )
+def _check(file: Path, metadata: dict[str, Any], task: str) -> None:
+    if metadata["env_id"] != env_id_of(task):
+        raise ValueError(
+            f"{file} was trained for another environment: "
+            f"env_id is {metadata['env_id']!r}, expected {env_id_of(task)!r}"
+        )
+    if not policy_file.fits(metadata["observation"], task):
+        expected = policy_file.observation_layout(task)
+        raise ValueError(
+            f"{file} was trained for another environment: "
+            f"observation is {metadata['observation']!r}, expected {expected!r}"
+        )

@@ -13,16 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import did_you_mean
-from ballbot_rs._core import Lqr, Params, Pid, State
+from ballbot_rs._core import CONTROLLERS, Controller, Params, State
 from ballbot_rs._extras import require
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 
-#: Controllers by name; anything else is the path of a policy.
-CONTROLLERS: Final = ("lqr", "pid", "zero")
-
-#: The derivative filter of the paper's PID, 327 rad/s, is unstable at 100 Hz.
-PID_CONTROL_DT: Final = 0.002
+#: Names of controllers: those of the core, and no torque at all. Anything else is the path of a policy.
+NAMES: Final = (*CONTROLLERS, "zero")
 
 #: Largest file that is read for someone who is not trusted; exported policies have some 30 kB.
 MAX_FILE_SIZE: Final = 64 * 2**20
@@ -39,33 +36,44 @@ class Law(Protocol):
 
 
 #: A name, a path, an object that maps a state to wheel torques, or what `find` has made of one of them.
-Source: TypeAlias = "str | PathLike[str] | Law | Controller"
+Source: TypeAlias = "str | PathLike[str] | Law | ResolvedController"
+
+#: Wheel torques, N·m, from a state and the position setpoint.
+Torques: TypeAlias = Callable[[State, npt.ArrayLike], npt.ArrayLike]
 
 
 @dataclasses.dataclass(frozen=True)
-class Controller:
+class ResolvedController:
     """A controller that is not on any robot yet: either a policy or a feedback law."""
 
     name: str
-    #: Options of the environment that a policy was trained with.
+    #: Options of the environment that a policy was trained in.
     env_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     policy: Policy | None = None
-    make_laws: Callable[[Params, float, int], Sequence[Law]] | None = None
+    #: Makes the law of one robot from its parameters and the time between two calls, s.
+    make_law: Callable[[Params, float], Law] | None = None
     #: Rate at which the law is to run, s; None takes the task's.
     control_dt: float | None = None
 
-    def laws(self, count: int, params: Params, control_dt: float) -> "list[Torques]":
+    def law(self, params: Params, control_dt: float) -> Law:
+        """The feedback law; one of the core runs all robots of a batch."""
+        assert self.make_law is not None
+        return self.make_law(params, control_dt)
+
+    def laws(self, count: int, params: Params, control_dt: float) -> list[Torques]:
         """The feedback law for each of `count` robots, as functions of state and position setpoint.
 
         Raises:
             TypeError: an object that cannot be copied, for more than one robot.
         """
-        assert self.make_laws is not None
-        return [_with_setpoint(law) for law in self.make_laws(params, control_dt, count)]
-
-
-#: Wheel torques, N·m, from a state and the position setpoint.
-Torques: TypeAlias = Callable[[State, npt.ArrayLike], npt.ArrayLike]
+        first = self.law(params, control_dt)
+        if isinstance(first, Controller):
+            return [_with_setpoint(first), *(_with_setpoint(self.law(params, control_dt)) for _ in range(count - 1))]
+        # Copies, so that no robot has another one's memory.
+        try:
+            return [_with_setpoint(law) for law in (first, *(copy.deepcopy(first) for _ in range(count - 1)))]
+        except TypeError as error:
+            raise TypeError(f"{self.name} cannot be copied for {count} robots: {error}") from error
 
 
 def find(
@@ -74,11 +82,11 @@ def find(
     task: str | None = None,
     env_options: Mapping[str, Any] | None = None,
     trusted: bool = True,
-) -> Controller:
+) -> ResolvedController:
     """A controller from its name, from the path of a policy (Stable-Baselines3, ONNX or a training run) or an object.
 
     Args:
-        source: "lqr", "pid", "zero", the path of a policy, "file.py:NAME" (a function, an object, or a class to be
+        source: one of `NAMES`, the path of a policy, "file.py:NAME" (a function, an object, or a class to be
             called without arguments), or an object. Objects map a `State` to three wheel torques in N·m; those that
             take `position` get the setpoint, m; an attribute `name` and the method `reset` are optional.
         task: the task. It, or `env_options`, is needed for a policy file that does not name its own.
@@ -91,44 +99,42 @@ def find(
         ModuleNotFoundError: an optional dependency is missing; the message says what to install.
         TypeError: the object cannot be called.
     """
-    env_id = env_id_of(DEFAULT_TASK if task is None else task)
-    if isinstance(source, Controller):
+    known_task = DEFAULT_TASK if task is None else task
+    env_id_of(known_task)
+    if isinstance(source, ResolvedController):
         return source
     if not isinstance(source, (str, PathLike)):
         return _from_object(source)
     name = fspath(source)
-    if name == "lqr":
-        # It has no memory: one serves all robots.
-        return Controller(name, make_laws=lambda params, control_dt, count: [Lqr(params, control_dt)] * count)
-    if name == "pid":
-        return Controller(
+    if name in CONTROLLERS:
+        return ResolvedController(
             name,
-            make_laws=lambda params, control_dt, count: [Pid(params, control_dt) for _ in range(count)],
-            control_dt=PID_CONTROL_DT,
+            make_law=lambda params, control_dt: Controller(name, params, control_dt),
+            control_dt=CONTROLLERS[name]["control_dt"],
         )
-    if name == "zero":
-        return Controller(name, make_laws=lambda params, control_dt, count: [_no_torque] * count)  # noqa: ARG005
+    if name in NAMES:
+        return ResolvedController(name, make_law=lambda params, control_dt: _no_torque)  # noqa: ARG005
     path = Path(name)
     if path.suffix == ".onnx":
         if not trusted:
             _check_size(path)
-        onnx = OnnxPolicy(path, env_id)
-        return Controller(name, onnx.env_options, onnx.act)
+        onnx = OnnxPolicy(path, known_task)
+        return ResolvedController(name, onnx.env_options, onnx.act)
     if not trusted:
         raise ValueError(
-            f"unknown controller '{name}': expected {', '.join(CONTROLLERS)} or a policy file that ends in .onnx"
+            f"unknown controller '{name}': expected {', '.join(NAMES)} or a policy file that ends in .onnx"
         )
     file, _, attribute = name.rpartition(":")
     if file.endswith(".py"):
         return _from_object(_imported(Path(file), attribute), name)
     if not path.exists() and path.suffix != ".zip":
-        known = f"expected {', '.join(CONTROLLERS)} or the path of a policy"
-        raise FileNotFoundError(f"no policy at {name}: {known}{did_you_mean(name, CONTROLLERS)}")
+        known = f"expected {', '.join(NAMES)} or the path of a policy"
+        raise FileNotFoundError(f"no policy at {name}: {known}{did_you_mean(name, NAMES)}")
     with require("a policy file", "train"):
         from ballbot_rs.control import sb3_policy
     given = None if task is None and not env_options else env_options or {}
-    model, found = sb3_policy.load(path, env_id, given)
-    return Controller(name, found["env_options"], lambda observations: sb3_policy.act(model, observations))
+    model, found = sb3_policy.load(path, known_task, given)
+    return ResolvedController(name, found["env_options"], lambda observations: sb3_policy.act(model, observations))
 
 
 def _check_size(path: Path) -> None:
@@ -136,7 +142,9 @@ def _check_size(path: Path) -> None:
         raise ValueError(f"{path} has {path.stat().st_size} bytes, more than {MAX_FILE_SIZE}: no policy of this task")
 
 
-def common_options(controllers: Sequence[Controller], env_options: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def common_options(
+    controllers: Sequence[ResolvedController], env_options: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
     """The options of the environment that the policies among the controllers share, updated by `env_options`.
 
     Raises:
@@ -151,6 +159,14 @@ def common_options(controllers: Sequence[Controller], env_options: Mapping[str, 
                 f"{policies[0].name} with {dict(options)}: not one task"
             )
     return {**options, **(env_options or {})}
+
+
+def options_of(
+    controller: ResolvedController, shared: Mapping[str, Any], env_options: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The shared options for one of the controllers: the torque of a policy's action is no limit of a feedback law."""
+    is_kept = controller.policy is not None or "max_wheel_torque" in (env_options or {})
+    return {name: value for name, value in shared.items() if is_kept or name != "max_wheel_torque"}
 
 
 def _imported(file: Path, attribute: str) -> Any:
@@ -168,24 +184,19 @@ def _imported(file: Path, attribute: str) -> Any:
     return found() if isinstance(found, type) else found
 
 
-def _from_object(law: Any, name: str | None = None) -> Controller:
+def _from_object(law: Any, name: str | None = None) -> ResolvedController:
     if not callable(law):
         raise TypeError(f"{law!r} is no controller: expected a name, a path, or an object that maps a state to torques")
     own = getattr(law, "name", None) or getattr(law, "__name__", None) or type(law).__name__.lower()
-    name = str(own) if name is None else name
 
-    def laws(params: Params, control_dt: float, count: int) -> Sequence[Law]:  # noqa: ARG001
-        if isinstance(law, Lqr):
-            return [law] * count
+    def fresh(params: Params, control_dt: float) -> Law:  # noqa: ARG001
         if hasattr(law, "reset"):
             law.reset()
-        # Copies, so that no robot has another one's memory.
-        try:
-            return [law, *(copy.deepcopy(law) for _ in range(count - 1))]
-        except TypeError as error:
-            raise TypeError(f"{name} cannot be copied for {count} robots: {error}") from error
+        found: Law = law
+        return found
 
-    return Controller(name, make_laws=laws, control_dt=getattr(law, "control_dt", None))
+    control_dt = getattr(law, "control_dt", None)
+    return ResolvedController(str(own) if name is None else name, make_law=fresh, control_dt=control_dt)
 
 
 def _no_torque(state: State) -> npt.ArrayLike:  # noqa: ARG001
@@ -200,10 +211,8 @@ def _with_setpoint(law: Law) -> Torques:
 
 
 def _takes_position(law: Law) -> bool:
-    if isinstance(law, Lqr):
-        return True
-    if isinstance(law, Pid):
-        return False
+    if isinstance(law, Controller):
+        return "position" in law.setpoint_parts
     try:
         return "position" in inspect.signature(law).parameters
     except (TypeError, ValueError):

@@ -15,7 +15,7 @@ from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import unwrap_vec_normalize
 
 from ballbot_rs import __version__
-from ballbot_rs._core import OBSERVATION
+from ballbot_rs.control import policy_file
 from ballbot_rs.envs.registration import env_id_of
 from ballbot_rs.envs.spaces import action_space, observation_space
 
@@ -41,13 +41,13 @@ def algorithms() -> dict[str, type[BaseAlgorithm]]:
     return found
 
 
-def metadata(env_id: str, algorithm: str, env_options: Mapping[str, Any]) -> dict[str, Any]:
-    """The metadata of a policy file."""
+def metadata(task: str, algorithm: str, env_options: Mapping[str, Any]) -> dict[str, Any]:
+    """The metadata of a policy file; `env_options` are all options of the environment."""
     return {
-        "env_id": env_id,
+        "env_id": env_id_of(task),
         "algorithm": algorithm,
         "env_options": dict(env_options),
-        "observation": [name for name, _, _ in OBSERVATION],
+        "observation": policy_file.observation_layout(task),
         "ballbot_rs": __version__,
     }
 
@@ -78,12 +78,13 @@ def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
             raise ValueError("the model's environment is not one of ballbot_rs") from None
         if unwrap_vec_normalize(env) is not None:
             raise ValueError("VecNormalize's statistics are not part of a policy file: train without it")
-        if model.observation_space != observation_space() or model.action_space != action_space():
+        spaces = observation_space(task, options["scale_observations"]), action_space()
+        if (model.observation_space, model.action_space) != spaces:
             raise ValueError(
                 f"a wrapper has changed the spaces: {model.observation_space} to {model.action_space}, "
-                f"expected {observation_space()} to {action_space()}"
+                f"expected {spaces[0]} to {spaces[1]}"
             )
-        setattr(model, METADATA, metadata(env_id_of(task), algorithm, options))
+        setattr(model, METADATA, metadata(task, algorithm, options))
     elif not isinstance(getattr(model, METADATA, None), dict):
         raise ValueError("the model has no environment to take the task from: model.set_env(...) gives it one")
     file = Path(fspath(path))
@@ -117,12 +118,14 @@ def act(model: BaseAlgorithm, observations: npt.NDArray[np.float32]) -> npt.NDAr
     return actions
 
 
-def load(path: Path, env_id: str, env_options: Mapping[str, Any] | None = None) -> tuple[BaseAlgorithm, dict[str, Any]]:
-    """A policy for `env_id` with its metadata. The file may hold pickled code: load only files that you trust.
+def load(path: Path, task: str, env_options: Mapping[str, Any] | None = None) -> tuple[BaseAlgorithm, dict[str, Any]]:
+    """A policy for a task with its metadata, in which `env_options` are complete.
+
+    The file may hold pickled code: load only files that you trust.
 
     Args:
         path: the file, or the folder of a training run.
-        env_id: the environment.
+        task: name of the task.
         env_options: options of the environment, for a file without metadata; None refuses such a file.
 
     Raises:
@@ -134,22 +137,30 @@ def load(path: Path, env_id: str, env_options: Mapping[str, Any] | None = None) 
         raise ValueError(f"{path} is not a policy file of Stable-Baselines3")
     try:
         data, _, _ = load_from_zip_file(path, device="cpu")
+    except ModuleNotFoundError as error:
+        raise ValueError(
+            f"{path} needs {error.name}, which is not installed. Policies that `ballbot train` saved before 0.2.0 "
+            "scale observations with a module of that version: export them as ONNX with it, or train anew"
+        ) from error
     except (ValueError, KeyError, AttributeError, OSError) as error:
         raise ValueError(f"{path} is not a policy file of Stable-Baselines3: {error}") from error
     found = (data or {}).get(METADATA)
     if found is None and data and env_options is not None:
-        return _load_unnamed(path, data, metadata(env_id, "", env_options))
+        return _load_unnamed(path, data, task, env_options)
     if not isinstance(found, dict):
         raise ValueError(
             f"{path} does not say which environment it was trained on: name the task, "
-            f"or save it with ballbot_rs.save; expected {env_id}"
+            f"or save it with ballbot_rs.save; expected {env_id_of(task)}"
         )
-    expected = metadata(env_id, str(found.get("algorithm")), {})
+    expected = metadata(task, str(found.get("algorithm")), {})
     for field, value in expected.items():
         if not isinstance(found.get(field), type(value)):
             raise ValueError(f"{path} does not say its {field}: it is no policy file of ballbot_rs")
-    for field in ("env_id", "observation"):
-        if found.get(field) != expected[field]:
+    for field, is_same in (
+        ("env_id", found["env_id"] == expected["env_id"]),
+        ("observation", policy_file.fits(found["observation"], task)),
+    ):
+        if not is_same:
             raise ValueError(
                 f"{path} was trained for another environment: "
                 f"{field} is {found.get(field)!r}, expected {expected[field]!r}"
@@ -158,21 +169,29 @@ def load(path: Path, env_id: str, env_options: Mapping[str, Any] | None = None) 
     if found["algorithm"] not in known:
         raise ValueError(f"{path}: unknown algorithm '{found['algorithm']}', expected one of {', '.join(known)}")
     try:
-        return known[found["algorithm"]].load(path, device="cpu"), found
+        model = known[found["algorithm"]].load(path, device="cpu")
     except (ValueError, KeyError, AttributeError, RuntimeError) as error:
         raise ValueError(f"{path} holds no {found['algorithm']} policy that can be loaded: {error}") from error
+    return model, {**found, "env_options": policy_file.completed(task, found["env_options"])}
 
 
-def _load_unnamed(path: Path, data: dict[str, Any], found: dict[str, Any]) -> tuple[BaseAlgorithm, dict[str, Any]]:
+def _load_unnamed(
+    path: Path, data: dict[str, Any], task: str, env_options: Mapping[str, Any]
+) -> tuple[BaseAlgorithm, dict[str, Any]]:
     spaces = data.get("observation_space"), data.get("action_space")
-    if spaces != (observation_space(), action_space()):
+    known = {scaled: (observation_space(task, scaled), action_space()) for scaled in (True, False)}
+    scaled = next((scaled for scaled, those in known.items() if spaces == those), None)
+    if scaled is None:
         raise ValueError(
             f"{path} was trained for another environment: it maps {spaces[0]} to {spaces[1]}, "
-            f"expected {observation_space()} to {action_space()}"
+            f"expected {known[True][0]} to {known[True][1]}"
         )
+    # Observations without scaling are those of a policy from before 0.2.0, unless the options say more.
+    options = {"scale_observations": True, **env_options} if scaled else dict(env_options)
     name = _algorithm_of(data)
+    found = {**metadata(task, name, {}), "env_options": policy_file.completed(task, options)}
     try:
-        return algorithms()[name].load(path, device="cpu"), {**found, "algorithm": name}
+        return algorithms()[name].load(path, device="cpu"), found
     except (ValueError, KeyError, AttributeError, RuntimeError) as error:
         raise ValueError(f"{path} holds no {name} policy that can be loaded: {error}") from error
 

@@ -1,7 +1,8 @@
 """What the front ends share: a batch of environments, its attributes, and how it is copied and pickled."""
 
+import functools
 import secrets
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import numpy.typing as npt
@@ -9,13 +10,6 @@ import numpy.typing as npt
 from ballbot_rs._checks import check_count, check_seed, did_you_mean
 from ballbot_rs._core import Batch, Params, State
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
-
-#: Options of the task, fixed once an environment is made.
-OPTIONS: Final = (
-    *("params", "model", "sim_dt", "control_dt", "max_episode_steps", "max_wheel_torque", "setpoint", "reward"),
-    *("reset_tilt", "reset_yaw", "reset_ball_speed", "reset_tilt_rate"),
-    *("fall_tilt", "success_window", "success_tilt", "success_radius"),
-)
 
 #: More steps than an episode can have: 248 days at the default control rate.
 NO_TIME_LIMIT: Final = 2**31
@@ -40,23 +34,38 @@ def new_batch(
         options["params"] = Params(**options["params"])
     if "max_episode_steps" in options and options["max_episode_steps"] is None:
         options["max_episode_steps"] = NO_TIME_LIMIT
-    return Batch(num_envs, autoreset, num_threads, seed, **options)
+    return Batch(num_envs, task, autoreset=autoreset, num_threads=num_threads, seed=seed, **options)
 
 
-def fixed_option(name: str) -> str | None:
+@functools.cache
+def option_names(task: str) -> tuple[str, ...]:
+    """Names of the options of a task and of its environments."""
+    return ("params", "model", *new_batch(1, task=task, num_threads=1).options)
+
+
+def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
+    """All options of a batch that was made with those given, defaults included, as JSON can hold them."""
+    options: dict[str, Any] = {"model": batch.model, **batch.options}
+    if options["max_episode_steps"] == NO_TIME_LIMIT:
+        options["max_episode_steps"] = None
+    if "params" in given:
+        params = given["params"]
+        options["params"] = params.to_dict() if isinstance(params, Params) else params
+    return options
+
+
+def fixed_option(task: str, name: str) -> str | None:
     """Why an option of the task cannot be set as an attribute; None for other names."""
-    return f"{name} is fixed once an environment is made: make one with {name}=..." if name in OPTIONS else None
+    if name == "params":
+        return "params is not an attribute to set: call set_params"
+    is_option = name in option_names(task)
+    return f"{name} is fixed once an environment is made: make one with {name}=..." if is_option else None
 
 
 class SharedAttributes:
     """Attributes that all robots of a batch share."""
 
     _batch: Batch
-
-    @property
-    def params(self) -> Params:
-        """The robot's parameters."""
-        return self._batch.params
 
     @property
     def model(self) -> str:
@@ -85,6 +94,11 @@ class OneRobot(SharedAttributes):
     _index: int = 0
 
     @property
+    def params(self) -> Params:
+        """The robot's parameters."""
+        return self._batch.params(self._index)
+
+    @property
     def state(self) -> State:
         """The robot's full state, of which the observation is a part."""
         return self._batch.state(self._index)
@@ -102,13 +116,23 @@ class OneRobot(SharedAttributes):
         """Gives the body an impulse; see `Ballbot.push`."""
         self._batch.push(self._index, impulse, point)
 
-    def set_joint_dynamics(self, viscous_friction: float | None = None, coulomb_friction: float | None = None) -> None:
-        """Changes the friction of the wheel joints; see `Ballbot.set_joint_dynamics`."""
-        self._batch.set_joint_dynamics(self._index, viscous_friction, coulomb_friction)
+    def set_params(self, params: Params | str) -> None:
+        """Replaces the robot's parameters; see `Batch.set_params`."""
+        self._batch.set_params(self._index, params)
 
 
 class ManyRobots(SharedAttributes):
     """All robots of a batch."""
+
+    @property
+    def params(self) -> Params:
+        """Parameters of the first robot; all have them unless `set_params` changed one."""
+        return self._batch.params(0)
+
+    def set_params(self, params: Params | str, index: int | None = None) -> None:
+        """Replaces the parameters of robot `index`, or of every robot; see `Batch.set_params`."""
+        for i in self._chosen_indices(index):
+            self._batch.set_params(i, params)
 
     @property
     def states(self) -> npt.NDArray[Any]:
@@ -117,8 +141,11 @@ class ManyRobots(SharedAttributes):
 
     def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None, index: int | None = None) -> None:
         """Gives the body of robot `index` an impulse, or of every robot; see `Ballbot.push`."""
-        for i in range(self._batch.num_envs) if index is None else (index,):
+        for i in self._chosen_indices(index):
             self._batch.push(i, impulse, point)
+
+    def _chosen_indices(self, index: int | None) -> Iterable[int]:
+        return range(self._batch.num_envs) if index is None else (index,)
 
 
 class BatchEnv(SharedAttributes):
@@ -136,10 +163,11 @@ class BatchEnv(SharedAttributes):
         num_threads: int | None,
         seed: int | None,
     ) -> None:
+        env_id_of(task)
         self.task = task
         check_count("num_envs", num_envs)
         self._check_names(options)
-        if options["max_episode_steps"] is not None:
+        if options.get("max_episode_steps") is not None:
             check_count("max_episode_steps", options["max_episode_steps"])
         if num_threads is not None:
             check_count("num_threads", num_threads)
@@ -150,22 +178,20 @@ class BatchEnv(SharedAttributes):
         )
 
     def _check_names(self, options: Mapping[str, Any]) -> None:
+        known = option_names(self.task)
         for name in options:
-            if name not in OPTIONS:
+            if name not in known:
                 # TorchRL looks for these words.
                 message = f"{type(self).__name__} got an unexpected keyword argument '{name}'"
-                raise TypeError(f"{message}{self._hint(name) or did_you_mean(name, OPTIONS)}")
+                raise TypeError(f"{message}{self._hint(name) or did_you_mean(name, known)}")
 
     def _hint(self, name: str) -> str:  # noqa: ARG002
         return ""
 
     @property
     def task_options(self) -> dict[str, Any]:
-        """The options that the environment was made with, as JSON can hold them."""
-        options = dict(self._batch_arguments[-1])
-        if isinstance(options.get("params"), Params):
-            options["params"] = options["params"].to_dict()
-        return options
+        """All options of the environment, defaults included, as JSON can hold them."""
+        return resolved_options(self._batch, self._batch_arguments[-1])
 
     def __getstate__(self) -> dict[str, Any]:
         state = self.__dict__.copy()

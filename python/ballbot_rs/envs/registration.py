@@ -5,30 +5,23 @@ from typing import Final
 import gymnasium
 
 from ballbot_rs._checks import did_you_mean
+from ballbot_rs._core import TASKS
 
-BALANCE: Final = "ballbot/Balance-v0"
-
-#: Ids of the environments by the name of their task.
-TASKS: Final = {"balance": BALANCE}
 DEFAULT_TASK: Final = "balance"
-
-#: Length of an episode at the default control rate: 10 s.
-MAX_EPISODE_STEPS: Final = 1000
-
-#: Mean return of a policy that counts as having solved the task; the best possible is 1000.
-REWARD_THRESHOLD: Final = 950.0
 
 
 def register_environments() -> None:
-    """Registers every environment of this package, once."""
-    if BALANCE not in gymnasium.registry:
-        gymnasium.register(
-            BALANCE,
-            entry_point="ballbot_rs.envs.gymnasium_env:without_time_limit",
-            vector_entry_point="ballbot_rs.envs.vector_env:BalanceVectorEnv",
-            max_episode_steps=MAX_EPISODE_STEPS,
-            reward_threshold=REWARD_THRESHOLD,
-        )
+    """Registers the environment of every task of the core, once."""
+    for name, task in TASKS.items():
+        if task["id"] not in gymnasium.registry:
+            gymnasium.register(
+                task["id"],
+                entry_point="ballbot_rs.envs.gymnasium_env:without_own_limit",
+                vector_entry_point="ballbot_rs.envs.vector_env:BallbotVectorEnv",
+                max_episode_steps=task["max_episode_steps"],
+                reward_threshold=task["reward_threshold"],
+                kwargs={"task": name},
+            )
 
 
 def env_id_of(task: str) -> str:
@@ -39,7 +32,7 @@ def env_id_of(task: str) -> str:
     """
     if task not in TASKS:
         raise ValueError(f"unknown task '{task}': expected one of {', '.join(TASKS)}{did_you_mean(task, TASKS)}")
-    return TASKS[task]
+    return TASKS[task]["id"]
 
 
 def task_of(env_id: str) -> str:
@@ -48,7 +41,7 @@ def task_of(env_id: str) -> str:
     Raises:
         ValueError: it is no environment of this package.
     """
-    for task, known in TASKS.items():
-        if env_id == known:
-            return task
-    raise ValueError(f"unknown environment '{env_id}': expected {', '.join(TASKS.values())}")
+    ids = {task["id"]: name for name, task in TASKS.items()}
+    if env_id not in ids:
+        raise ValueError(f"unknown environment '{env_id}': expected {', '.join(ids)}")
+    return ids[env_id]

@@ -1,4 +1,4 @@
-"""The balance task as a Stable-Baselines3 `VecEnv`."""
+"""A task as a Stable-Baselines3 `VecEnv`."""
 
 import copy
 import os
@@ -11,12 +11,14 @@ import numpy.typing as npt
 import torch
 from gymnasium.envs.registration import EnvSpec
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
+from typing_extensions import Unpack
 
 from ballbot_rs._checks import check_reset_options, check_seed
 from ballbot_rs._core import Batch
 from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, OneRobot, fixed_option
 from ballbot_rs.envs._render import Rendered
-from ballbot_rs.envs.registration import DEFAULT_TASK, MAX_EPISODE_STEPS, env_id_of
+from ballbot_rs.envs.options import TaskOptions
+from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 from ballbot_rs.envs.spaces import action_space, observation_space
 
 
@@ -60,7 +62,7 @@ class EnvView(OneRobot):
 
     @property
     def task_options(self) -> dict[str, Any]:
-        """The options that the environment was made with, as JSON can hold them."""
+        """All options of the environment, defaults included, as JSON can hold them."""
         return self._owner.task_options
 
     @property
@@ -93,7 +95,7 @@ class EnvView(OneRobot):
 
     def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
         """Sets an attribute; without `force` only one that exists. Returns whether it was set."""
-        if (reason := fixed_option(name)) is not None:
+        if (reason := fixed_option(self.task, name)) is not None:
             raise AttributeError(reason)
         if force or hasattr(self, name):
             setattr(self, name, value)
@@ -104,16 +106,14 @@ class EnvView(OneRobot):
 class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
     """`num_envs` environments for Stable-Baselines3, stepped at once in Rust.
 
-    Task, spaces and options as in `BalanceEnv`. Finished episodes are reset within the step; their infos have
+    Spaces and options as in `BallbotEnv`. Finished episodes are reset within the step; their infos have
     `terminal_observation`, `TimeLimit.truncated`, `is_success` and, where terminated, `termination`.
 
     Args:
         num_envs: number of robots.
         task: name of the task.
-        model: "rigid", "contact" (by far the fastest), "spatial" or "planar".
         num_threads: threads that step the robots; None takes all cores. Results do not depend on it.
         seed: environment i is seeded with seed + i; None takes one from the operating system.
-        max_episode_steps: steps after which an episode is truncated; None: never.
         stagger: whether the first episodes are shortened by different amounts, so that robots that never fall are
             not all truncated on the same step.
         torch_threads: threads that PyTorch uses within an operation, set for the whole process (networks of this size
@@ -124,7 +124,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         height: of a frame, pixels.
         camera: as in `Renderer`.
         render_options: other arguments of `Renderer`.
-        options: as in `BalanceEnv`.
+        options: as in `BallbotEnv`; `model="contact"` is by far the fastest.
 
     Raises:
         ValueError: an unknown name or a number out of range; the message has the value and the limit.
@@ -136,10 +136,8 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         num_envs: int = 1,
         *,
         task: str = DEFAULT_TASK,
-        model: str = "rigid",
         num_threads: int | None = None,
         seed: int | None = None,
-        max_episode_steps: int | None = MAX_EPISODE_STEPS,
         stagger: bool = False,
         torch_threads: int | None = 1,
         render_mode: str | None = None,
@@ -147,15 +145,14 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         height: int | None = None,
         camera: dict[str, Any] | None = None,
         render_options: dict[str, Any] | None = None,
-        **options: Any,
+        **options: Unpack[TaskOptions],
     ) -> None:
         if isinstance(num_envs, (list, tuple)):
             raise TypeError(
                 f"BallbotVecEnv makes its robots itself, not from {len(num_envs)} functions: "
                 f"call BallbotVecEnv(num_envs={len(num_envs)}, ...) in place of make_vec_env"
             )
-        options |= {"model": model, "max_episode_steps": max_episode_steps}
-        self._make_batch(num_envs, options, task=task, autoreset="same_step", num_threads=num_threads, seed=seed)
+        self._make_batch(num_envs, dict(options), task=task, autoreset="same_step", num_threads=num_threads, seed=seed)
         if torch_threads is not None and "OMP_NUM_THREADS" not in os.environ:
             torch.set_num_threads(torch_threads)
         self._stagger = stagger
@@ -164,7 +161,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
             render_mode, self.params, render_options, num_threads, width=width, height=height, camera=camera
         )
         self._views = [EnvView(self, i) for i in range(num_envs)]
-        super().__init__(num_envs, observation_space(), action_space())
+        super().__init__(num_envs, observation_space(task, self._batch.scale_observations), action_space())
         metadata: dict[str, Any] = self.metadata
         metadata["render_fps"] = round(1.0 / self.control_dt)
 
@@ -199,7 +196,8 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
             raise RuntimeError("step_wait without step_async")
         actions, self._actions = self._actions, None
         observations, rewards, terminated, truncated = self._batch.step(actions)
-        return observations, rewards, terminated | truncated, self._batch.infos()
+        # Stable-Baselines3 keeps rewards as float32.
+        return observations, rewards.astype(np.float32), terminated | truncated, self._batch.infos()
 
     def close(self) -> None:
         """Does nothing: there are no processes or files to close."""
@@ -217,7 +215,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         Raises:
             AttributeError: it is an option of the task, which is fixed once an environment is made.
         """
-        if (reason := fixed_option(attr_name)) is not None:
+        if (reason := fixed_option(self.task, attr_name)) is not None:
             raise AttributeError(reason)
         for view in self._chosen(indices):
             setattr(view, attr_name, value)

@@ -6,14 +6,15 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from ballbot_rs._core import OBSERVATION
+from ballbot_rs._core import SCALED_BOUND, TASKS
 
 FloatArray = npt.NDArray[np.float32]
 
 
-def observation_space() -> spaces.Space[FloatArray]:
-    """Space of one observation: float32, finite bounds, rows as documented by `BalanceEnv`."""
-    high = np.array([bound for _, _, bound in OBSERVATION], dtype=np.float32)
+def observation_space(task: str, scaled: bool = True) -> spaces.Space[FloatArray]:
+    """Space of one observation of a task: float32, finite bounds; `scaled` as the option `scale_observations`."""
+    bounds = [SCALED_BOUND if scaled else row["bound"] for row in TASKS[task]["observation"]]
+    high = np.array(bounds, dtype=np.float32)
     return cast("spaces.Space[FloatArray]", spaces.Box(-high, high, dtype=np.float32))
 
 

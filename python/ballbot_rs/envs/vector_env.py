@@ -1,7 +1,7 @@
-"""The balance task as a Gymnasium vector environment, all robots stepped at once in Rust."""
+"""A task as a Gymnasium vector environment, all robots stepped at once in Rust."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -9,15 +9,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from ballbot_rs._checks import check_reset_options, check_seed
-from ballbot_rs._core import TERMINATIONS, State
+from ballbot_rs._core import TASKS, State
 from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, fixed_option
 from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
-from ballbot_rs.envs.registration import DEFAULT_TASK, MAX_EPISODE_STEPS
+from ballbot_rs.envs.registration import DEFAULT_TASK
 from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space
 
 BoolArray = npt.NDArray[np.bool_]
-
-_TERMINATIONS = np.array(TERMINATIONS, dtype=object)
 
 
 def _autoreset_name(mode: str | AutoresetMode) -> str:
@@ -28,15 +26,14 @@ def _autoreset_name(mode: str | AutoresetMode) -> str:
     return str(mode).lower().replace("-", "_")
 
 
-class BalanceVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, FloatArray, npt.NDArray[Any]]):
-    """`num_envs` balance environments; task, spaces and arguments as in `BalanceEnv`.
+class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, FloatArray, npt.NDArray[Any]]):
+    """`num_envs` environments of a task; spaces and options as in `BallbotEnv`.
 
-    Environment i, reset with seed s, is bit-identical to a `BalanceEnv` reset with seed s + i, for any `num_threads`.
+    Environment i, reset with seed s, is bit-identical to a `BallbotEnv` reset with seed s + i, for any `num_threads`.
 
     Args:
         num_envs: number of robots.
         task: name of the task.
-        max_episode_steps: steps after which an episode is truncated; None: never.
         render_mode: None, or "rgb_array" for frames by `render()`.
         width: of a frame, pixels.
         height: of a frame, pixels.
@@ -45,11 +42,14 @@ class BalanceVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         autoreset_mode: "next_step" (Gymnasium's default), "same_step" or "disabled", or the enum.
         num_threads: threads that step the robots; None takes all cores.
         seed: seeds the first reset if that gets no seed.
-        options: as in `BalanceEnv`.
+        options: as in `BallbotEnv`.
 
     Infos are empty but for steps on which episodes end: these have `is_success` and `termination` (with their masks
     `_is_success`, `_termination`); with "same_step" they are in `final_info`, beside `final_obs`.
     """
+
+    #: Attributes that each robot has its own of.
+    _OF_EACH: Final = ("state", "params")
 
     metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": list(RENDER_MODES),
@@ -62,7 +62,6 @@ class BalanceVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         num_envs: int = 1,
         *,
         task: str = DEFAULT_TASK,
-        max_episode_steps: int | None = MAX_EPISODE_STEPS,
         render_mode: str | None = None,
         width: int | None = None,
         height: int | None = None,
@@ -74,9 +73,10 @@ class BalanceVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         **options: Any,
     ) -> None:
         autoreset = _autoreset_name(autoreset_mode)
-        options["max_episode_steps"] = max_episode_steps
         self._make_batch(num_envs, options, task=task, autoreset=autoreset, num_threads=num_threads, seed=seed)
         self.num_envs = num_envs
+        # By the numbers of `Batch.endings`.
+        self._terminations = np.array([None, *(name for name, _ in TASKS[task]["terminations"])], dtype=object)
         self._env_seeds = tuple((self._first_seed + i) % 2**64 for i in range(num_envs))
         self.autoreset_mode = AutoresetMode[autoreset.upper()]
         self._set_render(
@@ -84,7 +84,7 @@ class BalanceVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         )
         rate = round(1.0 / self.control_dt)
         self.metadata = {**type(self).metadata, "render_fps": rate, "autoreset_mode": self.autoreset_mode}
-        self.single_observation_space = observation_space()
+        self.single_observation_space = observation_space(task, self._batch.scale_observations)
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -142,20 +142,19 @@ class BalanceVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         """Applies actions, shape (num_envs, 3), for one control step.
 
         Returns:
-            Observations (num_envs, 16) float32, rewards (num_envs,) float64, terminated and truncated (num_envs,) bool,
+            Observations (num_envs, m) float32, rewards (num_envs,) float64, terminated and truncated (num_envs,) bool,
             and infos.
 
         Raises:
             ValueError: actions of the wrong shape or not finite; with "disabled", an episode that is over.
         """
-        observations, single_rewards, terminated, truncated = self._batch.step(actions)
-        rewards = single_rewards.astype(np.float64)
+        observations, rewards, terminated, truncated = self._batch.step(actions)
         ended = terminated | truncated
         if not ended.any():
             return observations, rewards, terminated, truncated, {}
         info = self._endings(ended)
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
-            last = self._batch.last_observations()
+            last = self._batch.final_observations()
             last[~ended] = 0.0
             info = {"final_obs": last, "_final_obs": ended, "final_info": info, "_final_info": ended.copy()}
         return observations, rewards, terminated, truncated, info
@@ -173,29 +172,29 @@ class BalanceVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         info: dict[str, Any] = {"is_success": is_success, "_is_success": ended.copy()}
         failed = reasons > 0
         if failed.any():
-            info |= {"termination": _TERMINATIONS[reasons], "_termination": failed}
+            info |= {"termination": self._terminations[reasons], "_termination": failed}
         return info
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Calls a method of every environment, one of `push`, `set_joint_dynamics` and `reward_terms`.
+        """Calls a method of every environment, one of `push`, `set_params` and `reward_terms`.
 
         A name that is not a method is read as `get_attr` reads it.
 
         Raises:
             AttributeError: there is no such method, or arguments came with an attribute.
         """
-        methods = ("push", "set_joint_dynamics", "reward_terms")
+        methods = ("push", "set_params", "reward_terms")
         if name in methods:
             method = getattr(self._batch, name)
             return tuple(method(i, *args, **kwargs) for i in range(self.num_envs))
-        if args or kwargs or (name != "state" and callable(getattr(self, name))):
+        if args or kwargs or (name not in self._OF_EACH and callable(getattr(self, name))):
             raise AttributeError(f"environments have no method '{name}': expected one of {', '.join(methods)}")
         return self.get_attr(name)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of every environment: `state`, a space of one environment, or what all share."""
-        if name == "state":
-            return tuple(self._batch.state(i) for i in range(self.num_envs))
+        """An attribute of every environment: `state`, `params`, a space of one environment, or what all share."""
+        if name in self._OF_EACH:
+            return tuple(getattr(self._batch, name)(i) for i in range(self.num_envs))
         if name in ("observation_space", "action_space"):
             name = f"single_{name}"
         return (getattr(self, name),) * self.num_envs
@@ -206,7 +205,7 @@ class BalanceVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         Raises:
             AttributeError: it is an option of the task, which is fixed once an environment is made.
         """
-        if (reason := fixed_option(name)) is not None:
+        if (reason := fixed_option(self.task, name)) is not None:
             raise AttributeError(reason)
         if isinstance(values, (list, tuple)):
             if len(values) != self.num_envs:

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs import _toml
-from ballbot_rs.envs.registration import BALANCE, env_id_of, task_of
+from ballbot_rs._core import TASKS
+from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
 
 ALGORITHMS = ("PPO", "SAC")
 
@@ -16,7 +17,7 @@ ALGORITHMS = ("PPO", "SAC")
 class Evaluation:
     """When and on how many episodes the policy is evaluated during training."""
 
-    every_timesteps: int = 122_880
+    every_timesteps: int = 61_440
     episodes: int = 50
 
 
@@ -24,9 +25,9 @@ class Evaluation:
 class TrainConfig:
     """What `ballbot train` does; the fields are the keys of the TOML file."""
 
-    env_id: str = BALANCE
+    env_id: str = TASKS[DEFAULT_TASK]["id"]
     algorithm: str = "PPO"
-    total_timesteps: int = 700_000
+    total_timesteps: int = 400_000
     num_envs: int = 128
     num_threads: int | None = None
     torch_threads: int = 1

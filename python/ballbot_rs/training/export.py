@@ -17,13 +17,11 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from ballbot_rs import __version__
-from ballbot_rs._core import OBSERVATION
 from ballbot_rs._extras import require
 from ballbot_rs.control import sb3_policy
-from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy, observation_layout
-from ballbot_rs.envs._batch_env import new_batch
-from ballbot_rs.envs.registration import BALANCE, task_of
-from ballbot_rs.training.policy import AT_REST, TYPICAL, ScaledObservation
+from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy
+from ballbot_rs.control.policy_file import observation_layout
+from ballbot_rs.envs.registration import DEFAULT_TASK
 
 #: By how much an exported action may differ from its source, and on how many observations that is checked.
 TOLERANCE: Final = 1e-5
@@ -52,13 +50,13 @@ class _Action(torch.nn.Module):
         return mean.clamp(-1.0, 1.0)
 
 
-def export(source: Path, target: Path, env_id: str = BALANCE, env_options: Mapping[str, Any] | None = None) -> float:
+def export(source: Path, target: Path, task: str = DEFAULT_TASK, env_options: Mapping[str, Any] | None = None) -> float:
     """Writes the policy at `source` (a file or a run) to `target`; returns the largest difference of actions.
 
     Args:
         source: a file of Stable-Baselines3, or a training run.
         target: the ONNX file.
-        env_id: the environment.
+        task: name of the task.
         env_options: options of the environment, for a file without metadata; None refuses such a file.
 
     Raises:
@@ -66,15 +64,15 @@ def export(source: Path, target: Path, env_id: str = BALANCE, env_options: Mappi
         ValueError: it is a policy for something else, or its ONNX form does not act as it does; nothing is written.
         ModuleNotFoundError: what exports is not installed.
     """
-    model, found = sb3_policy.load(source, env_id, env_options)
+    model, found = sb3_policy.load(source, task, env_options)
     if not _is_known(model):
         raise ValueError(f"{source}: a policy of {found['algorithm']} cannot be exported")
-    content = _with_metadata(_graph(model), _metadata(found, model))
+    content = _with_metadata(_graph(model), _metadata(found, task))
     target.parent.mkdir(parents=True, exist_ok=True)
     unchecked = target.with_name(f".{target.stem}-unchecked.onnx")
     try:
         unchecked.write_bytes(content)
-        difference = _difference(model, OnnxPolicy(unchecked, env_id))
+        difference = _difference(model, OnnxPolicy(unchecked, task))
         if not difference <= TOLERANCE:
             raise ValueError(
                 f"{sb3_policy.find_file(source)} and its ONNX form differ by {difference:.1e} > {TOLERANCE:.0e}"
@@ -91,7 +89,7 @@ def _is_known(model: BaseAlgorithm) -> bool:
 
 def _graph(model: BaseAlgorithm) -> Any:
     action = _Action(model).eval()
-    example = torch.as_tensor(np.stack([AT_REST, AT_REST + TYPICAL]))
+    example = torch.zeros((2, *_shape(model)))
     # The exporter prints its progress and warns of what this network does not have.
     with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(), _silent("torch.onnx", "onnxscript"):
         warnings.simplefilter("ignore")
@@ -123,18 +121,14 @@ def _silent(*names: str) -> Any:
             logger.setLevel(level)
 
 
-def _metadata(found: dict[str, Any], model: BaseAlgorithm) -> dict[str, Any]:
-    task = new_batch(1, task=task_of(found["env_id"]), num_threads=1, options=found["env_options"])
-    is_scaled = isinstance(getattr(model.policy, "features_extractor", None), ScaledObservation)
-    scaling = {"at_rest": _plain(AT_REST), "typical": _plain(TYPICAL), "cutoff": 10.0} if is_scaled else {}
+def _metadata(found: dict[str, Any], task: str) -> dict[str, Any]:
     return {
         "env_id": found["env_id"],
         "env_options": found["env_options"],
-        "observation": observation_layout(),
-        # Part of the network: what it sees is (observation - at_rest) / typical, cut off.
-        "normalisation": scaling,
-        "max_wheel_torque": task.max_wheel_torque,
-        "control_dt": task.control_dt,
+        # What the environment scales where `scale_observations` says so; the network has no scaling of its own.
+        "observation": observation_layout(task),
+        "max_wheel_torque": found["env_options"]["max_wheel_torque"],
+        "control_dt": found["env_options"]["control_dt"],
         "algorithm": found["algorithm"],
         "versions": {
             "ballbot_rs": __version__,
@@ -144,12 +138,6 @@ def _metadata(found: dict[str, Any], model: BaseAlgorithm) -> dict[str, Any]:
             "python": platform.python_version(),
         },
     }
-
-
-def _plain(values: npt.NDArray[np.float32]) -> list[float]:
-    """Numbers as they were written, not as float32 has them."""
-    numbers: list[float] = values.astype(float).round(6).tolist()
-    return numbers
 
 
 def _with_metadata(proto: Any, metadata: dict[str, Any]) -> bytes:
@@ -165,12 +153,19 @@ def _with_metadata(proto: Any, metadata: dict[str, Any]) -> bytes:
     return content
 
 
+def _shape(model: BaseAlgorithm) -> tuple[int, ...]:
+    shape = model.observation_space.shape
+    assert shape is not None
+    return shape
+
+
 def _difference(model: BaseAlgorithm, exported: OnnxPolicy) -> float:
     """Largest difference over observations of all magnitudes: of a robot at rest, balancing, and at the bounds."""
     rng = np.random.default_rng(0)
-    bounds = np.array([bound for _, _, bound in OBSERVATION])
-    spread = TYPICAL * 10.0 ** rng.uniform(-2.0, 2.0, (CHECKED, 1))
-    observations = np.clip(AT_REST + spread * rng.standard_normal((CHECKED, len(bounds))), -bounds, bounds)
-    rows: npt.NDArray[np.float32] = observations.astype(np.float32)
+    space: Any = model.observation_space
+    spread = 10.0 ** rng.uniform(-2.0, 1.0, (CHECKED, 1))
+    rows: npt.NDArray[np.float32] = np.clip(
+        spread * rng.standard_normal((CHECKED, *_shape(model))), space.low, space.high
+    ).astype(np.float32)
     expected = model.predict(rows, deterministic=True)[0]
     return float(np.abs(exported.act(rows) - expected).max())

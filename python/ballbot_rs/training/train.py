@@ -21,7 +21,6 @@ from ballbot_rs.envs.registration import task_of
 from ballbot_rs.envs.sb3 import BallbotVecEnv
 from ballbot_rs.training import config as config_module
 from ballbot_rs.training.config import TrainConfig
-from ballbot_rs.training.policy import ScaledObservation
 
 #: Seeds of environments: each run has its own range, evaluations have its end, and `compare` stays below all of them.
 SEEDS_PER_RUN = 10_000_000
@@ -140,10 +139,11 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
     for name in config.schedule:
         arguments[name] = _linear(float(arguments[name]))
     try:
+        environment = _environment(config)
         model: BaseAlgorithm = algorithms()[config.algorithm](
             "MlpPolicy",
-            _environment(config),
-            policy_kwargs={"features_extractor_class": ScaledObservation, **config.policy},
+            environment,
+            policy_kwargs=dict(config.policy),
             tensorboard_log=str(folder / "tensorboard"),
             seed=seed,
             device="cpu",
@@ -153,7 +153,8 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
         raise ValueError(f"the configuration does not fit {config.algorithm}: {error}") from error
     # The learner has seeded the environments with its own seed.
     _seed_environments(model, _first_seed(seed))
-    setattr(model, METADATA, metadata(config.env_id, config.algorithm, dict(config.env)))
+    (options,) = environment.get_attr("task_options", [0])
+    setattr(model, METADATA, metadata(task_of(config.env_id), config.algorithm, options))
     return model
 
 

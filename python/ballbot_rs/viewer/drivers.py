@@ -6,18 +6,16 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Params, State
-from ballbot_rs.control.resolve import Controller
+from ballbot_rs._core import SCALED_BOUND, TASKS, Params, State
+from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs._batch_env import new_batch
+from ballbot_rs.envs.registration import DEFAULT_TASK
 
 Torques = npt.NDArray[np.float64]
 
 #: Time step of the models and of controllers without a rate of their own, s; policies have those of their training.
 SIM_DT = 0.002
 CONTROL_DT = 0.01
-
-#: Columns of an observation with the last action.
-LAST_ACTION = slice(13, 16)
 
 
 class Driver(Protocol):
@@ -33,7 +31,7 @@ class Driver(Protocol):
         """Clears the memory of past steps."""
 
 
-def make_driver(controller: Controller, params: Params, num_robots: int) -> Driver:
+def make_driver(controller: ResolvedController, params: Params, num_robots: int) -> Driver:
     """A controller on `num_robots` robots.
 
     Raises:
@@ -49,7 +47,7 @@ class LawDriver:
 
     sim_dt = SIM_DT
 
-    def __init__(self, controller: Controller, params: Params, num_robots: int) -> None:
+    def __init__(self, controller: ResolvedController, params: Params, num_robots: int) -> None:
         self.control_dt = controller.control_dt or CONTROL_DT
         self._made_of = (controller, num_robots, params)
         self.reset()
@@ -71,7 +69,7 @@ class PolicyDriver:
     that the setpoint is at the origin. The last action, which a state does not have, is the one the policy chose.
     """
 
-    def __init__(self, controller: Controller, params: Params, num_robots: int) -> None:
+    def __init__(self, controller: ResolvedController, params: Params, num_robots: int) -> None:
         assert controller.policy is not None
         self._policy = controller.policy
         # Any model observes a state alike; `contact` takes every state, be it fallen or slipping.
@@ -81,6 +79,10 @@ class PolicyDriver:
         self.sim_dt = self._observers[0].sim_dt
         self._max_torque = self._observers[0].max_wheel_torque
         self._last = np.zeros((num_robots, 3), dtype=np.float32)
+        rows = TASKS[DEFAULT_TASK]["observation"]
+        self._last_rows = [i for i, row in enumerate(rows) if row["name"].startswith("last action")]
+        is_scaled = self._observers[0].scale_observations
+        self._last_scale = np.array([rows[i]["typical"] if is_scaled else 1.0 for i in self._last_rows])
 
     def torques(self, states: Sequence[State], setpoint: npt.ArrayLike) -> Torques:
         """Wheel torques for the next `control_dt`, shape (n, 3), N·m.
@@ -99,14 +101,14 @@ class PolicyDriver:
         return self._last.astype(np.float64) * self._max_torque
 
     def observe(self, index: int, state: State, setpoint: npt.ArrayLike) -> npt.NDArray[np.float32] | None:
-        """The observation of robot `index`, shape (16,); None if it is in the floor, as no-slip models can be."""
+        """The observation of robot `index`, shape (m,); None if it is in the floor, as no-slip models can be."""
         away = np.append(np.asarray(setpoint, dtype=np.float64), 0.0)
         start = state.replace(ball_position=state.ball_position - away, body_position=state.body_position - away)
         try:
             observation: npt.NDArray[np.float32] = self._observers[index].reset(starts=[start])[0]
         except ValueError:
             return None
-        observation[LAST_ACTION] = self._last[index]
+        observation[self._last_rows] = np.clip(self._last[index] / self._last_scale, -SCALED_BOUND, SCALED_BOUND)
         return observation
 
     def reset(self) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from ballbot_rs._core import MODELS
-from ballbot_rs.control.resolve import CONTROLLERS
+from ballbot_rs.control.resolve import NAMES
 from ballbot_rs.viewer.handle import PullHandle
 from ballbot_rs.viewer.plots import Plots
 from ballbot_rs.viewer.recording import Frame
@@ -71,8 +71,8 @@ class Page:
 
     def _add_choices(self, session: Session) -> None:
         gui = self._server.gui
-        names = [*CONTROLLERS, POLICY]
-        chosen = session.controller if session.controller in CONTROLLERS else POLICY
+        names = [*NAMES, POLICY]
+        chosen = session.controller if session.controller in NAMES else POLICY
         self._model = gui.add_dropdown("Model", MODELS, initial_value=session.robots.model)
         self._robot = gui.add_dropdown("Robot", session.robot_names, initial_value=session.robots.name)
         self._controller = gui.add_dropdown("Controller", names, initial_value=chosen)
@@ -114,7 +114,7 @@ class Page:
 
     def _correct(self, session: Session) -> None:
         """Shows what is simulated, where a choice was refused."""
-        chosen = session.controller if session.controller in CONTROLLERS else POLICY
+        chosen = session.controller if session.controller in NAMES else POLICY
         shown = (
             (self._model, session.robots.model),
             (self._robot, session.robots.name),

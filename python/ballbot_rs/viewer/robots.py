@@ -5,7 +5,8 @@ import contextlib
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Ballbot, DivergedError, Params, State
+from ballbot_rs._core import Ballbot, Params, State
+from ballbot_rs._errors import DivergedError
 from ballbot_rs._state_rows import mast_of
 from ballbot_rs.viewer.recording import Frame
 
@@ -53,7 +54,7 @@ class Robots:
     def _reset(self, index: int, start: FloatArray) -> None:
         angle = 2.0 * np.pi * index / len(self)
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        self._robots[index].reset(tilt=turn @ start)
+        self._robots[index].reset(State.at_rest(self.params, turn @ start))
 
     def take_over(self, others: "Robots") -> None:
         """Goes on from where as many other robots are, as far as this model can: slip is left behind."""

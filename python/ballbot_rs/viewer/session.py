@@ -6,8 +6,8 @@ from collections import deque
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import MODELS, Params
-from ballbot_rs.control.resolve import Controller, find
+from ballbot_rs._core import MODELS, ROBOTS, Params
+from ballbot_rs.control.resolve import ResolvedController, find
 from ballbot_rs.viewer.drivers import Driver, make_driver
 from ballbot_rs.viewer.history import History
 from ballbot_rs.viewer.recording import Frame, Recording
@@ -37,7 +37,7 @@ class Session:
     Args:
         model: "planar", "spatial", "contact" or "rigid".
         robot: the name of a preset, or of `params`.
-        controller: "lqr", "pid", "zero", the path of an ONNX policy, or what `control.resolve.find` gives.
+        controller: one of `control.resolve.NAMES`, the path of an ONNX policy, or what `control.resolve.find` gives.
         num_robots: how many robots there are at once.
         params: a robot that is no preset.
 
@@ -50,7 +50,7 @@ class Session:
         self,
         model: str = "contact",
         robot: str = "paper",
-        controller: str | Controller = "lqr",
+        controller: str | ResolvedController = "lqr",
         num_robots: int = 1,
         params: Params | None = None,
     ) -> None:
@@ -76,7 +76,7 @@ class Session:
         """Name of the controller, or path of the policy."""
         return self._controller.name
 
-    def _make(self, model: str, robot: str, controller: Controller, num_robots: int) -> tuple[Driver, Robots]:
+    def _make(self, model: str, robot: str, controller: ResolvedController, num_robots: int) -> tuple[Driver, Robots]:
         if model not in MODELS:
             raise ValueError(f"unknown model '{model}': expected one of {', '.join(MODELS)}")
         if isinstance(num_robots, bool) or not isinstance(num_robots, int) or not 1 <= num_robots <= MAX_ROBOTS:
@@ -92,14 +92,14 @@ class Session:
     @property
     def robot_names(self) -> list[str]:
         """Robots to choose from."""
-        return [*self._own, *Params.preset_names()]
+        return [*self._own, *ROBOTS]
 
     def choose(
         self,
         *,
         model: str | None = None,
         robot: str | None = None,
-        controller: str | Controller | None = None,
+        controller: str | ResolvedController | None = None,
         num_robots: int | None = None,
     ) -> None:
         """Changes what is simulated. The robots move on, unless their kind or number changes: then they start anew.
@@ -230,7 +230,7 @@ class Session:
         return self.robots.frame(self.time, self.setpoint)
 
 
-def _found(controller: str | Controller | None) -> Controller:
+def _found(controller: str | ResolvedController | None) -> ResolvedController:
     """A page may name any controller or ONNX file: these have no pickled code."""
     assert controller is not None
     return find(controller, trusted=False)

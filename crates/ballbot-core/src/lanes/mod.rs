@@ -2,7 +2,7 @@
 //!
 //! A computation is written once over [`Lane`] and instantiated for `f64` (one robot) and for eight `f64` in a vector
 //! register. All operations round as IEEE 754 says, fused multiply-adds included, and none mixes lanes, so that what
-//! comes out for a robot depends neither on its neighbours nor on the processor's vector width.
+//! comes out for a robot depends neither on its neighbors nor on the processor's vector width.
 
 mod cells;
 mod dispatch;

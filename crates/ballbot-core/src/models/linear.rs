@@ -1,6 +1,6 @@
-//! The spatial model linearised about rest upright, for any robot.
+//! The spatial model linearized about rest upright, for any robot.
 
-use super::SpatialModel;
+use super::{BallSpin, SpatialModel, WheelSpin};
 use crate::params::Params;
 use nalgebra::{SMatrix, UnitQuaternion, Vector3, Vector6};
 
@@ -25,7 +25,11 @@ impl LinearModel {
     /// at rest, and gravity turns a small tilt into M_b g l times that tilt.
     pub fn new(params: &Params) -> Self {
         // Dry friction has no derivative at rest.
-        let model = SpatialModel::new(&Params { wheel_coulomb_friction: 0.0, ..params.clone() }, true, true);
+        let model = SpatialModel::new(
+            &Params { wheel_coulomb_friction: 0.0, ..params.clone() },
+            WheelSpin::Absolute,
+            BallSpin::Free,
+        );
         let upright = UnitQuaternion::identity();
         let at = |velocity: &Vector6<f64>, torques: &Vector3<f64>| {
             model.accelerations(&upright, velocity, torques).fixed_rows::<5>(0).into_owned()
@@ -55,7 +59,7 @@ impl LinearModel {
         Self { a, b }
     }
 
-    /// Exact discretisation for inputs held constant over `dt` seconds.
+    /// Exact discretization for inputs held constant over `dt` seconds.
     pub fn discretize(&self, dt: f64) -> (SMatrix<f64, STATES, STATES>, SMatrix<f64, STATES, INPUTS>) {
         let mut block = SMatrix::<f64, { STATES + INPUTS }, { STATES + INPUTS }>::zeros();
         block.fixed_view_mut::<STATES, STATES>(0, 0).copy_from(&(self.a * dt));

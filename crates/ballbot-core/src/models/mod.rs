@@ -1,19 +1,19 @@
 //! Closed-form models: no engine, no contact solver; the wheels and the ball never slip.
 
+mod friction_limit;
 pub mod linear;
 pub mod planar;
 mod planar_motion;
 mod rk4;
 pub mod spatial;
 mod spatial_motion;
-mod traction;
 
+pub use friction_limit::traction_torque;
 pub use linear::LinearModel;
 pub use planar::{PlanarModel, WheelInertia};
 pub use planar_motion::PlanarMotion;
-pub use spatial::SpatialModel;
+pub use spatial::{BallSpin, SpatialModel, WheelSpin};
 pub use spatial_motion::SpatialMotion;
-pub use traction::traction_torque;
 
 use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;

@@ -72,7 +72,7 @@ impl PlanarModel {
         )
     }
 
-    /// Q, eq. (6): rate of the virtual wheel as a function of q̇, and generalised force of its torque.
+    /// Q, eq. (6): rate of the virtual wheel as a function of q̇, and generalized force of its torque.
     pub fn input_map(&self) -> Vector2<f64> {
         Vector2::new(1.0 / self.params.wheel_radius, -self.params.gear_ratio())
     }

@@ -95,8 +95,13 @@ impl PlanarMotion {
         out.fixed_rows_mut::<RATES>(RATES).copy_from(&self.rate_derivatives(y));
         out.fixed_rows_mut::<3>(WHEEL_ANGLES).copy_from(&self.wheel_speeds(y));
         let spin = rolling_rate(&self.params, &Vector3::new(rates[0], rates[2], 0.0)) + Vector3::z() * rates[5];
-        let turning = Quaternion::from_imag(spin) * ball_quaternion(y).into_inner() * 0.5;
-        out.fixed_rows_mut::<4>(BALL_QUATERNION).copy_from_slice(&[turning.w, turning.i, turning.j, turning.k]);
+        let quaternion_rate = Quaternion::from_imag(spin) * ball_quaternion(y).into_inner() * 0.5;
+        out.fixed_rows_mut::<4>(BALL_QUATERNION).copy_from_slice(&[
+            quaternion_rate.w,
+            quaternion_rate.i,
+            quaternion_rate.j,
+            quaternion_rate.k,
+        ]);
         out
     }
 
@@ -214,31 +219,31 @@ impl Model for PlanarMotion {
         let p = &self.params;
         let (yaw_rate, spin) = (rates[4], rates[5]);
         let wheels = 3.0 * p.wheel_inertia * (p.gear_ratio() * p.wheel_zenith.sin() * (spin - yaw_rate)).powi(2);
-        let turning = p.body_inertia[2] * yaw_rate.powi(2) + p.ball_inertia * spin.powi(2) + wheels;
+        let twice_yaw_energy = p.body_inertia[2] * yaw_rate.powi(2) + p.ball_inertia * spin.powi(2) + wheels;
         // Each plane counts the whole potential energy.
         let counted_twice = p.body_mass * p.gravity * p.body_com_height;
-        plane(&self.xz, 0) + plane(&self.yz, 2) + 0.5 * turning - counted_twice
+        plane(&self.xz, 0) + plane(&self.yz, 2) + 0.5 * twice_yaw_energy - counted_twice
     }
 
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
         let y = self.coordinates;
         for (model, at, horizontal) in [(&self.xz, 0, impulse.x), (&self.yz, 2, impulse.y)] {
             let (sin, cos) = y[at + 1].sin_cos();
-            let force = Vector2::new(horizontal, point.z * (horizontal * cos - impulse.z * sin));
+            let generalized_impulse = Vector2::new(horizontal, point.z * (horizontal * cos - impulse.z * sin));
             let jump = model
                 .mass_matrix(y[at + 1])
                 .try_inverse()
-                .map_or_else(|| Vector2::repeat(f64::NAN), |inverse| inverse * force);
+                .map_or_else(|| Vector2::repeat(f64::NAN), |inverse| inverse * generalized_impulse);
             self.coordinates[RATES + at] += jump[0];
             self.coordinates[RATES + at + 1] += jump[1];
         }
-        let turning = rotate(point.xy(), y[4]).perp(&impulse.xy());
+        let angular_impulse = rotate(point.xy(), y[4]).perp(&impulse.xy());
         let p = &self.params;
         let wheels = 3.0 * p.wheel_inertia * (p.gear_ratio() * p.wheel_zenith.sin()).powi(2);
         // (J_z + w) Ω − w s = impulse, (J_k + w) s − w Ω = 0, with w the wheels' inertia about the vertical.
         let determinant = (p.body_inertia[2] + wheels) * (p.ball_inertia + wheels) - wheels * wheels;
-        self.coordinates[RATES + 4] += turning * (p.ball_inertia + wheels) / determinant;
-        self.coordinates[RATES + 5] += turning * wheels / determinant;
+        self.coordinates[RATES + 4] += angular_impulse * (p.ball_inertia + wheels) / determinant;
+        self.coordinates[RATES + 5] += angular_impulse * wheels / determinant;
     }
 
     fn save(&self) -> Vec<u8> {

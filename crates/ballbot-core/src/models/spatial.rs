@@ -1,6 +1,6 @@
 //! The coupled 3D model without slip, by Kane's method.
 //!
-//! Generalised velocity ν = (v_x, v_y, Ω_x, Ω_y, Ω_z, s): the ball's velocity on the floor (inertial frame), the body's
+//! Generalized velocity ν = (v_x, v_y, Ω_x, Ω_y, Ω_z, s): the ball's velocity on the floor (inertial frame), the body's
 //! angular velocity (body frame), the ball's spin about the vertical. The constraints of the wheels are nonholonomic, so
 //! putting the wheel speeds into a Lagrangian and using Euler-Lagrange would be wrong off the plane; projecting the
 //! Newton-Euler equations on the partial velocities (Kane & Levinson, Dynamics: Theory and Applications, 1985, ch. 6) is not.
@@ -12,15 +12,46 @@ use crate::params::Params;
 use crate::state::Contacts;
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector3, Vector6};
 
+/// Wheel spin of which the kinetic energy counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WheelSpin {
+    /// Spin in the inertial frame: exact mechanics.
+    Absolute,
+    /// Spin relative to the body: the paper's wheel energy ½ J_w ψ̇².
+    Relative,
+}
+
+impl From<bool> for WheelSpin {
+    /// `true` is absolute, as in the arguments and records that ask "absolute wheel spin?".
+    fn from(absolute: bool) -> Self {
+        if absolute { Self::Absolute } else { Self::Relative }
+    }
+}
+
+/// Spin of the ball about the vertical.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BallSpin {
+    /// A degree of freedom.
+    Free,
+    /// Constrained to zero.
+    Pinned,
+}
+
+impl From<bool> for BallSpin {
+    /// `true` is free, as in the arguments and records that ask "does the ball spin about the vertical?".
+    fn from(free: bool) -> Self {
+        if free { Self::Free } else { Self::Pinned }
+    }
+}
+
 /// The equations of motion of one robot.
 #[derive(Clone, Debug)]
 pub struct SpatialModel {
     params: Params,
     wheels: Omniwheels,
-    /// 1 where a wheel's kinetic energy counts its absolute spin (exact mechanics), 0 where it counts only its spin
-    /// relative to the body, as the paper does.
+    /// 1 for [`WheelSpin::Absolute`], 0 for [`WheelSpin::Relative`].
     kappa: f64,
-    ball_spins_about_vertical: bool,
+    ball_spin: BallSpin,
 }
 
 /// Matrices of one configuration.
@@ -36,13 +67,16 @@ struct Terms {
 }
 
 impl SpatialModel {
-    /// `absolute_wheel_spin` false gives the paper's wheel energy ½ J_w ψ̇²; `ball_spins_about_vertical` false pins the
-    /// ball's spin about the vertical to zero.
-    pub fn new(params: &Params, absolute_wheel_spin: bool, ball_spins_about_vertical: bool) -> Self {
+    /// Equations of the robot of `params`. [`SpatialMotion`](super::SpatialMotion) integrates them with absolute wheel
+    /// spin and free ball spin.
+    pub fn new(params: &Params, wheel_spin: impl Into<WheelSpin>, ball_spin: impl Into<BallSpin>) -> Self {
         Self {
             wheels: Omniwheels::new(params),
-            kappa: if absolute_wheel_spin { 1.0 } else { 0.0 },
-            ball_spins_about_vertical,
+            kappa: match wheel_spin.into() {
+                WheelSpin::Absolute => 1.0,
+                WheelSpin::Relative => 0.0,
+            },
+            ball_spin: ball_spin.into(),
             params: params.clone(),
         }
     }
@@ -57,12 +91,15 @@ impl SpatialModel {
         &self.wheels
     }
 
-    /// How many generalised velocities there are: 5, or 6 where the ball may spin about the vertical.
+    /// Number of generalized velocities: 6 with free ball spin, 5 with pinned ball spin.
     pub fn degrees_of_freedom(&self) -> usize {
-        if self.ball_spins_about_vertical { 6 } else { 5 }
+        match self.ball_spin {
+            BallSpin::Free => 6,
+            BallSpin::Pinned => 5,
+        }
     }
 
-    /// The generalised velocity from 5 or 6 numbers.
+    /// The generalized velocity from 5 or 6 numbers.
     ///
     /// # Errors
     /// [`Error::Length`] unless there are [`SpatialModel::degrees_of_freedom`] of them.
@@ -82,7 +119,7 @@ impl SpatialModel {
         let mut s = Matrix3x6::zeros();
         s[(0, 1)] = -1.0 / self.params.ball_radius;
         s[(1, 0)] = 1.0 / self.params.ball_radius;
-        if self.ball_spins_about_vertical {
+        if self.ball_spin == BallSpin::Free {
             s[(2, 5)] = 1.0;
         }
         s
@@ -115,7 +152,7 @@ impl SpatialModel {
         for i in 0..3 {
             mass[(2 + i, 2 + i)] += p.body_inertia[i];
         }
-        if !self.ball_spins_about_vertical {
+        if self.ball_spin == BallSpin::Pinned {
             mass[(5, 5)] = 1.0;
         }
         Terms { rotation, b, b_s, j_c, mass }
@@ -150,7 +187,7 @@ impl SpatialModel {
         for i in 0..3 {
             force[2 + i] -= gyroscopic[i];
         }
-        if !self.ball_spins_about_vertical {
+        if self.ball_spin == BallSpin::Pinned {
             force[5] = 0.0;
         }
         solve_mass(terms, &force)
@@ -204,7 +241,7 @@ impl SpatialModel {
         contact_loads(&self.params, &self.wheels, &motion)
     }
 
-    /// M⁻¹ times a generalised force: ν' per force, or the jump of ν per impulse.
+    /// M⁻¹ times a generalized force: ν' per force, or the jump of ν per impulse.
     pub fn response(&self, body_quaternion: &UnitQuaternion<f64>, force: &Vector6<f64>) -> Vector6<f64> {
         solve_mass(&self.terms(body_quaternion), force)
     }
@@ -216,9 +253,10 @@ impl SpatialModel {
         impulse: &Vector3<f64>,
         point: &Vector3<f64>,
     ) -> Vector6<f64> {
-        let turning = point.cross(&body_quaternion.inverse_transform_vector(impulse));
-        let force = Vector6::new(impulse.x, impulse.y, turning.x, turning.y, turning.z, 0.0);
-        self.response(body_quaternion, &force)
+        let angular_impulse = point.cross(&body_quaternion.inverse_transform_vector(impulse));
+        let generalized_impulse =
+            Vector6::new(impulse.x, impulse.y, angular_impulse.x, angular_impulse.y, angular_impulse.z, 0.0);
+        self.response(body_quaternion, &generalized_impulse)
     }
 }
 

@@ -1,7 +1,7 @@
-//! The spatial model in motion: RK4 over position, attitude and generalised velocity.
+//! The spatial model in motion: RK4 over position, attitude and generalized velocity.
 
 use super::rk4::rk4;
-use super::{Saved, SpatialModel, require_rolling, sound};
+use super::{BallSpin, Saved, SpatialModel, WheelSpin, require_rolling, sound};
 use crate::error::Result;
 use crate::model::{Model, same_geometry};
 use crate::params::Params;
@@ -26,7 +26,7 @@ pub struct SpatialMotion {
 impl SpatialMotion {
     /// At rest upright.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
-        let model = SpatialModel::new(params, true, true);
+        let model = SpatialModel::new(params, WheelSpin::Absolute, BallSpin::Free);
         let coordinates = coordinates_of(&State::upright(params));
         Self { model, sim_dt, steps: 0, healthy: true, coordinates, wheel_torques: Vector3::zeros() }
     }
@@ -51,8 +51,8 @@ impl SpatialMotion {
             &velocity,
             &self.wheel_torques,
         ));
-        let turning = Quaternion::from_imag(ball_rate) * Quaternion::new(y[12], y[13], y[14], y[15]) * 0.5;
-        write_quaternion(&mut out, 12, &turning);
+        let ball_quaternion_rate = Quaternion::from_imag(ball_rate) * Quaternion::new(y[12], y[13], y[14], y[15]) * 0.5;
+        write_quaternion(&mut out, 12, &ball_quaternion_rate);
         let wheel_speeds = self.model.wheels().wheel_speeds(&body_quaternion, &ball_rate, &rate);
         out.fixed_rows_mut::<3>(16).copy_from(&wheel_speeds);
         out

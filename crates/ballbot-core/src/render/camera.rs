@@ -62,7 +62,7 @@ impl Camera {
             forward: -out,
             right: right * pixel,
             down: -out.cross(&right) * pixel,
-            centre: (0.5 * width as f64, 0.5 * height as f64),
+            center: (0.5 * width as f64, 0.5 * height as f64),
             pixel,
         }
     }
@@ -73,10 +73,10 @@ pub(super) struct View {
     pub position: Vector3<f64>,
     /// Unit length; a ray's component along it is 1.
     pub forward: Vector3<f64>,
-    /// From a pixel to its right neighbour, and to the one below, at unit depth.
+    /// From a pixel to its right neighbor, and to the one below, at unit depth.
     pub right: Vector3<f64>,
     pub down: Vector3<f64>,
-    centre: (f64, f64),
+    center: (f64, f64),
     /// Size of a pixel at unit depth.
     pub pixel: f64,
 }
@@ -84,6 +84,6 @@ pub(super) struct View {
 impl View {
     /// Direction of the ray through a point of the picture, in pixels from its upper left corner; depth 1 long.
     pub fn ray(&self, x: f64, y: f64) -> Vector3<f64> {
-        self.forward + self.right * (x - self.centre.0) + self.down * (y - self.centre.1)
+        self.forward + self.right * (x - self.center.0) + self.down * (y - self.center.1)
     }
 }

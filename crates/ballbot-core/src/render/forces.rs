@@ -1,7 +1,7 @@
 //! Arrows for the forces at the contacts.
 
-use super::paint::srgb;
-use super::picture::Arrow;
+use super::color::srgb;
+use super::renderer::Arrow;
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
 use crate::state::{Contacts, State};

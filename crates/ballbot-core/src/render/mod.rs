@@ -3,19 +3,19 @@
 //! The same state gives the same picture to the last bit, on any number of threads.
 
 mod camera;
-#[cfg(feature = "urdf")]
-mod description;
+mod color;
+mod default_visuals;
 mod forces;
-mod look;
-mod paint;
-mod picture;
+#[cfg(feature = "urdf")]
+mod from_urdf;
+mod renderer;
 mod scene;
 mod shading;
 mod shape;
 
 pub use camera::Camera;
+pub use color::{Color, Paint, srgb};
 pub use forces::force_arrows;
-pub use paint::{Colour, Paint, srgb};
-pub use picture::{Arrow, Picture, Renderer};
+pub use renderer::{Arrow, Picture, Renderer};
 pub use scene::{Label, Link, Part, Scene};
 pub use shape::Shape;

@@ -1,6 +1,6 @@
 //! What there is to see, and where it is in a state.
 
-use super::paint::Paint;
+use super::color::Paint;
 use super::shape::{Hit, Shape};
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
@@ -71,7 +71,7 @@ pub struct Part {
     pub attitude: UnitQuaternion<f64>,
     /// What rays hit.
     pub shape: Shape,
-    /// Its colours.
+    /// Its colors.
     pub paint: Paint,
 }
 
@@ -100,14 +100,14 @@ impl Scene {
     /// Height of the upright robot, m.
     pub fn height(&self) -> f64 {
         let top = |part: &Part| {
-            let (centre, radius) = part.shape.bounding_sphere();
+            let (center, radius) = part.shape.bounding_sphere();
             let reach = match &part.shape {
                 // The sphere around something flat says little about its height.
                 Shape::Cylinder { half_length, .. } if part.attitude.angle() < 1e-6 => *half_length,
                 Shape::Cuboid { half_extents } if part.attitude.angle() < 1e-6 => half_extents.z,
                 _ => radius,
             };
-            (part.position + part.attitude * centre).z + reach
+            (part.position + part.attitude * center).z + reach
         };
         self.parts.iter().map(top).fold(self.ball_radius, f64::max) + self.ball_radius
     }
@@ -141,21 +141,21 @@ pub(super) struct Placed<'a> {
     rotation: Matrix3<f64>,
     inverse: Matrix3<f64>,
     /// Of a sphere around it.
-    pub centre: Vector3<f64>,
+    pub center: Vector3<f64>,
     pub radius: f64,
 }
 
 impl<'a> Placed<'a> {
     fn new(part: &'a Part, position: Vector3<f64>, attitude: UnitQuaternion<f64>) -> Self {
         let rotation = attitude.to_rotation_matrix().into_inner();
-        let (centre, radius) = part.shape.bounding_sphere();
+        let (center, radius) = part.shape.bounding_sphere();
         Self {
             part,
             label: part.link.label(),
             position,
             rotation,
             inverse: rotation.transpose(),
-            centre: position + rotation * centre,
+            center: position + rotation * center,
             radius,
         }
     }
@@ -163,7 +163,7 @@ impl<'a> Placed<'a> {
     /// Whether the line of a ray passes its sphere, ahead of the origin.
     #[inline]
     pub fn near(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, length_squared: f64) -> bool {
-        let to = self.centre - origin;
+        let to = self.center - origin;
         let along = to.dot(direction);
         let miss = to.norm_squared() * length_squared - along * along;
         miss <= self.radius * self.radius * length_squared && along + self.radius * length_squared.sqrt() > 0.0
@@ -176,8 +176,8 @@ impl<'a> Placed<'a> {
         Some(Hit { normal: self.rotation * hit.normal, ..hit })
     }
 
-    /// Colour at a point of the inertial frame.
-    pub fn colour(&self, point: &Vector3<f64>) -> Vector3<f64> {
+    /// Color at a point of the inertial frame.
+    pub fn color(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.part.paint.at(&(self.inverse * (point - self.position)))
     }
 }

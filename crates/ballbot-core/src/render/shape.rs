@@ -65,7 +65,7 @@ impl Shape {
         Ok(Self::Mesh(Arc::new(mesh)))
     }
 
-    /// Centre and radius of a sphere around it.
+    /// Center and radius of a sphere around it.
     pub(super) fn bounding_sphere(&self) -> (Vector3<f64>, f64) {
         match self {
             Self::Sphere { radius } => (Vector3::zeros(), *radius),

@@ -7,9 +7,9 @@ use crate::state::State;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// How deep in the floor the bot may start, m.
-const THROUGH_FLOOR: f64 = 1e-3;
+const MAX_FLOOR_OVERLAP: f64 = 1e-3;
 
-/// Wheel centres in the body frame, m.
+/// Wheel centers in the body frame, m.
 pub fn wheel_centers(params: &Params, wheels: &Omniwheels) -> [Vector3<f64>; 3] {
     wheels.contact_directions.map(|p| p * (params.ball_radius + params.wheel_radius))
 }
@@ -25,7 +25,7 @@ pub struct BodyShape {
 }
 
 impl BodyShape {
-    /// As wide as the circle of the wheel centres, from just above the ball to the height that the body's radius of
+    /// As wide as the circle of the wheel centers, from just above the ball to the height that the body's radius of
     /// gyration asks of a slender mast: parameters carry inertia, not outlines.
     pub fn new(params: &Params) -> Self {
         let half_height = (3.0 * params.body_inertia[0].max(params.body_inertia[1]) / params.body_mass).sqrt();
@@ -74,7 +74,7 @@ impl CollisionShape {
             format_args!("height of the lowest point of the {part}"),
             height,
             "at least 0 m, the floor, within 1 mm",
-            |h| h >= -THROUGH_FLOOR,
+            |h| h >= -MAX_FLOOR_OVERLAP,
         )?;
         Ok(())
     }

@@ -8,14 +8,14 @@ use crate::lanes::{Lane, exp_of_negative};
 #[inline(always)]
 pub fn stribeck<L: Lane>(fixed: L, moving: L, squared_ratio: L) -> L {
     /// Below this four terms of the exponential's series are exact.
-    const SMALL: f64 = 1e-3;
+    const SERIES_LIMIT: f64 = 1e-3;
     let one = squared_ratio.splat(1.0);
     let x = -squared_ratio;
     let mut share = x.mul_add_all(0.25, one);
     for n in [3.0, 2.0, 1.0] {
         share = (share * x).mul_add_all(1.0 / n, one);
     }
-    let large = !squared_ratio.le(squared_ratio.splat(SMALL));
+    let large = !squared_ratio.le(squared_ratio.splat(SERIES_LIMIT));
     if L::any(large) {
         share = L::select(large, exp_of_negative(squared_ratio), share);
     }

@@ -1,4 +1,4 @@
-//! The ball: one massive link with a sphere around its centre of mass.
+//! The ball: one massive link with a sphere around its center of mass.
 
 use super::checked::{Checked, TOLERANCE};
 use super::shape::{Shape, spheres_and_cylinders};
@@ -32,11 +32,11 @@ impl Ball {
             .into_iter()
             .next()
             .ok_or_else(|| format!("'{name}' has no collision or visual sphere to tell the ball's radius"))?;
-        let Shape { radius, centre, .. } = shape;
-        let off_centre = (body.centre - centre).norm();
-        if !(..=TOLERANCE).contains(&off_centre) {
+        let Shape { radius, center, .. } = shape;
+        let off_center = (body.center - center).norm();
+        if !(..=TOLERANCE).contains(&off_center) {
             return Err(format!(
-                "the centre of mass of '{name}' is {off_centre:.3e} m off the centre of its sphere: \
+                "the centre of mass of '{name}' is {off_center:.3e} m off the centre of its sphere: \
                  at most {TOLERANCE:e} m"
             ));
         }

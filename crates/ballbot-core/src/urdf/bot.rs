@@ -10,7 +10,7 @@ use std::slice;
 
 /// What the bot's URDF says, in the terms of [`crate::Params`].
 pub(super) struct Bot {
-    /// Of the ball centre over the root frame's origin, m.
+    /// Of the ball center over the root frame's origin, m.
     pub ball_height: f64,
     mass: f64,
     inertia: [f64; 3],
@@ -33,7 +33,7 @@ impl Bot {
         let body = tree.mass(None, "the body")?;
         let parts = [&body, &wheels[0].body, &wheels[1].body, &wheels[2].body].map(Clone::clone);
         let total = RigidMass::combined(&parts).ok_or("the bot has no mass")?;
-        let com_height = com_height(&total.centre, placement.ball_height)?;
+        let com_height = com_height(&total.center, placement.ball_height)?;
         // The models add the wheels' spin by themselves.
         let spin: Matrix3<f64> = wheels.iter().map(|w| w.axle * w.axle.transpose() * w.axial_inertia).sum();
         let inertia = principal_moments(&(total.inertia - spin))?;
@@ -113,17 +113,17 @@ fn check_equal(wheels: &[Wheel; 3], quantities: &[Quantity]) -> Checked<()> {
     Ok(())
 }
 
-/// Height of the centre of mass over the ball centre, refused if it is not on the mast.
-fn com_height(centre: &Point3<f64>, ball_height: f64) -> Checked<f64> {
-    let height = centre.z - ball_height;
-    let off_mast = centre.x.hypot(centre.y);
+/// Height of the center of mass over the ball center, refused if it is not on the mast.
+fn com_height(center: &Point3<f64>, ball_height: f64) -> Checked<f64> {
+    let height = center.z - ball_height;
+    let off_mast = center.x.hypot(center.y);
     if (..=TOLERANCE * height.abs()).contains(&off_mast) {
         return Ok(height);
     }
     Err(format!(
         "the bot's centre of mass is {off_mast:.3e} m off the mast (x = {:.3e}, y = {:.3e}): \
-         at most {TOLERANCE:e} of its height over the ball centre, {height} m",
-        centre.x, centre.y
+         at most {TOLERANCE:e} of its height over the ball center, {height} m",
+        center.x, center.y
     ))
 }
 
@@ -134,7 +134,7 @@ fn principal_moments(inertia: &Matrix3<f64>) -> Checked<[f64; 3]> {
         if !(..=TOLERANCE * moments.amax()).contains(&product.abs()) {
             return Err(format!(
                 "the bot's principal axes of inertia are not the axes of its root frame: its product of inertia {name} \
-                 about the centre of mass is {product:.3e} kg m^2, at most {TOLERANCE:e} of the largest \
+                 about the center of mass is {product:.3e} kg m^2, at most {TOLERANCE:e} of the largest \
                  moment, {} kg m^2",
                 moments.amax()
             ));

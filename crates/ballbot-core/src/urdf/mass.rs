@@ -1,4 +1,4 @@
-//! Mass, centre of mass and inertia of rigid parts.
+//! Mass, center of mass and inertia of rigid parts.
 
 use super::checked::Checked;
 use super::numbers::{finite, pose};
@@ -10,9 +10,9 @@ use urdf_rs::Link;
 pub(super) struct RigidMass {
     /// kg, > 0.
     pub mass: f64,
-    /// Centre of mass, m.
-    pub centre: Point3<f64>,
-    /// Inertia about the centre of mass, along the root axes, kg·m².
+    /// Center of mass, m.
+    pub center: Point3<f64>,
+    /// Inertia about the center of mass, along the root axes, kg·m².
     pub inertia: Matrix3<f64>,
 }
 
@@ -36,7 +36,7 @@ impl RigidMass {
         let at = frame * origin;
         let axes = at.rotation.to_rotation_matrix().into_inner();
         let inertia = axes * tensor * axes.transpose();
-        Ok(Some(Self { mass, centre: at.translation.vector.into(), inertia }))
+        Ok(Some(Self { mass, center: at.translation.vector.into(), inertia }))
     }
 
     /// Several parts as one; none for no parts.
@@ -44,16 +44,16 @@ impl RigidMass {
         let mass: f64 = parts.iter().map(|p| p.mass).sum();
         let first = parts.first()?;
         // Relative to the first part, so that a far-away root frame costs no precision.
-        let offset = parts.iter().map(|p| (p.centre - first.centre) * p.mass).sum::<nalgebra::Vector3<f64>>() / mass;
-        let centre = first.centre + offset;
+        let offset = parts.iter().map(|p| (p.center - first.center) * p.mass).sum::<nalgebra::Vector3<f64>>() / mass;
+        let center = first.center + offset;
         let inertia = parts
             .iter()
             .map(|p| {
-                let d = p.centre - centre;
+                let d = p.center - center;
                 p.inertia + (Matrix3::from_diagonal_element(d.norm_squared()) - d * d.transpose()) * p.mass
             })
             .sum();
-        Some(Self { mass, centre, inertia })
+        Some(Self { mass, center, inertia })
     }
 
     /// Refuses an inertia that no body has; `what` names the part.

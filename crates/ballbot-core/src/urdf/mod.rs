@@ -3,14 +3,14 @@
 //! Names of links and joints do not matter, the mechanics do. The bot has three continuous (or revolute) joints, its
 //! wheels in the order of the document; whatever hangs on the root by fixed joints is part of the body, whatever hangs
 //! on a wheel by fixed joints is part of the wheel. The root frame has z along the mast, at any height on it: the ball
-//! centre is where three wheels touch one ball centred on the mast. A wheel's radius and centre come from the largest
+//! center is where three wheels touch one ball centered on the mast. A wheel's radius and center come from the largest
 //! sphere or coaxial cylinder around its axle, among the collision shapes if there is one, else among the visual ones.
 //!
 //! A URDF says nothing about gravity, the friction coefficients and the ball's friction on the floor: those are the
 //! defaults of [`Params`]. Position and velocity limits of the wheel joints are not read.
 //!
 //! The simulated robot is symmetric about its mast where the models need it. What breaks that is refused, with the
-//! value and the limit: a centre of mass off the mast, principal axes of inertia that are not those of the root frame,
+//! value and the limit: a center of mass off the mast, principal axes of inertia that are not those of the root frame,
 //! wheels that differ, an axle that is not `-u_i` (see [`crate::kinematics`]).
 
 mod ball;

@@ -1,4 +1,4 @@
-//! Where three wheels stand on a ball: the ball centre on the mast, the zenith and the azimuths.
+//! Where three wheels stand on a ball: the ball center on the mast, the zenith and the azimuths.
 
 use super::checked::{Checked, TOLERANCE};
 use super::wheel::Wheel;
@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 /// Three wheels on one ball.
 pub(super) struct Placement {
-    /// z of the ball centre in the root frame, m.
+    /// z of the ball center in the root frame, m.
     pub ball_height: f64,
     /// α, rad.
     pub zenith: f64,
@@ -16,10 +16,10 @@ pub(super) struct Placement {
 }
 
 impl Placement {
-    /// Finds the ball of radius `ball_radius`, centred on the mast, that all `wheels` touch from above.
+    /// Finds the ball of radius `ball_radius`, centered on the mast, that all `wheels` touch from above.
     pub fn solve(wheels: &[Wheel; 3], ball_radius: f64) -> Checked<Self> {
         let reach = ball_radius + wheels[0].radius;
-        let off_mast = wheels.each_ref().map(|w| w.centre.x.hypot(w.centre.y));
+        let off_mast = wheels.each_ref().map(|w| w.center.x.hypot(w.center.y));
         let mean_off_mast = off_mast.iter().sum::<f64>() / 3.0;
         if !(0.0..reach).contains(&mean_off_mast) {
             return Err(format!(
@@ -28,10 +28,10 @@ impl Placement {
             ));
         }
         let above_ball = (reach - mean_off_mast).sqrt() * (reach + mean_off_mast).sqrt();
-        let ball_height = wheels.iter().map(|w| w.centre.z).sum::<f64>() / 3.0 - above_ball;
-        let ball_centre = Point3::new(0.0, 0.0, ball_height);
+        let ball_height = wheels.iter().map(|w| w.center.z).sum::<f64>() / 3.0 - above_ball;
+        let ball_center = Point3::new(0.0, 0.0, ball_height);
         for (wheel, off_mast) in wheels.iter().zip(off_mast) {
-            let gap = (wheel.centre - ball_centre).norm() - reach;
+            let gap = (wheel.center - ball_center).norm() - reach;
             let uneven = off_mast - mean_off_mast;
             if !(-TOLERANCE..=TOLERANCE).contains(&gap) || !(-TOLERANCE..=TOLERANCE).contains(&uneven) {
                 return Err(format!(
@@ -43,7 +43,7 @@ impl Placement {
             }
         }
         let zenith = mean_off_mast.atan2(above_ball);
-        let azimuths = wheels.each_ref().map(|w| azimuth(&w.centre));
+        let azimuths = wheels.each_ref().map(|w| azimuth(&w.center));
         for (wheel, azimuth) in wheels.iter().zip(azimuths) {
             check_axle(wheel, zenith, azimuth)?;
         }

@@ -12,7 +12,7 @@ pub(super) struct Shape {
     /// m, > 0.
     pub radius: f64,
     /// m.
-    pub centre: Point3<f64>,
+    pub center: Point3<f64>,
     /// Unit vector along the axis of a cylinder, none for a sphere.
     pub cylinder_axis: Option<Vector3<f64>>,
 }
@@ -59,5 +59,5 @@ fn read(tree: &Tree, link: usize, origin: &Pose, geometry: &Geometry) -> Checked
     }
     let at = tree.poses[link] * pose(&what, origin)?;
     let cylinder_axis = is_cylinder.then(|| at.rotation * Vector3::z());
-    Ok(Some(Shape { radius, centre: at.translation.vector.into(), cylinder_axis }))
+    Ok(Some(Shape { radius, center: at.translation.vector.into(), cylinder_axis }))
 }

@@ -13,7 +13,7 @@ use urdf_rs::Geometry;
 /// What a visual moves with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VisualLink {
-    /// The ball; the visual is placed in its frame, whose origin is its centre.
+    /// The ball; the visual is placed in its frame, whose origin is its center.
     Ball,
     /// The body; the visual is placed in the body frame.
     Body,
@@ -30,7 +30,7 @@ pub enum VisualShape {
     Cylinder(f64, f64),
     /// Edges.
     Cuboid(Vector3<f64>),
-    /// A file of triangles, and the factors that make its coordinates metres.
+    /// A file of triangles, and the factors that make its coordinates meters.
     Mesh(PathBuf, Vector3<f64>),
 }
 
@@ -43,8 +43,8 @@ pub struct Visual {
     pub pose: Isometry3<f64>,
     /// Its shape.
     pub shape: VisualShape,
-    /// Red, green, blue in [0, 1], as written (sRGB); none for a visual without colour.
-    pub colour: Option<[f64; 3]>,
+    /// Red, green, blue in [0, 1], as written (sRGB); none for a visual without color.
+    pub color: Option<[f64; 3]>,
 }
 
 /// The visual elements of the ballbot described by the files `bot` and `ball`.
@@ -58,9 +58,9 @@ pub fn visuals_from_urdf(bot: &Path, ball: &Path) -> Result<Vec<Visual>> {
     let bot_label = bot.display().to_string();
     let of_ball = |text: &str| -> Checked<Vec<Visual>> {
         let tree = Tree::read(text)?;
-        let centre = tree.masses()?.into_iter().flatten().next().map_or_else(Vector3::zeros, |body| body.centre.coords);
+        let center = tree.masses()?.into_iter().flatten().next().map_or_else(Vector3::zeros, |body| body.center.coords);
         let links: Vec<usize> = (0..tree.links.len()).collect();
-        visuals(&tree, &links, VisualLink::Ball, -centre, ball)
+        visuals(&tree, &links, VisualLink::Ball, -center, ball)
     };
     let of_bot = |text: &str| -> Checked<Vec<Visual>> {
         let tree = Tree::read(text)?;
@@ -85,13 +85,13 @@ fn visuals(tree: &Tree, links: &[usize], of: VisualLink, shift: Vector3<f64>, fi
             let material = visual.material.as_ref();
             let own = material.and_then(|m| m.color.as_ref());
             let named = || tree.materials.iter().find(|m| Some(&m.name) == material.map(|m| &m.name));
-            let colour = own.or_else(|| named().and_then(|m| m.color.as_ref()));
-            let colour = colour.map(|c| [c.rgba[0], c.rgba[1], c.rgba[2]].map(|x| x.clamp(0.0, 1.0)));
+            let color = own.or_else(|| named().and_then(|m| m.color.as_ref()));
+            let color = color.map(|c| [c.rgba[0], c.rgba[1], c.rgba[2]].map(|x| x.clamp(0.0, 1.0)));
             found.push(Visual {
                 link: of,
                 pose: Translation3::from(shift) * tree.poses[link] * local,
                 shape: shape(&what, &visual.geometry, file)?,
-                colour,
+                color,
             });
         }
     }

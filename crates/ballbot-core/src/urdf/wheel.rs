@@ -14,7 +14,7 @@ pub(super) struct Wheel {
     /// "wheel i (joint 'name')".
     pub what: String,
     /// m.
-    pub centre: Point3<f64>,
+    pub center: Point3<f64>,
     /// Unit vector of the joint axis.
     pub axle: Vector3<f64>,
     /// m.
@@ -39,7 +39,7 @@ impl Wheel {
         let (on_axle, axle) = axle(tree, joint, &what)?;
         let off_axle = |p: &Point3<f64>| (p - on_axle).cross(&axle).norm();
         let is_coaxial = |shape: &Shape| {
-            off_axle(&shape.centre) <= TOLERANCE
+            off_axle(&shape.center) <= TOLERANCE
                 && shape.cylinder_axis.is_none_or(|axis| axis.cross(&axle).norm() <= TOLERANCE)
         };
         let shape = spheres_and_cylinders(tree, &links, is_coaxial)?
@@ -54,17 +54,17 @@ impl Wheel {
         let body = tree.mass(Some(joint), &what)?;
         let axial_inertia = axle.dot(&(body.inertia * axle));
         let (damping, friction, effort) = dynamics(&tree.joints[joint], &what)?;
-        let Shape { radius, centre, .. } = shape;
-        Ok(Self { what, centre, axle, radius, body, axial_inertia, damping, friction, effort })
+        let Shape { radius, center, .. } = shape;
+        Ok(Self { what, center, axle, radius, body, axial_inertia, damping, friction, effort })
     }
 
-    /// Refuses a wheel that moves the bot's centre of mass or changes its inertia as it turns.
+    /// Refuses a wheel that moves the bot's center of mass or changes its inertia as it turns.
     pub fn check_balance(&self) -> Checked<()> {
         let Self { what, axle, body, .. } = self;
-        let off_axle = (body.centre - self.centre).cross(axle).norm();
+        let off_axle = (body.center - self.center).cross(axle).norm();
         if !(..=TOLERANCE).contains(&off_axle) {
             return Err(format!(
-                "{what}: its centre of mass is {off_axle:.3e} m off its axle, at most {TOLERANCE:e} m"
+                "{what}: its center of mass is {off_axle:.3e} m off its axle, at most {TOLERANCE:e} m"
             ));
         }
         let along = axle * axle.transpose();

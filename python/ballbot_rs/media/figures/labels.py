@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from ballbot_rs.control.resolve import CONTROLLERS
+from ballbot_rs.control.resolve import NAMES
 
 _NAMES = {"lqr": "LQR", "pid": "PID", "zero": "no torque"}
 
 
 def short(controller: str) -> str:
     """A name that fits above a figure: of a run its folder, of a policy its file."""
-    if controller in CONTROLLERS:
+    if controller in NAMES:
         return _NAMES[controller]
     path = Path(controller)
     return path.resolve().parent.name if path.name in ("best_model.zip", "final_model.zip") else path.name

@@ -18,10 +18,10 @@ const SWEEPS: usize = 20;
 const POINTS: usize = 9;
 
 /// Distance at which a contact counts as near, m, besides what a step may cover.
-const NEAR: f64 = 2e-3;
+const CONTACT_MARGIN: f64 = 2e-3;
 
-/// How far the ball's centre may be from where it belongs, in ball radii, before the body's cylinder can be in its way.
-const OUT_OF_PLACE: f64 = 0.02;
+/// How far the ball's center may be from where it belongs, in ball radii, before the body's cylinder can be in its way.
+const MAX_CENTER_OFFSET: f64 = 0.02;
 
 /// Robots that need the contacts of this module in this step.
 #[inline(always)]
@@ -45,8 +45,9 @@ pub fn near<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, token: L::
         .mul_add(c.reach.at(zero), speed.x.abs() + speed.y.abs() + speed.z.abs());
     let fastest = fastest + (pushed + turned);
     let offset = start.rows.ball_in_body + Vec3::new(zero, zero, c.com_height.at(zero));
-    let limit = c.ball_radius.at(zero) * OUT_OF_PLACE;
-    lowest.lt(fastest.mul_add(c.sim_dt.at(zero), zero.splat(NEAR))) | limit.squared().lt(offset.norm_squared())
+    let limit = c.ball_radius.at(zero) * MAX_CENTER_OFFSET;
+    lowest.lt(fastest.mul_add(c.sim_dt.at(zero), zero.splat(CONTACT_MARGIN)))
+        | limit.squared().lt(offset.norm_squared())
 }
 
 /// One step of a robot that [`near`] has named.
@@ -267,7 +268,7 @@ impl BallOnBody {
         let nearest = Vec3::new(ball.x * share, ball.y * share, ball.z.clamp(c.body_bottom, c.body_top));
         let offset = ball - nearest;
         let distance = offset.norm_squared().sqrt();
-        // A centre inside the cylinder leaves by its lower end, where it came from.
+        // A center inside the cylinder leaves by its lower end, where it came from.
         let normal = if distance > 0.0 { offset * distance.recip() } else { -unit(2) };
         let arm = normal.cross(nearest);
         let angular = arm.scaled_by(c.body_inertia_inverse).dot(arm);

@@ -1,4 +1,4 @@
-//! The robot in maximal coordinates with a contact solver of its own: what `rigid` does, specialised and in lanes.
+//! The robot in maximal coordinates with a contact solver of its own: what `rigid` does, specialized and in lanes.
 //!
 //! Ball, body and the absolute spins of three wheels move freely; nine contact rows hold them together: the normal load
 //! of each wheel and of the floor, the floor's friction (a disc) and the drive friction of each wheel (an interval along

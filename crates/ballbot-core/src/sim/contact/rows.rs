@@ -8,17 +8,17 @@ use super::types::{PerRow, Velocities};
 use crate::lanes::{Lane, Rotation, Value, Vec3};
 
 /// Below this a wheel's axle points at the ball and there is no drive direction, which no wheel in contact comes near.
-const NO_DRIVE: f64 = 1e-3;
+const MIN_AXLE_SINE: f64 = 1e-3;
 
 /// Speed at which an overlap opens at most, m/s: a robot thrown deep into the floor is not to be shot out of it.
-const FASTEST_RECOVERY: f64 = 1.0;
+const MAX_RECOVERY_SPEED: f64 = 1.0;
 
 /// The rows of one step.
 pub struct Rows<L> {
     /// Between wheel and ball, and between ball and floor; negative where they overlap.
     pub gaps: [L; 3],
     pub floor_gap: L,
-    /// Ball centre from the body's CoM, body frame.
+    /// Ball center from the body's CoM, body frame.
     pub ball_in_body: Vec3<L>,
     /// From the ball to each wheel, inertial frame.
     pub normals: [Vec3<L>; 3],
@@ -126,7 +126,7 @@ impl<L: Lane> Rows<L> {
 #[inline(always)]
 pub fn allowance<L: Lane, V: Value<L>>(c: &Constants<V>, gap: L) -> L {
     let rate = L::select(gap.zero().lt(gap), c.sim_dt_inverse.at(gap), c.recovery.at(gap));
-    (gap * rate).max(gap.splat(-FASTEST_RECOVERY))
+    (gap * rate).max(gap.splat(-MAX_RECOVERY_SPEED))
 }
 
 /// Rate of wheel `i` against the body.
@@ -156,9 +156,9 @@ impl<L: Lane> Wheel<L> {
         let distance = offset.norm_squared().sqrt();
         let normal = offset * (one / distance.max(like.splat(f64::MIN_POSITIVE)));
 
-        // The share of the normal along the axle: zero while the ball's centre is where it belongs.
+        // The share of the normal along the axle: zero while the ball's center is where it belongs.
         let along = normal.dot(u);
-        let spin_share = along.neg_mul_add(along, one).max(like.splat(NO_DRIVE * NO_DRIVE)).sqrt();
+        let spin_share = along.neg_mul_add(along, one).max(like.splat(MIN_AXLE_SINE * MIN_AXLE_SINE)).sqrt();
         let share_inverse = one / spin_share;
         let drive = u.cross(normal) * share_inverse;
         // The rim's velocity belongs to the wheel's spin, not to the body's rate about the axle; the rest of what the

@@ -58,7 +58,7 @@ impl<T: Cell> ContactState<T> {
         let rotation = pose.body_quaternion.rotation();
         let mast = Vec3::new(rotation.rows[0].z, rotation.rows[1].z, rotation.rows[2].z);
         // Ω × e3
-        let turning = rotation.apply(Vec3::new(v.body_rate.y, -v.body_rate.x, v.body_rate.x.zero()));
+        let mast_rate = rotation.apply(Vec3::new(v.body_rate.y, -v.body_rate.x, v.body_rate.x.zero()));
         LaneState {
             ball_position: pose.ball,
             ball_quaternion: pose.ball_quaternion,
@@ -66,7 +66,7 @@ impl<T: Cell> ContactState<T> {
             ball_angular_velocity: v.ball_rate,
             body_position: pose.body.plus(mast, -c.com_height.at(mast.x)),
             body_quaternion: pose.body_quaternion,
-            body_velocity: v.body.plus(turning, -c.com_height.at(mast.x)),
+            body_velocity: v.body.plus(mast_rate, -c.com_height.at(mast.x)),
             body_angular_velocity: v.body_rate,
             wheel_angles: pose.wheel_angles,
             wheel_speeds: [encoder_rate(c, &v, 0), encoder_rate(c, &v, 1), encoder_rate(c, &v, 2)],

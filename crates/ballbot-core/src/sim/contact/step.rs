@@ -110,7 +110,7 @@ fn step_on_ball<L: Lane, V: Value<L>, const JOINTS: bool>(
     let mut open = Delassus::<L, V>::unsettled(c, &old, &impulses);
     let mut sweeps = SWEEPS;
     while L::any(open) && sweeps < MOST_SWEEPS {
-        // Robots that have settled keep what they have, whatever their neighbours need.
+        // Robots that have settled keep what they have, whatever their neighbors need.
         let (old, old_residuals, old_estimate) = (impulses, residuals, normal_estimate);
         delassus.sweep::<JOINTS>(&friction, joint_friction, &mut normal_estimate, &mut impulses, &mut residuals);
         let still = Delassus::<L, V>::unsettled(c, &old, &impulses);

@@ -10,9 +10,9 @@ use nalgebra::{Matrix3, Vector3};
 pub struct BodyLink {
     /// kg.
     pub mass: f64,
-    /// Centre of mass in the body frame, m.
+    /// Center of mass in the body frame, m.
     pub com: Vector3<f64>,
-    /// About the centre of mass, body axes, kg·m².
+    /// About the center of mass, body axes, kg·m².
     pub inertia: Matrix3<f64>,
 }
 

@@ -6,10 +6,10 @@
 
 mod bodies;
 mod convert;
-mod drive;
 mod motion;
 mod rows;
 mod stepping;
+mod wheel_contact;
 mod world;
 
 pub use motion::RigidMotion;

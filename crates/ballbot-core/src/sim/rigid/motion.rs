@@ -2,8 +2,8 @@
 
 use super::bodies::BodyLink;
 use super::convert::{from_rapier, rotation_from_rapier, rotation_to_rapier, to_rapier};
-use super::drive::{self, Contact};
-use super::rows::Force;
+use super::rows::WheelForce;
+use super::wheel_contact::{self, Contact};
 use super::world::{Handles, World, integration_parameters, new_pipeline};
 use crate::energy::mechanical_energy;
 use crate::error::{Error, Result};
@@ -18,7 +18,7 @@ use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// How far the wheel may hover over the ball for its first friction limit to count on the robot's weight, m.
-const TOUCHING: f64 = 1e-4;
+const CONTACT_TOLERANCE: f64 = 1e-4;
 
 /// A ballbot of rigid bodies on a flat floor.
 pub struct RigidMotion {
@@ -32,15 +32,15 @@ pub struct RigidMotion {
     pub(super) settings: IntegrationParameters,
     pub(super) pipeline: PhysicsPipeline,
     pub(super) world: World,
-    pub(super) memory: Memory,
+    pub(super) sim_state: SimulationState,
 }
 
 /// What the next step needs besides the world.
 #[derive(Clone, Copy, Serialize, Deserialize)]
-pub(super) struct Memory {
+pub(super) struct SimulationState {
     pub(super) steps: u64,
     /// Between wheels and ball; the loads bound the drive friction of the next step.
-    pub(super) wheel_forces: [Force; 3],
+    pub(super) wheel_forces: [WheelForce; 3],
     pub(super) floor_force: [f64; 3],
     /// Impulse on the body at its root and angular impulse about it, still to act, N·s and N·m·s.
     pub(super) push: [f64; 6],
@@ -48,8 +48,8 @@ pub(super) struct Memory {
     pub(super) healthy: bool,
 }
 
-impl Memory {
-    fn at_rest(wheel_forces: [Force; 3]) -> Self {
+impl SimulationState {
+    fn at_rest(wheel_forces: [WheelForce; 3]) -> Self {
         Self { steps: 0, wheel_forces, floor_force: [0.0; 3], push: [0.0; 6], healthy: true }
     }
 }
@@ -62,7 +62,7 @@ impl RigidMotion {
     pub fn new(params: &Params, sim_dt: f64) -> Result<Self> {
         let wheels = Omniwheels::new(params);
         let (template, handles) = World::new(params, &wheels)?;
-        let memory = Memory::at_rest([Force::default(); 3]);
+        let sim_state = SimulationState::at_rest([WheelForce::default(); 3]);
         let mut motion = Self {
             root: BodyLink::new(params, &wheels)?.com,
             collision_shape: CollisionShape::new(params, &wheels),
@@ -72,7 +72,7 @@ impl RigidMotion {
             handles,
             settings: integration_parameters(sim_dt),
             pipeline: new_pipeline(),
-            memory,
+            sim_state,
             params: params.clone(),
         };
         motion.place(&State::upright(params));
@@ -108,14 +108,14 @@ impl RigidMotion {
         let of_body = velocity + rate.cross(&(contact.point - root));
         // Relative to the body, the rim moves along the drive direction.
         let rim = self.params.wheel_radius * self.bot().generalized_velocity()[6 + i];
-        let ball = drive::point_velocity(&self.world.bodies[self.handles.ball], &contact.point);
+        let ball = wheel_contact::point_velocity(&self.world.bodies[self.handles.ball], &contact.point);
         (of_body - ball).dot(&contact.drive) + rim
     }
 
     pub(super) fn floor_slip(&self) -> Vector3<f64> {
         let ball = &self.world.bodies[self.handles.ball];
         let lowest = from_rapier(ball.translation()) - Vector3::z() * self.params.ball_radius;
-        let velocity = drive::point_velocity(ball, &lowest);
+        let velocity = wheel_contact::point_velocity(ball, &lowest);
         Vector3::new(velocity.x, velocity.y, 0.0)
     }
 
@@ -156,13 +156,13 @@ impl RigidMotion {
     }
 
     /// Before the first step no contact has carried a load yet: count on the weight where a wheel touches.
-    fn first_forces(&self) -> [Force; 3] {
+    fn first_forces(&self) -> [WheelForce; 3] {
         let usual = self.params.static_wheel_load();
         let ball = self.world.bodies[self.handles.ball].translation();
-        let on_floor = ball.z - self.params.ball_radius <= TOUCHING;
+        let on_floor = ball.z - self.params.ball_radius <= CONTACT_TOLERANCE;
         [0, 1, 2].map(|i| {
-            let load = if self.contact(i).gap <= TOUCHING { usual } else { 0.0 };
-            Force { load, bearing: load, traction: 0.0, steady: load > 0.0 && on_floor }
+            let load = if self.contact(i).gap <= CONTACT_TOLERANCE { usual } else { 0.0 };
+            WheelForce { load, normal_estimate: load, traction: 0.0, steady: load > 0.0 && on_floor }
         })
     }
 }
@@ -183,7 +183,7 @@ impl Model for RigidMotion {
             let mut robot = Self::new(params, self.settings.dt)?;
             if same_geometry(&self.params, params) {
                 robot.set_motion(&self.state());
-                robot.memory = self.memory;
+                robot.sim_state = self.sim_state;
             }
             *self = robot;
         }
@@ -195,7 +195,7 @@ impl Model for RigidMotion {
         self.world = self.template.clone();
         self.pipeline = new_pipeline();
         self.set_motion(state);
-        self.memory = Memory::at_rest(self.first_forces());
+        self.sim_state = SimulationState::at_rest(self.first_forces());
         self.apply_joint_friction();
     }
 
@@ -206,11 +206,11 @@ impl Model for RigidMotion {
     }
 
     fn time(&self) -> f64 {
-        self.memory.steps as f64 * self.settings.dt
+        self.sim_state.steps as f64 * self.settings.dt
     }
 
     fn healthy(&self) -> bool {
-        self.memory.healthy
+        self.sim_state.healthy
     }
 
     fn accepts(&self, state: &State) -> Result<()> {
@@ -242,13 +242,13 @@ impl Model for RigidMotion {
     }
 
     fn contacts(&self) -> Contacts {
-        let forces = &self.memory.wheel_forces;
+        let forces = &self.sim_state.wheel_forces;
         Contacts {
             // Before the first step the loads are only what its friction counts on.
-            wheel_normal_forces: if self.memory.steps > 0 { forces.map(|f| f.load) } else { [0.0; 3] },
+            wheel_normal_forces: if self.sim_state.steps > 0 { forces.map(|f| f.load) } else { [0.0; 3] },
             wheel_tractions: forces.map(|f| f.traction),
             wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(i, &self.contact(i))),
-            floor_force: self.memory.floor_force.into(),
+            floor_force: self.sim_state.floor_force.into(),
             floor_slip_velocity: self.floor_slip().xy(),
             bot_on_floor: self.bot_on_floor(),
         }
@@ -267,29 +267,29 @@ impl Model for RigidMotion {
     /// Acts as a force over the next time step, so that the contacts answer within that step.
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
         let body = rotation_from_rapier(*self.world.bodies[self.handles.body].rotation());
-        let turning = (body * (point - self.root)).cross(impulse);
+        let angular_impulse = (body * (point - self.root)).cross(impulse);
         for i in 0..3 {
-            self.memory.push[i] += impulse[i];
-            self.memory.push[3 + i] += turning[i];
+            self.sim_state.push[i] += impulse[i];
+            self.sim_state.push[3 + i] += angular_impulse[i];
         }
         if *impulse == Vector3::zeros() {
             return;
         }
         // Loads under a push are not those of the step before it.
-        self.memory.wheel_forces.iter_mut().for_each(|force| force.steady = false);
+        self.sim_state.wheel_forces.iter_mut().for_each(|force| force.steady = false);
     }
 
     fn save(&self) -> Vec<u8> {
-        snapshot::pack(&(&self.memory, &self.world))
+        snapshot::pack(&(&self.sim_state, &self.world))
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
         let refused = |reason: String| Error::Decode { what: "snapshot of a rigid world".into(), reason };
-        let (memory, world): (Memory, World) = snapshot::unpack("snapshot of a rigid world", bytes)?;
+        let (sim_state, world): (SimulationState, World) = snapshot::unpack("snapshot of a rigid world", bytes)?;
         if !world.holds(&self.handles) {
             return Err(refused("it lacks a part of the robot".into()));
         }
-        self.memory = memory;
+        self.sim_state = sim_state;
         self.world = world;
         self.pipeline = new_pipeline();
         Ok(())

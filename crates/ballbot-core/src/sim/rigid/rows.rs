@@ -2,34 +2,34 @@
 //!
 //! They are the rows of one joint, along z and x of a frame at the contact. A rapier contact would take four, two of
 //! them for friction that this wheel does not have. A joint's rows start each step from no force, which takes the
-//! solver many sweeps to make up for; so the force of the last step acts on both bodies as a given one (`Start`), and
+//! solver many sweeps to make up for; so the force of the last step acts on both bodies as a given one (`WarmStart`), and
 //! the rows find what it lacks.
 
 use super::convert::to_rapier;
-use super::drive::Contact;
+use super::wheel_contact::Contact;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Viscosity of a row that holds, N/(m/s): the slip under 10 N is 1e-7 m/s.
-const HOLDING: f64 = 1e8;
+const MOTOR_DAMPING: f64 = 1e8;
 
 /// How far apart wheel and ball may be for the row to look out for them to meet, m.
-const PREDICTION: f64 = 0.002;
+const CONTACT_PREDICTION: f64 = 0.002;
 
 /// Keeps the limit on the side where it acts whatever the rounding, m.
-const CERTAINLY: f64 = 1e-9;
+const LIMIT_MARGIN: f64 = 1e-9;
 
 /// How fast the load that bounds friction follows the load, in a step. Friction of slipping wheels pushes ball and body
 /// sideways and so changes the loads of the others: bounded by the last load itself, it would swing from step to step, and
 /// farther each time.
-const BEARING: f64 = 0.5;
+const LOAD_FILTER: f64 = 0.5;
 
 /// What one step leaves to the next, N.
 #[derive(Clone, Copy, Default, Serialize, Deserialize)]
-pub struct Force {
+pub struct WheelForce {
     pub load: f64,
-    /// The load that bounds the next step's friction. It follows the load by a share a step ([`BEARING`]).
-    pub bearing: f64,
+    /// The load that bounds the next step's friction. It follows the load by a share a step ([`LOAD_FILTER`]).
+    pub normal_estimate: f64,
     /// On the ball along the drive direction.
     pub traction: f64,
     /// Whether the load is steady enough to start the next step from.
@@ -38,7 +38,7 @@ pub struct Force {
 
 /// The force that a step starts from, N; nothing unless it was steady.
 #[derive(Clone, Copy, Default)]
-pub struct Start {
+pub struct WarmStart {
     pub load: f64,
     pub traction: f64,
 }
@@ -48,7 +48,7 @@ pub fn joint() -> GenericJoint {
     let mut joint = GenericJoint::new(JointAxesMask::empty());
     for axis in [JointAxis::LinX, JointAxis::LinZ] {
         joint.set_motor_model(axis, MotorModel::ForceBased);
-        joint.set_motor_velocity(axis, 0.0, HOLDING);
+        joint.set_motor_velocity(axis, 0.0, MOTOR_DAMPING);
         joint.set_motor_max_force(axis, 0.0);
     }
     // The row along z stands for the contact of the colliders.
@@ -66,10 +66,10 @@ pub fn anchor(
     joint: &mut GenericJoint,
     contact: &Contact,
     poses: [&Pose; 2],
-    last: &Force,
+    last: &WheelForce,
     grip: f64,
     dt: f64,
-) -> Start {
+) -> WarmStart {
     let frame = Pose::from_parts(
         to_rapier(&contact.point),
         Rotation::from_mat3(&Matrix::from_cols(
@@ -85,18 +85,18 @@ pub fn anchor(
     joint.motors[0].impulse = 0.0;
     joint.motors[2].impulse = 0.0;
     joint.limits[2].impulse = 0.0;
-    let mut start = Start::default();
+    let mut start = WarmStart::default();
     if last.steady {
         // From half the grip at most, so that friction that turns round has all of it within two steps.
-        start = Start { load: last.load, traction: last.traction.clamp(-0.5 * grip, 0.5 * grip) };
+        start = WarmStart { load: last.load, traction: last.traction.clamp(-0.5 * grip, 0.5 * grip) };
         // With a motor as strong as the start, the load can vanish or double, but not pull.
         joint.motor_axes |= JointAxesMask::LIN_Z;
         joint.motors[2].max_force = start.load;
         joint.motors[2].target_vel = contact.gap * softness().erp_inv_dt(dt);
-    } else if contact.gap < PREDICTION {
+    } else if contact.gap < CONTACT_PREDICTION {
         joint.limit_axes = JointAxesMask::LIN_Z;
         joint.limits[2].min = -Real::MAX;
-        joint.limits[2].max = -contact.gap.abs() - CERTAINLY;
+        joint.limits[2].max = -contact.gap.abs() - LIMIT_MARGIN;
         joint.softness = if contact.gap > 0.0 { closing(dt) } else { softness() };
     }
     joint.motors[0].max_force = grip - start.traction.abs();
@@ -109,13 +109,14 @@ fn closing(dt: f64) -> SpringCoefficients<Real> {
 }
 
 /// The force over the step of `dt` that began with `start`, after one with `last`; a wheel's usual load is `usual` (N).
-pub fn force(joint: &GenericJoint, start: &Start, last: &Force, usual: f64, dt: f64) -> Force {
+pub fn wheel_force(joint: &GenericJoint, start: &WarmStart, last: &WheelForce, usual: f64, dt: f64) -> WheelForce {
     let load = start.load + (joint.motors[2].impulse + joint.limits[2].impulse) / dt;
     // The rows act on the wheel, their first body; the ball feels the opposite.
     let traction = start.traction - joint.motors[0].impulse / dt;
     // Twice the load at the start is all that the row along z can add up to, so a load that has just dropped or doubled
     // is no start.
     let lasting = load > 0.5 * last.load && load < 1.9 * last.load;
-    let bearing = if last.steady { last.bearing + BEARING * (load - last.bearing) } else { load };
-    Force { load, bearing, traction, steady: load > 0.01 * usual && load < 10.0 * usual && lasting }
+    let normal_estimate =
+        if last.steady { last.normal_estimate + LOAD_FILTER * (load - last.normal_estimate) } else { load };
+    WheelForce { load, normal_estimate, traction, steady: load > 0.01 * usual && load < 10.0 * usual && lasting }
 }

@@ -136,7 +136,7 @@ impl World {
             i[(2, 2)],
         ]);
         let shape = BodyShape::new(params);
-        let middle = Vector3::z() * (0.5 * (shape.bottom + shape.top)) - link.com;
+        let center = Vector3::z() * (0.5 * (shape.bottom + shape.top)) - link.com;
         // Rapier's cylinders stand along y.
         let upright = Rotation::from_rotation_x(std::f64::consts::FRAC_PI_2);
         self.insert(
@@ -144,7 +144,7 @@ impl World {
                 .translation(to_rapier(&(Vector3::z() * params.ball_radius + link.com)))
                 .additional_mass_properties(MassProperties::with_inertia_matrix(Vector::ZERO, link.mass, inertia)),
             ColliderBuilder::cylinder(0.5 * (shape.top - shape.bottom), shape.radius)
-                .position(Pose::from_parts(to_rapier(&middle), upright)),
+                .position(Pose::from_parts(to_rapier(&center), upright)),
         )
     }
 

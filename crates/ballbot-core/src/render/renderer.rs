@@ -1,7 +1,7 @@
 //! The picture: every pixel's ray, in tiles, on all cores.
 
 use super::camera::{Camera, View};
-use super::paint::{Colour, Display, Paint};
+use super::color::{Color, Display, Paint};
 use super::scene::{Label, Link, Part, Placed, Scene};
 use super::shading::Light;
 use super::shape::Shape;
@@ -14,7 +14,7 @@ use std::sync::{Mutex, PoisonError};
 /// Edge of a tile, pixels: parts that a tile cannot see are dropped for all its pixels at once.
 const TILE: usize = 16;
 /// Where an arrow may begin and end, m.
-const FARTHEST: f64 = 1e6;
+const MAX_ARROW_COORDINATE: f64 = 1e6;
 /// Largest picture, pixels along an edge.
 const MAX_EDGE: usize = 8192;
 
@@ -25,8 +25,8 @@ pub struct Arrow {
     pub from: Vector3<f64>,
     /// Where it points, m.
     pub to: Vector3<f64>,
-    /// Its colour.
-    pub colour: Colour,
+    /// Its color.
+    pub colour: Color,
 }
 
 /// What [`Renderer::render`] writes; each slice is row by row from the top, `height` × `width` × channels.
@@ -52,7 +52,7 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// A renderer of pictures of `width` by `height` pixels, with 1, 2 or 4 colour samples a pixel, on all cores.
+    /// A renderer of pictures of `width` by `height` pixels, with 1, 2 or 4 color samples a pixel, on all cores.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] naming the number and its limit.
@@ -97,7 +97,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Takes a picture. Depth and labels are those of a pixel's centre.
+    /// Takes a picture. Depth and labels are those of a pixel's center.
     ///
     /// # Errors
     /// [`Error::Length`] for a slice of the wrong length, [`Error::OutOfRange`] for a state or an arrow that is not finite.
@@ -120,7 +120,7 @@ impl Renderer {
         }
         let parts = self.scene.placed(state, &arrow_parts);
         let view = self.camera.placed(&state.ball_position, self.width, self.height);
-        let shot = Shot { parts: &parts, light: Light::new(&parts), view, renderer: self };
+        let frame = Frame { parts: &parts, light: Light::new(&parts), view, renderer: self };
         // Bands of tiles: each writes its own rows of each slice.
         let band = TILE * self.width;
         let bands = self.height.div_ceil(TILE);
@@ -131,7 +131,7 @@ impl Renderer {
         let work = || {
             let next = || bands.lock().unwrap_or_else(PoisonError::into_inner).next();
             while let Some((i, ((rgb, depth), labels))) = next() {
-                shot.band(i * TILE, rgb, depth, labels);
+                frame.band(i * TILE, rgb, depth, labels);
             }
         };
         let helpers = self.helpers.lock().unwrap_or_else(PoisonError::into_inner).pool()?;
@@ -155,7 +155,9 @@ impl Arrow {
     fn parts(&self, parts: &mut Vec<Part>) -> Result<()> {
         finite("arrow", self.colour.as_slice())?;
         for value in self.from.iter().chain(&self.to) {
-            check("arrow", *value, format_args!("within ±{FARTHEST} m"), |v| v.abs() <= FARTHEST)?;
+            check("arrow", *value, format_args!("within ±{MAX_ARROW_COORDINATE} m"), |v| {
+                v.abs() <= MAX_ARROW_COORDINATE
+            })?;
         }
         let along = self.to - self.from;
         let length = along.norm();
@@ -180,7 +182,7 @@ const SAMPLES: [&[(f64, f64)]; 3] =
     [&[(0.5, 0.5)], &[(0.25, 0.75), (0.75, 0.25)], &[(0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625)]];
 
 /// One picture being taken.
-struct Shot<'a> {
+struct Frame<'a> {
     parts: &'a [Placed<'a>],
     light: Light,
     view: View,
@@ -188,13 +190,13 @@ struct Shot<'a> {
 }
 
 /// What a ray meets first.
-struct Seen {
-    colour: Colour,
+struct PixelSample {
+    color: Color,
     depth: f64,
     label: Label,
 }
 
-impl Shot<'_> {
+impl Frame<'_> {
     /// Rows from `top` on.
     fn band(
         &self,
@@ -208,26 +210,26 @@ impl Shot<'_> {
         let mut near = Vec::with_capacity(self.parts.len());
         for left in (0..width).step_by(TILE) {
             let columns = TILE.min(width - left);
-            self.seen_from_tile(left, top, columns, rows, &mut near);
+            self.parts_in_tile(left, top, columns, rows, &mut near);
             for row in 0..rows {
                 for column in left..left + columns {
                     let (x, y) = (column as f64, (top + row) as f64);
                     let at = row * width + column;
                     if let Some(rgb) = &mut rgb {
                         let offsets = SAMPLES[self.renderer.samples.trailing_zeros() as usize];
-                        let sum = offsets.iter().fold(Colour::zeros(), |sum, (dx, dy)| {
-                            sum + self.look(&self.view.ray(x + dx, y + dy), &near, true).colour
+                        let sum = offsets.iter().fold(Color::zeros(), |sum, (dx, dy)| {
+                            sum + self.trace(&self.view.ray(x + dx, y + dy), &near, true).color
                         });
                         let bytes = self.renderer.display.bytes(&(sum / offsets.len() as f64));
                         rgb[3 * at..3 * at + 3].copy_from_slice(&bytes);
                     }
                     if depth.is_some() || labels.is_some() {
-                        let seen = self.look(&self.view.ray(x + 0.5, y + 0.5), &near, false);
+                        let sample = self.trace(&self.view.ray(x + 0.5, y + 0.5), &near, false);
                         if let Some(depth) = &mut depth {
-                            depth[at] = seen.depth as f32;
+                            depth[at] = sample.depth as f32;
                         }
                         if let Some(labels) = &mut labels {
-                            labels[at] = seen.label as u8;
+                            labels[at] = sample.label as u8;
                         }
                     }
                 }
@@ -236,7 +238,7 @@ impl Shot<'_> {
     }
 
     /// Parts whose sphere reaches into the cone around a tile.
-    fn seen_from_tile(&self, left: usize, top: usize, columns: usize, rows: usize, near: &mut Vec<usize>) {
+    fn parts_in_tile(&self, left: usize, top: usize, columns: usize, rows: usize, near: &mut Vec<usize>) {
         let (x, y) = (left as f64 + 0.5 * columns as f64, top as f64 + 0.5 * rows as f64);
         let axis = self.view.ray(x, y);
         let corners = [(left, top), (left + columns, top), (left, top + rows), (left + columns, top + rows)];
@@ -246,7 +248,7 @@ impl Shot<'_> {
             1e-9 + corners.iter().map(|&(x, y)| axis.angle(&self.view.ray(x as f64, y as f64))).fold(0.0, f64::max);
         near.clear();
         for (i, part) in self.parts.iter().enumerate() {
-            let to = part.centre - self.view.position;
+            let to = part.center - self.view.position;
             let distance = to.norm();
             let angle = if distance <= part.radius { 0.0 } else { axis.angle(&to) - (part.radius / distance).asin() };
             if angle <= spread {
@@ -255,7 +257,7 @@ impl Shot<'_> {
         }
     }
 
-    fn look(&self, direction: &Vector3<f64>, near: &[usize], shaded: bool) -> Seen {
+    fn trace(&self, direction: &Vector3<f64>, near: &[usize], shaded: bool) -> PixelSample {
         let origin = &self.view.position;
         let length_squared = direction.norm_squared();
         let mut limit = if direction.z < 0.0 { -origin.z / direction.z } else { f64::INFINITY };
@@ -270,10 +272,10 @@ impl Shot<'_> {
             }
         }
         // Rays are 1 deep: a distance along them is a depth.
-        let (label, colour): (_, &dyn Fn() -> Colour) = match &first {
+        let (label, color): (_, &dyn Fn() -> Color) = match &first {
             Some((part, hit)) => (part.label, &|| {
                 let point = origin + direction * hit.distance;
-                self.light.surface(&part.colour(&point), &point, &hit.normal, direction, self.parts)
+                self.light.surface(&part.color(&point), &point, &hit.normal, direction, self.parts)
             }),
             None if limit.is_finite() => (Label::Floor, &|| {
                 let point = origin + direction * limit;
@@ -281,6 +283,6 @@ impl Shot<'_> {
             }),
             None => (Label::Sky, &|| self.light.sky(direction)),
         };
-        Seen { colour: if shaded { colour() } else { Colour::zeros() }, depth: limit, label }
+        PixelSample { color: if shaded { color() } else { Color::zeros() }, depth: limit, label }
     }
 }

@@ -1,6 +1,6 @@
 //! How a robot looks that comes with URDFs: their visual shapes, marked where rotation would not show.
 
-use super::paint::{Colour, Paint, srgb};
+use super::color::{Color, Paint, srgb};
 use super::scene::{Link, Part, Scene};
 use super::shape::Shape;
 use crate::error::{Error, Result};
@@ -32,7 +32,7 @@ fn part(visual: &Visual) -> Result<Part> {
         VisualLink::Body => (Link::Body, srgb(0xced4da)),
         VisualLink::Wheel(i) => (Link::Wheel(i), srgb(0x495057)),
     };
-    let colour = visual.colour.map_or(default, |[r, g, b]| {
+    let color = visual.color.map_or(default, |[r, g, b]| {
         let byte = |x: f64| (x * 255.0).round() as u32;
         srgb((byte(r) << 16) | (byte(g) << 8) | byte(b))
     });
@@ -41,19 +41,19 @@ fn part(visual: &Visual) -> Result<Part> {
         position: visual.pose.translation.vector,
         attitude: visual.pose.rotation,
         shape: shape(&visual.shape)?,
-        paint: paint(link, &visual.shape, colour),
+        paint: paint(link, &visual.shape, color),
     })
 }
 
-fn paint(link: Link, shape: &VisualShape, colour: Colour) -> Paint {
-    let lighter = colour.lerp(&Colour::repeat(1.0), 0.75);
+fn paint(link: Link, shape: &VisualShape, color: Color) -> Paint {
+    let lighter = color.lerp(&Color::repeat(1.0), 0.75);
     match (link, shape) {
-        (Link::Ball, _) => Paint::Octants(colour, lighter),
+        (Link::Ball, _) => Paint::Octants(color, lighter),
         (Link::Wheel(_), VisualShape::Cylinder(..)) => {
-            let second = colour.lerp(&Colour::repeat(1.0), 0.2);
-            Paint::Sectors { count: 12, first: colour, second, mark: srgb(0xf2c037) }
+            let second = color.lerp(&Color::repeat(1.0), 0.2);
+            Paint::Sectors { count: 12, first: color, second, mark: srgb(0xf2c037) }
         }
-        _ => Paint::Plain(colour),
+        _ => Paint::Plain(color),
     }
 }
 

@@ -1,19 +1,19 @@
 //! What the wheels' friction lets the motors do.
 
-use super::SpatialModel;
+use super::{BallSpin, SpatialModel, WheelSpin};
 use crate::params::Params;
 use crate::state::Contacts;
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use std::f64::consts::TAU;
 
-/// Directions of a tilt torque that are tried; the limit changes by less than 2 % between neighbours.
+/// Directions of a tilt torque that are tried; the limit changes by less than 2 % between neighbors.
 const DIRECTIONS: u32 = 48;
 
 /// The largest torque of any wheel, N·m, that the upright robot at rest can exert for a tilt torque in the worst
 /// direction before a wheel slips (or the motors reach their limit). The motors' reaction unloads some wheels as it loads
 /// others, so this is well below μ N r_w with the loads N at rest.
 pub fn traction_torque(params: &Params) -> f64 {
-    let model = SpatialModel::new(params, true, true);
+    let model = SpatialModel::new(params, WheelSpin::Absolute, BallSpin::Free);
     let contacts = |torques: &Vector3<f64>| model.contacts(&UnitQuaternion::identity(), &Vector6::zeros(), torques);
     let at_rest = contacts(&Vector3::zeros());
     (0..DIRECTIONS)

@@ -1,36 +1,36 @@
-//! Colours, and the markings that make rotation visible.
+//! Colors, and the markings that make rotation visible.
 
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
 /// Red, green and blue, linear, in [0, 1].
-pub type Colour = Vector3<f64>;
+pub type Color = Vector3<f64>;
 
-/// How a part is coloured, in the part's own frame.
+/// How a part is colored, in the part's own frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Paint {
-    /// One colour.
-    Plain(Colour),
+    /// One color.
+    Plain(Color),
     /// The eight octants about the origin, in turn.
-    Octants(Colour, Colour),
-    /// Sectors about z, in turn, and a narrow one of a third colour where the angle is zero.
+    Octants(Color, Color),
+    /// Sectors about z, in turn, and a narrow one of a third color where the angle is zero.
     Sectors {
         /// How many; even.
         count: u32,
-        /// The first colour.
-        first: Colour,
+        /// The first color.
+        first: Color,
         /// The second.
-        second: Colour,
+        second: Color,
         /// Of the mark.
-        mark: Colour,
+        mark: Color,
     },
 }
 
 impl Paint {
-    /// The colour at a point of the part.
-    pub(super) fn at(&self, point: &Vector3<f64>) -> Colour {
+    /// The color at a point of the part.
+    pub(super) fn at(&self, point: &Vector3<f64>) -> Color {
         match self {
-            Self::Plain(colour) => *colour,
+            Self::Plain(color) => *color,
             Self::Octants(first, second) => {
                 if (point.x * point.y * point.z) < 0.0 {
                     *first
@@ -51,13 +51,13 @@ impl Paint {
     }
 }
 
-/// Linear colour of sRGB bytes as they are written in style sheets.
-pub fn srgb(hex: u32) -> Colour {
+/// Linear color of sRGB bytes as they are written in style sheets.
+pub fn srgb(hex: u32) -> Color {
     let channel = |shift: u32| {
         let value = f64::from((hex >> shift) & 0xff) / 255.0;
         if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
     };
-    Colour::new(channel(16), channel(8), channel(0))
+    Color::new(channel(16), channel(8), channel(0))
 }
 
 /// sRGB bytes of linear light, by table: the power is the most expensive part of a pixel otherwise.
@@ -77,8 +77,8 @@ impl Display {
         Self { table: (0..=Self::STEPS).map(encode).collect() }
     }
 
-    pub fn bytes(&self, colour: &Colour) -> [u8; 3] {
+    pub fn bytes(&self, color: &Color) -> [u8; 3] {
         let byte = |value: f64| self.table[(value.clamp(0.0, 1.0) * Self::STEPS as f64 + 0.5) as usize];
-        [byte(colour.x), byte(colour.y), byte(colour.z)]
+        [byte(color.x), byte(color.y), byte(color.z)]
     }
 }

@@ -1,6 +1,6 @@
 //! How a robot looks that comes with parameters alone: ball, wheels, plates, motors and a mast in its proportions.
 
-use super::paint::{Colour, Paint, srgb};
+use super::color::{Color, Paint, srgb};
 use super::scene::{Link, Part, Scene};
 use super::shape::Shape;
 use crate::kinematics::Omniwheels;
@@ -8,7 +8,7 @@ use crate::params::Params;
 use nalgebra::{UnitQuaternion, Vector3};
 
 impl Scene {
-    /// A robot of primitive shapes with the radii, the wheels and the centre of mass of `params`.
+    /// A robot of primitive shapes with the radii, the wheels and the center of mass of `params`.
     pub fn of(params: &Params) -> Self {
         let wheels = Omniwheels::new(params);
         let mut parts = vec![ball(params)];
@@ -59,13 +59,13 @@ fn body(params: &Params, parts: &mut Vec<Part>) {
     let half_height = (3.0 * params.body_inertia[0].max(params.body_inertia[1]) / params.body_mass).sqrt();
     let top = (params.body_com_height + half_height).max(plate + 3.0 * wheel);
     let deck = plate + 0.3 * (top - plate);
-    let mut upright = |radius: f64, from: f64, to: f64, (x, y): (f64, f64), colour: Colour| {
+    let mut upright = |radius: f64, from: f64, to: f64, (x, y): (f64, f64), color: Color| {
         parts.push(Part {
             link: Link::Body,
             position: Vector3::new(x, y, 0.5 * (from + to)),
             attitude: UnitQuaternion::identity(),
             shape: Shape::Cylinder { radius, half_length: 0.5 * (to - from) },
-            paint: Paint::Plain(colour),
+            paint: Paint::Plain(color),
         });
     };
     let (teal, light, dark) = (srgb(0x0b7285), srgb(0xdee2e6), srgb(0x343a40));

@@ -8,7 +8,7 @@ use rapier3d_f64::prelude::*;
 pub struct Contact {
     /// Contact point, inertial frame, m.
     pub point: Vector3<f64>,
-    /// From the ball centre to the wheel centre.
+    /// From the ball center to the wheel center.
     pub normal: Vector3<f64>,
     /// Drive direction in the plane of contact.
     pub drive: Vector3<f64>,

@@ -1,0 +1,35 @@
+"""What policy files keep of the environment that they were trained in."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from ballbot_rs._core import TASKS
+from ballbot_rs.envs._batch_env import new_batch, resolved_options
+
+#: Options of policies from before 0.2.0: these had no scaling, and their actions this torque.
+BEFORE_SCALING: Final = {"scale_observations": False, "max_wheel_torque": 1.0}
+
+
+def observation_layout(task: str) -> list[list[Any]]:
+    """Name, unit, bound, value at rest and typical magnitude of each row of an observation, as JSON has it."""
+    fields = ("name", "unit", "bound", "rest", "typical")
+    return [[row[field] for field in fields] for row in TASKS[task]["observation"]]  # type: ignore[literal-required]
+
+
+def fits(layout: Any, task: str) -> bool:
+    """Whether a file's rows of an observation are those of a task. Before 0.2.0 they had no value at rest."""
+    rows = observation_layout(task)
+    return layout in (rows, [row[:3] for row in rows], [row[0] for row in rows])
+
+
+def completed(task: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """All options of the environment that a policy was trained in, from those that its file has.
+
+    Raises:
+        ValueError: there is no such environment.
+        TypeError: the task has no such option.
+    """
+    before = {} if "scale_observations" in options else BEFORE_SCALING
+    # Where Gymnasium, not the environment, ended the episodes, the task's own number of steps stands.
+    given = {**before, **{name: value for name, value in options.items() if value is not None}}
+    return resolved_options(new_batch(1, task=task, num_threads=1, options=given), given)

@@ -1,0 +1,13 @@
+"""What is generated from the core's tables is not stale."""
+
+import subprocess
+import sys
+
+from tests.support.paths import ROOT
+
+
+def test_generated_files_are_those_of_the_core():
+    done = subprocess.run(
+        [sys.executable, "tools/generate.py", "--check"], cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr

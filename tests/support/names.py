@@ -1,0 +1,3 @@
+"""Names of environments."""
+
+BALANCE = "ballbot/Balance-v0"

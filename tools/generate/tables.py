@@ -1,0 +1,87 @@
+"""The tables of the tasks as rows of text."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from ballbot_rs._core import CONTROLLERS, MODELS, ROBOTS, SCALED_BOUND, TASKS, Batch
+
+#: Options that every task has: name, type, unit, limit, what it is. Defaults are those of a batch.
+COMMON = (
+    ("params", "Params | str | PathLike[str] | Mapping[str, Any]", "", f"{', '.join(ROBOTS)}, or FILE.toml",
+     "The robot: parameters, the name of a preset, or the path of a TOML file."),
+    ("model", "Model | str", "", ", ".join(MODELS), "Model of the robot."),
+    ("sim_dt", "float", "s", "> 0", "Time step of the model."),
+    ("control_dt", "float", "s", "a whole multiple of `sim_dt`", "Time between two actions."),
+    ("max_episode_steps", "int | None", "", ">= 1", "Steps after which an episode is truncated; None: never."),
+    ("max_wheel_torque", "float | None", "N·m", "> 0 and <= `params.max_wheel_torque`",
+     "Torque of an action of 1; None follows from the traction of the upright robot."),
+    ("scale_observations", "bool", "", "",
+     f"Whether each row, less its value at rest, is divided by its typical magnitude, within ±{SCALED_BOUND:g}."),
+    ("reward", "Mapping[str, float]", "", "finite", "Scales of reward terms, by name."),
+)  # fmt: skip
+
+
+def number(value: float) -> str:
+    """A number as documentation has it."""
+    if value == math.pi:
+        return "pi"
+    return f"{value:.6g}" if value else "0"
+
+
+def values(default: Any) -> str:
+    """A default: one number or several."""
+    return f"({', '.join(map(number, default))})" if isinstance(default, list) else number(default)
+
+
+def class_name(task: str) -> str:
+    """The name of a task as classes have it: balance becomes Balance."""
+    return "".join(part.capitalize() for part in task.split("_"))
+
+
+def option_rows(task: str) -> list[list[str]]:
+    """Name, unit, default, limit and meaning of every option of a task."""
+    defaults = Batch(1, task, num_threads=1).options | {"params": ROBOTS[0], "model": Batch(1, task).model}
+    defaults |= {"max_wheel_torque": None, "reward": "see above"}
+    rows = []
+    for name, _, unit, limit, doc in COMMON:
+        default = defaults[name]
+        plain = isinstance(default, (str, bool)) or default is None
+        rows.append([f"`{name}`", unit, str(default) if plain else values(default), limit, doc])
+    for option in TASKS[task]["options"]:
+        default = values(option["default"])
+        rows.append([f"`{option['name']}`", option["unit"], default, option["limit"], option["doc"].replace("\n", " ")])
+    return rows
+
+
+def observation_rows(task: str) -> list[list[str]]:
+    """Index, name, unit, bound, value at rest and typical magnitude of every row of an observation."""
+    return [
+        [str(i), row["name"], row["unit"], number(row["bound"]), number(row["rest"]), number(row["typical"])]
+        for i, row in enumerate(TASKS[task]["observation"])
+    ]
+
+
+def reward_rows(task: str) -> list[list[str]]:
+    """Name, scale with its sign, and formula of every reward term."""
+    return [
+        [f"`{term['name']}`", f"{'-' if term['cost'] else ''}{number(term['scale'])}", term["formula"]]
+        for term in TASKS[task]["rewards"]
+    ]
+
+
+def controller_rows(controller: str) -> list[list[str]]:
+    """Name, unit, default, limit and meaning of every option of a controller."""
+    return [
+        [f"`{option['name']}`", option["unit"], values(option["default"]), option["limit"], option["doc"]]
+        for option in CONTROLLERS[controller]["options"]
+    ]
+
+
+def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table, its columns aligned."""
+    lines = [list(header), *[[cell.replace("|", "\\|") for cell in row] for row in rows]]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(header))]
+    padded = [[cell.ljust(width) for cell, width in zip(line, widths, strict=True)] for line in lines]
+    rule = ["-" * width for width in widths]
+    return "\n".join(f"| {' | '.join(line)} |" for line in [padded[0], rule, *padded[1:]])
