@@ -130,7 +130,7 @@ impl<const N: usize> Numbers for [f64; N] {
     }
 }
 
-/// A struct of numbers that [`fields!`] defined.
+/// A struct of numbers that [`crate::fields!`] defined.
 pub trait Fields: Clone + Default {
     /// Descriptions, in the order of the struct's fields.
     const FIELDS: &'static [Field];

@@ -10,7 +10,7 @@ pub trait Model: Send + Sync {
     /// The robot's parameters.
     fn params(&self) -> &Params;
 
-    /// Replaces the parameters (valid ones). The motion goes on if [`same_geometry`]; otherwise the robot is placed at
+    /// Replaces the parameters (valid ones). The motion goes on if the geometry is the same; otherwise the robot is placed at
     /// rest upright, at time zero.
     ///
     /// # Errors

@@ -370,7 +370,7 @@ fn invalid_batch_arguments_are_refused() {
     assert!(error.to_string().starts_with("fall_tilt = -1 "), "{error}");
     let batch = Batch::new(&calm(5), 2, MODES[0], Some(8), u64::MAX).unwrap();
     assert_eq!((batch.len(), batch.num_threads(), batch.is_empty()), (2, 2, false));
-    let message = batch.state(2).err().expect("accepted").to_string();
+    let message = batch.state(2).expect_err("accepted").to_string();
     assert_eq!(message, "environment index = 2 is out of range: it must be below num_envs = 2");
     for (mode, name) in MODES.into_iter().zip(["next_step", "same_step", "disabled"]) {
         assert_eq!(name.parse::<Autoreset>().unwrap(), mode);

@@ -266,6 +266,9 @@ fn diverged_robots_do_not_affect_neighbors_in_the_closed_loop() {
     }
 }
 
+/// Controller, setpoints, number of actions, and the error.
+type Call<'a> = (&'a dyn Controller, Option<&'a [Setpoint]>, usize, &'a str);
+
 #[test]
 fn invalid_arguments_of_control_are_refused() {
     let config = config(ModelKind::Contact, 0.01);
@@ -273,9 +276,9 @@ fn invalid_arguments_of_control_are_refused() {
     let wrong = Lqr::new(&config.params, 0.005).unwrap();
     let mut run = Run::new(Batch::new(&config, 11, Autoreset::SameStep, Some(1), SEED).unwrap());
     let before = run.snapshots();
-    let mut actions = vec![0.0; 33];
+    let mut actions = [0.0; 33];
     let ten = [Setpoint::default(); 10];
-    let cases: [(&dyn Controller, Option<&[Setpoint]>, usize, &str); 3] = [
+    let cases: [Call; 3] = [
         (
             &wrong,
             None,

@@ -314,9 +314,9 @@ fn snapshots_carry_the_parameters() {
         }
         // Into other lanes.
         let place = |i: usize| (i + 3) % 11;
-        for i in 0..11 {
+        for (i, params) in robots.iter().enumerate() {
             other.batch.load(place(i), &run.batch.save(i).unwrap()).unwrap();
-            assert_eq!(other.batch.params(place(i)).unwrap(), &robots[i], "{model}");
+            assert_eq!(other.batch.params(place(i)).unwrap(), params, "{model}");
         }
         run.last.fill(0.0);
         other.last.fill(0.0);

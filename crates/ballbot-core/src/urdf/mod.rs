@@ -34,7 +34,7 @@ use std::path::Path;
 /// Parameters of the ballbot described by the files `bot` and `ball`.
 ///
 /// # Errors
-/// [`Error::Io`] for a file that cannot be read; those of [`params_from_urdf_text`], with the name of the file.
+/// [`crate::Error::Io`] for a file that cannot be read; those of [`params_from_urdf_text`], with the name of the file.
 pub fn params_from_urdf(bot: &Path, ball: &Path) -> Result<Params> {
     read_params((&bot.display().to_string(), &read_file(bot)?), (&ball.display().to_string(), &read_file(ball)?))
 }
@@ -42,9 +42,8 @@ pub fn params_from_urdf(bot: &Path, ball: &Path) -> Result<Params> {
 /// Parameters of the ballbot described by the texts `bot` and `ball`.
 ///
 /// # Errors
-/// [`Error::Urdf`] for malformed text, for a bot or a ball outside of this module's assumptions, and for parameters
-/// that
-/// [`Params::validate`] refuses.
+/// [`crate::Error::Urdf`] for malformed text, for a bot or a ball outside of this module's assumptions, and for parameters
+/// that [`Params::validate`] refuses.
 pub fn params_from_urdf_text(bot: &str, ball: &str) -> Result<Params> {
     read_params(("bot URDF", bot), ("ball URDF", ball))
 }

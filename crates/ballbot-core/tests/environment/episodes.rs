@@ -110,8 +110,8 @@ fn success_depends_on_the_end_of_the_episode() {
     far.task.success_radius = 1e-6;
     assert!(!success(&far, &push_at(250)));
     // An episode shorter than the window cannot fill it, however calm.
-    let task = Balance { reset_tilt: 0.0, reset_ball_speed: 0.0, reset_tilt_rate: 0.0, ..config.task.clone() };
-    let calm = BalanceConfig { task, ..config.clone() };
+    let mut calm = config.clone();
+    calm.task = Balance { reset_tilt: 0.0, reset_ball_speed: 0.0, reset_tilt_rate: 0.0, ..calm.task };
     assert!(!success(&BalanceConfig { max_episode_steps: 199, ..calm.clone() }, &|_, _| ()));
     assert!(success(&BalanceConfig { max_episode_steps: 200, ..calm }, &|_, _| ()));
     // A window of no length is the last step.

@@ -272,17 +272,20 @@ fn registered_tasks_are_configured_by_name() {
     }
 }
 
+/// An option with its values.
+type Setting<'a> = (&'a str, &'a [f64]);
+
 #[test]
 fn invalid_options_and_names_are_refused() {
     register();
-    let refused = |set: &[(&str, &[f64])]| {
+    let refused = |set: &[Setting<'_>]| {
         let mut config = task_kind("shuttle").unwrap().config();
         config.set_model(ModelKind::Contact);
         let set = set.iter().try_for_each(|(name, values)| config.set(name, values));
         let batch = set.and_then(|()| config.batch(3, Autoreset::SameStep, Some(1), 0).map(|_| ()));
         batch.expect_err("accepted").to_string()
     };
-    let cases: [(&[(&str, &[f64])], &str); 9] = [
+    let cases: [(&[Setting<'_>], &str); 9] = [
         (&[("frameskip", &[1.0])], "unknown option 'frameskip': expected one of "),
         (&[("speed", &[0.1, 0.2])], "speed has 2 values, expected 1"),
         (&[("reset_tilt", &[0.1])], "reset_tilt has 1 values, expected 2"),
@@ -339,7 +342,7 @@ fn registered_controllers_are_made_by_name() {
     let options: Vec<_> = (kind.options)().iter().map(|o| (o.name, o.default[0])).collect();
     assert_eq!(options, [("tilt", 20.0), ("rate", 1.3), ("velocity", 0.03), ("filter", 0.05)]);
     let params = ballbot_core::Params::paper();
-    let make = |max_torque, options: &[(&str, &[f64])]| (kind.make)(&params, 0.002, max_torque, options);
+    let make = |max_torque, options: &[Setting<'_>]| (kind.make)(&params, 0.002, max_torque, options);
     let mut named = make(Some(0.3), &[("tilt", &[15.0])]).unwrap();
     let gains = Gains { tilt: 15.0, ..Gains::default() };
     let mut typed = Feedback::new(&params, 0.002, &gains, 0.3).unwrap();

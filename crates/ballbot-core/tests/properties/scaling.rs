@@ -128,14 +128,14 @@ proptest! {
 
     /// At short steps it removes overlap at 100 1/s.
     #[test]
-    fn contact_depends_on_the_time_scale(motion in any_motion(0.1, 0.2, 0.1), units in any_units(0..=2)) {
+    fn contact_is_nearly_scale_invariant_at_short_steps(motion in any_motion(0.1, 0.2, 0.1), units in any_units(0..=2)) {
         let off = off(ModelKind::Contact, run_with_grip, &motion, units, FINE);
         prop_assert!(off <= 5e-3, "off by {off:e}");
     }
 
     /// The rows of its wheels hold by a viscosity in N/(m/s), and its contacts are as soft as 200 Hz.
     #[test]
-    fn rigid_depends_on_the_scales_of_mass_and_time(motion in any_motion(0.1, 0.2, 0.1), units in any_units(0..=2)) {
+    fn rigid_is_nearly_invariant_under_scaling_of_mass_and_time(motion in any_motion(0.1, 0.2, 0.1), units in any_units(0..=2)) {
         let off = off(ModelKind::Rigid, run_with_grip, &motion, units, FINE);
         let limit = if units.time == 1.0 { 1e-4 } else { 2e-2 };
         prop_assert!(off <= limit, "off by {off:e}");
