@@ -128,7 +128,7 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
                     jj[i][j] = u.dot(c.u(j, zero));
                 }
                 jd[i][i] = rows.spin_shares[i].mul_add(c.wheel_rim_ratio.at(zero), jd[i][i]);
-                jj[i][i] = jj[i][i] + c.wheel_inertia_inverse.at(zero);
+                jj[i][i] += c.wheel_inertia_inverse.at(zero);
             }
         }
 
