@@ -1,4 +1,4 @@
-"""Builds the robot, checks it, and writes `assets/meshes/`, the visuals of `bot.urdf` and the record of its masses."""
+"""Builds and checks the robot; writes `assets/meshes/`, the visuals of `bot.urdf` and the record of its masses."""
 
 import json
 import math
@@ -23,7 +23,7 @@ _BEGIN, _END = "<!-- begin: written by `make cad` -->\n", "<!-- end -->\n"
 
 
 def main() -> int:
-    """Returns 1, and writes nothing, for a robot that could not be built or is not Table II's."""
+    """Builds, checks and writes. Returns 1, without writing, for a failed check or a difference from Table II."""
     made = robot()
     found = made.properties()
     table = _table(found)

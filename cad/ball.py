@@ -8,7 +8,7 @@ from cad.part import Part, part
 
 
 def ball() -> list[Part]:
-    """Skin and shell."""
+    """Parts of the ball: skin and shell."""
     outer, middle = BALL.radius, BALL.radius - BALL.skin
     inner = middle - BALL.shell
 

@@ -1,4 +1,4 @@
-"""Base plate, deck and head on a mast."""
+"""The body: base plate, deck, head plate and mast."""
 
 import math
 
@@ -15,7 +15,7 @@ def _disc(radius: float, low: float, high: float, bore: float = 0.0) -> cq.Workp
 
 
 def _pillar_circle() -> float:
-    """The pillars stand over the claws' columns."""
+    """Radius of the circle of the pillars, above the columns of the claws, mm."""
     return KEEPER.claw_radius * math.sin(math.radians(KEEPER.claw_begin)) + KEEPER.claw_thickness / 2.0
 
 
@@ -37,14 +37,14 @@ def _windows(plate: cq.Workplane, radius: float, inner: float, outer: float) -> 
 
 
 def body() -> list[Part]:
-    """Everything above the drives."""
+    """Parts of the body above the drives."""
     base_top = BODY.base_bottom + BODY.base_thickness
     deck_top = BODY.deck_bottom + BODY.deck_thickness
     head_top = BODY.head_bottom + BODY.head_thickness
     base = _windows(_disc(BODY.base_radius, BODY.base_bottom, base_top), 50.0, 68.0, 106.0)
     deck = _windows(_disc(BODY.deck_radius, BODY.deck_bottom, deck_top, BODY.mast_radius), 44.0, 42.0, 92.0)
     head = _windows(_disc(BODY.head_radius, BODY.head_bottom, head_top), 22.0, 42.0, 70.0)
-    # A step for the mast's lower end would not be seen: it stands on the base plate, over the socket.
+    # The lower end of the mast is on the base plate, above the socket; its seat is not modeled.
     socket = _disc(BODY.socket_radius, BODY.socket_bottom, BODY.base_bottom)
     mast = _disc(BODY.mast_radius, base_top, BODY.head_bottom, BODY.mast_radius - BODY.mast_wall)
     cap = _disc(BODY.cap_radius, head_top, head_top + BODY.cap_height).edges(">Z").chamfer(BODY.cap_chamfer)

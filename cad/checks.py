@@ -1,4 +1,4 @@
-"""What would keep the robot from being built, or from rolling: each check returns complaints."""
+"""Checks that the robot can be built and can roll. Each check yields messages for its failures."""
 
 from collections.abc import Iterator
 from itertools import combinations
@@ -9,15 +9,15 @@ from cad.parameters import BALL, DRIVE, WHEEL
 from cad.part import Part, wheel_location
 from cad.robot import RobotSolids
 
-#: mm³; surfaces that only touch share none.
+#: Largest shared volume of two solids that only touch, mm³.
 _VOLUME = 1e-2
-#: mm.
+#: Largest gap of two solids in contact, mm.
 _TOUCH = 1e-4
 _CENTER = cq.Vertex.makeVertex(0.0, 0.0, 0.0)
 
 
 def complaints(robot: RobotSolids) -> Iterator[str]:
-    """Of all checks."""
+    """Messages of all failed checks."""
     yield from _overlaps(robot.body)
     yield from _overlaps(robot.wheel)
     yield from _overlaps(robot.ball)
@@ -29,7 +29,7 @@ def complaints(robot: RobotSolids) -> Iterator[str]:
 
 
 def clearance(parts: list[Part]) -> float:
-    """Of the ball, mm."""
+    """Smallest distance of the parts from the ball, mm."""
     return float(min(part.solid.distance(_CENTER) for part in parts)) - BALL.radius
 
 
@@ -50,7 +50,7 @@ def _overlaps(parts: list[Part]) -> Iterator[str]:
 
 
 def _loose(link: str, parts: list[Part]) -> Iterator[str]:
-    """Parts that nothing holds: touching must lead from the first part to all others."""
+    """Parts without contact: all parts of a link must be connected to the first one by contacts."""
     waiting, held = set(range(1, len(parts))), [0]
     while held:
         solid = parts[held.pop()].solid
@@ -61,7 +61,7 @@ def _loose(link: str, parts: list[Part]) -> Iterator[str]:
 
 
 def _wheels_hit_the_body(robot: RobotSolids) -> Iterator[str]:
-    """Over a whole turn: what a wheel sweeps is inside of two cylinders."""
+    """Collisions of wheels and body in a full turn. The volume swept by a wheel is bounded by two cylinders."""
     width = WHEEL.radius - WHEEL.roller_axle
     rollers = cq.Workplane("XY").circle(WHEEL.radius).extrude(width, both=True)
     low, high = WHEEL.hub
@@ -90,7 +90,7 @@ def _wheels_off_their_motors() -> Iterator[str]:
 
 
 def _touches_of_the_ball(robot: RobotSolids) -> Iterator[str]:
-    """A wheel touches the ball with roller 0 and nothing else, at its middle; no part of the body does."""
+    """Contacts with the ball: each wheel touches it with the middle of roller 0 only, the body not at all."""
     for part in robot.body:
         if (gap := part.solid.distance(_CENTER) - BALL.radius) < 1.0:
             yield f"{part.name} is {gap:.3f} mm from the ball"

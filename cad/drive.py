@@ -1,4 +1,4 @@
-"""The three gearmotors and the clamps that hang them below the base plate."""
+"""The three gearmotors, and the clamps that hold them below the base plate."""
 
 import cadquery as cq
 
@@ -8,7 +8,7 @@ from cad.part import Part, part, turned, wheel_location
 
 
 def _coaxial(radius: float, near: float, far: float) -> cq.Workplane:
-    """A cylinder on the axle, on the motor's side of the wheel; the distances are from the wheel's plane."""
+    """A cylinder about the axle, on the motor side; `near` and `far` are distances from the plane of the wheel, mm."""
     return cq.Workplane("XY").workplane(offset=-far).circle(radius).extrude(far - near)
 
 
@@ -23,10 +23,10 @@ def _motor() -> cq.Workplane:
 
 
 def _clamp() -> cq.Workplane:
-    """A sleeve about the motor and a post from it to the base plate; in the body frame, of wheel 0."""
+    """Clamp of wheel 0 in the body frame: a sleeve about the motor, and a post to the base plate."""
     location = wheel_location(0.0)
     near, far = DRIVE.clamp
-    # Where the sleeve is farthest from the ball.
+    # The point of the sleeve farthest from the ball.
     middle = 0.5 * (DRIVE.gearbox_radius + DRIVE.clamp_radius)
     top = location * cq.Location(cq.Vector(-middle, 0.0, -(near + far) / 2.0))
     at = cq.Vector(top.toTuple()[0])
@@ -38,7 +38,7 @@ def _clamp() -> cq.Workplane:
 
 
 def drives() -> list[Part]:
-    """Motors, their shafts and clamps."""
+    """Parts of the drives: motors, shafts and clamps."""
     motor = part("motor", "body_motors", GEARMOTOR, _motor())
     shaft = part("shaft", "body_shafts", STEEL, _coaxial(WHEEL.shaft_radius, -DRIVE.shaft_end, DRIVE.face))
     clamp = part("clamp", "body_frame", ALUMINIUM, _clamp())

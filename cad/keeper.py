@@ -1,4 +1,4 @@
-"""Claws from the base plate around the ball to a steel ring below its equator, none of which touches the ball."""
+"""The keeper: claws from the base plate around the ball, and a steel ring below its equator, without contact."""
 
 import math
 
@@ -10,13 +10,13 @@ from cad.part import Part, part, turned
 
 
 def floor_tilt() -> float:
-    """At which the ring meets the floor, rad: the ring's lower outer edge is at this angle below the horizontal."""
+    """Tilt at which the lower outer edge of the ring touches the floor, rad."""
     outer, bottom = KEEPER.ring_inner_radius + KEEPER.ring_thickness, KEEPER.ring_top - KEEPER.ring_height
     return math.asin(BALL.radius / math.hypot(outer, bottom)) - math.atan2(-bottom, outer)
 
 
 def _claw() -> cq.Workplane:
-    """In the plane of x and z: a column below the base plate that turns into an arc about the ball."""
+    """A claw in the xz-plane: a column below the base plate, and an arc about the ball."""
     inner, outer = KEEPER.claw_radius, KEEPER.claw_radius + KEEPER.claw_thickness
     begin = math.radians(KEEPER.claw_begin)
     end = math.pi / 2.0 + math.asin(-KEEPER.ring_top / inner)
@@ -46,7 +46,7 @@ def _claw() -> cq.Workplane:
 
 
 def keeper() -> list[Part]:
-    """Three claws and the ring."""
+    """Parts of the keeper: three claws and the ring."""
     ring = (
         cq.Workplane("XY")
         .workplane(offset=KEEPER.ring_top - KEEPER.ring_height)

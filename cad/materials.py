@@ -1,4 +1,4 @@
-"""What the parts are made of: density in kg/m³."""
+"""Materials of the parts, with densities in kg/m³."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class Material:
-    """A name for the table and a density."""
+    """Name and density (kg/m³) of a material."""
 
     name: str
     density: float
@@ -18,5 +18,5 @@ POLYCARBONATE: Final = Material("polycarbonate sheet", 1200.0)
 ABS: Final = Material("ABS", 1050.0)
 PETG: Final = Material("PETG", 1270.0)
 RUBBER: Final = Material("natural rubber, filled", 1150.0)
-#: Windings, magnets, steel gears and air: mass over the volume of the envelope.
+#: Effective density: mass of windings, magnets, steel gears and air over the volume of the envelope.
 GEARMOTOR: Final = Material("gearmotor, effective", 2450.0)

@@ -1,6 +1,7 @@
 """The omniwheel, in the wheel frame: z is the axle, x points to the ball and through the middle of roller 0.
 
-The rollers stand in one row, so that the ball is touched in the wheel's plane. Between them it sinks in by `gap_drop`.
+The rollers are in one row, so the contact with the ball is in the plane of the wheel. At the gaps between rollers the
+ball is closer to the axle by `gap_drop`.
 """
 
 import math
@@ -15,7 +16,7 @@ _PITCH = 360.0 / WHEEL.rollers
 
 
 def gap_drop() -> float:
-    """How much closer the ball comes to the axle at a gap between two rollers than at a roller."""
+    """Decrease of the distance of ball and axle from a roller to a gap between two rollers, mm."""
     half_gap = math.radians(_PITCH / 2.0 - WHEEL.roller_arc)
     half_chord = WHEEL.radius * math.sin(half_gap)
     below_rim = WHEEL.radius * (1.0 - math.cos(half_gap))
@@ -39,7 +40,7 @@ def _roller() -> cq.Workplane:
 
 
 def _slot() -> cq.Workplane:
-    """What is milled out of the rim for roller 0, through all of it."""
+    """Slot for roller 0 through the whole width of the rim."""
     first, middle, last = _outline(WHEEL.clearance)
 
     def across(point: tuple[float, float]) -> tuple[float, float]:
@@ -77,7 +78,7 @@ def _rim() -> cq.Workplane:
 
 
 def wheel() -> list[Part]:
-    """All parts of a wheel."""
+    """Parts of a wheel."""
     barrel = _roller().cut(_pin())
     hub = _disc(WHEEL.hub_radius, *WHEEL.hub).cut(_disc(WHEEL.shaft_radius, *WHEEL.hub))
     return [

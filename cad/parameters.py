@@ -1,4 +1,4 @@
-"""Every dimension of the robot, mm and degrees. Heights are above the ball's center, along the mast."""
+"""Dimensions of the robot, mm and degrees. Heights are above the ball center, along the mast."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -18,17 +18,17 @@ class Wheel:
     """One row of barrel rollers, whose outlines are arcs of the wheel's circle."""
 
     radius: float = 50.0
-    #: Of the wheel's center line from the mast, seen from the ball's center.
+    #: Zenith angle of the wheel center at the ball center, from the mast.
     zenith: float = 45.0
     azimuths: tuple[float, ...] = (0.0, 120.0, 240.0)
     rollers: int = 10
-    #: Of a roller's axle from the wheel's center.
+    #: Distance of the roller axles from the wheel center.
     roller_axle: float = 43.5
-    #: Half of the arc of the wheel's circle that a roller covers.
+    #: Half of the arc of the wheel circle that is covered by a roller.
     roller_arc: float = 13.8
     pin_radius: float = 1.25
     pin_seat: float = 1.6
-    #: Around a roller.
+    #: Clearance around a roller.
     clearance: float = 0.4
     rim_radius: float = 46.5
     rim_inner_radius: float = 30.0
@@ -38,14 +38,14 @@ class Wheel:
     web_hole_radius: float = 5.8
     web_hole_circle: float = 21.5
     hub_radius: float = 9.5
-    #: Along the axle, from the side of the motor to the outer one.
+    #: Ends of the hub along the axle, motor side first.
     hub: tuple[float, float] = (-12.0, 10.0)
     shaft_radius: float = 3.0
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A gearmotor coaxial with its wheel, in a clamp below the base plate. Along the axle, from the wheel's plane."""
+    """A gearmotor coaxial with its wheel, in a clamp. Distances along the axle are from the plane of the wheel."""
 
     face: float = 15.0
     gearbox_length: float = 26.0
@@ -55,7 +55,7 @@ class Drive:
     encoder_length: float = 5.0
     encoder_radius: float = 11.0
     shaft_end: float = 9.0
-    #: The clamp holds the gearbox between these.
+    #: Ends of the clamp on the gearbox.
     clamp: tuple[float, float] = (26.0, 38.0)
     clamp_radius: float = 18.5
     post_thickness: float = 5.0
@@ -64,14 +64,14 @@ class Drive:
 
 @dataclass(frozen=True)
 class Keeper:
-    """Three claws and a ring below the ball's equator: the ball stays with the robot when it is lifted."""
+    """Three claws and a ring below the equator of the ball, which hold the ball when the robot is lifted."""
 
     azimuths: tuple[float, ...] = (60.0, 180.0, 300.0)
-    #: Of the claws' inner face from the ball's center.
+    #: Distance of the inner face of the claws from the ball center.
     claw_radius: float = 115.0
     claw_thickness: float = 3.5
     claw_width: float = 10.0
-    #: Where the arc begins, from the mast.
+    #: Start angle of the arc, from the mast.
     claw_begin: float = 52.0
     ring_inner_radius: float = 87.5
     ring_thickness: float = 6.4
@@ -81,7 +81,7 @@ class Keeper:
 
 @dataclass(frozen=True)
 class Body:
-    """Plates on pillars, and a mast."""
+    """Plates, pillars and mast."""
 
     base_radius: float = 116.0
     base_bottom: float = 198.5
@@ -99,7 +99,7 @@ class Body:
     head_bottom: float = 549.0
     head_radius: float = 80.0
     head_thickness: float = 3.5
-    #: A cap over the mast's end.
+    #: Cap on the end of the mast.
     cap_radius: float = 32.0
     cap_height: float = 40.0
     cap_chamfer: float = 8.0
@@ -112,7 +112,7 @@ DRIVE: Final = Drive()
 KEEPER: Final = Keeper()
 BODY: Final = Body()
 
-#: Table II of the paper, SI. The wheel's mass is not printed there: it is that of a disc, 2 J_w / r_w².
+#: Table II of the paper, SI. The mass of a wheel is not in the table; it is that of a disc, 2 J_w / r_w².
 TABLE_II: Final = {
     "M_b": 2.228,
     "l": 0.142,

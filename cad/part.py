@@ -1,4 +1,4 @@
-"""A solid with a material, and what it weighs."""
+"""Solids with materials, and their mass properties."""
 
 import math
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Part:
-    """In the frame of its link. Parts of one `mesh` share a material, a color and an STL file."""
+    """A solid in the frame of its link. Parts of one `mesh` share a material, a color and an STL file."""
 
     name: str
     mesh: str
@@ -26,7 +26,7 @@ class Part:
     solid: cq.Shape
 
     def moved(self, location: cq.Location) -> "Part":
-        """The part elsewhere."""
+        """The part moved by a location."""
         return replace(self, solid=self.solid.moved(location))
 
 
@@ -40,7 +40,7 @@ class Mass:
 
 
 def part(name: str, mesh: str, material: Material, work: cq.Workplane) -> Part:
-    """The solid of a workplane, in one piece."""
+    """Part of the only solid of a workplane."""
     solids = work.solids().vals()
     if len(solids) != 1:
         raise ValueError(f"{name} is {len(solids)} solids, expected 1")
@@ -48,7 +48,7 @@ def part(name: str, mesh: str, material: Material, work: cq.Workplane) -> Part:
 
 
 def mass_of(parts: Iterable[Part]) -> Mass:
-    """Of all parts together."""
+    """Mass properties of all parts together."""
     found = []
     for each in parts:
         properties = GProp_GProps()
@@ -62,7 +62,7 @@ def mass_of(parts: Iterable[Part]) -> Mass:
 
 
 def combined(masses: Iterable[Mass]) -> Mass:
-    """As one rigid body."""
+    """Mass properties of several parts as one rigid body."""
     masses = list(masses)
     total = sum(m.mass for m in masses)
     center = sum((m.mass * m.center for m in masses), np.zeros(3)) / total
@@ -74,7 +74,7 @@ def combined(masses: Iterable[Mass]) -> Mass:
 
 
 def wheel_location(azimuth: float) -> cq.Location:
-    """The wheel frame in the body frame: x towards the ball's center, y the drive direction, z the axle."""
+    """The wheel frame in the body frame: x towards the ball center, y along the drive direction, z along the axle."""
     a, b = math.radians(WHEEL.zenith), math.radians(azimuth)
     towards = (math.sin(a) * math.cos(b), math.sin(a) * math.sin(b), math.cos(a))
     axle = (math.cos(a) * math.cos(b), math.cos(a) * math.sin(b), -math.sin(a))
@@ -84,5 +84,5 @@ def wheel_location(azimuth: float) -> cq.Location:
 
 
 def turned(azimuth: float) -> cq.Location:
-    """About the mast."""
+    """Rotation about the mast by an azimuth (deg)."""
     return cq.Location(cq.Vector(), cq.Vector(0.0, 0.0, 1.0), azimuth)

@@ -1,4 +1,4 @@
-"""The robot of its links, and what each weighs."""
+"""The robot as links of parts, with their mass properties."""
 
 import math
 from dataclasses import dataclass
@@ -17,27 +17,27 @@ from cad.part import Mass, Part, combined, mass_of, wheel_location
 
 @dataclass(frozen=True)
 class RobotSolids:
-    """Parts of each link, in its frame."""
+    """Parts of each link, in the frame of the link."""
 
     body: list[Part]
     wheel: list[Part]
     ball: list[Part]
 
     def wheels(self) -> list[list[Part]]:
-        """The three wheels in the body frame."""
+        """Parts of the three wheels in the body frame."""
         return [[part.moved(wheel_location(azimuth)) for part in self.wheel] for azimuth in WHEEL.azimuths]
 
     def links(self) -> dict[str, Mass]:
-        """What the links weigh, each in its frame."""
+        """Mass properties of the links, each in its frame."""
         return {"body": mass_of(self.body), "wheel": mass_of(self.wheel), "ball": mass_of(self.ball)}
 
     def properties(self) -> dict[str, float]:
-        """By the names of Table II, in SI units."""
+        """Mass properties by the names of Table II, in SI units."""
         links = self.links()
         wheels = [mass_of(parts) for parts in self.wheels()]
         spin = links["wheel"].inertia[2, 2]
         bot = combined([links["body"], *wheels])
-        # The wheels' inertia about their axles is counted apart.
+        # J_b and J_z exclude the inertia of the wheels about their axles.
         inertia = bot.inertia - sum(spin * np.outer(axle, axle) for axle in axles())
         return {
             "M_b": bot.mass,
@@ -52,7 +52,7 @@ class RobotSolids:
 
 
 def axles() -> list[np.ndarray]:
-    """Of the wheels, in the body frame."""
+    """Unit vectors of the wheel axles in the body frame."""
     a = math.radians(WHEEL.zenith)
     azimuths = [math.radians(azimuth) for azimuth in WHEEL.azimuths]
     return [np.array([math.cos(a) * math.cos(b), math.cos(a) * math.sin(b), -math.sin(a)]) for b in azimuths]
@@ -60,5 +60,5 @@ def axles() -> list[np.ndarray]:
 
 @cache
 def robot() -> RobotSolids:
-    """The paper's robot, built once."""
+    """The robot of the paper, built once."""
     return RobotSolids(body() + drives() + keeper(), wheel(), ball())

@@ -1,4 +1,4 @@
-"""Binary STL files in meters, closed: neighboring triangles share their corners to the last bit."""
+"""Binary, closed STL files in meters: neighboring triangles share corners to the last bit."""
 
 from pathlib import Path
 
@@ -12,11 +12,11 @@ _HEADER = b"ballbot, metres"
 
 
 def triangles_of(part: Part, tolerance: float, angle: float) -> np.ndarray:
-    """Of one part, (n, 3, 3) in m, none without area."""
-    # Else CadQuery takes the tolerance to be relative to each edge.
+    """Triangles of a part, shape (n, 3, 3), m, without triangles of zero area."""
+    # By default CadQuery interprets the tolerance relative to each edge.
     BRepMesh_IncrementalMesh(part.solid.wrapped, tolerance, False, angle)
     corners, faces = part.solid.tessellate(tolerance, angle)
-    # Faces are tessellated one by one: the corners of one edge differ by rounding.
+    # Faces are tessellated separately, so corners of a common edge differ by rounding.
     points = np.round([corner.toTuple() for corner in corners], 3) * 1e-3
     _, first, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
     index = first[inverse.ravel()][np.array(faces)]
@@ -26,7 +26,7 @@ def triangles_of(part: Part, tolerance: float, angle: float) -> np.ndarray:
 
 
 def write(path: Path, parts: list[Part], tolerance: float, angle: float) -> int:
-    """Writes all parts into one file; returns how many triangles there are."""
+    """Writes all parts into one file; returns the number of triangles."""
     triangles = np.concatenate([triangles_of(part, tolerance, angle) for part in parts])
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)

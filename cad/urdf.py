@@ -1,4 +1,4 @@
-"""Puts the meshes into `bot.urdf` as its visuals. Inertials, collisions and joints stay as they are, to the letter."""
+"""Writes the meshes as visuals into `bot.urdf`. Inertials, collisions and joints are not changed."""
 
 import re
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Look:
-    """How a mesh is shown, and how finely it is cut into triangles: mm and rad."""
+    """Material of a mesh, and tolerances of its triangulation (mm and rad)."""
 
     color: str
     tolerance: float = 0.4
@@ -32,7 +32,7 @@ _VISUAL = re.compile(r"    <visual>.*?</visual>\n", flags=re.DOTALL)
 
 
 def write_visuals(path: Path) -> None:
-    """Replaces the visuals of the bot's links."""
+    """Replaces the visuals of the links of the bot."""
     text = path.read_text(encoding="utf-8")
     path.write_text(_LINK.sub(lambda m: m[1] + _with_meshes(m[2], m[3]) + m[4], text), encoding="utf-8")
 

@@ -23,7 +23,7 @@ pub enum WheelSpin {
 }
 
 impl From<bool> for WheelSpin {
-    /// `true` is absolute, as in the arguments and records that ask "absolute wheel spin?".
+    /// `true` is absolute, the value of `absolute_wheel_spin` in Python.
     fn from(absolute: bool) -> Self {
         if absolute { Self::Absolute } else { Self::Relative }
     }
@@ -39,7 +39,7 @@ pub enum BallSpin {
 }
 
 impl From<bool> for BallSpin {
-    /// `true` is free, as in the arguments and records that ask "does the ball spin about the vertical?".
+    /// `true` is free, the value of `ball_spins_about_vertical` in Python.
     fn from(free: bool) -> Self {
         if free { Self::Free } else { Self::Pinned }
     }

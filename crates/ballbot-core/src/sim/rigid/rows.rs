@@ -92,7 +92,7 @@ pub fn anchor(
     if last.steady {
         // At most half the grip, so that friction can reverse to the full grip within two steps.
         start = WarmStart { load: last.load, traction: last.traction.clamp(-0.5 * grip, 0.5 * grip) };
-        // A motor limit equal to the warm start lets the load vanish or double, but not pull.
+        // A motor limit equal to the warm start allows the load to vanish or double, but not to pull.
         joint.motor_axes |= JointAxesMask::LIN_Z;
         joint.motors[2].max_force = start.load;
         joint.motors[2].target_vel = contact.gap * softness().erp_inv_dt(dt);
