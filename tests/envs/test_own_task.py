@@ -1,7 +1,7 @@
 """A task and a controller of another crate, one file each, and a preset: through batch, front ends and command line.
 
-The extension module of tests/extension has the shuttle task and the feedback controller of the core's tests; nothing in the
-package knows of either.
+The extension module of tests/extension has the shuttle task and the feedback controller of the core's tests. The
+package contains neither.
 """
 
 import json

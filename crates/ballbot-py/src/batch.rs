@@ -50,6 +50,9 @@ type Array2<'py, T> = Bound<'py, PyArray2<T>>;
 /// What a step gives: observations, rewards, terminated, truncated.
 type Step<'py> = (Array2<'py, f32>, Array1<'py, f64>, Array1<'py, bool>, Array1<'py, bool>);
 
+/// Three numbers of a robot's contacts.
+type ContactPart = fn(&Contacts) -> [f64; 3];
+
 /// Sets the option of `config` that a keyword argument names.
 fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
     let wrong = |what: &str| {
@@ -533,7 +536,7 @@ impl PyBatch {
         }
         let all: Vec<Contacts> = (0..n).map(|i| self.batch.contacts(i)).collect::<Result<_, _>>().map_err(to_python)?;
         let dict = PyDict::new(py);
-        let parts: [(&str, fn(&Contacts) -> [f64; 3]); 4] = [
+        let parts: [(&str, ContactPart); 4] = [
             ("wheel_normal_forces", |c| c.wheel_normal_forces),
             ("wheel_tractions", |c| c.wheel_tractions),
             ("wheel_slip_speeds", |c| c.wheel_slip_speeds),

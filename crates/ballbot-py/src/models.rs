@@ -12,6 +12,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
 type Array<'py> = Bound<'py, PyArray1<f64>>;
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 
 /// Equations of motion of the coupled 3D robot without slip (Kane's method).
 ///
@@ -185,11 +186,7 @@ impl PyLinearModel {
     }
 
     /// Matrices A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact.
-    fn discretize<'py>(
-        &self,
-        py: Python<'py>,
-        dt: f64,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+    fn discretize<'py>(&self, py: Python<'py>, dt: f64) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
         check_finite("dt", &[dt]).map_err(to_python)?;
         let (a, b) = self.0.discretize(dt);
         Ok((dynamic(py, &a), dynamic(py, &b)))
