@@ -142,11 +142,7 @@ class Params:
         wheel_inertia: float,  # Moment of inertia J_w of one wheel about its axle, kg·m².
         wheel_radius: float,  # Radius r_w of a wheel, m.
         wheel_zenith: float,  # Zenith angle α of the wheel contacts, rad.
-        wheel_azimuths: npt.ArrayLike = (
-            0.0,
-            2.0943951023931953,
-            4.1887902047863905,
-        ),  # Azimuths β_i of the three wheel contacts, rad.
+        wheel_azimuths: npt.ArrayLike = ...,  # Azimuths β_i of the three wheel contacts, rad.
         max_wheel_torque: float = 5.0,  # Largest torque of one motor, N·m.
         gravity: float = 9.81,  # Gravitational acceleration, m/s².
         ball_viscous_friction: float = 0.0,  # Viscous friction B_vk of the ball on the floor, N/(m/s).

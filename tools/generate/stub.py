@@ -44,6 +44,11 @@ def _is_refused(fields: dict[str, Any]) -> bool:
     return False
 
 
+def _default(value: Any) -> str:
+    """A default; those of arrays are in the comment of the parameter, where lines stay short."""
+    return "..." if isinstance(value, (list, tuple)) else repr(value)
+
+
 def _kind(name: str) -> str:
     return "npt.ArrayLike" if isinstance(Params.paper().to_dict()[name], tuple) else "float"
 
@@ -62,7 +67,7 @@ def _params() -> list[str]:
 
     lines = ["def __new__(", "    cls,", "    *,"]
     lines += [f"    {name}: {_kind(name)},  # {comment(name)}" for name in required]
-    lines += [f"    {name}: {_kind(name)} = {value!r},  # {comment(name)}" for name, value in defaults.items()]
+    lines += [f"    {name}: {_kind(name)} = {_default(value)},  # {comment(name)}" for name, value in defaults.items()]
     return [*lines, ") -> Self: ..."]
 
 
