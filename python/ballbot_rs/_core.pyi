@@ -807,7 +807,7 @@ class Batch:
         """Replaces the parameters of the robot of environment `index`; they outlive resets.
 
         With the same geometry (radii, wheel angles, height of the center of mass) its motion goes on; otherwise the
-        environment must be reset before its next step.
+        environment must be reset before its next step. The torque of an action stays that of the batch.
 
         Raises:
             ValueError: the parameters do not describe a robot, or the task or its actions do not fit it; nothing has
@@ -820,11 +820,13 @@ class Batch:
     ) -> npt.NDArray[np.float32]:
         """Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
 
-        What the controller keeps of a robot starts anew with its episode, and when another controller is used.
+        What the controller keeps of a robot advances with each call; it starts anew with the robot's episode, and when
+        another controller is used.
 
         Args:
             controller: sampled at the batch's `control_dt`.
-            setpoints: parts by name, each of all robots or with one row a robot; None takes the task's.
+            setpoints: parts by name, each of all robots or with one row a robot; parts that are not named are zero. None
+                takes the task's.
 
         Raises:
             ValueError: the controller is sampled at another rate, or a wrong shape.
@@ -858,7 +860,7 @@ class Batch:
     def snapshot(self, index: int) -> bytes:
         """Everything that the future of environment `index` depends on, its robot's parameters included, for `restore`."""
     def restore(self, index: int, snapshot: bytes) -> None:
-        """Continues, to the last bit, from a snapshot of an environment with the same task, model and time step."""
+        """Continues, to the last bit, from a snapshot of an environment with the same task, model and options."""
 
 @final
 class Renderer:

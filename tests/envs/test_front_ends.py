@@ -161,3 +161,69 @@ print(torch.get_num_threads())
     )
     assert int(done.stdout) == expected
     assert torch.get_num_threads() == 1
+
+
+def test_a_frame_shows_the_present_parameters() -> None:
+    env = bb.BalanceEnv(render_mode="rgb_array", width=64, height=48)
+    env.reset(seed=0)
+    env.set_params("kugle")
+    start = bb.State.at_rest(env.params, tilt=(0.05, 0.0))
+    env.reset(options={"state": start})
+    other = bb.BalanceEnv(params="kugle", render_mode="rgb_array", width=64, height=48)
+    other.reset(options={"state": start})
+    np.testing.assert_array_equal(env.render(), other.render())
+
+
+def test_results_of_an_episode_end_with_its_reset() -> None:
+    batch = bb.Batch(1, model="spatial", autoreset="disabled", fall_tilt=0.1, reset_tilt=0.05, max_wheel_torque=1.0)
+    batch.reset(seeds=[0])
+    while not batch.step([[1.0, -1.0, 0.5]])[2][0]:
+        pass
+    assert batch.ending(0) == (False, "tilt")
+    batch.reset()
+    assert batch.ending(0) == (False, None)
+    assert batch.infos() == [{}]
+
+
+def test_a_snapshot_of_other_options_is_refused() -> None:
+    raw = bb.Batch(1, model="contact", scale_observations=False)
+    raw.reset()
+    scaled = bb.Batch(1, model="contact")
+    scaled.reset()
+    before = scaled.observations().copy()
+    with pytest.raises(bb.InvalidInputError, match="options of its task differ"):
+        scaled.restore(0, raw.snapshot(0))
+    np.testing.assert_array_equal(scaled.observations(), before)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda b: b.rollout(bb.Lqr(), -1), "steps = -1"),
+        (lambda b: bb.Batch(-1), "num_envs = -1"),
+        (lambda b: b.rollout(bb.Lqr(), 1, {"position": [1.7e308, 0.0]}), "setpoint position = 1"),
+        (lambda b: bb.Batch(1, scale_observations=0.5), "scale_observations = 0.5"),
+        (lambda b: bb.Batch(1, max_episode_steps=1e300), "max_episode_steps = 1"),
+        (lambda b: bb.Lqr().deviation(b.state(0), yaw=float("nan")), "setpoint yaw = NaN"),
+    ],
+)
+def test_bad_input_of_batches_names_value_and_limit(call, message: str) -> None:
+    batch = bb.Batch(2, model="contact")
+    batch.reset()
+    with pytest.raises(bb.InvalidInputError, match=message):
+        call(batch)
+
+
+def test_a_record_beyond_memory_is_refused() -> None:
+    batch = bb.Batch(2, model="contact")
+    batch.reset()
+    with pytest.raises(MemoryError, match="record 'states' of shape"):
+        batch.rollout(bb.Lqr(), 2**60)
+
+
+def test_lqr_takes_a_cost_once() -> None:
+    with pytest.raises(TypeError, match="R or the weight torque"):
+        bb.Lqr(R=np.eye(3), torque=0.1)
+    with pytest.raises(TypeError, match="Q or the weight tilt"):
+        bb.Lqr(Q=np.eye(10), tilt=0.1)
+    assert bb.Lqr(Q=np.eye(10), torque=0.1).gain.shape == (3, 10)

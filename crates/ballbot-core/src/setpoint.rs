@@ -1,5 +1,6 @@
 //! What a controller is to bring about.
 
+use crate::error::{Result, check};
 use crate::lanes::{Lane, cells};
 use nalgebra::Vector2;
 
@@ -14,6 +15,31 @@ pub struct Setpoint {
     pub yaw: f64,
     /// Tilt components about the heading frame's x and y axes, rad; for controllers of tilt alone.
     pub tilt: Vector2<f64>,
+}
+
+/// Largest magnitude of a number of a setpoint.
+const MAX_SETPOINT: f64 = 1e4;
+
+impl Setpoint {
+    /// Checks that every number is within ±1e4.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] naming the first that is not.
+    pub fn validate(&self) -> Result<()> {
+        let parts = [
+            ("position", self.position.as_slice()),
+            ("velocity", self.velocity.as_slice()),
+            ("yaw", std::slice::from_ref(&self.yaw)),
+            ("tilt", self.tilt.as_slice()),
+        ];
+        for (name, values) in parts {
+            for &value in values {
+                let limit = format_args!("within ±{MAX_SETPOINT}");
+                check(format_args!("setpoint {name}"), value, limit, |v| v.abs() <= MAX_SETPOINT)?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Names of the parts of a [`Setpoint`].

@@ -2,7 +2,7 @@
 
 use crate::control::{PyController, setpoints};
 use crate::convert::{elements, read_elements, vector};
-use crate::errors::{call, to_python};
+use crate::errors::{InvalidInputError, call, to_python};
 use crate::infos::EmptyInfos;
 use crate::params::{PyParams, or_paper};
 use crate::state::{PyContacts, PyState};
@@ -11,7 +11,7 @@ use ballbot_core::control::{Controller, Setpoint};
 use ballbot_core::task::ACTION_LEN;
 use ballbot_core::{Contacts, State};
 use numpy::{Element, PyArray1, PyArray2, PyArray3, PyArrayMethods};
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
@@ -88,6 +88,14 @@ fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'_, PyAny>) 
         }
     }
     Ok(())
+}
+
+/// A count that Python gave.
+fn count(name: &str, value: i64, least: i64) -> PyResult<usize> {
+    usize::try_from(value)
+        .ok()
+        .filter(|_| value >= least)
+        .ok_or_else(|| InvalidInputError::new_err(format!("{name} = {value}, it must be at least {least}")))
 }
 
 /// A fresh array that `fill` writes into, row by row.
@@ -240,13 +248,14 @@ impl PyBatch {
     #[pyo3(signature = (num_envs, task="balance", *, autoreset="same_step", num_threads=None, seed=0, **options))]
     fn new(
         py: Python<'_>,
-        num_envs: usize,
+        num_envs: i64,
         task: &str,
         autoreset: &str,
         num_threads: Option<usize>,
         seed: u64,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
+        let num_envs = count("num_envs", num_envs, 1)?;
         let mut config = task_kind(task).map_err(to_python)?.config();
         for (name, value) in options.into_iter().flatten() {
             configure(config.as_mut(), &name.extract::<String>()?, &value)?;
@@ -400,6 +409,11 @@ impl PyBatch {
         let batch = &mut self.batch;
         py.detach(|| call(|| batch.reset_with(&request, rows)))?;
         drop(writable);
+        for (i, outcome) in self.outcomes.iter_mut().enumerate() {
+            if request.mask.is_none_or(|mask| mask[i]) {
+                *outcome = Outcome::default();
+            }
+        }
         Ok(observations)
     }
 
@@ -567,7 +581,7 @@ impl PyBatch {
     /// Replaces the parameters of the robot of environment `index`; they outlive resets.
     ///
     /// With the same geometry (radii, wheel angles, height of the center of mass) its motion goes on; otherwise the
-    /// environment must be reset before its next step.
+    /// environment must be reset before its next step. The torque of an action stays that of the batch.
     ///
     /// Raises:
     ///     ValueError: the parameters do not describe a robot, or the task or its actions do not fit it; nothing has
@@ -587,11 +601,13 @@ impl PyBatch {
 
     /// Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
     ///
-    /// What the controller keeps of a robot starts anew with its episode, and when another controller is used.
+    /// What the controller keeps of a robot advances with each call; it starts anew with the robot's episode, and when
+    /// another controller is used.
     ///
     /// Args:
     ///     controller: sampled at the batch's `control_dt`.
-    ///     setpoints: parts by name, each of all robots or with one row a robot; None takes the task's.
+    ///     setpoints: parts by name, each of all robots or with one row a robot; parts that are not named are zero. None
+    ///         takes the task's.
     ///
     /// Raises:
     ///     ValueError: the controller is sampled at another rate, or a wrong shape.
@@ -637,7 +653,7 @@ impl PyBatch {
         &mut self,
         py: Python<'py>,
         controller: &PyController,
-        steps: usize,
+        steps: i64,
         setpoints: Option<&Bound<'py, PyDict>>,
         record: Vec<String>,
     ) -> PyResult<Bound<'py, PyDict>> {
@@ -650,11 +666,13 @@ impl PyBatch {
             })
         };
         let records = record.iter().map(find).collect::<PyResult<Vec<_>>>()?;
+        let steps = count("steps", steps, 0)?;
         let rows = |record: &Record| steps + usize::from(record.at_start);
-        let mut recorded: Vec<Vec<f64>> =
-            records.iter().map(|record| vec![0.0; rows(record) * n * (record.width)(&self.batch)]).collect();
-        let law = controller.law.as_ref();
-        py.detach(|| call(|| self.run(law, setpoints.as_deref(), steps, &records, &mut recorded)))?;
+        let mut recorded = Vec::with_capacity(records.len());
+        for record in &records {
+            recorded.push(zeros(record.name, &[rows(record), n, (record.width)(&self.batch)])?);
+        }
+        self.run(py, controller.law.as_ref(), setpoints.as_deref(), steps, &records, &mut recorded)?;
         let dict = PyDict::new(py);
         for (record, values) in records.iter().zip(recorded) {
             let width = (record.width)(&self.batch);
@@ -679,9 +697,11 @@ impl PyBatch {
         Ok(PyBytes::new(py, &self.batch.save(index).map_err(to_python)?))
     }
 
-    /// Continues, to the last bit, from a snapshot of an environment with the same task, model and time step.
+    /// Continues, to the last bit, from a snapshot of an environment with the same task, model and options.
     fn restore(&mut self, index: usize, snapshot: &[u8]) -> PyResult<()> {
-        call(|| self.batch.load(index, snapshot))
+        call(|| self.batch.load(index, snapshot))?;
+        self.outcomes[index] = Outcome::default();
+        Ok(())
     }
 
     fn __repr__(&self) -> String {
@@ -691,43 +711,79 @@ impl PyBatch {
 }
 
 impl PyBatch {
+    /// Runs the closed loop in pieces, between which Python can interrupt it.
     fn run(
         &mut self,
+        py: Python<'_>,
         law: &dyn Controller,
         setpoints: Option<&[Setpoint]>,
         steps: usize,
         records: &[&Record],
         recorded: &mut [Vec<f64>],
-    ) -> ballbot_core::Result<()> {
+    ) -> PyResult<()> {
         let n = self.batch.len();
         let width = self.batch.observation_len();
         let mut actions = vec![0.0; n * ACTION_LEN];
         let mut observations = vec![0.0; n * width];
         let (mut rewards, mut terminated, mut truncated) = (vec![0.0; n], vec![false; n], vec![false; n]);
         for (i, row) in observations.chunks_exact_mut(width).enumerate() {
-            self.batch.observation(i, row)?;
+            self.batch.observation(i, row).map_err(to_python)?;
         }
-        for step in 0..=steps {
-            if step > 0 {
-                let mut buffers = StepBuffers {
-                    observations: &mut observations,
-                    rewards: &mut rewards,
-                    terminated: &mut terminated,
-                    truncated: &mut truncated,
-                    final_observations: &mut self.final_observations,
-                    outcomes: &mut self.outcomes,
-                };
-                self.batch.step_under(law, setpoints, &mut actions, &mut buffers)?;
-            }
-            let last = Last { actions: &actions, observations: &observations, outcomes: &self.outcomes };
-            for (record, out) in records.iter().zip(recorded.iter_mut()) {
-                let width = (record.width)(&self.batch);
-                let row = if record.at_start { step } else { step.wrapping_sub(1) };
-                for (i, out) in out.chunks_exact_mut(width).skip(row.saturating_mul(n)).take(n).enumerate() {
-                    (record.write)(&self.batch, &last, i, out);
-                }
-            }
+        let mut step = 0;
+        while step <= steps {
+            let piece_end = (step + STEPS_PER_SIGNAL_CHECK).min(steps + 1);
+            py.detach(|| {
+                call(|| {
+                    while step < piece_end {
+                        if step > 0 {
+                            let mut buffers = StepBuffers {
+                                observations: &mut observations,
+                                rewards: &mut rewards,
+                                terminated: &mut terminated,
+                                truncated: &mut truncated,
+                                final_observations: &mut self.final_observations,
+                                outcomes: &mut self.outcomes,
+                            };
+                            self.batch.step_under(law, setpoints, &mut actions, &mut buffers)?;
+                        }
+                        let last = Last { actions: &actions, observations: &observations, outcomes: &self.outcomes };
+                        write_records(&self.batch, &last, step, records, recorded);
+                        step += 1;
+                    }
+                    Ok(())
+                })
+            })?;
+            py.check_signals()?;
         }
         Ok(())
     }
+}
+
+/// Control steps of a rollout between two looks at Python's signals.
+const STEPS_PER_SIGNAL_CHECK: usize = 50;
+
+/// Writes what is recorded after `step` steps.
+fn write_records(batch: &Batch, last: &Last<'_>, step: usize, records: &[&Record], recorded: &mut [Vec<f64>]) {
+    let n = batch.len();
+    for (record, out) in records.iter().zip(recorded) {
+        if step == 0 && !record.at_start {
+            continue;
+        }
+        let width = (record.width)(batch);
+        let row = if record.at_start { step } else { step - 1 };
+        for (i, out) in out[row * n * width..(row + 1) * n * width].chunks_exact_mut(width).enumerate() {
+            (record.write)(batch, last, i, out);
+        }
+    }
+}
+
+/// Zeros for a record of the given shape, or MemoryError with its size.
+fn zeros(name: &str, shape: &[usize]) -> PyResult<Vec<f64>> {
+    let too_large =
+        || PyMemoryError::new_err(format!("the record '{name}' of shape {shape:?} does not fit into memory"));
+    let len = shape.iter().try_fold(1_usize, |len, size| len.checked_mul(*size)).ok_or_else(too_large)?;
+    let mut values = Vec::new();
+    values.try_reserve_exact(len).map_err(|_| too_large())?;
+    values.resize(len, 0.0);
+    Ok(values)
 }

@@ -163,6 +163,7 @@ impl PyController {
                 set_part(&mut target, &name, &values);
             }
         }
+        target.validate().map_err(to_python)?;
         Ok(array(py, &self.law.wheel_torques(&state.0, &target)))
     }
 
@@ -282,8 +283,14 @@ fn regulator(
     let max_torque = max_torque.unwrap_or_else(|| default_max_torque(params));
     let weighted: LqrWeights = fields("Lqr", weights)?;
     let [q, r] = costs;
-    if q.is_some() && weights.is_some_and(|w| !w.is_empty()) {
-        return Err(PyTypeError::new_err("Lqr takes Q, or weights of the states, not both"));
+    for (name, _) in weights.into_iter().flatten() {
+        let name: String = name.extract()?;
+        if name == "torque" && r.is_some() {
+            return Err(PyTypeError::new_err("Lqr takes R or the weight torque, not both"));
+        }
+        if name != "torque" && q.is_some() {
+            return Err(PyTypeError::new_err(format!("Lqr takes Q or the weight {name}, not both")));
+        }
     }
     weighted.check_limits().map_err(to_python)?;
     let (mut q_matrix, mut r_matrix) = weighted.matrices();
@@ -332,6 +339,7 @@ impl PyLqr {
             yaw,
             ..Setpoint::default()
         };
+        setpoint.validate().map_err(to_python)?;
         Ok(array(py, Lqr::deviation(&state.0, &setpoint).as_slice()))
     }
 

@@ -135,6 +135,11 @@ class ManyRobots(SharedAttributes):
             self._batch.set_params(i, params)
 
     @property
+    def state(self) -> tuple[State, ...]:
+        """Full state of each robot."""
+        return tuple(self._batch.state(i) for i in range(self._batch.num_envs))
+
+    @property
     def states(self) -> npt.NDArray[Any]:
         """Full states, shape (num_envs, 32), rows as in `State.to_array`."""
         return self._batch.states()

@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Params, Renderer
+from ballbot_rs._core import Batch, Params, Renderer
 
 Frames = npt.NDArray[np.uint8]
 
@@ -18,6 +18,7 @@ RENDER_MODES: Final = ("rgb_array",)
 class Rendered:
     """A render mode and a renderer, which a copy or an unpickled environment makes anew at its first frame."""
 
+    _batch: Batch
     render_mode: str | None
     _renderer: Renderer | None = None
 
@@ -44,11 +45,20 @@ class Rendered:
         _check_geometry(params, Params.from_urdf(*options["urdf"]))
         return Renderer(**options)
 
-    def _frames(self, states: npt.ArrayLike) -> Frames:
-        """Pictures of states, shape (n, height, width, 3)."""
-        if self._renderer is None:
+    def _frames(self, states: npt.NDArray[Any]) -> Frames:
+        """Pictures of states, shape (n, height, width, 3), each with the present parameters of its robot."""
+        robots = [self._batch.params(i) for i in range(len(states))]
+        if any(robot != robots[0] for robot in robots):
+            frames = [self._renderer_of(robot).render_batch(state[np.newaxis]) for robot, state in zip(robots, states, strict=True)]
+            return np.concatenate(frames)
+        return self._renderer_of(robots[0]).render_batch(states)
+
+    def _renderer_of(self, params: Params) -> Renderer:
+        shown, options = self._render_arguments
+        if self._renderer is None or params != shown:
+            self._render_arguments = (params, options)
             self._renderer = self._make_renderer()
-        return self._renderer.render_batch(states)
+        return self._renderer
 
 
 def _check_geometry(params: Params, shown: Params) -> None:

@@ -113,6 +113,8 @@ pub struct Environments<R: Robots, T, A, S> {
     /// Room for the ledger of one robot.
     one: Ledger<f64>,
     control: ControlMemory<R::Cell>,
+    /// Whether there has been a reset at all.
+    begun: bool,
     over: Vec<bool>,
     rngs: Vec<ChaCha8Rng>,
 }
@@ -122,7 +124,7 @@ pub struct Environments<R: Robots, T, A, S> {
 struct Snapshot {
     task: String,
     model: String,
-    sim_dt: f64,
+    options: Vec<f64>,
     params: Vec<f64>,
     robot: Vec<u8>,
     seed: [u8; 32],
@@ -153,6 +155,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             ledger: Ledger::new(step.sizes()),
             one: Ledger::new(step.sizes()),
             control: ControlMemory { owner: 0, cells: Vec::new() },
+            begun: false,
             over: vec![true; used],
             rngs: (0..used).map(|i| ChaCha8Rng::seed_from_u64(seed.wrapping_add(i as u64))).collect(),
             robots,
@@ -182,6 +185,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.one.begin(self.config.max_episode_steps as f64);
         self.one.episode.next_command = self.step.task.command(&mut self.rngs[i], &mut self.one.task);
         self.over[i] = false;
+        self.begun = true;
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
         self.observe(i, observation);
     }
@@ -382,7 +386,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
     }
 
     fn begun(&self) -> bool {
-        (0..self.used).any(|i| !self.over[i] || self.ledger.episode.steps.get(i) > 0.0)
+        self.begun
     }
 
     fn save(&self, i: usize) -> Vec<u8> {
@@ -391,7 +395,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         snapshot::encode(&Snapshot {
             task: T::NAME.to_owned(),
             model: self.config.model.name().to_owned(),
-            sim_dt: self.config.sim_dt,
+            options: self.config.numbers(),
             params: self.robots.params(i).numbers(),
             robot: self.robots.save(i),
             seed: self.rngs[i].get_seed(),
@@ -403,29 +407,41 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn load(&mut self, i: usize, bytes: &[u8]) -> Result<()> {
         let snapshot: Snapshot = snapshot::decode("snapshot of an environment", bytes)?;
-        let (model, sim_dt) = (self.config.model.name(), self.config.sim_dt);
-        if (snapshot.task.as_str(), snapshot.model.as_str(), snapshot.sim_dt) != (T::NAME, model, sim_dt) {
+        let model = self.config.model.name();
+        if (snapshot.task.as_str(), snapshot.model.as_str()) != (T::NAME, model) {
             return Err(refused(format!(
-                "it is of task '{}' with a '{}' robot at sim_dt = {} s, this is task '{}' with a '{model}' robot at {sim_dt} s",
+                "it is of task '{}' with a '{}' robot, this is task '{}' with a '{model}' robot",
                 snapshot.task,
                 snapshot.model,
-                snapshot.sim_dt,
                 T::NAME
             )));
+        }
+        if snapshot.options != self.config.numbers() {
+            return Err(refused("time steps, torque, scaling, reward or options of its task differ".into()));
         }
         if !self.one.fits(&snapshot.ledger) {
             return Err(refused("its task or stages keep other numbers".into()));
         }
         let params = Params::from_numbers(&snapshot.params).ok_or_else(|| refused("it lacks parameters".into()))?;
-        if params != *self.robots.params(i) {
+        let (old, motion, over) = (self.robots.params(i).clone(), self.robots.save(i), self.over[i]);
+        let changed = params != old;
+        if changed {
             self.set_params(i, &params)?;
         }
-        self.robots.load(i, &snapshot.robot)?;
+        if let Err(error) = self.robots.load(i, &snapshot.robot) {
+            if changed {
+                self.robots.set_params(i, &old)?;
+                self.robots.load(i, &motion)?;
+                self.over[i] = over;
+            }
+            return Err(error);
+        }
         self.rngs[i] = ChaCha8Rng::from_seed(snapshot.seed);
         self.rngs[i].set_word_pos(snapshot.word);
         R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
         self.over[i] = snapshot.over;
+        self.begun |= !snapshot.over;
         Ok(())
     }
 }

@@ -84,6 +84,7 @@ impl Batch {
         self.expect_len("actions", actions, self.len() * ACTION_LEN)?;
         if let Some(setpoints) = setpoints {
             self.expect_len("setpoints", setpoints.len(), self.len())?;
+            setpoints.iter().try_for_each(Setpoint::validate)?;
         }
         let control_dt = self.control_dt();
         check(

@@ -55,6 +55,14 @@ impl<T: Task> EnvConfig<T> {
         self.max_wheel_torque.unwrap_or_else(|| default_max_torque(&self.params))
     }
 
+    /// All numbers that the future of an environment depends on, besides its robot's parameters.
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        let scaled = f64::from(u8::from(self.scale_observations));
+        let own = [self.sim_dt, self.control_dt, self.max_episode_steps as f64, self.action_torque(), scaled];
+        let options = (0..T::FIELDS.len()).flat_map(|index| self.task.values(index));
+        own.into_iter().chain(self.reward.values()).chain(options.copied()).collect()
+    }
+
     /// Model steps in one control step.
     ///
     /// # Errors

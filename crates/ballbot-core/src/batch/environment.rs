@@ -8,10 +8,11 @@ use super::robots::Single;
 use super::task_step::TaskStep;
 use crate::actuator::Ideal;
 use crate::error::Result;
+use crate::params::Params;
 use crate::robot::Ballbot;
 use crate::sensor::Exact;
 use crate::state::State;
-use crate::task::{Balance, Task, TaskDescription};
+use crate::task::{ACTION_LEN, Balance, Task, TaskDescription};
 use std::sync::Arc;
 
 /// An environment of task `T` with an ideal actuator and exact sensors.
@@ -92,8 +93,9 @@ impl<T: Task> Environment<T> {
     /// the caller has checked that they are finite and that the episode is not over.
     ///
     /// # Panics
-    /// If `observation` is not of length [`Environment::observation_len`].
+    /// If `action` is not of length 3, or `observation` not of length [`Environment::observation_len`].
     pub fn step(&mut self, action: &[f32], observation: &mut [f32]) -> Outcome {
+        assert_eq!(action.len(), ACTION_LEN, "action");
         assert_eq!(observation.len(), self.observation_len(), "observation buffer");
         let mut outcome = [Outcome::default()];
         let buffers = StepBuffers {
@@ -120,7 +122,15 @@ impl<T: Task> Environment<T> {
         &self.inner.robots.robot
     }
 
-    /// The robot, to push it or to place it.
+    /// Replaces the robot's parameters; see [`super::Batch::set_params`].
+    ///
+    /// # Errors
+    /// As [`super::Batch::set_params`].
+    pub fn set_params(&mut self, params: &Params) -> Result<()> {
+        self.inner.set_params(0, params)
+    }
+
+    /// The robot, to push it or to place it. [`Environment::set_params`] changes its parameters.
     pub fn robot_mut(&mut self) -> &mut Ballbot {
         &mut self.inner.robots.robot
     }

@@ -111,10 +111,15 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
             "sim_dt" => self.sim_dt = one()?,
             "control_dt" => self.control_dt = one()?,
             "max_wheel_torque" => self.max_wheel_torque = Some(one()?),
-            "scale_observations" => self.scale_observations = one()? != 0.0,
+            "scale_observations" => {
+                let flag = crate::error::check(name, one()?, "0 or 1 (False or True)", |f| f == 0.0 || f == 1.0)?;
+                self.scale_observations = flag != 0.0;
+            }
             "max_episode_steps" => {
                 let steps = one()?;
-                crate::error::check(name, steps, "a whole number of at least 1", |s| s >= 1.0 && s.fract() == 0.0)?;
+                crate::error::check(name, steps, "a whole number from 1 to 2^53", |s| {
+                    (1.0..=9_007_199_254_740_992.0).contains(&s) && s.fract() == 0.0
+                })?;
                 self.max_episode_steps = steps as usize;
             }
             _ => self.task.set(name, values)?,

@@ -41,7 +41,7 @@ pub trait Law: Send + Sync {
 }
 
 /// What all laws share: the sampling time, and what a law keeps of the one robot of [`Controller::wheel_torques`].
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Sampling {
     id: u64,
     control_dt: f64,
@@ -53,6 +53,13 @@ impl Sampling {
     pub fn new(control_dt: f64, memory: usize) -> Self {
         static NEXT: AtomicU64 = AtomicU64::new(1);
         Self { id: NEXT.fetch_add(1, Ordering::Relaxed), control_dt, memory: vec![0.0; memory] }
+    }
+}
+
+/// A clone is another controller: what is kept of a robot is not shared.
+impl Clone for Sampling {
+    fn clone(&self) -> Self {
+        Self::new(self.control_dt, self.memory.len())
     }
 }
 
