@@ -200,10 +200,10 @@ def test_a_snapshot_of_other_options_is_refused() -> None:
     ("call", "message"),
     [
         (lambda b: b.rollout(bb.Lqr(), -1), "steps = -1"),
-        (lambda b: bb.Batch(-1), "num_envs = -1"),
+        (lambda _: bb.Batch(-1), "num_envs = -1"),
         (lambda b: b.rollout(bb.Lqr(), 1, {"position": [1.7e308, 0.0]}), "setpoint position = 1"),
-        (lambda b: bb.Batch(1, scale_observations=0.5), "scale_observations = 0.5"),
-        (lambda b: bb.Batch(1, max_episode_steps=1e300), "max_episode_steps = 1"),
+        (lambda _: bb.Batch(1, scale_observations=0.5), "scale_observations = 0.5"),
+        (lambda _: bb.Batch(1, max_episode_steps=1e300), "max_episode_steps = 1"),
         (lambda b: bb.Lqr().deviation(b.state(0), yaw=float("nan")), "setpoint yaw = NaN"),
     ],
 )

@@ -49,8 +49,8 @@ class Rendered:
         """Pictures of states, shape (n, height, width, 3), each with the present parameters of its robot."""
         robots = [self._batch.params(i) for i in range(len(states))]
         if any(robot != robots[0] for robot in robots):
-            frames = [self._renderer_of(robot).render_batch(state[np.newaxis]) for robot, state in zip(robots, states, strict=True)]
-            return np.concatenate(frames)
+            pairs = zip(robots, states, strict=True)
+            return np.concatenate([self._renderer_of(robot).render_batch(state[np.newaxis]) for robot, state in pairs])
         return self._renderer_of(robots[0]).render_batch(states)
 
     def _renderer_of(self, params: Params) -> Renderer:
