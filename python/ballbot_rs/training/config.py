@@ -114,10 +114,11 @@ def load(task: str, path: Path | None = None) -> tuple[TrainConfig, str]:
         ValueError: as `parse`, or a configuration of another task.
         OSError: the file cannot be read.
     """
+    env_id = env_id_of(task)
     text = default_text(task) if path is None else path.read_text(encoding="utf-8")
     config = parse(text, f"{task}.toml" if path is None else str(path))
-    if config.env_id != env_id_of(task):
-        raise ValueError(f"{path} is of {config.env_id}, but the task is {task} ({env_id_of(task)})")
+    if config.env_id != env_id:
+        raise ValueError(f"{path} is of {config.env_id}, but the task is {task} ({env_id})")
     return config, text
 
 
