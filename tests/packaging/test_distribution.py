@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from tests.support.paths import ROOT
-
 from tools.check_wheel import check
 
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
