@@ -336,7 +336,7 @@ def test_a_part_of_a_setpoint_that_a_law_ignores_is_refused(paper):
 def test_costs_may_be_given_as_matrices_or_diagonals():
     q, r = np.arange(1.0, 11.0), [2.0, 2.0, 2.0]
     np.testing.assert_array_equal(Lqr(Q=q, R=r).gain, Lqr(Q=np.diag(q), R=np.diag(r)).gain)
-    with pytest.raises(TypeError, match="Lqr takes Q, or weights"):
+    with pytest.raises(TypeError, match="Lqr takes Q or the weight tilt, not both"):
         Lqr(Q=q, tilt=0.1)
 
 
