@@ -7,6 +7,7 @@
 mod cells;
 mod dispatch;
 mod heading;
+mod mat3;
 mod math;
 mod memory;
 mod scalar;
@@ -20,6 +21,7 @@ pub use crate::cells;
 pub use cells::{AsCells, Cell, EIGHT, Eight};
 pub use dispatch::{Kernel, run_eight, run_one};
 pub use heading::Heading;
+pub use mat3::Mat3;
 pub use math::{atan2_positive, exp_of_negative, wrapped_angle};
 pub use memory::Memory;
 pub use scalar::Scalar;

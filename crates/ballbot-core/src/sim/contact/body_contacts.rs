@@ -1,302 +1,245 @@
 //! Rare contacts: bot on the floor, and ball against the body.
 //!
-//! They are not part of the rows and are not computed in lanes. A robot near such a contact is stepped alone. Sweeps
-//! over these contacts, which change the velocities directly, alternate with sweeps over the rows.
+//! They are not part of the rows. Robots near such a contact have their impulses from Gauss-Seidel sweeps over these
+//! contacts and the rows together. The sweeps run in lanes; robots that need none keep what they have.
 
+mod ball_on_body;
+mod floor_point;
+
+use super::active_set::Conditions;
 use super::constants::Constants;
-use super::phases::{self, Start};
-use super::rows::{Rows, allowance};
-use super::solve::{Delassus, Friction, JointFriction, in_disc};
-use super::state::{ContactState, Torques};
-use super::types::{PerRow, Velocities};
-use crate::lanes::{Lane, Rotation, Scalar, Value, Vec3};
+use super::phases::Start;
+use super::state::ContactState;
+use super::types::{PerRow, Velocities, select3};
+use crate::lanes::{Lane, Value, Vec3, load3, store3};
+use ball_on_body::BallOnBody;
+use floor_point::{FloorPoint, POINTS, floor_points};
 
-/// Gauss-Seidel sweeps with rare contacts, without warm start. Chosen by experiment.
-const SWEEPS: usize = 20;
+/// Smallest number of sweeps. Chosen by experiment.
+const SWEEPS: usize = 3;
 
-/// Number of contact points of bot and floor: one per wheel, three on each rim of the body cylinder, one of them
-/// lowest.
-const POINTS: usize = 9;
+/// Largest number of sweeps. Chosen by experiment.
+const MOST_SWEEPS: usize = 8;
 
-/// Distance in addition to the motion within a step at which a contact is considered, m.
-const CONTACT_MARGIN: f64 = 2e-3;
+/// Change of an impulse in a sweep above which the sweeps continue, as a share of the impulse of a wheel's static load.
+/// Chosen by experiment.
+const SETTLED_SHARE: f64 = 1e-2;
 
-/// Offset of the ball center from the origin of the body frame, in ball radii, beyond which ball and body cylinder may
-/// touch.
-const MAX_CENTER_OFFSET: f64 = 0.02;
+/// Distance in addition to the motion within a step at which a contact of bot and floor is considered, m.
+const FLOOR_MARGIN: f64 = 2e-3;
 
-/// Mask of the robots that need the contacts of this module in this step.
-#[inline(always)]
-pub fn near<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, token: L::Token, push: &[L::Cell; 6]) -> L::Mask {
-    let (pose, v) = (&start.pose, &start.velocities);
-    let zero = pose.ball.x.zero();
-    let up = start.rotation.rows[2];
-    let wheels =
-        (up.dot(c.wheel_center(0, zero))).min(up.dot(c.wheel_center(1, zero))).min(up.dot(c.wheel_center(2, zero)));
-    let rim = up.z.neg_mul_add(up.z, zero.splat(1.0)).max(zero).sqrt() * c.body_radius.at(zero);
-    let cylinder = (up.z * c.body_bottom.at(zero)).min(up.z * c.body_top.at(zero)) - rim;
-    let lowest = pose.body.z + (wheels - c.wheel_radius.at(zero)).min(cylinder);
-    let (speed, rate) = (v.body, v.body_rate);
-    let [px, py, pz, ax, ay, az] = push;
-    let impulse = Vec3::<L>::load_parts(token, [px, py, pz]);
-    let angular_impulse = Vec3::<L>::load_parts(token, [ax, ay, az]);
-    let pushed = (impulse.x.abs() + impulse.y.abs() + impulse.z.abs()) * c.body_mass_inverse.at(zero);
-    let turned = (angular_impulse.x.abs() + angular_impulse.y.abs() + angular_impulse.z.abs())
-        * c.reach_inverse_inertia.at(zero);
-    let fastest = (rate.x.abs() + rate.y.abs() + rate.z.abs())
-        .mul_add(c.reach.at(zero), speed.x.abs() + speed.y.abs() + speed.z.abs());
-    let fastest = fastest + (pushed + turned);
-    let offset = start.rows.ball_in_body + Vec3::new(zero, zero, c.com_height.at(zero));
-    let limit = c.ball_radius.at(zero) * MAX_CENTER_OFFSET;
-    lowest.lt(fastest.mul_add(c.sim_dt.at(zero), zero.splat(CONTACT_MARGIN)))
-        | limit.squared().lt(offset.norm_squared())
+/// The same of ball and body, m.
+const BALL_MARGIN: f64 = 5e-4;
+
+/// Distances at which the contacts of this module are considered in a step.
+pub struct Near<L: Lane> {
+    /// Robots that need the contacts of this module.
+    pub mask: L::Mask,
+    /// Those of them whose ball may touch wheels or body, so that all contacts are solved together.
+    pub coupled: L::Mask,
+    /// Those whose ball may touch the body's cylinder.
+    ball_on_body: L::Mask,
+    /// Height below which a point of the bot may touch the floor, m.
+    floor_limit: L,
 }
 
-/// One step of a robot for which [`near`] is true.
-#[inline(always)]
-pub fn step(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torques<f64>) {
-    let start = Start::new(c, Scalar, state);
-    let free = phases::free_velocities(c, Scalar, state, &start, torques);
-    let mut contacts = Contacts {
-        c,
-        rows: &start.rows,
-        delassus: Delassus::new::<true>(c, &start.rows),
-        friction: phases::friction(c, &start.rows, &start.velocities),
-        joint_friction: JointFriction::new(c, 0.0),
-        impulses: state.impulses(Scalar),
-        free,
-    };
-    let on_floor = contacts.solve(&mut points(c, &start), &mut BallOnBody::new(c, &start));
-    let on_floor = if on_floor { 1.0 } else { 0.0 };
-    phases::finish::<f64, f64, true>(c, Scalar, state, &start, (contacts.free, contacts.impulses), on_floor);
-}
-
-/// Rows of a robot, and its velocities with the impulses of rare contacts but without those of the rows.
-struct Contacts<'a> {
-    c: &'a Constants<f64>,
-    rows: &'a Rows<f64>,
-    delassus: Delassus<f64, f64>,
-    friction: Friction<f64>,
-    joint_friction: JointFriction<f64>,
-    impulses: PerRow<f64>,
-    free: Velocities<f64>,
-}
-
-impl Contacts<'_> {
-    /// Solves for the impulses of rare contacts and rows. Returns whether the bot touches the floor.
+impl<L: Lane> Near<L> {
     #[inline(always)]
-    fn solve(&mut self, points: &mut [Point; POINTS], ball: &mut BallOnBody) -> bool {
-        let c = self.c;
-        let mut normal_estimate = self.impulses.normals;
-        for _ in 0..SWEEPS {
-            let mut now = self.free;
-            self.rows.apply::<true, f64>(c, &self.impulses, &mut now);
-            for point in points.iter_mut() {
-                point.sweep(c, self.friction.floor, [&mut now, &mut self.free]);
+    pub fn new<V: Value<L>>(c: &Constants<V>, start: &Start<L>, token: L::Token, push: &[L::Cell; 6]) -> Self {
+        let (pose, v) = (&start.pose, &start.velocities);
+        let zero = pose.ball.x.zero();
+        let dt = c.sim_dt.at(zero);
+        let [px, py, pz, ax, ay, az] = push;
+        let impulse = Vec3::<L>::load_parts(token, [px, py, pz]);
+        let angular_impulse = Vec3::<L>::load_parts(token, [ax, ay, az]);
+        let pushed = sum_of_sizes(impulse)
+            .mul_add(c.body_mass_inverse.at(zero), sum_of_sizes(angular_impulse) * c.reach_inverse_inertia.at(zero));
+
+        let up = start.rotation.rows[2];
+        let wheels =
+            up.dot(c.wheel_center(0, zero)).min(up.dot(c.wheel_center(1, zero))).min(up.dot(c.wheel_center(2, zero)));
+        let rim = up.z.neg_mul_add(up.z, zero.splat(1.0)).max(zero).sqrt() * c.body_radius.at(zero);
+        let cylinder = (up.z * c.body_bottom.at(zero)).min(up.z * c.body_top.at(zero)) - rim;
+        let lowest = pose.body.z + (wheels - c.wheel_radius.at(zero)).min(cylinder);
+        let falling = sum_of_sizes(v.body_rate).mul_add(c.reach.at(zero), v.body.z.abs()) + pushed;
+        let floor_limit = falling.mul_add(dt, zero.splat(FLOOR_MARGIN));
+
+        // Motion of the ball's center in the body frame: none while the ball rolls under the wheels.
+        let ball = start.rows.ball_in_body;
+        let drift = start.rotation.apply_transposed(v.ball - v.body) - v.body_rate.cross(ball);
+        let reach = (sum_of_sizes(drift) + pushed).mul_add(dt, c.ball_radius.at(zero) + BALL_MARGIN);
+        let above = (c.body_bottom.at(zero) - ball.z).max(ball.z - c.body_top.at(zero)).max(zero);
+        let mut ball_near = above.lt(reach);
+        // The branch skips a root; a ball in place is below the body.
+        if L::any(ball_near) {
+            let radial = ball.x.mul_add(ball.x, ball.y.squared()).sqrt();
+            let beside = (radial - c.body_radius.at(zero)).max(zero);
+            ball_near = ball_near & beside.mul_add(beside, above.squared()).lt(reach.squared());
+        }
+        let mask = lowest.lt(floor_limit) | ball_near;
+        let [a, b, d] = start.rows.gaps;
+        let wheels_near = a.min(b).min(d).lt(reach - c.ball_radius.at(zero));
+        Self { mask, coupled: mask & (wheels_near | ball_near), ball_on_body: ball_near, floor_limit }
+    }
+
+    /// Adds the impulses of the rare contacts to the velocities of the robots in the mask, and solves for the impulses of
+    /// the coupled ones anew. Returns 1 for robots that touch the floor, else 0.
+    #[inline(always)]
+    pub fn solve<V: Value<L>, const JOINTS: bool>(
+        &self,
+        c: &Constants<V>,
+        token: L::Token,
+        state: &mut ContactState<L::Cell>,
+        start: &Start<L>,
+        conditions: &Conditions<L, V>,
+        (impulses, velocities): (&mut PerRow<L>, &mut Velocities<L>),
+    ) -> L {
+        let mut contacts = Contacts::new(c, token, state, start, self, (*impulses, *velocities));
+        let threshold = conditions.static_impulse * SETTLED_SHARE;
+        let mut open = self.mask;
+        for sweep in 0..MOST_SWEEPS {
+            let change = contacts.sweep::<V, JOINTS>(c, start, conditions, self, open);
+            if sweep + 1 >= SWEEPS {
+                open = open & threshold.lt(change);
+                if !L::any(open) {
+                    break;
+                }
             }
-            ball.sweep(c, [&mut now, &mut self.free]);
-            let mut residuals = self.rows.residuals(c, &now);
-            self.delassus.sweep::<true>(
-                &self.friction,
-                &self.joint_friction,
-                &mut normal_estimate,
-                &mut self.impulses,
+        }
+        contacts.store(token, state, self.mask & state.sound(token, &contacts.velocities));
+        // A contact that is skipped adds nothing, one beside a neighbor's adds zero, which changes the sign of −0 only.
+        *impulses = PerRow::select(self.mask, &contacts.impulses.with_positive_zeros(), impulses);
+        *velocities = Velocities::select(self.mask, &contacts.velocities.with_positive_zeros(), velocities);
+        contacts.on_floor(self.mask)
+    }
+}
+
+/// Sum of the sizes of the components, an upper bound of the length.
+#[inline(always)]
+fn sum_of_sizes<L: Lane>(v: Vec3<L>) -> L {
+    v.x.abs() + v.y.abs() + v.z.abs()
+}
+
+/// All contacts of robots near the rare ones, and the velocities with all impulses.
+struct Contacts<L: Lane> {
+    points: [FloorPoint<L>; POINTS],
+    /// Whether any robot may touch the floor with the point.
+    used: [bool; POINTS],
+    ball: BallOnBody<L>,
+    impulses: PerRow<L>,
+    normal_estimate: [L; 3],
+    velocities: Velocities<L>,
+}
+
+impl<L: Lane> Contacts<L> {
+    #[inline(always)]
+    fn new<V: Value<L>>(
+        c: &Constants<V>,
+        token: L::Token,
+        state: &ContactState<L::Cell>,
+        start: &Start<L>,
+        near: &Near<L>,
+        (impulses, mut velocities): (PerRow<L>, Velocities<L>),
+    ) -> Self {
+        let mut points = floor_points(c, start, near.floor_limit);
+        // Impulses of an earlier step than the last are of another contact.
+        let (steps, kept) = (L::load(token, &state.steps), L::load(token, &state.body_contact_step));
+        let last = kept.le(steps) & steps.le(kept);
+        let zero = steps.zero();
+        let mut used = [false; POINTS];
+        for (k, point) in points.iter_mut().enumerate() {
+            used[k] = point.may_touch(near.mask);
+            if used[k] {
+                let stored = load3(token, &state.floor_point_impulses[k]);
+                point.warm(c, select3(last, stored, [zero; 3]), &mut velocities);
+            }
+        }
+        let mut ball = BallOnBody::new(c, start);
+        let stored = L::load(token, &state.ball_on_body_impulse);
+        ball.warm(c, L::select(last & near.ball_on_body, stored, zero), &mut velocities);
+        Self { points, used, ball, normal_estimate: impulses.normals, impulses, velocities }
+    }
+
+    /// One sweep over all contacts of the robots in `open`. Returns the largest change of an impulse.
+    #[inline(always)]
+    fn sweep<V: Value<L>, const JOINTS: bool>(
+        &mut self,
+        c: &Constants<V>,
+        start: &Start<L>,
+        conditions: &Conditions<L, V>,
+        near: &Near<L>,
+        open: L::Mask,
+    ) -> L {
+        let mut v = self.velocities;
+        let zero = v.ball.x.zero();
+        let mut largest = zero;
+        for (point, used) in self.points.iter_mut().zip(self.used) {
+            if used {
+                let before = point.impulses;
+                largest = largest.max(point.sweep(c, conditions.friction.floor, &mut v));
+                point.impulses = select3(open, point.impulses, before);
+            }
+        }
+        let coupled = open & near.coupled;
+        if L::any(open & near.ball_on_body) {
+            let before = self.ball.impulse;
+            let change = self.ball.sweep(c, near.ball_on_body, &mut v);
+            largest = largest.max(change);
+            self.ball.impulse = L::select(open, self.ball.impulse, before);
+        }
+        if L::any(coupled) {
+            let mut residuals = start.rows.residuals(c, &v);
+            let (mut impulses, mut estimate) = (self.impulses, self.normal_estimate);
+            conditions.delassus.sweep::<JOINTS>(
+                conditions.friction,
+                conditions.joint_friction,
+                &mut estimate,
+                &mut impulses,
                 &mut residuals,
             );
+            let change = impulses.minus(&self.impulses);
+            let mut moved = v;
+            start.rows.apply::<JOINTS, V>(c, &change, &mut moved);
+            v = Velocities::select(coupled, &moved, &v);
+            for i in 0..3 {
+                let row = change.floor[i].abs().max(change.normals[i].abs()).max(change.drives[i].abs());
+                largest = largest.max(L::select(coupled, row, zero));
+            }
+            self.impulses = PerRow::select(coupled, &impulses, &self.impulses);
+            self.normal_estimate = select3(coupled, estimate, self.normal_estimate);
         }
-        points.iter().any(|point| point.impulses[0] > 0.0 || point.gap <= 0.0)
-    }
-}
-
-/// A row of a contact point of bot and floor.
-#[derive(Clone, Copy)]
-struct Row {
-    /// Direction in the inertial frame, unit vector.
-    direction: Vec3<f64>,
-    /// Factor of the body rate, body frame, m.
-    arm: Vec3<f64>,
-    /// Wheel of the point and factor of its spin, m; `None` for a point of the body.
-    spin: Option<(usize, f64)>,
-    /// Inverse of the change of the row velocity per impulse, kg.
-    inverse: f64,
-}
-
-impl Row {
-    #[inline(always)]
-    fn new(c: &Constants<f64>, direction: Vec3<f64>, arm: Vec3<f64>, spin: Option<(usize, f64)>) -> Self {
-        let angular = arm.scaled_by(c.body_inertia_inverse).dot(arm);
-        let spin_part = spin.map_or(0.0, |(_, share)| share * share / c.wheel_inertia);
-        Self { direction, arm, spin, inverse: 1.0 / (c.body_mass_inverse + angular + spin_part) }
+        self.velocities = Velocities::select(open, &v, &self.velocities);
+        largest
     }
 
-    /// Row of a point fixed to the body, along an inertial axis.
+    /// Keeps the impulses of the robots in `mask` for the next step.
     #[inline(always)]
-    fn of_body(c: &Constants<f64>, rotation: &Rotation<f64>, arm: Vec3<f64>, axis: usize) -> Self {
-        Self::new(c, unit(axis), arm.cross(rotation.rows[axis]), None)
-    }
-
-    /// Row of the lowest point of wheel `i`. About the axle the wheel rotates with its own spin instead of the body
-    /// rate.
-    #[inline(always)]
-    fn of_wheel(c: &Constants<f64>, rotation: &Rotation<f64>, i: usize, axis: usize) -> Self {
-        let u = c.u(i, 0.0);
-        let across = rotation.rows[2].cross(rotation.rows[axis]);
-        let along = across.dot(u);
-        let arm = c.wheel_center(i, 0.0).cross(rotation.rows[axis]) - (across - u * along) * c.wheel_radius;
-        Self::new(c, unit(axis), arm, Some((i, along * c.wheel_radius)))
-    }
-
-    /// Change of the velocity of this row per impulse of an orthogonal row of the same point, 1/kg.
-    #[inline(always)]
-    fn coupling(&self, c: &Constants<f64>, other: &Self) -> f64 {
-        let spin_part = self.spin.zip(other.spin).map_or(0.0, |((_, a), (_, b))| a * b / c.wheel_inertia);
-        self.arm.scaled_by(c.body_inertia_inverse).dot(other.arm) + spin_part
-    }
-
-    #[inline(always)]
-    fn speed(&self, v: &Velocities<f64>) -> f64 {
-        let spin_part = self.spin.map_or(0.0, |(i, share)| share * v.spins[i]);
-        self.direction.dot(v.body) + self.arm.dot(v.body_rate) + spin_part
-    }
-
-    #[inline(always)]
-    fn push(&self, c: &Constants<f64>, impulse: f64, v: &mut Velocities<f64>) {
-        v.body = v.body.plus(self.direction, impulse * c.body_mass_inverse);
-        v.body_rate += self.arm.scaled_by(c.body_inertia_inverse) * impulse;
-        if let Some((i, share)) = self.spin {
-            v.spins[i] += share * impulse / c.wheel_inertia;
+    fn store(&self, token: L::Token, state: &mut ContactState<L::Cell>, mask: L::Mask) {
+        let zero = self.ball.impulse.zero();
+        for (k, point) in self.points.iter().enumerate() {
+            let before = load3(token, &state.floor_point_impulses[k]);
+            let impulses = if self.used[k] { point.impulses } else { [zero; 3] };
+            let [n, x, y] = impulses.map(
+                #[inline(always)]
+                |impulse| impulse + 0.0,
+            );
+            store3(select3(mask, [n, x, y], before), &mut state.floor_point_impulses[k]);
         }
-    }
-}
-
-/// Unit vector of the inertial axis 0 (x), 1 (y) or 2 (z).
-#[inline(always)]
-fn unit(axis: usize) -> Vec3<f64> {
-    let mut values = [0.0; 3];
-    values[axis] = 1.0;
-    values.into()
-}
-
-/// A contact point of bot and floor.
-struct Point {
-    /// Height above the floor, m.
-    gap: f64,
-    /// Rows along the normal, x and y.
-    rows: [Row; 3],
-    /// Inverse of the largest change of the tangential velocity per tangential impulse, kg.
-    tangent_inverse: f64,
-    /// Impulses along the normal, x and y, N·s.
-    impulses: [f64; 3],
-}
-
-/// The inertial axes of a point's rows.
-const AXES: [usize; 3] = [2, 0, 1];
-
-#[inline(always)]
-fn points(c: &Constants<f64>, start: &Start<f64>) -> [Point; POINTS] {
-    let rotation = &start.rotation;
-    let height = |arm: Vec3<f64>| start.pose.body.z + rotation.rows[2].dot(arm);
-    let wheel = |i: usize| {
-        let gap = height(c.wheel_center(i, 0.0)) - c.wheel_radius;
-        Point::new(c, gap, AXES.map(|axis| Row::of_wheel(c, rotation, i, axis)))
-    };
-    let lowest = lowest_direction(rotation);
-    let rim = |end: f64, third: u32| {
-        let angle = lowest + std::f64::consts::TAU * f64::from(third) / 3.0;
-        let arm = Vec3::new(c.body_radius * angle.cos(), c.body_radius * angle.sin(), end);
-        Point::new(c, height(arm), AXES.map(|axis| Row::of_body(c, rotation, arm, axis)))
-    };
-    std::array::from_fn(|k| match k {
-        0..3 => wheel(k),
-        3..6 => rim(c.body_bottom, k as u32 - 3),
-        _ => rim(c.body_top, k as u32 - 6),
-    })
-}
-
-/// Azimuth of the downward direction in the body frame, rad; 0 for a vertical mast.
-#[inline(always)]
-fn lowest_direction(rotation: &Rotation<f64>) -> f64 {
-    let up = rotation.rows[2];
-    if up.x.hypot(up.y) < 1e-6 { 0.0 } else { (-up.y).atan2(-up.x) }
-}
-
-impl Point {
-    #[inline(always)]
-    fn new(c: &Constants<f64>, gap: f64, rows: [Row; 3]) -> Self {
-        let [_, x, y] = &rows;
-        // The larger eigenvalue of the tangential matrix. One value for both axes keeps friction opposite to the slip.
-        let (xx, yy, xy) = (1.0 / x.inverse, 1.0 / y.inverse, x.coupling(c, y));
-        let largest = 0.5 * (xx + yy) + (0.5 * (xx - yy)).hypot(xy);
-        Self { gap, tangent_inverse: 1.0 / largest, rows, impulses: [0.0; 3] }
-    }
-
-    /// One Gauss-Seidel sweep over the rows of this point; applies the changes to both sets of velocities.
-    #[inline(always)]
-    fn sweep(&mut self, c: &Constants<f64>, friction: f64, velocities: [&mut Velocities<f64>; 2]) {
-        let [now, free] = velocities;
-        let [normal, x, y] = &self.rows;
-        let approach = normal.speed(now) + allowance(c, self.gap);
-        let pressed = (self.impulses[0] - approach * normal.inverse).max(0.0);
-        for v in [&mut *now, &mut *free] {
-            normal.push(c, pressed - self.impulses[0], v);
-        }
-        let stick = [
-            self.impulses[1] - x.speed(now) * self.tangent_inverse,
-            self.impulses[2] - y.speed(now) * self.tangent_inverse,
-        ];
-        let held = in_disc(stick, friction * pressed);
-        for v in [now, free] {
-            x.push(c, held[0] - self.impulses[1], v);
-            y.push(c, held[1] - self.impulses[2], v);
-        }
-        self.impulses = [pressed, held[0], held[1]];
-    }
-}
-
-/// The ball against the body's cylinder, without friction.
-struct BallOnBody {
-    gap: f64,
-    /// Normal from body to ball, inertial frame.
-    normal: Vec3<f64>,
-    /// Factor of the body rate, body frame, m.
-    arm: Vec3<f64>,
-    inverse: f64,
-    impulse: f64,
-}
-
-impl BallOnBody {
-    #[inline(always)]
-    fn new(c: &Constants<f64>, start: &Start<f64>) -> Self {
-        let ball = start.rows.ball_in_body;
-        let radial = ball.x.hypot(ball.y);
-        let share = if radial > c.body_radius { c.body_radius / radial } else { 1.0 };
-        let nearest = Vec3::new(ball.x * share, ball.y * share, ball.z.clamp(c.body_bottom, c.body_top));
-        let offset = ball - nearest;
-        let distance = offset.norm_squared().sqrt();
-        // A ball center inside the cylinder is pushed out through the lower end.
-        let normal = if distance > 0.0 { offset * distance.recip() } else { -unit(2) };
-        let arm = normal.cross(nearest);
-        let angular = arm.scaled_by(c.body_inertia_inverse).dot(arm);
-        Self {
-            gap: distance - c.ball_radius,
-            normal: start.rotation.apply(normal),
-            arm,
-            inverse: 1.0 / (angular + c.body_mass_inverse + c.ball_mass_inverse),
-            impulse: 0.0,
-        }
+        let before = L::load(token, &state.ball_on_body_impulse);
+        L::select(mask, self.ball.impulse + 0.0, before).store(&mut state.ball_on_body_impulse);
+        let next = L::load(token, &state.steps) + 1.0;
+        L::select(mask, next, L::load(token, &state.body_contact_step)).store(&mut state.body_contact_step);
     }
 
     #[inline(always)]
-    fn sweep(&mut self, c: &Constants<f64>, velocities: [&mut Velocities<f64>; 2]) {
-        let [now, free] = velocities;
-        let opening = self.normal.dot(now.ball - now.body) + self.arm.dot(now.body_rate);
-        let pressed = (self.impulse - (opening + allowance(c, self.gap)) * self.inverse).max(0.0);
-        let change = pressed - self.impulse;
-        for v in [now, free] {
-            v.ball = v.ball.plus(self.normal, change * c.ball_mass_inverse);
-            v.body = v.body.plus(self.normal, -change * c.body_mass_inverse);
-            v.body_rate += self.arm.scaled_by(c.body_inertia_inverse) * change;
+    fn on_floor(&self, mask: L::Mask) -> L {
+        let zero = self.ball.impulse.zero();
+        let mut out = zero;
+        for (point, used) in self.points.iter().zip(self.used) {
+            if used {
+                out = L::select(mask & point.touches(), zero.splat(1.0), out);
+            }
         }
-        self.impulse = pressed;
+        out
     }
 }

@@ -12,10 +12,6 @@ const RECOVERY_RATE: f64 = 100.0;
 /// Largest share of an overlap that is removed in one step. Chosen by experiment.
 const LARGEST_RECOVERY: f64 = 0.2;
 
-/// Change of the wheel impulses in a sweep above which the sweeps continue, as a share of the impulse of the static
-/// load. Chosen by experiment.
-const SETTLED_SHARE: f64 = 2e-3;
-
 cells! {
     /// Constants in SI units; vectors in the body frame.
     #[derive(Clone, Debug, Default, PartialEq)]
@@ -86,8 +82,10 @@ cells! {
         pub static_wheel_load: T,
         /// Load of the floor at rest.
         pub static_floor_load: T,
-        /// Squared change of the wheel impulses in a sweep above which the sweeps continue.
-        pub settled_squared: T,
+        /// Root of the ball's mass.
+        pub ball_mass_root: T,
+        /// Root of the inverse of `floor_compliance`.
+        pub floor_mass_root: T,
     }
 }
 
@@ -109,7 +107,6 @@ impl Constants<f64> {
         let body_mass_inverse = params.body_mass.recip();
         let floor_compliance = ball_mass_inverse + ball_surface_compliance;
         let static_wheel_load = params.static_wheel_load();
-        let settled = SETTLED_SHARE * static_wheel_load * sim_dt;
         Self {
             sim_dt,
             sim_dt_inverse: sim_dt.recip(),
@@ -153,7 +150,8 @@ impl Constants<f64> {
             wheel_surface_compliance: params.wheel_radius * params.wheel_radius / params.wheel_inertia,
             static_wheel_load,
             static_floor_load: (params.body_mass + params.ball_mass) * params.gravity,
-            settled_squared: settled * settled,
+            ball_mass_root: params.ball_mass.sqrt(),
+            floor_mass_root: floor_compliance.recip().sqrt(),
         }
     }
 }
@@ -208,7 +206,8 @@ impl<V> Constants<V> {
             wheel_surface_compliance: one(&self.wheel_surface_compliance),
             static_wheel_load: one(&self.static_wheel_load),
             static_floor_load: one(&self.static_floor_load),
-            settled_squared: one(&self.settled_squared),
+            ball_mass_root: one(&self.ball_mass_root),
+            floor_mass_root: one(&self.floor_mass_root),
         }
     }
 }

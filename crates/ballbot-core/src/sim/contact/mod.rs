@@ -6,16 +6,19 @@
 //! sweeps with a warm start from the last step, and integrates with the new velocities (semi-implicit Euler). `step`
 //! has the algorithm. Contacts of bot and floor and of ball and body are solved by further sweeps (`body_contacts`).
 
+mod active_set;
 mod body_contacts;
 mod constants;
+mod delassus;
+mod friction;
 mod lanes;
 mod motion;
 mod phases;
 mod readout;
 mod rows;
-mod solve;
 mod state;
 mod step;
+mod sweeps;
 #[cfg(test)]
 mod tests;
 mod types;

@@ -1,12 +1,10 @@
-//! Phases of a time step with any contacts: start, friction coefficients, free velocities, finish.
+//! Phases of a time step with any contacts: start, free velocities, finish.
 
 use super::constants::{Constants, at3};
 use super::rows::{Rows, encoder_rate};
-use super::solve::Friction;
 use super::state::{ContactState, Torques};
 use super::types::{PerRow, Pose, Velocities};
 use crate::lanes::{Lane, Rotation, Value, Vec3};
-use crate::sim::friction::stribeck;
 
 /// The robot at the start of a step.
 pub struct Start<L> {
@@ -26,47 +24,23 @@ impl<L: Lane> Start<L> {
     }
 }
 
-/// Applies the impulses, moves the robot and writes where it is.
+/// Moves the robot with the velocities at the end of the step and writes where it is.
 #[inline(always)]
-pub fn finish<L: Lane, V: Value<L>, const JOINTS: bool>(
+pub fn finish<L: Lane, V: Value<L>>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
     start: &Start<L>,
-    (mut velocities, impulses): (Velocities<L>, PerRow<L>),
+    (velocities, impulses): (&Velocities<L>, &PerRow<L>),
     on_floor: L,
 ) {
-    start.rows.apply::<JOINTS, V>(c, &impulses, &mut velocities);
-    let pose = moved(c, &start.pose, &velocities);
-    state.take(token, &pose, &velocities, &impulses, on_floor);
+    let pose = moved(c, &start.pose, velocities);
+    state.take(token, &pose, velocities, impulses, on_floor);
     (L::load(token, &state.steps) + 1.0).store(&mut state.steps);
     let zero = on_floor.zero();
     for cell in &mut state.push {
         zero.store(cell);
     }
-}
-
-/// Friction coefficients at the present slip.
-#[inline(always)]
-pub fn friction<L: Lane, V: Value<L>>(c: &Constants<V>, rows: &Rows<L>, v: &Velocities<L>) -> Friction<L> {
-    let like = v.ball.x;
-    let (wheel_static, wheel_dynamic) = (c.wheel_static_friction.at(like), c.wheel_dynamic_friction.at(like));
-    let (floor_static, floor_dynamic) = (c.floor_static_friction.at(like), c.floor_dynamic_friction.at(like));
-    let mut out = Friction { wheels: [wheel_dynamic; 3], floor: floor_dynamic };
-    let scale = c.critical_velocity_inverse_squared.at(like);
-    // The law gives exactly the dynamic coefficient where the static one is equal, so lanes without it keep their bits.
-    if L::any(wheel_dynamic.lt(wheel_static)) {
-        for i in 0..3 {
-            let slip = rows.slip_speed(c, v, i).squared() * scale;
-            out.wheels[i] = stribeck(wheel_static, wheel_dynamic, slip);
-        }
-    }
-    if L::any(floor_dynamic.lt(floor_static)) {
-        let [x, y] = rows.floor_slip(c, v);
-        let slip = x.mul_add(x, y.squared()) * scale;
-        out.floor = stribeck(floor_static, floor_dynamic, slip);
-    }
-    out
 }
 
 /// Velocities at the end of the step if nothing touched.

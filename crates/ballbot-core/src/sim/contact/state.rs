@@ -47,6 +47,16 @@ cells! {
         pub bot_on_floor: T,
         /// 1 once a step met numbers that are not finite, else 0.
         pub diverged: T,
+        /// Steps since the reset in which all modes of the contacts were tried.
+        pub searched_steps: T,
+        /// Steps since the reset without impulses that meet the contact conditions.
+        pub unsolved_steps: T,
+        /// Number of the step after which the impulses below were kept.
+        pub body_contact_step: T,
+        /// Impulses of the floor on the bot at each contact point: normal, x, y.
+        pub floor_point_impulses: [[T; 3]; 6],
+        /// Normal impulse of the body's cylinder on the ball.
+        pub ball_on_body_impulse: T,
     }
 }
 
@@ -126,8 +136,16 @@ impl<T: Cell> ContactState<T> {
         }
     }
 
-    /// Stores the result of a step. A robot with velocities that are not finite or near overflow keeps its pose and is
-    /// marked as diverged.
+    /// Mask of the robots that have not diverged and do not with these velocities.
+    #[inline(always)]
+    pub fn sound<L: Lane<Cell = T>>(&self, token: L::Token, velocities: &Velocities<L>) -> L::Mask {
+        let size = velocities.norm_squared();
+        let diverged = L::load(token, &self.diverged);
+        size.lt(size.splat(MAX_SPEED_SQUARED)) & diverged.le(diverged.zero())
+    }
+
+    /// Stores the result of a step. A robot with velocities that are not finite or near overflow is marked as diverged,
+    /// and keeps its state until it starts anew.
     #[inline(always)]
     pub fn take<L: Lane<Cell = T>>(
         &mut self,
@@ -137,14 +155,12 @@ impl<T: Cell> ContactState<T> {
         impulses: &PerRow<L>,
         on_floor: L,
     ) {
-        let size = velocities.norm_squared();
-        let sound = size.lt(size.splat(MAX_SPEED_SQUARED));
+        let sound = self.sound(token, velocities);
         if !L::any(!sound) {
             self.write(pose, velocities, impulses, on_floor);
             return;
         }
-        let marked = L::load(token, &self.diverged);
-        L::select(sound, marked, size.splat(1.0)).store(&mut self.diverged);
+        L::select(sound, L::load(token, &self.diverged), on_floor.splat(1.0)).store(&mut self.diverged);
         let pose = Pose::select(sound, pose, &self.pose(token));
         let velocities = Velocities::select(sound, velocities, &self.velocities(token));
         let impulses = PerRow::select(sound, impulses, &self.impulses(token));

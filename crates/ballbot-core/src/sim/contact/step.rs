@@ -16,13 +16,14 @@
 #[cfg(test)]
 mod flops;
 
-use super::body_contacts;
+use super::active_set::Conditions;
+use super::body_contacts::Near;
 use super::constants::{Constants, InLanes};
-use super::phases::{Start, finish, free_velocities, friction};
-use super::solve::{Delassus, JointFriction, MOST_SWEEPS, SWEEPS};
+use super::delassus::Delassus;
+use super::friction::{Friction, JointFriction};
+use super::phases::{Start, finish, free_velocities};
 use super::state::{ContactState, Torques};
-use super::types::{PerRow, select3};
-use crate::lanes::{EIGHT, Eight, Lane, Scalar, Value, Wide, run_one};
+use crate::lanes::{Eight, Lane, Scalar, Value, Wide, run_one};
 use fearless_simd::Simd;
 
 /// Advances one robot by `steps` time steps under constant torques.
@@ -31,17 +32,10 @@ pub fn advance(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torq
         #[inline(always)]
         || {
             for _ in 0..steps {
-                advance_one(c, state, torques);
+                step::<f64, f64>(c, Scalar, state, torques);
             }
         },
     );
-}
-
-#[inline(always)]
-fn advance_one(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torques<f64>) {
-    if !step::<f64, f64>(c, Scalar, state, torques) {
-        body_contacts::step(c, state, torques);
-    }
 }
 
 /// Advances eight robots. The result for each is that of [`advance`] to the last bit.
@@ -59,79 +53,76 @@ pub fn advance_wide<S: Simd, V: InLanes>(
         #[inline(always)]
         |c| {
             for _ in 0..steps {
-                if !step::<Wide<S>, V::Wide<S>>(c, simd, state, torques) {
-                    one_by_one(constants, state, torques);
-                }
+                step::<Wide<S>, V::Wide<S>>(c, simd, state, torques);
             }
         },
     );
 }
 
-/// A step of eight robots, one after the other.
-#[cold]
-pub fn one_by_one<V: InLanes>(constants: &Constants<V>, state: &mut ContactState<Eight>, torques: &Torques<Eight>) {
-    for i in 0..EIGHT {
-        let mut one = state.lane(i);
-        let c = constants.map(|value| value.lane(i));
-        advance(&c, &mut one, &[torques[0].0[i], torques[1].0[i], torques[2].0[i]], 1);
-        state.set_lane(i, &one);
-    }
-}
-
-/// One step of robots without contacts of [`body_contacts`]. Returns false, without effect, if a robot needs them.
+/// One step of all robots of the lanes.
 #[inline(always)]
 fn step<L: Lane, V: Value<L>>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
     torques: &Torques<L::Cell>,
-) -> bool {
+) {
     let start = Start::new(c, token, state);
-    if L::any(body_contacts::near(c, &start, token, &state.push)) {
-        return false;
+    let near = Near::new(c, &start, token, &state.push);
+    let joints = JointFriction::new(c, start.rows.floor_gap);
+    // Four versions of one function, so that the usual step does not carry the registers of the rare ones.
+    match (joints.any(), L::any(near.mask)) {
+        (false, false) => step_with::<L, V, false, false>(c, token, state, torques, &start, &joints, &near),
+        (true, false) => step_with::<L, V, true, false>(c, token, state, torques, &start, &joints, &near),
+        (false, true) => step_with::<L, V, false, true>(c, token, state, torques, &start, &joints, &near),
+        (true, true) => step_with::<L, V, true, true>(c, token, state, torques, &start, &joints, &near),
     }
-    let joint_friction = JointFriction::new(c, start.rows.floor_gap);
-    if joint_friction.any() {
-        step_on_ball::<L, V, true>(c, token, state, torques, &start, &joint_friction);
-    } else {
-        step_on_ball::<L, V, false>(c, token, state, torques, &start, &joint_friction);
-    }
-    true
 }
 
 #[inline(always)]
-fn step_on_ball<L: Lane, V: Value<L>, const JOINTS: bool>(
+fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const NEAR: bool>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
     torques: &Torques<L::Cell>,
     start: &Start<L>,
     joint_friction: &JointFriction<L>,
+    near: &Near<L>,
 ) {
-    let friction = friction(c, &start.rows, &start.velocities);
-    let free = free_velocities(c, token, state, start, torques);
-    let delassus = Delassus::new::<JOINTS>(c, &start.rows);
+    let friction = Friction::new(c, &start.rows, &start.velocities);
+    let mut velocities = free_velocities(c, token, state, start, torques);
+    let like = velocities.ball.x;
+    let conditions = Conditions {
+        delassus: &Delassus::new::<JOINTS>(c, &start.rows),
+        residuals: &start.rows.residuals(c, &velocities),
+        friction: &friction,
+        joint_friction,
+        static_impulse: c.static_wheel_load.at(like) * c.sim_dt.at(like),
+    };
     let mut impulses = state.impulses(token);
-    let mut residuals = start.rows.residuals(c, &free);
-    delassus.add_effect::<JOINTS>(&impulses, &mut residuals);
-    let mut normal_estimate = impulses.normals;
-    let mut old = impulses;
-    for _ in 0..SWEEPS {
-        old = impulses;
-        delassus.sweep::<JOINTS>(&friction, joint_friction, &mut normal_estimate, &mut impulses, &mut residuals);
+    let mut open = L::load(token, &state.diverged).le(like.zero());
+    if NEAR {
+        open = open & !near.coupled;
     }
-    let mut open = Delassus::<L, V>::unsettled(c, &old, &impulses);
-    let mut sweeps = SWEEPS;
-    while L::any(open) && sweeps < MOST_SWEEPS {
-        // Settled robots keep their impulses while their neighbors continue.
-        let (old, old_residuals, old_estimate) = (impulses, residuals, normal_estimate);
-        delassus.sweep::<JOINTS>(&friction, joint_friction, &mut normal_estimate, &mut impulses, &mut residuals);
-        let still = Delassus::<L, V>::unsettled(c, &old, &impulses);
-        impulses = PerRow::select(open, &impulses, &old);
-        residuals = PerRow::select(open, &residuals, &old_residuals);
-        normal_estimate = select3(open, normal_estimate, old_estimate);
-        open = open & still;
-        sweeps += 1;
+    if !NEAR || L::any(open) {
+        let solution = conditions.solution::<JOINTS>(token, &impulses, open);
+        impulses = solution.impulses;
+        if L::any(solution.searched) {
+            let one = like.splat(1.0);
+            count(token, L::select(solution.searched, one, like.zero()), &mut state.searched_steps);
+            count(token, L::select(solution.unsolved, one, like.zero()), &mut state.unsolved_steps);
+        }
     }
-    finish::<L, V, JOINTS>(c, token, state, start, (free, impulses), free.ball.x.zero());
+    start.rows.apply::<JOINTS, V>(c, &impulses, &mut velocities);
+    let on_floor = if NEAR {
+        near.solve::<V, JOINTS>(c, token, state, start, &conditions, (&mut impulses, &mut velocities))
+    } else {
+        like.zero()
+    };
+    finish(c, token, state, start, (&velocities, &impulses), on_floor);
+}
+
+#[inline(always)]
+fn count<L: Lane>(token: L::Token, more: L, cell: &mut L::Cell) {
+    (L::load(token, cell) + more).store(cell);
 }

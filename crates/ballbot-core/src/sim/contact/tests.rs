@@ -1,8 +1,8 @@
 //! Eight robots in lanes are eight robots alone, to the last bit, with every instruction set of this machine.
 
 use super::constants::LaneConstants;
+use super::delassus::Delassus;
 use super::phases::Start;
-use super::solve::Delassus;
 use super::*;
 use crate::lanes::{EIGHT, Eight, Scalar};
 use crate::model::Model;

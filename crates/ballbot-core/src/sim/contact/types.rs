@@ -32,7 +32,42 @@ pub struct PerRow<L> {
     pub joints: [L; 3],
 }
 
+impl<L: Copy> PerRow<L> {
+    /// The numbers with `f` applied to each.
+    #[inline(always)]
+    pub fn map<U>(&self, f: impl Fn(L) -> U) -> PerRow<U> {
+        let three = |[a, b, c]: [L; 3]| [f(a), f(b), f(c)];
+        PerRow {
+            floor: three(self.floor),
+            normals: three(self.normals),
+            drives: three(self.drives),
+            joints: three(self.joints),
+        }
+    }
+}
+
 impl<L: Lane> PerRow<L> {
+    /// Difference of two.
+    #[inline(always)]
+    pub fn minus(&self, other: &Self) -> Self {
+        let less = |a: [L; 3], b: [L; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+        Self {
+            floor: less(self.floor, other.floor),
+            normals: less(self.normals, other.normals),
+            drives: less(self.drives, other.drives),
+            joints: less(self.joints, other.joints),
+        }
+    }
+
+    /// The numbers with +0 in place of −0.
+    #[inline(always)]
+    pub fn with_positive_zeros(&self) -> Self {
+        self.map(
+            #[inline(always)]
+            |value| value + 0.0,
+        )
+    }
+
     /// Selection of `yes` where `mask` is true, of `no` elsewhere.
     #[inline(always)]
     pub fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
@@ -55,6 +90,19 @@ impl<L: Lane> Velocities<L> {
             body: Vec3::select(mask, yes.body, no.body),
             body_rate: Vec3::select(mask, yes.body_rate, no.body_rate),
             spins: select3(mask, yes.spins, no.spins),
+        }
+    }
+
+    /// The numbers with +0 in place of −0.
+    #[inline(always)]
+    pub fn with_positive_zeros(&self) -> Self {
+        let zeros = Vec3::zero(self.ball.x);
+        Self {
+            ball: self.ball + zeros,
+            ball_rate: self.ball_rate + zeros,
+            body: self.body + zeros,
+            body_rate: self.body_rate + zeros,
+            spins: [self.spins[0] + 0.0, self.spins[1] + 0.0, self.spins[2] + 0.0],
         }
     }
 

@@ -1,71 +1,34 @@
-//! Projected Gauss-Seidel for the impulses of the rows, on their Delassus matrix.
+//! The Delassus matrix of the rows.
 
 use super::constants::{Constants, at3};
 use super::rows::Rows;
 use super::types::PerRow;
 use crate::lanes::{Lane, Value, Vec3};
 
-/// Smallest number of sweeps in a step, with warm start. Chosen by experiment.
-pub const SWEEPS: usize = 4;
-
-/// Largest number of sweeps in a step, for impacts, hard pushes and the onset of slip. Chosen by experiment.
-pub const MOST_SWEEPS: usize = 60;
-
-/// Gain per sweep of the low-pass filter from normal impulse to friction bound. Friction of slipping wheels changes the
-/// loads of the other wheels by more than itself; with the unfiltered load as bound the sweeps diverge. Chosen by
-/// experiment.
-const LOAD_FILTER: f64 = 0.33;
-
-/// Friction coefficients in this step.
-#[derive(Clone, Copy)]
-pub struct Friction<L> {
-    pub wheels: [L; 3],
-    pub floor: L,
-}
-
-/// Joint friction over one step.
-#[derive(Clone, Copy)]
-pub struct JointFriction<L> {
-    /// Largest angular impulse of dry friction, N·m·s.
-    pub dry: L,
-    /// Angular impulse of viscous friction per rad/s, N·m·s².
-    pub viscous: L,
-}
-
-impl<L: Lane> JointFriction<L> {
-    #[inline(always)]
-    pub fn new<V: Value<L>>(c: &Constants<V>, like: L) -> Self {
-        Self { dry: c.joint_dry_impulse.at(like), viscous: c.joint_viscous_impulse.at(like) }
-    }
-
-    /// Whether any robot has joint friction.
-    #[inline(always)]
-    pub fn any(&self) -> bool {
-        let zero = self.dry.zero();
-        L::any(zero.lt(self.dry) | zero.lt(self.viscous))
-    }
-}
-
 /// Delassus matrix: change of the velocity of each row per impulse of each row, in blocks of three rows.
 ///
 /// The rows of the floor share only the ball, whose inertia is isotropic, so they do not couple with each other. Joints
 /// do not couple with the floor.
 pub struct Delassus<L, V> {
-    normal_normal: [[L; 3]; 3],
-    normal_drive: [[L; 3]; 3],
-    drive_drive: [[L; 3]; 3],
+    pub normal_normal: [[L; 3]; 3],
+    pub normal_drive: [[L; 3]; 3],
+    pub drive_drive: [[L; 3]; 3],
     /// Couplings by floor row (normal, x, y) and wheel.
-    floor_normal: [[L; 3]; 3],
-    floor_drive: [[L; 3]; 3],
-    joint_normal: [[L; 3]; 3],
-    joint_drive: [[L; 3]; 3],
-    joint_joint: [[L; 3]; 3],
-    normal_inverse: [L; 3],
-    drive_inverse: [L; 3],
-    ball_mass: V,
+    pub floor_normal: [[L; 3]; 3],
+    pub floor_drive: [[L; 3]; 3],
+    pub joint_normal: [[L; 3]; 3],
+    pub joint_drive: [[L; 3]; 3],
+    pub joint_joint: [[L; 3]; 3],
+    pub normal_inverse: [L; 3],
+    pub drive_inverse: [L; 3],
+    pub ball_mass: V,
     ball_mass_inverse: V,
     floor_compliance: V,
-    floor_compliance_inverse: V,
+    pub floor_compliance_inverse: V,
+    /// Root of the mass of the floor's normal row.
+    pub ball_mass_root: V,
+    /// Root of the mass of the floor's friction rows.
+    pub floor_mass_root: V,
 }
 
 impl<L: Lane, V: Value<L>> Delassus<L, V> {
@@ -147,6 +110,8 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
             ball_mass_inverse: c.ball_mass_inverse,
             floor_compliance: c.floor_compliance,
             floor_compliance_inverse: c.floor_compliance_inverse,
+            ball_mass_root: c.ball_mass_root,
+            floor_mass_root: c.floor_mass_root,
         }
     }
 
@@ -170,7 +135,7 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
     }
 
     #[inline(always)]
-    fn add_floor(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
+    pub fn add_floor(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
         let compliance = if k == 0 { self.ball_mass_inverse } else { self.floor_compliance };
         r.floor[k] = impulse.mul_add(compliance.at(impulse), r.floor[k]);
         for j in 0..3 {
@@ -180,7 +145,7 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
     }
 
     #[inline(always)]
-    fn add_normal<const JOINTS: bool>(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
+    pub fn add_normal<const JOINTS: bool>(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
         for j in 0..3 {
             r.normals[j] = self.normal_normal[k][j].mul_add(impulse, r.normals[j]);
             r.drives[j] = self.normal_drive[k][j].mul_add(impulse, r.drives[j]);
@@ -192,7 +157,7 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
     }
 
     #[inline(always)]
-    fn add_drive<const JOINTS: bool>(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
+    pub fn add_drive<const JOINTS: bool>(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
         for j in 0..3 {
             r.drives[j] = self.drive_drive[k][j].mul_add(impulse, r.drives[j]);
             r.normals[j] = self.normal_drive[j][k].mul_add(impulse, r.normals[j]);
@@ -204,84 +169,39 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
     }
 
     #[inline(always)]
-    fn add_joint(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
+    pub fn add_joint(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
         for j in 0..3 {
             r.joints[j] = self.joint_joint[k][j].mul_add(impulse, r.joints[j]);
             r.normals[j] = self.joint_normal[k][j].mul_add(impulse, r.normals[j]);
             r.drives[j] = self.joint_drive[k][j].mul_add(impulse, r.drives[j]);
         }
     }
+}
 
-    /// Mask of the robots whose wheel impulses changed by more than the threshold in the last sweep.
+impl<L: Copy, V: Copy> Delassus<L, V> {
+    /// The matrix with `f` applied to each number, and `constant` to each constant.
     #[inline(always)]
-    pub fn unsettled(c: &Constants<V>, old: &PerRow<L>, new: &PerRow<L>) -> L::Mask {
-        let mut change = new.floor[0].zero();
-        for k in 0..3 {
-            let (normal, drive) = (new.normals[k] - old.normals[k], new.drives[k] - old.drives[k]);
-            change = normal.mul_add(normal, drive.mul_add(drive, change));
+    pub fn map<U>(&self, f: impl Fn(L) -> U, constant: impl Fn(V) -> U) -> Delassus<U, U> {
+        let three = |[a, b, c]: [L; 3]| [f(a), f(b), f(c)];
+        let nine = |[a, b, c]: [[L; 3]; 3]| [three(a), three(b), three(c)];
+        Delassus {
+            normal_normal: nine(self.normal_normal),
+            normal_drive: nine(self.normal_drive),
+            drive_drive: nine(self.drive_drive),
+            floor_normal: nine(self.floor_normal),
+            floor_drive: nine(self.floor_drive),
+            joint_normal: nine(self.joint_normal),
+            joint_drive: nine(self.joint_drive),
+            joint_joint: nine(self.joint_joint),
+            normal_inverse: three(self.normal_inverse),
+            drive_inverse: three(self.drive_inverse),
+            ball_mass: constant(self.ball_mass),
+            ball_mass_inverse: constant(self.ball_mass_inverse),
+            floor_compliance: constant(self.floor_compliance),
+            floor_compliance_inverse: constant(self.floor_compliance_inverse),
+            ball_mass_root: constant(self.ball_mass_root),
+            floor_mass_root: constant(self.floor_mass_root),
         }
-        c.settled_squared.at(change).lt(change)
-    }
-
-    /// One Gauss-Seidel sweep: updates the impulse of each row, projected on its bounds, and the residuals.
-    #[inline(always)]
-    pub fn sweep<const JOINTS: bool>(
-        &self,
-        friction: &Friction<L>,
-        joint_friction: &JointFriction<L>,
-        normal_estimate: &mut [L; 3],
-        impulses: &mut PerRow<L>,
-        r: &mut PerRow<L>,
-    ) {
-        let zero = friction.floor.zero();
-        self.sweep_floor(friction.floor, impulses, r);
-        for k in 0..3 {
-            let new = r.normals[k].neg_mul_add(self.normal_inverse[k], impulses.normals[k]).max(zero);
-            let change = new - impulses.normals[k];
-            impulses.normals[k] = new;
-            self.add_normal::<JOINTS>(k, change, r);
-        }
-        for (k, normal_estimate) in normal_estimate.iter_mut().enumerate() {
-            *normal_estimate = (impulses.normals[k] - *normal_estimate).mul_add_all(LOAD_FILTER, *normal_estimate);
-            let limit = friction.wheels[k] * *normal_estimate;
-            let stick = r.drives[k].neg_mul_add(self.drive_inverse[k], impulses.drives[k]);
-            let new = stick.min(limit).max(-limit);
-            let change = new - impulses.drives[k];
-            impulses.drives[k] = new;
-            self.add_drive::<JOINTS>(k, change, r);
-        }
-        if JOINTS {
-            for k in 0..3 {
-                let own = self.joint_joint[k][k];
-                let stick = impulses.joints[k] - r.joints[k] / own;
-                let dry = stick.min(joint_friction.dry).max(-joint_friction.dry);
-                let softness = joint_friction.viscous * own;
-                // Adding zero turns −0 into +0, so lanes without friction have the bits of a robot alone.
-                let new = (softness / (softness + 1.0)).mul_add(stick - dry, dry) + 0.0;
-                let change = new - impulses.joints[k];
-                impulses.joints[k] = new;
-                self.add_joint(k, change, r);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn sweep_floor(&self, friction: L, impulses: &mut PerRow<L>, r: &mut PerRow<L>) {
-        let zero = friction.zero();
-        let (normal, tangent) = (self.ball_mass.at(zero), self.floor_compliance_inverse.at(zero));
-        let new = r.floor[0].mul_add(-normal, impulses.floor[0]).max(zero);
-        let change = new - impulses.floor[0];
-        impulses.floor[0] = new;
-        self.add_floor(0, change, r);
-
-        let x = r.floor[1].mul_add(-tangent, impulses.floor[1]);
-        let y = r.floor[2].mul_add(-tangent, impulses.floor[2]);
-        let [x, y] = in_disc([x, y], friction * new);
-        let (dx, dy) = (x - impulses.floor[1], y - impulses.floor[2]);
-        impulses.floor[1] = x;
-        impulses.floor[2] = y;
-        self.add_floor(1, dx, r);
-        self.add_floor(2, dy, r);
     }
 }
 
@@ -333,17 +253,4 @@ impl<L: Lane> Couplings<'_, L> {
         let moved = self.rows.drives[i].dot(self.rows.drives[j]).mul_add(self.linear, moved);
         self.rows.turns[i].dot(self.rows.turns[j]).mul_add(self.ball_surface, moved)
     }
-}
-
-/// Radial projection of a pair on the disc of radius `limit`.
-#[inline(always)]
-pub fn in_disc<L: Lane>([x, y]: [L; 2], limit: L) -> [L; 2] {
-    let squared = x.mul_add(x, y.squared());
-    let outside = limit.squared().lt(squared);
-    // The branch skips a root and a division; slip on the floor is rare, and lanes inside keep their bits either way.
-    if !L::any(outside) {
-        return [x, y];
-    }
-    let scale = L::select(outside, limit / squared.sqrt(), limit.splat(1.0));
-    [x * scale, y * scale]
 }

@@ -1,0 +1,241 @@
+//! Elimination of floor and wheel joints from the equations of the wheels' rows, and the solution of these.
+
+use super::{Conditions, FloorMode, JointModes, WheelModes};
+use crate::lanes::{Lane, Mat3, Value, Vec3};
+use crate::sim::contact::delassus::Delassus;
+
+/// Residuals of the wheels' rows as affine functions of their impulses.
+pub struct System<L> {
+    pub normal_normal: Mat3<L>,
+    pub normal_drive: Mat3<L>,
+    pub drive_normal: Mat3<L>,
+    pub drive_drive: Mat3<L>,
+    /// Residuals of the normal rows without impulses.
+    pub normals: Vec3<L>,
+    /// Residuals of the drive rows without impulses.
+    pub drives: Vec3<L>,
+}
+
+impl<L: Lane> System<L> {
+    /// Impulses with given modes: no residual of closed and sticking rows, no impulse of open rows, and a slope times
+    /// the load of slipping ones.
+    #[inline(always)]
+    pub fn solve(&self, modes: &WheelModes<L>) -> (Vec3<L>, Vec3<L>) {
+        let zero = self.normals.x.zero();
+        let one = zero.splat(1.0);
+        let unit = [Vec3::new(one, zero, zero), Vec3::new(zero, one, zero), Vec3::new(zero, zero, one)];
+        let none = Vec3::zero(zero);
+
+        let WheelModes { closed, slips, slopes } = modes;
+        let (nn, nd) = (&self.normal_normal.rows, &self.normal_drive.rows);
+        let (dn, dd) = (&self.drive_normal.rows, &self.drive_drive.rows);
+        let pick = |mask: &[L::Mask; 3], yes: &[Vec3<L>; 3], no: &[Vec3<L>; 3]| {
+            Mat3::new(
+                Vec3::select(mask[0], yes[0], no[0]),
+                Vec3::select(mask[1], yes[1], no[1]),
+                Vec3::select(mask[2], yes[2], no[2]),
+            )
+        };
+        let held = |mask: L::Mask, residual: L| L::select(mask, -residual, zero);
+        let a = pick(closed, nn, &unit);
+        let b = pick(closed, nd, &[none; 3]);
+        let c = pick(slips, &[unit[0] * -slopes[0], unit[1] * -slopes[1], unit[2] * -slopes[2]], dn);
+        let d = pick(slips, &unit, dd);
+        let p = Vec3::new(
+            held(closed[0], self.normals.x),
+            held(closed[1], self.normals.y),
+            held(closed[2], self.normals.z),
+        );
+        let q =
+            Vec3::new(held(!slips[0], self.drives.x), held(!slips[1], self.drives.y), held(!slips[2], self.drives.z));
+
+        let inverse = a.inverse();
+        let effect = inverse.times_matrix(&b);
+        let alone = inverse.times(p);
+        let complement = d.minus(&c.times_matrix(&effect));
+        let drives = complement.inverse().times(q - c.times(alone));
+        (alone - effect.times(drives), drives)
+    }
+
+    /// Residuals of the normal and drive rows with impulses.
+    #[inline(always)]
+    pub fn residuals(&self, normals: Vec3<L>, drives: Vec3<L>) -> (Vec3<L>, Vec3<L>) {
+        (
+            self.normals + self.normal_normal.times(normals) + self.normal_drive.times(drives),
+            self.drives + self.drive_normal.times(normals) + self.drive_drive.times(drives),
+        )
+    }
+}
+
+/// Couplings of one floor row with the wheels' rows, times the root of the floor row's mass, so that the elimination of
+/// a sticking floor is symmetric to the last bit.
+#[derive(Clone, Copy)]
+struct Coupling<L> {
+    normals: Vec3<L>,
+    drives: Vec3<L>,
+    residual: L,
+}
+
+impl<L: Lane> Coupling<L> {
+    /// Impulse that brings the row to rest, over the root of its mass.
+    #[inline(always)]
+    fn at_rest(&self, normals: Vec3<L>, drives: Vec3<L>) -> L {
+        -(self.residual + self.normals.dot(normals) + self.drives.dot(drives))
+    }
+
+    #[inline(always)]
+    fn times(&self, factor: L) -> Self {
+        Self { normals: self.normals * factor, drives: self.drives * factor, residual: self.residual }
+    }
+
+    #[inline(always)]
+    fn plus(&self, other: &Self, factor: L) -> Self {
+        Self {
+            normals: self.normals.plus(other.normals, factor),
+            drives: self.drives.plus(other.drives, factor),
+            residual: self.residual,
+        }
+    }
+
+    /// `self` where the mask is true, no coupling elsewhere.
+    #[inline(always)]
+    fn only(&self, mask: L::Mask) -> Self {
+        let none = Vec3::zero(self.residual);
+        Self {
+            normals: Vec3::select(mask, self.normals, none),
+            drives: Vec3::select(mask, self.drives, none),
+            residual: self.residual,
+        }
+    }
+}
+
+/// The ball on the floor: its three rows, and what they return to the wheels' rows.
+pub struct Floor<L> {
+    /// Normal, x and y.
+    rows: [Coupling<L>; 3],
+    /// Effect of the impulse of each row, with that of the friction it brings about.
+    effects: [Coupling<L>; 3],
+}
+
+impl<L: Lane> Floor<L> {
+    #[inline(always)]
+    pub fn new<V: Value<L>>(conditions: &Conditions<L, V>, mode: &FloorMode<L>) -> Self {
+        let Delassus { floor_normal, floor_drive, ball_mass_root, floor_mass_root, .. } = conditions.delassus;
+        let like = conditions.friction.floor;
+        let (normal, tangent) = (ball_mass_root.at(like), floor_mass_root.at(like));
+        let row = |k: usize, root: L| Coupling {
+            normals: Vec3::from(floor_normal[k]) * root,
+            drives: Vec3::from(floor_drive[k]) * root,
+            residual: conditions.residuals.floor[k] * root,
+        };
+        let rows = [row(0, normal), row(1, tangent), row(2, tangent)];
+        let [z, x, y] = rows;
+        let mut effects = rows;
+        // Without slip the effect is the coupling itself; the branch keeps the bits of lanes that stick.
+        if L::any(mode.slips) {
+            let [dx, dy] = mode.direction;
+            let along = x.times(dx).plus(&y, dy);
+            let slope = L::select(mode.slips, conditions.friction.floor * (normal / tangent), like.zero());
+            effects =
+                [z.plus(&along, slope), x.plus(&along, -dx).times(mode.share), y.plus(&along, -dy).times(mode.share)];
+        }
+        if L::any(!mode.closed) {
+            effects = [effects[0].only(mode.closed), effects[1].only(mode.closed), effects[2].only(mode.closed)];
+        }
+        Self { rows, effects }
+    }
+
+    #[inline(always)]
+    pub fn eliminated(&self, system: &System<L>) -> System<L> {
+        let [z, x, y] = &self.rows;
+        let [e, f, g] = &self.effects;
+        let less = |matrix: &Mat3<L>, column: fn(&Coupling<L>) -> Vec3<L>, row: fn(&Coupling<L>) -> Vec3<L>| {
+            matrix.minus_outer(column(e), row(z)).minus_outer(column(f), row(x)).minus_outer(column(g), row(y))
+        };
+        let rest = |residual: Vec3<L>, column: fn(&Coupling<L>) -> Vec3<L>| {
+            residual.plus(column(e), -z.residual).plus(column(f), -x.residual).plus(column(g), -y.residual)
+        };
+        System {
+            normal_normal: less(&system.normal_normal, |c| c.normals, |c| c.normals),
+            normal_drive: less(&system.normal_drive, |c| c.normals, |c| c.drives),
+            drive_normal: less(&system.drive_normal, |c| c.drives, |c| c.normals),
+            drive_drive: less(&system.drive_drive, |c| c.drives, |c| c.drives),
+            normals: rest(system.normals, |c| c.normals),
+            drives: rest(system.drives, |c| c.drives),
+        }
+    }
+
+    /// Impulses that bring each floor row to rest with impulses of the wheels.
+    #[inline(always)]
+    pub fn trial<V: Value<L>>(&self, delassus: &Delassus<L, V>, normals: Vec3<L>, drives: Vec3<L>) -> [L; 3] {
+        let like = normals.x;
+        let (normal, tangent) = (delassus.ball_mass_root.at(like), delassus.floor_mass_root.at(like));
+        let [z, x, y] = &self.rows;
+        [
+            z.at_rest(normals, drives) * normal,
+            x.at_rest(normals, drives) * tangent,
+            y.at_rest(normals, drives) * tangent,
+        ]
+    }
+}
+
+/// The wheel joints: their impulses as affine functions of those of the wheels' rows.
+pub struct Joints<L> {
+    /// Angular impulses without impulses of the wheels.
+    alone: Vec3<L>,
+    /// Decrease per normal impulse.
+    normals: Mat3<L>,
+    /// Decrease per drive impulse.
+    drives: Mat3<L>,
+}
+
+impl<L: Lane> Joints<L> {
+    #[inline(always)]
+    pub fn new<const JOINTS: bool, V: Value<L>>(conditions: &Conditions<L, V>, modes: &JointModes<L>) -> Self {
+        let like = conditions.friction.floor;
+        let (zero, one) = (like.zero(), like.splat(1.0));
+        if !JOINTS {
+            let none = Mat3::from([[zero; 3]; 3]);
+            return Self { alone: Vec3::zero(zero), normals: none, drives: none };
+        }
+        let Delassus { joint_normal, joint_drive, joint_joint, .. } = conditions.delassus;
+        let JointModes { sticks, dry } = modes;
+        // A moving joint: impulse + viscous · rate = dry. A sticking one: rate = 0.
+        let factor = |i: usize| L::select(sticks[i], one, conditions.joint_friction.viscous);
+        let own = |i: usize| L::select(sticks[i], zero, one);
+        let (f, o) = ([factor(0), factor(1), factor(2)], [own(0), own(1), own(2)]);
+        let scaled =
+            |m: &[[L; 3]; 3]| Mat3::new(Vec3::from(m[0]) * f[0], Vec3::from(m[1]) * f[1], Vec3::from(m[2]) * f[2]);
+        let mut matrix = scaled(joint_joint);
+        matrix.rows[0].x += o[0];
+        matrix.rows[1].y += o[1];
+        matrix.rows[2].z += o[2];
+        let rest = |i: usize| f[i].neg_mul_add(conditions.residuals.joints[i], dry[i] * o[i]);
+        let inverse = matrix.inverse();
+        Self {
+            alone: inverse.times(Vec3::new(rest(0), rest(1), rest(2))),
+            normals: inverse.times_matrix(&scaled(joint_normal)),
+            drives: inverse.times_matrix(&scaled(joint_drive)),
+        }
+    }
+
+    #[inline(always)]
+    pub fn eliminated<V>(&self, delassus: &Delassus<L, V>, system: &System<L>) -> System<L> {
+        let n = Mat3::from(delassus.joint_normal).transposed();
+        let d = Mat3::from(delassus.joint_drive).transposed();
+        System {
+            normal_normal: system.normal_normal.minus(&n.times_matrix(&self.normals)),
+            normal_drive: system.normal_drive.minus(&n.times_matrix(&self.drives)),
+            drive_normal: system.drive_normal.minus(&d.times_matrix(&self.normals)),
+            drive_drive: system.drive_drive.minus(&d.times_matrix(&self.drives)),
+            normals: system.normals + n.times(self.alone),
+            drives: system.drives + d.times(self.alone),
+        }
+    }
+
+    /// Angular impulses of the joints with impulses of the wheels.
+    #[inline(always)]
+    pub fn impulses(&self, normals: Vec3<L>, drives: Vec3<L>) -> Vec3<L> {
+        self.alone - self.normals.times(normals) - self.drives.times(drives)
+    }
+}

@@ -1,0 +1,276 @@
+//! The impulses meet the contact conditions, and are those of a search with other means.
+
+use super::*;
+use crate::lanes::Scalar;
+use crate::model::Model;
+use crate::params::Params;
+use crate::sim::contact::ContactMotion;
+use crate::sim::contact::constants::Constants;
+use crate::sim::contact::phases::{Start, free_velocities};
+use crate::sim::contact::state::ContactState;
+use crate::sim::contact::step::advance;
+use crate::sim::contact::types::Velocities;
+use crate::state::State;
+use nalgebra::{DMatrix, DVector, Vector2};
+use rand::rngs::SmallRng;
+use rand::{Rng, RngExt, SeedableRng};
+
+const DT: f64 = 0.002;
+
+/// A step of a robot: where it starts, and what its contacts must do.
+struct Step {
+    start: Start<f64>,
+    free: Velocities<f64>,
+    friction: Friction<f64>,
+}
+
+impl Step {
+    fn new(c: &Constants<f64>, state: &ContactState<f64>, torques: &[f64; 3]) -> Self {
+        let start = Start::<f64>::new(c, Scalar, state);
+        Self {
+            free: free_velocities(c, Scalar, state, &start, torques),
+            friction: Friction::new(c, &start.rows, &start.velocities),
+            start,
+        }
+    }
+
+    /// Residuals of the rows with impulses.
+    fn residuals(&self, c: &Constants<f64>, impulses: &PerRow<f64>) -> PerRow<f64> {
+        let mut velocities = self.free;
+        self.start.rows.apply::<true, f64>(c, impulses, &mut velocities);
+        self.start.rows.residuals(c, &velocities)
+    }
+
+    /// Largest error of an impulse that meets its condition by itself, N·s; joints are left out.
+    fn error(&self, c: &Constants<f64>, impulses: &PerRow<f64>) -> f64 {
+        let r = self.residuals(c, impulses);
+        let d = Delassus::<f64, f64>::new::<true>(c, &self.start.rows);
+        let mut worst = 0.0_f64;
+        for i in 0..3 {
+            let (n, t) = (impulses.normals[i], impulses.drives[i]);
+            worst = worst.max((n - (n - r.normals[i] * d.normal_inverse[i]).max(0.0)).abs());
+            let limit = self.friction.wheels[i] * n;
+            worst = worst.max((t - (t - r.drives[i] * d.drive_inverse[i]).clamp(-limit, limit)).abs());
+        }
+        let [z, x, y] = impulses.floor;
+        worst = worst.max((z - (z - r.floor[0] * d.ball_mass).max(0.0)).abs());
+        let pull =
+            Vector2::new(x - r.floor[1] * d.floor_compliance_inverse, y - r.floor[2] * d.floor_compliance_inverse);
+        let limit = self.friction.floor * z;
+        let held = if pull.norm() > limit { pull * (limit / pull.norm()) } else { pull };
+        worst.max((held - Vector2::new(x, y)).norm())
+    }
+}
+
+fn impulses_of(state: &ContactState<f64>) -> PerRow<f64> {
+    state.impulses::<f64>(Scalar)
+}
+
+fn random_start(params: &Params, rng: &mut impl Rng) -> ContactState<f64> {
+    let mut robot = ContactMotion::new(params, DT);
+    let tilt = Vector2::new(rng.random_range(-0.1..0.1), rng.random_range(-0.1..0.1));
+    robot.place(&State::tilted(params, tilt, rng.random_range(-3.0..3.0)));
+    robot.memory().clone()
+}
+
+/// Steps under random torques of the given size, with what ends an episode of the balance task.
+fn random_steps(params: &Params, size: f64, steps: usize, seed: u64, mut check: impl FnMut(&Step, &ContactState<f64>)) {
+    let mut rng = SmallRng::seed_from_u64(seed);
+    let c = Constants::new(params, DT);
+    let mut state = random_start(params, &mut rng);
+    let mut torques = [0.0; 3];
+    for k in 0..steps {
+        if k % 5 == 0 {
+            torques = [0; 3].map(|_| rng.random_range(-size..=size));
+        }
+        let step = Step::new(&c, &state, &torques);
+        let near = crate::sim::contact::body_contacts::Near::<f64>::new(&c, &step.start, Scalar, &state.push).mask;
+        advance(&c, &mut state, &torques, 1);
+        let up = step.start.rotation.rows[2].z;
+        if near || up < 20_f64.to_radians().cos() {
+            state = random_start(params, &mut rng);
+            continue;
+        }
+        check(&step, &state);
+    }
+}
+
+#[test]
+fn impulses_meet_the_contact_conditions() {
+    for friction in [0.2, 0.5, 1.0] {
+        let params = Params {
+            wheel_static_friction: friction,
+            wheel_dynamic_friction: friction,
+            floor_static_friction: friction,
+            floor_dynamic_friction: friction,
+            ..Params::paper()
+        };
+        let c = Constants::new(&params, DT);
+        let unit = params.static_wheel_load() * DT;
+        for (seed, size) in [0.1, 0.3, 0.6, 1.0].into_iter().enumerate() {
+            let (mut worst, mut slips, mut open, mut searched, mut checked) = (0.0_f64, 0, 0, 0.0, 0);
+            let mut last = 0.0;
+            random_steps(&params, size, 40_000, seed as u64, |step, state| {
+                let impulses = impulses_of(state);
+                worst = worst.max(step.error(&c, &impulses) / unit);
+                slips += usize::from((0..3).any(|i| impulses.drives[i].abs() >= friction * impulses.normals[i]));
+                open += usize::from(impulses.normals.contains(&0.0));
+                if state.searched_steps != last {
+                    searched += 1.0;
+                }
+                last = state.searched_steps;
+                checked += 1;
+                assert_eq!(state.unsolved_steps, 0.0);
+            });
+            println!(
+                "mu {friction}, {size} N·m: {checked} steps, {slips} with slip, {open} off the ball, {searched} searched, worst error {worst:.1e} N0"
+            );
+            assert!(worst < 1e-10, "mu {friction}, {size} N·m: {worst} of the static load");
+        }
+    }
+}
+
+/// The rows as a dense matrix in the order floor normal, x, y, normals, drives.
+struct Dense {
+    matrix: DMatrix<f64>,
+    residuals: DVector<f64>,
+    wheels: f64,
+    floor: f64,
+}
+
+impl Dense {
+    /// The matrix from the motion that unit impulses cause.
+    fn new(c: &Constants<f64>, step: &Step) -> Self {
+        let flat = |rows: PerRow<f64>| DVector::from_iterator(9, [rows.floor, rows.normals, rows.drives].concat());
+        let unit = |k: usize| {
+            let one = |block: usize| [0, 1, 2].map(|i| if 3 * block + i == k { 1.0 } else { 0.0 });
+            PerRow { floor: one(0), normals: one(1), drives: one(2), joints: [0.0; 3] }
+        };
+        let none = unit(usize::MAX);
+        let residuals = flat(step.residuals(c, &none));
+        let columns: Vec<_> = (0..9).map(|k| flat(step.residuals(c, &unit(k))) - &residuals).collect();
+        Self {
+            matrix: DMatrix::from_columns(&columns),
+            residuals,
+            wheels: step.friction.wheels[0],
+            floor: step.friction.floor,
+        }
+    }
+
+    /// All solutions, by trying every combination of modes: for the wheels open, sticking and slipping both ways, for
+    /// the floor open, sticking, and slipping along a direction that is iterated.
+    fn solutions(&self, tolerance: f64) -> Vec<DVector<f64>> {
+        let mut out: Vec<DVector<f64>> = Vec::new();
+        for code in 0..4 * 4 * 4 * 3 {
+            let wheels = [code % 4, code / 4 % 4, code / 16 % 4];
+            let mut angle = None;
+            let starts = if code / 64 == 2 { 8 } else { 1 };
+            for start in 0..starts {
+                if code / 64 == 2 {
+                    angle = Some(std::f64::consts::TAU * f64::from(start) / 8.0);
+                }
+                let Some(found) = self.with_modes(wheels, code / 64, angle) else { continue };
+                let known = |other: &DVector<f64>| (other - &found).amax() < 1e-6 * tolerance / 1e-12;
+                if self.violation(&found) < tolerance && !out.iter().any(known) {
+                    out.push(found);
+                }
+            }
+        }
+        out
+    }
+
+    fn with_modes(&self, wheels: [usize; 3], floor: usize, mut angle: Option<f64>) -> Option<DVector<f64>> {
+        for _ in 0..200 {
+            let (mut a, mut b) = (self.matrix.clone(), -self.residuals.clone());
+            let mut law = |row: usize, load: Option<(usize, f64)>| {
+                a.row_mut(row).fill(0.0);
+                a[(row, row)] = 1.0;
+                if let Some((normal, slope)) = load {
+                    a[(row, normal)] = -slope;
+                }
+                b[row] = 0.0;
+            };
+            match (floor, angle) {
+                (0, _) => (0..3).for_each(|row| law(row, None)),
+                (_, Some(angle)) => {
+                    law(1, Some((0, self.floor * angle.cos())));
+                    law(2, Some((0, self.floor * angle.sin())));
+                }
+                _ => (),
+            }
+            for (i, mode) in wheels.into_iter().enumerate() {
+                match mode {
+                    0 => [3 + i, 6 + i].into_iter().for_each(|row| law(row, None)),
+                    2 => law(6 + i, Some((3 + i, self.wheels))),
+                    3 => law(6 + i, Some((3 + i, -self.wheels))),
+                    _ => (),
+                }
+            }
+            let found = a.lu().solve(&b)?;
+            let Some(old) = angle else { return Some(found) };
+            let slip = &self.residuals + &self.matrix * &found;
+            let pull = [1, 2].map(|k| found[k] - slip[k] / self.matrix[(k, k)]);
+            let new = pull[1].atan2(pull[0]);
+            let turned = (new - old).sin().abs();
+            angle = Some(new);
+            if turned < 1e-14 {
+                return Some(found);
+            }
+        }
+        None
+    }
+
+    /// As [`Step::error`].
+    fn violation(&self, impulses: &DVector<f64>) -> f64 {
+        let r = &self.residuals + &self.matrix * impulses;
+        let trial = |k: usize| impulses[k] - r[k] / self.matrix[(k, k)];
+        let mut worst = (impulses[0] - trial(0).max(0.0)).abs();
+        for i in 3..6 {
+            worst = worst.max((impulses[i] - trial(i).max(0.0)).abs());
+            let limit = self.wheels * impulses[i].max(0.0);
+            worst = worst.max((impulses[i + 3] - trial(i + 3).clamp(-limit, limit)).abs());
+        }
+        let (pull, limit) = (Vector2::new(trial(1), trial(2)), self.floor * impulses[0].max(0.0));
+        let held = if pull.norm() > limit { pull * (limit / pull.norm()) } else { pull };
+        worst.max((held - Vector2::new(impulses[1], impulses[2])).norm())
+    }
+}
+
+#[test]
+fn impulses_are_those_of_a_search_through_all_modes() {
+    let (mut compared, mut several) = (0, 0);
+    for (seed, friction) in [0.2, 0.4, 0.6, 0.8, 1.0].into_iter().enumerate() {
+        for floor in [0.1, friction] {
+            let params = Params {
+                wheel_static_friction: friction,
+                wheel_dynamic_friction: friction,
+                floor_static_friction: floor,
+                floor_dynamic_friction: floor,
+                ..Params::paper()
+            };
+            let c = Constants::new(&params, DT);
+            let unit = params.static_wheel_load() * DT;
+            let mut k = 0;
+            let mut kinds = [0; 5];
+            random_steps(&params, 1.0, 6000, seed as u64, |step, state| {
+                k += 1;
+                if k % 60 != 0 {
+                    return;
+                }
+                let impulses = impulses_of(state);
+                let found = DVector::from_iterator(9, [impulses.floor, impulses.normals, impulses.drives].concat());
+                let solutions = Dense::new(&c, step).solutions(1e-9 * unit);
+                let nearest = solutions.iter().map(|s| (s - &found).amax()).fold(f64::INFINITY, f64::min);
+                assert!(nearest < 1e-8 * unit, "mu {friction}: {found} is none of {solutions:?}");
+                compared += 1;
+                several += usize::from(solutions.len() > 1);
+                let slipping = (0..3).filter(|&i| found[6 + i].abs() >= friction * found[3 + i] - 1e-12).count();
+                kinds[slipping] += 1;
+                kinds[4] += usize::from(found[1].hypot(found[2]) >= floor * found[0] - 1e-12);
+            });
+            println!("mu {friction}, floor {floor}: 0, 1, 2, 3 wheels and the floor slip in {kinds:?}");
+        }
+    }
+    println!("{compared} steps compared, {several} with several solutions");
+    assert!(several * 50 < compared);
+}

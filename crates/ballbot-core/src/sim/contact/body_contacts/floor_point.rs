@@ -1,0 +1,230 @@
+//! Contact points of bot and floor: one per wheel, and three on the rims of the body cylinder.
+
+use crate::lanes::{Lane, Rotation, Value, Vec3};
+use crate::sim::contact::constants::{Constants, at3};
+use crate::sim::contact::friction::in_disc;
+use crate::sim::contact::phases::Start;
+use crate::sim::contact::rows::allowance;
+use crate::sim::contact::types::Velocities;
+
+/// Number of points.
+pub const POINTS: usize = 6;
+
+/// Cosine and sine of the angle between points of a rim.
+const THIRD: [f64; 2] = [-0.5, 0.866_025_403_784_438_6];
+
+/// Horizontal part of the mast's direction below which a rim has no lowest point.
+const UPRIGHT: f64 = 1e-6;
+
+/// A row of a contact point, along an inertial axis.
+#[derive(Clone, Copy)]
+struct Row<L> {
+    /// Factor of the body rate, body frame, m.
+    arm: Vec3<L>,
+    /// Change of the body rate per impulse.
+    effect: Vec3<L>,
+    /// Factor of the spin of the point's wheel, m; zero for a point of the body.
+    spin_share: L,
+    /// Change of that spin per impulse.
+    spin_effect: L,
+    /// Change of the row velocity per impulse, 1/kg.
+    compliance: L,
+}
+
+/// A contact point of bot and floor.
+pub struct FloorPoint<L: Lane> {
+    /// Wheel of the point; `None` for a point of the body.
+    wheel: Option<usize>,
+    /// Height above the floor, m.
+    gap: L,
+    /// Whether the point may touch in this step.
+    candidate: L::Mask,
+    /// Rows along the normal, x and y.
+    rows: [Row<L>; 3],
+    /// Inverse of the change of the normal velocity per normal impulse, kg.
+    normal_inverse: L,
+    /// Inverse of the largest change of the tangential velocity per tangential impulse, kg.
+    tangent_inverse: L,
+    /// Change of the velocity along x and y per normal impulse, 1/kg.
+    couplings: [L; 2],
+    /// Impulses along the normal, x and y, N·s.
+    pub impulses: [L; 3],
+}
+
+impl<L: Lane> Row<L> {
+    #[inline(always)]
+    fn new<V: Value<L>>(c: &Constants<V>, arm: Vec3<L>, spin_share: L) -> Self {
+        let like = arm.x;
+        let effect = arm.scaled_by(at3(c.body_inertia_inverse, like));
+        let spin_effect = spin_share * c.wheel_inertia_inverse.at(like);
+        let compliance = spin_share.mul_add(spin_effect, effect.dot(arm)) + c.body_mass_inverse.at(like);
+        Self { arm, effect, spin_share, spin_effect, compliance }
+    }
+
+    /// Change of the velocity of this row per impulse of an orthogonal row of the same point, 1/kg.
+    #[inline(always)]
+    fn coupling(&self, other: &Self) -> L {
+        self.spin_share.mul_add(other.spin_effect, self.effect.dot(other.arm))
+    }
+
+    #[inline(always)]
+    fn speed(&self, wheel: Option<usize>, along: L, v: &Velocities<L>) -> L {
+        let speed = along + self.arm.dot(v.body_rate);
+        wheel.map_or(
+            speed,
+            #[inline(always)]
+            |i| self.spin_share.mul_add(v.spins[i], speed),
+        )
+    }
+
+    #[inline(always)]
+    fn push(&self, wheel: Option<usize>, impulse: L, v: &mut Velocities<L>) {
+        v.body_rate = v.body_rate.plus(self.effect, impulse);
+        if let Some(i) = wheel {
+            v.spins[i] = self.spin_effect.mul_add(impulse, v.spins[i]);
+        }
+    }
+}
+
+/// The points of a robot that touch the floor in this step if they are below `limit`.
+#[inline(always)]
+pub fn floor_points<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, limit: L) -> [FloorPoint<L>; POINTS] {
+    let rotation = &start.rotation;
+    let height = start.pose.body.z;
+    let wheel = |i: usize| FloorPoint::of_wheel(c, rotation, height, limit, i);
+    let [dx, dy] = lowest_direction(rotation);
+    let (cos, sin) = (dx.splat(THIRD[0]), dx.splat(THIRD[1]));
+    let directions = [
+        [dx, dy],
+        [dx.mul_add(cos, -(dy * sin)), dx.mul_add(sin, dy * cos)],
+        [dx.mul_add(cos, dy * sin), dy.mul_add(cos, -(dx * sin))],
+    ];
+    let radius = c.body_radius.at(dx);
+    let rim = |k: usize, end: L| {
+        let [x, y] = directions[k];
+        Vec3::new(x * radius, y * radius, end)
+    };
+    // A cylinder stands on the rim of its lower end or lies on the lowest points of both.
+    let up = rotation.rows[2];
+    let (bottom, top) = (c.body_bottom.at(dx), c.body_top.at(dx));
+    let inverted = up.z.lt(up.z.zero());
+    let (lower, upper) = (L::select(inverted, top, bottom), L::select(inverted, bottom, top));
+    let (second, other) = (rim(1, lower), rim(0, upper));
+    let lies = up.dot(other).lt(up.dot(second));
+    let body = |arm: Vec3<L>, limit: L| FloorPoint::of_body(c, rotation, height, limit, arm);
+    [
+        wheel(0),
+        wheel(1),
+        wheel(2),
+        body(rim(0, lower), limit),
+        body(Vec3::select(lies, other, second), limit),
+        body(rim(2, lower), L::select(lies, limit.splat(f64::NEG_INFINITY), limit)),
+    ]
+}
+
+/// Downward direction in the body frame, horizontal part, unit vector; x for a vertical mast.
+#[inline(always)]
+fn lowest_direction<L: Lane>(rotation: &Rotation<L>) -> [L; 2] {
+    let up = rotation.rows[2];
+    let (zero, one) = (up.x.zero(), up.x.splat(1.0));
+    let size = up.x.mul_add(up.x, up.y.squared()).sqrt();
+    let upright = size.lt(size.splat(UPRIGHT));
+    let inverse = one / L::select(upright, one, size);
+    [L::select(upright, one, -up.x * inverse), L::select(upright, zero, -up.y * inverse)]
+}
+
+impl<L: Lane> FloorPoint<L> {
+    /// The lowest point of wheel `i`. About the axle the wheel rotates with its own spin instead of the body rate.
+    #[inline(always)]
+    fn of_wheel<V: Value<L>>(c: &Constants<V>, rotation: &Rotation<L>, height: L, limit: L, i: usize) -> Self {
+        let (center, u) = (c.wheel_center(i, height), c.u(i, height));
+        let radius = c.wheel_radius.at(height);
+        let row = |axis: usize| {
+            let across = rotation.rows[2].cross(rotation.rows[axis]);
+            let along = across.dot(u);
+            let arm = center.cross(rotation.rows[axis]) - (across - u * along) * radius;
+            Row::new(c, arm, along * radius)
+        };
+        let gap = height + rotation.rows[2].dot(center) - radius;
+        Self::new(Some(i), gap, limit, [row(2), row(0), row(1)])
+    }
+
+    /// A point fixed to the body.
+    #[inline(always)]
+    fn of_body<V: Value<L>>(c: &Constants<V>, rotation: &Rotation<L>, height: L, limit: L, arm: Vec3<L>) -> Self {
+        let row = |axis: usize| Row::new(c, arm.cross(rotation.rows[axis]), height.zero());
+        Self::new(None, height + rotation.rows[2].dot(arm), limit, [row(2), row(0), row(1)])
+    }
+
+    #[inline(always)]
+    fn new(wheel: Option<usize>, gap: L, limit: L, rows: [Row<L>; 3]) -> Self {
+        let one = gap.splat(1.0);
+        let [normal, x, y] = &rows;
+        // The larger eigenvalue of the tangential matrix. One value for both axes keeps friction opposite to the slip.
+        let half = (x.compliance - y.compliance) * 0.5;
+        let coupling = x.coupling(y);
+        let largest = (x.compliance + y.compliance) * 0.5 + half.mul_add(half, coupling.squared()).sqrt();
+        Self {
+            wheel,
+            gap,
+            candidate: gap.lt(limit),
+            normal_inverse: one / normal.compliance,
+            tangent_inverse: one / largest,
+            couplings: [normal.coupling(x), normal.coupling(y)],
+            rows,
+            impulses: [gap.zero(); 3],
+        }
+    }
+
+    /// Whether any of the robots in `mask` may touch the floor with this point.
+    #[inline(always)]
+    pub fn may_touch(&self, mask: L::Mask) -> bool {
+        L::any(self.candidate & mask)
+    }
+
+    /// Starts from impulses of the last step.
+    #[inline(always)]
+    pub fn warm<V: Value<L>>(&mut self, c: &Constants<V>, impulses: [L; 3], v: &mut Velocities<L>) {
+        let zero = self.gap.zero();
+        let only = |impulse: L| L::select(self.candidate, impulse, zero);
+        self.impulses = [only(impulses[0]), only(impulses[1]), only(impulses[2])];
+        self.push(c, self.impulses, v);
+    }
+
+    /// One Gauss-Seidel sweep over the rows of this point. Returns the largest change of an impulse.
+    #[inline(always)]
+    pub fn sweep<V: Value<L>>(&mut self, c: &Constants<V>, friction: L, v: &mut Velocities<L>) -> L {
+        let zero = friction.zero();
+        let [normal, x, y] = &self.rows;
+        let [n, tx, ty] = self.impulses;
+        // All speeds at once, and the effect of the normal impulse on the others by its coupling.
+        let speed = |row: &Row<L>, along: L| row.speed(self.wheel, along, v);
+        let (sn, sx, sy) = (speed(normal, v.body.z), speed(x, v.body.x), speed(y, v.body.y));
+        let pressed = (sn + allowance(c, self.gap)).neg_mul_add(self.normal_inverse, n).max(zero);
+        let pressed = L::select(self.candidate, pressed, zero);
+        let dn = pressed - n;
+        let stick = [
+            self.couplings[0].mul_add(dn, sx).neg_mul_add(self.tangent_inverse, tx),
+            self.couplings[1].mul_add(dn, sy).neg_mul_add(self.tangent_inverse, ty),
+        ];
+        let held = in_disc(stick, friction * pressed);
+        self.push(c, [dn, held[0] - tx, held[1] - ty], v);
+        self.impulses = [pressed, held[0], held[1]];
+        (pressed - n).abs().max((held[0] - tx).abs()).max((held[1] - ty).abs())
+    }
+
+    #[inline(always)]
+    fn push<V: Value<L>>(&self, c: &Constants<V>, [n, x, y]: [L; 3], v: &mut Velocities<L>) {
+        v.body = v.body.plus(Vec3::new(x, y, n), c.body_mass_inverse.at(n));
+        for (row, impulse) in self.rows.iter().zip([n, x, y]) {
+            row.push(self.wheel, impulse, v);
+        }
+    }
+
+    /// Mask of the robots whose point presses on the floor or overlaps it.
+    #[inline(always)]
+    pub fn touches(&self) -> L::Mask {
+        let zero = self.gap.zero();
+        zero.lt(self.impulses[0]) | self.gap.le(zero)
+    }
+}
