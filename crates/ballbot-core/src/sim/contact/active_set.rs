@@ -28,14 +28,23 @@ const TOLERANCE: f64 = 1e-12;
 /// second order in it.
 const DIRECTION_TOLERANCE: f64 = 1e-7;
 
+/// Largest share of the bound of friction in a step after which a robot is taken to grip again.
+const GRIP_SHARE: f64 = 1.0 - 1e-9;
+
 /// Largest number of changes of the modes in a round. Chosen by experiment.
 const MOST_STEPS: usize = 5;
 
+/// Changes of the modes with full weight of the slip speeds. Chosen by experiment.
+const DIRECT_STEPS: usize = 3;
+
+/// Weight of the slip speeds in later changes ([`Conditions::solve`]). Chosen by experiment.
+const CAREFUL_WEIGHT: f64 = 0.1;
+
 /// Largest number of rounds before all modes are tried. Chosen by experiment.
-const ROUNDS: usize = 2;
+const ROUNDS: usize = 3;
 
 /// Gauss-Seidel sweeps between two rounds. Chosen by experiment.
-const SWEEPS: usize = 5;
+const SWEEPS: usize = 8;
 
 /// The conditions of one step.
 #[derive(Clone, Copy)]
@@ -172,17 +181,12 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
     pub fn solution<const JOINTS: bool>(&self, token: L::Token, warm: &PerRow<L>, mut open: L::Mask) -> Solution<L> {
         let mut impulses = *warm;
         for round in 0..ROUNDS {
-            let mut residuals = *self.residuals;
-            self.delassus.add_effect::<JOINTS>(&impulses, &mut residuals);
-            if round > 0 {
-                // The modes cycle: start again from impulses that are nearer to the solution.
-                let before = impulses;
-                self.sweep::<JOINTS>(&mut impulses, &mut residuals);
-                impulses = PerRow::select(open, &impulses, &before);
-            }
-            let mut trial = self.trial::<JOINTS>(&impulses, &residuals);
-            for _ in 0..MOST_STEPS {
-                let attempt = self.solve::<JOINTS>(&Modes::of(&trial, self.friction, self.joint_friction));
+            let mut trial =
+                if round == 0 { self.first_trial::<JOINTS>(warm) } else { self.swept::<JOINTS>(open, &mut impulses) };
+            for step in 0..MOST_STEPS {
+                let weight = if round == 0 && step < DIRECT_STEPS { 1.0 } else { CAREFUL_WEIGHT };
+                let modes = Modes::of(&trial, self.friction, self.joint_friction);
+                let attempt = self.solve::<JOINTS>(&modes, weight);
                 // Robots whose conditions are met keep their impulses while their neighbors continue.
                 impulses = PerRow::select(open & attempt.finite, &attempt.impulses, &impulses);
                 open = open & !attempt.solved;
@@ -195,13 +199,40 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         search::<JOINTS, L, V>(self, open, impulses, token)
     }
 
-    /// Sweeps over the rows.
+    /// Trial impulses at those of the last step. Robots that gripped in the last step are taken to grip in this one,
+    /// where the trial impulses are those of the last step.
     #[inline(always)]
-    fn sweep<const JOINTS: bool>(&self, impulses: &mut PerRow<L>, residuals: &mut PerRow<L>) {
-        let mut estimate = impulses.normals;
-        for _ in 0..SWEEPS {
-            self.delassus.sweep::<JOINTS>(self.friction, self.joint_friction, &mut estimate, impulses, residuals);
+    fn first_trial<const JOINTS: bool>(&self, last: &PerRow<L>) -> PerRow<L> {
+        let friction = self.friction;
+        let zero = friction.floor.zero();
+        let [z, x, y] = last.floor;
+        let limit = friction.floor * z * GRIP_SHARE;
+        let mut grip = zero.lt(z) & x.mul_add(x, y.squared()).le(limit.squared());
+        for i in 0..3 {
+            let limit = friction.wheels[i] * last.normals[i] * GRIP_SHARE;
+            grip = grip & zero.lt(last.normals[i]) & last.drives[i].abs().le(limit);
         }
+        if !JOINTS && !L::any(!grip) {
+            return *last;
+        }
+        let mut residuals = *self.residuals;
+        self.delassus.add_effect::<JOINTS>(last, &mut residuals);
+        let trial = self.trial::<JOINTS>(last, &residuals);
+        PerRow { joints: trial.joints, ..PerRow::select(grip, last, &trial) }
+    }
+
+    /// Trial impulses after sweeps, from impulses whose modes cycle.
+    #[inline(always)]
+    fn swept<const JOINTS: bool>(&self, open: L::Mask, impulses: &mut PerRow<L>) -> PerRow<L> {
+        let mut residuals = *self.residuals;
+        self.delassus.add_effect::<JOINTS>(impulses, &mut residuals);
+        let (mut swept, mut estimate) = (*impulses, impulses.normals);
+        for _ in 0..SWEEPS {
+            let friction = (self.friction, self.joint_friction);
+            self.delassus.sweep::<JOINTS>(friction.0, friction.1, &mut estimate, &mut swept, &mut residuals);
+        }
+        *impulses = PerRow::select(open, &swept, impulses);
+        self.trial::<JOINTS>(&swept, &residuals)
     }
 
     /// Trial impulses at `impulses` and the residuals with them.
@@ -233,9 +264,10 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         [one(0), one(1), one(2)]
     }
 
-    /// Solves the conditions with given modes.
+    /// Solves the conditions with given modes. `weight` is that of the slip speeds in the trial impulses: with a small
+    /// one a wheel that slips the wrong way sticks before it slips the other way.
     #[inline(always)]
-    pub fn solve<const JOINTS: bool>(&self, modes: &Modes<L>) -> Attempt<L> {
+    pub fn solve<const JOINTS: bool>(&self, modes: &Modes<L>, weight: f64) -> Attempt<L> {
         let like = self.friction.floor;
         let floor = Floor::new(self, &modes.floor);
         let mut system = floor.eliminated(&self.wheels());
@@ -246,7 +278,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         let (normals, drives) = system.solve(&modes.wheels);
         let joint_impulses = if JOINTS { joints.impulses(normals, drives) } else { Vec3::zero(like) };
         let floor_trial = floor.trial(self.delassus, normals, drives);
-        self.judge::<JOINTS>(modes, &system, (normals, drives, joint_impulses), floor_trial)
+        self.judge::<JOINTS>(modes, weight, &system, (normals, drives, joint_impulses), floor_trial)
     }
 
     /// The equations of the wheels' rows without what floor and joints do.
@@ -269,6 +301,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
     fn judge<const JOINTS: bool>(
         &self,
         modes: &Modes<L>,
+        weight: f64,
         system: &System<L>,
         (normals, drives, joints): (Vec3<L>, Vec3<L>, Vec3<L>),
         floor_trial: [L; 3],
@@ -287,7 +320,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
             for i in 0..3 {
                 let open = n[i].neg_mul_add(self.delassus.normal_inverse[i], normals[i]);
                 trial.normals[i] = L::select(closed[i], normals[i], open);
-                let slipping = d[i].neg_mul_add(self.delassus.drive_inverse[i], drives[i]);
+                let slipping = (d[i] * weight).neg_mul_add(self.delassus.drive_inverse[i], drives[i]);
                 trial.drives[i] = L::select(slips[i], slipping, drives[i]);
             }
         }

@@ -31,6 +31,10 @@ const FLOOR_MARGIN: f64 = 2e-3;
 /// The same of ball and body, m.
 const BALL_MARGIN: f64 = 5e-4;
 
+/// Offset of the ball's center from the origin of the body frame, in ball radii, from which on the distance of ball and
+/// cylinder is computed. The distance at rest is more than twice this.
+const MAX_CENTER_OFFSET: f64 = 0.02;
+
 /// Distances at which the contacts of this module are considered in a step.
 pub struct Near<L: Lane> {
     /// Robots that need the contacts of this module.
@@ -64,21 +68,24 @@ impl<L: Lane> Near<L> {
         let falling = sum_of_sizes(v.body_rate).mul_add(c.reach.at(zero), v.body.z.abs()) + pushed;
         let floor_limit = falling.mul_add(dt, zero.splat(FLOOR_MARGIN));
 
-        // Motion of the ball's center in the body frame: none while the ball rolls under the wheels.
+        // The ball under the wheels is far from the cylinder.
         let ball = start.rows.ball_in_body;
-        let drift = start.rotation.apply_transposed(v.ball - v.body) - v.body_rate.cross(ball);
-        let reach = (sum_of_sizes(drift) + pushed).mul_add(dt, c.ball_radius.at(zero) + BALL_MARGIN);
-        let above = (c.body_bottom.at(zero) - ball.z).max(ball.z - c.body_top.at(zero)).max(zero);
-        let mut ball_near = above.lt(reach);
-        // The branch skips a root; a ball in place is below the body.
-        if L::any(ball_near) {
+        let offset = ball + Vec3::new(zero, zero, c.com_height.at(zero));
+        let displaced = (c.ball_radius.at(zero) * MAX_CENTER_OFFSET).squared().lt(offset.norm_squared());
+        let (mut ball_near, mut wheels_near) = (displaced, !displaced);
+        if L::any(displaced) {
+            // Motion of the ball's center in the body frame.
+            let drift = start.rotation.apply_transposed(v.ball - v.body) - v.body_rate.cross(ball);
+            let motion = (sum_of_sizes(drift) + pushed).mul_add(dt, zero.splat(BALL_MARGIN));
+            let above = (c.body_bottom.at(zero) - ball.z).max(ball.z - c.body_top.at(zero)).max(zero);
             let radial = ball.x.mul_add(ball.x, ball.y.squared()).sqrt();
             let beside = (radial - c.body_radius.at(zero)).max(zero);
-            ball_near = ball_near & beside.mul_add(beside, above.squared()).lt(reach.squared());
+            let reach = (motion + c.ball_radius.at(zero)).squared();
+            ball_near = displaced & beside.mul_add(beside, above.squared()).lt(reach);
+            let [a, b, d] = start.rows.gaps;
+            wheels_near = wheels_near | a.min(b).min(d).lt(motion);
         }
         let mask = lowest.lt(floor_limit) | ball_near;
-        let [a, b, d] = start.rows.gaps;
-        let wheels_near = a.min(b).min(d).lt(reach - c.ball_radius.at(zero));
         Self { mask, coupled: mask & (wheels_near | ball_near), ball_on_body: ball_near, floor_limit }
     }
 

@@ -21,12 +21,16 @@ impl<L: Lane> System<L> {
     /// the load of slipping ones.
     #[inline(always)]
     pub fn solve(&self, modes: &WheelModes<L>) -> (Vec3<L>, Vec3<L>) {
+        let WheelModes { closed, slips, slopes } = modes;
+        // The branch skips selections only, so it changes no bits.
+        if !L::any(slips[0] | slips[1] | slips[2]) {
+            let Self { normal_normal, normal_drive, drive_normal, drive_drive, normals, drives } = self;
+            return block_solution([normal_normal, normal_drive, drive_normal, drive_drive], [-*normals, -*drives]);
+        }
         let zero = self.normals.x.zero();
         let one = zero.splat(1.0);
         let unit = [Vec3::new(one, zero, zero), Vec3::new(zero, one, zero), Vec3::new(zero, zero, one)];
         let none = Vec3::zero(zero);
-
-        let WheelModes { closed, slips, slopes } = modes;
         let (nn, nd) = (&self.normal_normal.rows, &self.normal_drive.rows);
         let (dn, dd) = (&self.drive_normal.rows, &self.drive_drive.rows);
         let pick = |mask: &[L::Mask; 3], yes: &[Vec3<L>; 3], no: &[Vec3<L>; 3]| {
@@ -48,13 +52,7 @@ impl<L: Lane> System<L> {
         );
         let q =
             Vec3::new(held(!slips[0], self.drives.x), held(!slips[1], self.drives.y), held(!slips[2], self.drives.z));
-
-        let inverse = a.inverse();
-        let effect = inverse.times_matrix(&b);
-        let alone = inverse.times(p);
-        let complement = d.minus(&c.times_matrix(&effect));
-        let drives = complement.inverse().times(q - c.times(alone));
-        (alone - effect.times(drives), drives)
+        block_solution([&a, &b, &c, &d], [p, q])
     }
 
     /// Residuals of the normal and drive rows with impulses.
@@ -65,6 +63,17 @@ impl<L: Lane> System<L> {
             self.drives + self.drive_normal.times(normals) + self.drive_drive.times(drives),
         )
     }
+}
+
+/// Solution (x, y) of a x + b y = p and c x + d y = q.
+#[inline(always)]
+fn block_solution<L: Lane>([a, b, c, d]: [&Mat3<L>; 4], [p, q]: [Vec3<L>; 2]) -> (Vec3<L>, Vec3<L>) {
+    let inverse = a.inverse();
+    let effect = inverse.times_matrix(b);
+    let alone = inverse.times(p);
+    let complement = d.minus(&c.times_matrix(&effect));
+    let y = complement.inverse().times(q - c.times(alone));
+    (alone - effect.times(y), y)
 }
 
 /// Couplings of one floor row with the wheels' rows, times the root of the floor row's mass, so that the elimination of

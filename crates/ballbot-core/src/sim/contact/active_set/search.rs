@@ -111,7 +111,7 @@ fn best<const JOINTS: bool>(conditions: &Conditions<f64, f64>, last: PerRow<f64>
                 joints: JointModes { sticks: [true; 3], dry: [conditions.joint_friction.dry; 3] },
             };
             for _ in 0..most_steps {
-                let attempt = conditions.solve::<JOINTS>(&modes);
+                let attempt = conditions.solve::<JOINTS>(&modes, 1.0);
                 if attempt.solved {
                     return (attempt.impulses, true);
                 }
