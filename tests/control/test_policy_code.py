@@ -85,8 +85,9 @@ def test_layers_and_optimizers_of_torch_are_no_code(tmp_path):
 def test_code_in_the_arguments_of_a_policy_is_warned_of(tiny_run, tmp_path):
     trace = tmp_path / "trace"
     path = poisoned(tiny_run / "best_model.zip", tmp_path / "p.zip", "policy_kwargs", trace)
-    with pytest.warns(UserWarning, match=r"p\.zip has policy_kwargs of its own: loading it runs code"), pytest.raises(
-        ValueError, match="holds no PPO policy"
+    with (
+        pytest.warns(UserWarning, match=r"p\.zip has policy_kwargs of its own: loading it runs code"),
+        pytest.raises(ValueError, match="holds no PPO policy"),
     ):
         find(path)
 

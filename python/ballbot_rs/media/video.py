@@ -14,6 +14,9 @@ from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.envs._render import Frames
 
+#: Lowest and highest number of frames a second.
+FRAME_RATES = (1.0, 240.0)
+
 
 def renderer_for(trajectory: Trajectory, **options: Any) -> Renderer:
     """What takes the pictures; `options` as those of `Renderer`, which has 4 samples a pixel unless told."""
@@ -71,8 +74,9 @@ def write_video(
     renderer = renderer or renderer_for(trajectory)
     if path.suffix != ".mp4":
         raise ValueError(f"{path}: the name of a video ends in .mp4")
-    if not 1.0 <= frame_rate <= 240.0:
-        raise ValueError(f"frame_rate = {frame_rate} is out of range: it must be from 1 to 240")
+    lowest, highest = FRAME_RATES
+    if not lowest <= frame_rate <= highest:
+        raise ValueError(f"frame_rate = {frame_rate} is out of range: it must be from {lowest:g} to {highest:g}")
     if renderer.width % 2 or renderer.height % 2:
         raise ValueError(f"a video of {renderer.width}x{renderer.height} pixels: width and height must be even")
     with require("a video", "video"):
@@ -80,20 +84,21 @@ def write_video(
     total = frame_count(trajectory, frame_rate)
     # Only colours at half the resolution play in every browser.
     size = (renderer.width, renderer.height)
-    with _files.replacing(path) as beside:
-        with FFMPEG_VideoWriter(
-            str(beside), size, frame_rate, "libx264", pixel_format="yuv420p", preset="medium"
-        ) as writer:
+    options = {"pixel_format": "yuv420p", "preset": "medium"}
+    with (
+        _files.replacing(path) as beside,
+        FFMPEG_VideoWriter(str(beside), size, frame_rate, "libx264", **options) as writer,
+    ):
+        try:
             for done, frame in enumerate(frames(trajectory, renderer, frame_rate, forces), 1):
-                try:
-                    writer.write_frame(frame)
-                except OSError as error:
-                    raise _failure(str(error)) from error
+                writer.write_frame(frame)
                 progress(done, total)
-            # This closes the encoder's input, which is how it learns of the end.
-            _, said = writer.proc.communicate()
-            if writer.proc.returncode != 0:
-                raise _failure(said.decode("utf-8", "replace"))
+        except OSError as error:
+            raise _failure(str(error)) from error
+        # This closes the encoder's input, which is how it learns of the end.
+        _, said = writer.proc.communicate()
+        if writer.proc.returncode != 0:
+            raise _failure(said.decode("utf-8", "replace"))
     return total
 
 

@@ -25,25 +25,28 @@ def restore_newest(model: BaseAlgorithm, folder: Path) -> Path:
     if not found:
         raise FileNotFoundError(f"{folder} has no checkpoint to resume from: start it anew with --overwrite")
     for path in found:
-        try:
-            _restore(model, path)
-        except (ValueError, OSError) as error:
-            warnings.warn(f"skipped a checkpoint: {error}", UserWarning, stacklevel=2)
-        else:
+        problem = _restore(model, path)
+        if problem is None:
             return path
+        warnings.warn(f"skipped a checkpoint: {problem}", UserWarning, stacklevel=2)
     raise ValueError(f"none of the {len(found)} checkpoints in {found[0].parent} can be read")
 
 
-def _restore(model: BaseAlgorithm, path: Path) -> None:
-    data = sb3_archive.read(path)
+def _restore(model: BaseAlgorithm, path: Path) -> str | None:
+    """Gives the model the state of a checkpoint, or returns why it cannot."""
+    try:
+        data = sb3_archive.read(path)
+    except (ValueError, OSError) as error:
+        return str(error)
     counters = {name: data.get(name) for name in COUNTERS}
     for name, value in counters.items():
         if not isinstance(value, int) or value < 0:
-            raise ValueError(f"{path} is damaged: {name} = {value!r} must be a whole number of at least 0")
+            return f"{path} is damaged: {name} = {value!r} must be a whole number of at least 0"
     try:
         model.set_parameters(str(path), exact_match=True, device="cpu")
     # What weights that do not fit raise has no common base.
     except Exception as error:
-        raise ValueError(f"{path} does not fit the run's configuration: {error}") from error
+        return f"{path} does not fit the run's configuration: {error}"
     for name, value in counters.items():
         setattr(model, name, value)
+    return None
