@@ -79,9 +79,12 @@ class KeepBest(BaseCallback):
             except ValueError as error:
                 raise ValueError(f"{error}; delete the file to go on without it") from error
             known = [] if past is None else past.returns[past.timesteps == model.num_timesteps]
-            # Killed between the two files, a run has a best policy without its evaluation.
-            returns = known[-1] if len(known) else evaluated(model, self._env, self._episodes)[0]
-            self._best = float(np.mean(returns))
+            # Killed between the two files, a run has a best policy without its evaluation. If it is the one of the
+            # checkpoint, this is made up for at once.
+            if len(known):
+                self._best = float(known[-1].mean())
+            elif model.num_timesteps != timesteps:
+                self._best = float(evaluated(model, self._env, self._episodes)[0].mean())
         self._past = None if past is None else past.up_to(timesteps)
 
     def _on_step(self) -> bool:
