@@ -3,14 +3,16 @@
 import contextlib
 import errno
 import os
+import shutil
 import stat
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 #: What the name of a file that is not finished has in it.
 PARTIAL = ".partial"
 
-#: Files that are being written now. Whoever ends the process without unwinding deletes them.
+#: Files that are being written now, and scratch folders. Whoever ends the process without unwinding deletes them.
 _unfinished: set[Path] = set()
 
 
@@ -44,6 +46,18 @@ def replacing(path: Path) -> Iterator[Path]:
         _unfinished.discard(beside)
 
 
+@contextlib.contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """A context with an empty folder for temporary files, which is deleted at its end."""
+    with tempfile.TemporaryDirectory(prefix="ballbot-") as name:
+        folder = Path(name)
+        _unfinished.add(folder)
+        try:
+            yield folder
+        finally:
+            _unfinished.discard(folder)
+
+
 def write(path: Path, content: bytes | str) -> None:
     """Writes a whole file, text as UTF-8.
 
@@ -57,8 +71,11 @@ def write(path: Path, content: bytes | str) -> None:
 def delete_unfinished() -> None:
     """Deletes the files that this process has not finished."""
     for path in list(_unfinished):
-        with contextlib.suppress(OSError):
-            path.unlink(missing_ok=True)
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            with contextlib.suppress(OSError):
+                path.unlink(missing_ok=True)
 
 
 def delete_remains(folder: Path) -> None:

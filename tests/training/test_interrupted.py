@@ -100,7 +100,7 @@ def test_no_checkpoint_that_can_be_read(longer_run):
         path.write_bytes(b"")
     with (
         pytest.warns(UserWarning, match="skipped a checkpoint") as caught,
-        pytest.raises(ValueError, match="none of the 3 checkpoints in .* can be read"),
+        pytest.raises(ValueError, match=r"none of the 3 checkpoints in .* can be read"),
     ):
         train.resume(longer_run, progress_bar=False)
     assert len(caught) == 3

@@ -84,8 +84,8 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
-    with streams.prepared(), warnings.catch_warnings(), interrupts.guarded() as guard:
+    """Carries a command out; returns its exit code."""
+    with streams.prepared(), warnings.catch_warnings():
         warnings.showwarning = _print_warning
         try:
             _carry_out(arguments)
@@ -94,12 +94,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except BrokenPipeError:
             return streams.BROKEN_PIPE
         except ERRORS as error:
-            # An interrupted import fails with an error of its own.
-            if guard.received is not None and not isinstance(error, (OSError, ValueError)):
-                return _interrupted(guard.received)
             print(f"ballbot: {_message(error)}", file=sys.stderr)
             return FAILED
     return 0
+
+
+def run() -> int:
+    """Carries out the command that this process is for, and ends with it when it is interrupted."""
+    interrupts.install()
+    return main()
 
 
 def _carry_out(arguments: Sequence[str] | None) -> None:

@@ -1,4 +1,8 @@
-"""Ctrl-C and SIGTERM: the command ends soon, whatever it is doing, and leaves no unfinished file behind."""
+"""Ctrl-C and SIGTERM end the command at once, with one line and no unfinished file; a training is saved first.
+
+The process ends without unwinding: libraries in C++ abort when `KeyboardInterrupt` comes through them, and take their
+time to end. Only a part of a command that is `patient` unwinds.
+"""
 
 import contextlib
 import os
@@ -6,98 +10,73 @@ import signal
 import socket
 import threading
 from collections.abc import Iterator
-from typing import Any, Final
+from types import FrameType
+from typing import Final, NoReturn
 
 from ballbot_rs import _files
 
-#: Time that Python has to unwind, s. Code of a library that does not return to Python is then ended with the process.
-GRACE: Final = 0.12
-
 #: What is printed for each signal.
 WORDS: Final = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+
+#: What a terminal is sent first: to clear the line of a progress bar, and to show the cursor.
+_TERMINAL_RESET: Final = "\r\x1b[2K\x1b[?25h"
+
+_patience = 0
+_leaving = threading.Lock()
 
 
 class Terminated(KeyboardInterrupt):
     """SIGTERM, as an exception that unwinds as Ctrl-C does."""
 
 
-class Interrupts:
-    """What a command has been told by signals.
-
-    Attributes:
-        received: the last signal, or None.
-    """
-
-    def __init__(self) -> None:
-        self.received: signal.Signals | None = None
-        self._patient = 0
-        self._ended = threading.Event()
-
-    @contextlib.contextmanager
-    def patient(self) -> Iterator[None]:
-        """A context that may take its time to unwind, to save what has been done."""
-        self._patient += 1
-        try:
-            yield
-        finally:
-            self._patient -= 1
-
-    def watch(self, wakeups: socket.socket) -> None:
-        """Ends the process where Python does not; runs in a thread of its own until the socket is closed."""
-        while True:
-            number = wakeups.recv(1)
-            if not number:
-                return
-            if number[0] not in (signal.SIGINT, signal.SIGTERM):
-                continue
-            self.received = signal.Signals(number[0])
-            if self._patient or self._ended.wait(GRACE):
-                continue
-            _files.delete_unfinished()
-            os.write(2, f"{WORDS[self.received]}\n".encode())
-            os._exit(exit_code(self.received))
-
-    def end(self) -> None:
-        """Nothing is left to unwind."""
-        self._ended.set()
+@contextlib.contextmanager
+def patient() -> Iterator[None]:
+    """A context in which a signal raises `KeyboardInterrupt` or `Terminated`, so that what has been done is saved."""
+    global _patience
+    _patience += 1
+    try:
+        yield
+    finally:
+        _patience -= 1
 
 
-def exit_code(number: signal.Signals) -> int:
+def exit_code(number: int) -> int:
     """The exit code of a process that a signal has ended, as a shell counts it."""
     return 128 + number
 
 
-#: Of the command that is running.
-current = Interrupts()
-
-
-@contextlib.contextmanager
-def guarded() -> Iterator[Interrupts]:
-    """A context in which signals raise `KeyboardInterrupt` or `Terminated`, and end the process where that fails."""
-    global current
-    interrupts = current = Interrupts()
-    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        yield interrupts
-        return
+def install() -> None:
+    """Handles signals in this process from now on; those that it was started to ignore stay ignored."""
     ours, wakeups = socket.socketpair()
     ours.setblocking(False)
-    before = signal.set_wakeup_fd(ours.fileno(), warn_on_full_buffer=False)
-    is_default = signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-    if is_default:
-        signal.signal(signal.SIGTERM, _raise_terminated)
-    thread = threading.Thread(target=interrupts.watch, args=(wakeups,), name="interrupts", daemon=True)
-    thread.start()
-    try:
-        yield interrupts
-    finally:
-        interrupts.end()
-        if is_default:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        signal.set_wakeup_fd(before)
-        ours.close()
-        thread.join()
-        wakeups.close()
+    handled = [number for number in WORDS if signal.getsignal(number) is not signal.SIG_IGN]
+    for number in handled:
+        signal.signal(number, _on_signal)
+    signal.set_wakeup_fd(ours.detach(), warn_on_full_buffer=False)
+    # Python calls its handlers only between two of its instructions: a thread hears of signals during long calls.
+    threading.Thread(target=_watch, args=(wakeups,), name="interrupts", daemon=True).start()
 
 
-def _raise_terminated(*_: Any) -> None:
-    raise Terminated
+def _on_signal(number: int, _: FrameType | None) -> None:
+    if not _patience:
+        _leave(number)
+    raise KeyboardInterrupt if number == signal.SIGINT else Terminated
+
+
+def _watch(wakeups: socket.socket) -> None:
+    while True:
+        for number in wakeups.recv(64):
+            if number in WORDS and not _patience:
+                _leave(number)
+
+
+def _leave(number: int) -> NoReturn:
+    # Two threads come here; the first one ends the process, the other one must not print again.
+    if not _leaving.acquire(blocking=False):
+        while True:
+            threading.Event().wait()
+    _files.delete_unfinished()
+    reset = _TERMINAL_RESET if os.isatty(2) else ""
+    with contextlib.suppress(OSError):
+        os.write(2, f"{reset}{WORDS[signal.Signals(number)]}\n".encode())
+    os._exit(exit_code(number))

@@ -120,7 +120,7 @@ def _interruptible(task: str, folder: Path, work: Callable[[], Path]) -> Path:
     from ballbot_rs.training import run_folder
 
     try:
-        with interrupts.current.patient():
+        with interrupts.patient():
             return work()
     except (KeyboardInterrupt, OSError):
         saved = run_folder.checkpoints(folder)

@@ -1,7 +1,6 @@
 """What the report of a training run shows, from its folder to the file."""
 
 import dataclasses
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -106,8 +105,8 @@ def _video(policy: Any, seconds: float, progress: Progress) -> tuple[str, str]:
     shown = trajectory.run(policy, seconds=seconds, tilt=TILT, push=push)
     # Small and plain: the report is to be quick.
     renderer = renderer_for(shown, width=480, height=360, samples=1)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "policy.mp4"
+    with _files.scratch_folder() as folder:
+        path = folder / "policy.mp4"
         write_video(shown, path, renderer=renderer, frame_rate=25.0, forces=True, progress=progress)
         playing = page.video(path)
     pushed = "" if push is None else f", pushed by {push.impulse} N·s at {push.time} s"
