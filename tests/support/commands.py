@@ -7,6 +7,9 @@ from pathlib import Path
 
 from tests.support.paths import ROOT
 
+#: Where a process that is started elsewhere finds this package.
+IMPORT_PATH = [str(ROOT / "python"), str(ROOT)]
+
 #: The command under a largest size of the files that it may write, which stands for a full disk.
 LIMITED = """
 import resource, sys

@@ -32,6 +32,9 @@ codecs.register_error(_ERRORS, _plainly)
 def prepared() -> Iterator[None]:
     """A context in which all three streams can be used whatever they are, and printing fails on no character."""
     _fill_closed()
+    if isinstance(sys.stdout, io.TextIOWrapper) and not sys.stdout.isatty():
+        # So that PYTHONUNBUFFERED changes nothing: what cannot be written is found out in `flush`.
+        sys.stdout.reconfigure(write_through=False)
     changed: list[tuple[io.TextIOWrapper, str]] = []
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and not _knows(stream.encoding, "".join(PLAIN)):
