@@ -305,3 +305,19 @@ def test_view_takes_a_training_run(capsys, tiny_run):
     code, out, err = run(capsys, "view", "--controller", tiny_run, *arguments)
     assert (code, err) == (0, "")
     assert f"1 robot paper, spatial, {tiny_run}" in out
+
+
+@pytest.mark.parametrize(("name", "content"), [("x.dae", "<junk"), ("x.qqq", "hi"), ("x.obj", None)])
+def test_view_names_a_urdf_whose_mesh_cannot_be_read(capsys, tmp_path, assets, name, content):
+    pytest.importorskip("viser")
+    shutil.copytree(assets / "meshes", tmp_path / "meshes")
+    text = (assets / "bot.urdf").read_text(encoding="utf-8")
+    assert "meshes/body_ring.stl" in text
+    (tmp_path / "bot.urdf").write_text(text.replace("meshes/body_ring.stl", f"meshes/{name}"), encoding="utf-8")
+    if content is not None:
+        (tmp_path / "meshes" / name).write_text(content, encoding="utf-8")
+    urdfs = [tmp_path / "bot.urdf", assets / "ball.urdf"]
+    code, out, err = run(capsys, "view", "--urdf", *urdfs, "--no-open", "--seconds", 0.1, "--port", 18780)
+    assert (code, out) == (1, "")
+    assert err.startswith(f"ballbot: {urdfs[0]} and {urdfs[1]} cannot be shown: ")
+    assert err.count("\n") == 1

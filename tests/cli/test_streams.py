@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.support import commands
+from tests.support.tiny_config import TINY_CONFIG
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("moviepy")
@@ -29,8 +30,9 @@ NEEDS = {"export": "onnxscript", "view": "viser"}
 
 
 @pytest.fixture(params=COMMANDS)
-def arguments(request, tiny_run, tiny_config, tmp_path):
+def arguments(request, tiny_run, tmp_path):
     """A command to run in `tmp_path`."""
+    (tmp_path / "tiny.toml").write_text(TINY_CONFIG, encoding="utf-8")
     if request.param in NEEDS:
         pytest.importorskip(NEEDS[request.param])
     if request.param in ("report", "export"):

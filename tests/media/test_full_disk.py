@@ -60,12 +60,17 @@ def test_a_file_appears_whole(tmp_path):
     assert list(path.parent.iterdir()) == [path]
 
 
+def interrupted_write(path):
+    with _files.replacing(path) as beside:
+        beside.write_text("half of the n")
+        raise KeyboardInterrupt
+
+
 def test_after_an_error_the_old_file_is_there(tmp_path):
     path = tmp_path / "file.txt"
     path.write_text("old")
-    with pytest.raises(KeyboardInterrupt), _files.replacing(path) as beside:
-        beside.write_text("half of the n")
-        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_write(path)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 

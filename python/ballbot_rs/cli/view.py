@@ -51,7 +51,13 @@ def run(arguments: argparse.Namespace) -> None:
     session = Session(options.get("model", "rigid"), robot, controller, arguments.batch, params)
     with require("the page", "view"):
         from ballbot_rs.viewer.view import View
-    view = View(session, arguments.port, urdfs)
+    try:
+        view = View(session, arguments.port, urdfs)
+    # The readers of meshes raise what their formats' libraries do.
+    except Exception as error:
+        if arguments.urdf is None or isinstance(error, OSError):
+            raise
+        raise ValueError(f"{' and '.join(map(str, arguments.urdf))} cannot be shown: {error}") from error
     try:
         print(f"{view.url} shows the robot; Ctrl-C ends it", flush=True)
         if not arguments.no_open:
