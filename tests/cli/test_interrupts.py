@@ -1,5 +1,6 @@
 """Ctrl-C and SIGTERM: one line, the exit code of a shell, and nothing unfinished is left."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -7,8 +8,7 @@ import time
 
 import pytest
 
-from ballbot_rs import _files
-from ballbot_rs.cli import interrupts
+from ballbot_rs import _files, _interrupts
 from tests.support import commands
 
 ENDINGS = [(signal.SIGINT, 130, "interrupted\n"), (signal.SIGTERM, 143, "terminated\n")]
@@ -36,8 +36,8 @@ def test_a_video_that_is_interrupted_leaves_nothing(tmp_path, number, code, line
 #: A command that is within a long call of C when the signal comes.
 IN_A_LONG_CALL = """
 import ctypes, sys
-from ballbot_rs import cli
-cli.interrupts.install()
+from ballbot_rs import _interrupts
+_interrupts.install()
 print("ready", flush=True)
 {}
 """
@@ -73,10 +73,22 @@ def test_a_signal_that_is_ignored_stays_ignored():
 
 
 def test_what_is_patient_unwinds():
-    with pytest.raises(KeyboardInterrupt), interrupts.patient():
-        interrupts._on_signal(signal.SIGINT, None)
-    with pytest.raises(interrupts.Terminated), interrupts.patient():
-        interrupts._on_signal(signal.SIGTERM, None)
+    with pytest.raises(KeyboardInterrupt), _interrupts.patient():
+        _interrupts._on_signal(signal.SIGINT, None)
+    with pytest.raises(_interrupts.Terminated), _interrupts.patient():
+        _interrupts._on_signal(signal.SIGTERM, None)
+
+
+def test_what_must_not_be_interrupted_is_finished_first():
+    done = []
+    with pytest.raises(_interrupts.Terminated), _interrupts.patient():  # noqa: PT012
+        with _interrupts.held_back():
+            _interrupts._on_signal(signal.SIGTERM, None)
+            done.append("first")
+        done.append("second")
+    assert done == ["first"]
+    with _interrupts.held_back():
+        pass
 
 
 def test_unfinished_files_and_scratch_folders_are_deleted(tmp_path):
@@ -90,3 +102,23 @@ def test_unfinished_files_and_scratch_folders_are_deleted(tmp_path):
         beside.write_text("whole")
         scratch.mkdir()
     assert (tmp_path / "a.txt").read_text() == "whole"
+
+
+def test_the_command_is_known_before_anything_is_imported(tmp_path):
+    # Run as the command would be, but its first import after `_start` waits for the signal.
+    (tmp_path / "numpy.py").write_text("print('ready', flush=True)\nimport time\ntime.sleep(600)\n", encoding="utf-8")
+    (tmp_path / "ballbot").write_text("from ballbot_rs.cli import run\nrun()\n", encoding="utf-8")
+    path = os.pathsep.join([str(tmp_path), *commands.IMPORT_PATH])
+    for line in ([sys.executable, str(tmp_path / "ballbot"), "info"], commands.command("info")):
+        process = subprocess.Popen(
+            line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": path}
+        )
+        assert process.stdout.readline() == "ready\n"
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30)
+        assert (process.returncode, said) == (130, "interrupted\n")
+
+
+def test_a_library_leaves_signals_alone():
+    code = "import signal, ballbot_rs; print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "True\n"

@@ -8,10 +8,10 @@ import warnings
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from ballbot_rs import __version__
+from ballbot_rs import __version__, _interrupts
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._extras import install_hint
-from ballbot_rs.cli import evaluate, export, info, interrupts, plot, record, report, streams, train, view
+from ballbot_rs.cli import evaluate, export, info, plot, record, report, streams, train, view
 
 #: Exit code of an error that the message explains.
 FAILED = 1
@@ -90,7 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             _carry_out(arguments)
         except KeyboardInterrupt as error:
-            return _interrupted(signal.SIGTERM if isinstance(error, interrupts.Terminated) else signal.SIGINT)
+            return _interrupted(signal.SIGTERM if isinstance(error, _interrupts.Terminated) else signal.SIGINT)
         except BrokenPipeError:
             return streams.BROKEN_PIPE
         except ERRORS as error:
@@ -101,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run() -> int:
     """Carries out the command that this process is for, and ends with it when it is interrupted."""
-    interrupts.install()
+    _interrupts.install()
     return main()
 
 
@@ -118,8 +118,8 @@ def _carry_out(arguments: Sequence[str] | None) -> None:
 
 
 def _interrupted(number: signal.Signals) -> int:
-    print(interrupts.WORDS[number], file=sys.stderr)
-    return interrupts.exit_code(number)
+    print(_interrupts.WORDS[number], file=sys.stderr)
+    return _interrupts.exit_code(number)
 
 
 def _message(error: BaseException) -> str:

@@ -8,10 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ballbot_rs import _interrupts
 from ballbot_rs._extras import require
 from ballbot_rs._text_table import print_table
 from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
-from ballbot_rs.cli import interrupts, report, scenario
+from ballbot_rs.cli import report, scenario
 from ballbot_rs.cli.numbers import MAX_RUN_SEED, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.envs.registration import DEFAULT_TASK, task_of
@@ -120,7 +121,7 @@ def _interruptible(task: str, folder: Path, work: Callable[[], Path]) -> Path:
     from ballbot_rs.training import run_folder
 
     try:
-        with interrupts.patient():
+        with _interrupts.patient():
             return work()
     except (KeyboardInterrupt, OSError):
         saved = run_folder.checkpoints(folder)

@@ -14,7 +14,7 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import unwrap_vec_normalize
 
-from ballbot_rs import __version__, _files
+from ballbot_rs import __version__, _files, _interrupts
 from ballbot_rs._core import TASKS
 from ballbot_rs.control import policy_file, policy_size, sb3_archive
 from ballbot_rs.envs.registration import env_id_of
@@ -103,7 +103,9 @@ def write(model: BaseAlgorithm, file: Path) -> None:
         OSError: the file cannot be written.
     """
     content = io.BytesIO()
-    model.save(content)
+    # torch writes by calls of Python from C++, which ends the process if they raise.
+    with _interrupts.held_back():
+        model.save(content)
     _files.write(file, content.getvalue())
 
 
