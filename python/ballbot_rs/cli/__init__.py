@@ -1,6 +1,7 @@
 """The `ballbot` command."""
 
 import argparse
+import os
 import re
 import signal
 import sys
@@ -102,7 +103,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def run() -> int:
     """Carries out the command that this process is for, and ends with it when it is interrupted."""
     _interrupts.install()
-    return main()
+    code = main()
+    if code in map(_interrupts.exit_code, _interrupts.WORDS):
+        # Python would collect torch's garbage for seconds. All is written, and flushed here.
+        sys.stderr.flush()
+        os._exit(code)
+    return code
 
 
 def _carry_out(arguments: Sequence[str] | None) -> None:
