@@ -17,7 +17,9 @@ except ModuleNotFoundError:
     collect_ignore = [
         "analysis/test_evaluation.py",
         "cli/test_cli.py",
+        "cli/test_streams.py",
         "control/test_bad_policy.py",
+        "control/test_policy_code.py",
         "control/test_save.py",
         "docs/test_readme.py",
         "envs/test_front_ends.py",
@@ -27,6 +29,7 @@ except ModuleNotFoundError:
         "media/test_plotting.py",
         "media/test_report.py",
         "training/test_export.py",
+        "training/test_interrupted.py",
         "training/test_sb3_learning.py",
         "training/test_training.py",
         "validation/test_numpy_task.py",

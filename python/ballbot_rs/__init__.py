@@ -9,6 +9,7 @@ SI units and radians throughout; quaternions are `[w, x, y, z]`.
 
 from typing import TYPE_CHECKING, Any
 
+from ballbot_rs import _start  # noqa: F401
 from ballbot_rs._core import (
     PAPER_BALL_VISCOUS_FRICTION,
     Ballbot,

@@ -70,19 +70,19 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["train", "balance", "--timesteps", "0"], "total_timesteps = 0 is out of range"),
+        (["train", "balance", "--set", "total_timesteps=0"], "total_timesteps = 0 is out of range"),
+        (["train", "balance", "--set", "policy.net_arch=[100000, 100000]"], "10001600000 weights, more than 10000000"),
+        (["train", "balance", "--set", "policy.net_arch=[-5]"], "a width of -5 is out of range"),
+        (["evaluate", "--episodes", "1", "--env-option", "max_episode_steps=1000000000000"], "more than 100000000"),
         (["train", "balance", "--config", "nowhere.toml"], "nowhere.toml"),
         (["train", "balance", "--resume", "nowhere"], "nowhere holds no training run"),
         (["train", "balance", "--resume", "nowhere", "--seed", "5"], "--seed has no place beside it"),
         (["train", "balance", "--resume", "nowhere", "--seed", "0"], "--seed has no place beside it"),
         (["train", "balance", "--resume", "nowhere", "--overwrite"], "--overwrite has no place beside it"),
-        (["train", "balance", "--seed", "-1"], "seed = -1"),
         (
             ["evaluate", "balance", "--controller", "lqrr"],
             "no policy at lqrr: expected lqr, pid, zero or the path of",
         ),
-        (["evaluate", "balance", "--controller", "lqr", "--episodes", "0"], "episodes = 0, it must be at least 1"),
-        (["evaluate", "balance", "--controller", "lqr", "--seed", "-1"], "seed = -1 is out of range"),
         (["evaluate", "balance", "--controller", "lqr", "--model", "flat"], "unknown model 'flat': expected one of"),
         (["view", "--model", "flat"], "unknown model 'flat': expected one of planar, spatial"),
         (["view", "--robot", "r2d2"], "r2d2"),
@@ -93,9 +93,6 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["train", "--set", "algorithm_argument.gamma=1"], "unknown key 'algorithm_argument'"),
         (["train", "--resume", "nowhere", "--model", "rigid"], "it takes no other values"),
         (["view", "--controller", "run.onnx"], "no policy at run.onnx"),
-        (["view", "--batch", "0"], "num_robots = 0 is out of range: expected 1 to 64"),
-        (["view", "--port", "0"], "port = 0 is out of range: expected 1 to 65535"),
-        (["view", "--seconds", "nan"], "--seconds nan is out of range"),
         (["view", "--urdf", "bot.urdf", "ball.urdf"], "bot.urdf"),
     ],
 )
@@ -308,3 +305,19 @@ def test_view_takes_a_training_run(capsys, tiny_run):
     code, out, err = run(capsys, "view", "--controller", tiny_run, *arguments)
     assert (code, err) == (0, "")
     assert f"1 robot paper, spatial, {tiny_run}" in out
+
+
+@pytest.mark.parametrize(("name", "content"), [("x.dae", "<junk"), ("x.qqq", "hi"), ("x.obj", None)])
+def test_view_names_a_urdf_whose_mesh_cannot_be_read(capsys, tmp_path, assets, name, content):
+    pytest.importorskip("viser")
+    shutil.copytree(assets / "meshes", tmp_path / "meshes")
+    text = (assets / "bot.urdf").read_text(encoding="utf-8")
+    assert "meshes/body_ring.stl" in text
+    (tmp_path / "bot.urdf").write_text(text.replace("meshes/body_ring.stl", f"meshes/{name}"), encoding="utf-8")
+    if content is not None:
+        (tmp_path / "meshes" / name).write_text(content, encoding="utf-8")
+    urdfs = [tmp_path / "bot.urdf", assets / "ball.urdf"]
+    code, out, err = run(capsys, "view", "--urdf", *urdfs, "--no-open", "--seconds", 0.1, "--port", 18780)
+    assert (code, out) == (1, "")
+    assert err.startswith(f"ballbot: {urdfs[0]} and {urdfs[1]} cannot be shown: ")
+    assert err.count("\n") == 1

@@ -49,11 +49,11 @@ def test_files_that_are_no_policy_are_refused(tiny_run, tmp_path):
             evaluate(str(tmp_path / f"{name}.zip"), episodes=1)
     with zipfile.ZipFile(tmp_path / "other.zip", "w") as other:
         other.writestr("a.txt", "no policy")
-    with pytest.raises(ValueError, match=r"other\.zip does not say which environment"):
+    with pytest.raises(ValueError, match=r"other\.zip is not a policy file .*: it has no 'data'"):
         evaluate(str(tmp_path / "other.zip"), episodes=1)
     with zipfile.ZipFile(tmp_path / "hollow.zip", "w") as hollow, zipfile.ZipFile(tiny_run / "best_model.zip") as old:
         hollow.writestr("data", old.read("data"))
-    with pytest.raises(ValueError, match=r"hollow\.zip holds no PPO policy"):
+    with pytest.raises(ValueError, match=r"hollow\.zip is not a policy file .*: it has no 'policy\.pth'"):
         evaluate(str(tmp_path / "hollow.zip"), episodes=1)
     for missing in (tmp_path / "nowhere.zip", tmp_path):
         with pytest.raises(FileNotFoundError, match="no policy at"):

@@ -121,17 +121,17 @@ def test_learning_curves_of_seeds_have_their_mean(two_runs):
 def test_runs_that_are_none_are_refused(tmp_path, tiny_run):
     with pytest.raises(FileNotFoundError, match="holds no training run"):
         curve.read(tmp_path)
-    (tmp_path / "run.json").write_text("{}", encoding="utf-8")
+    for damaged in ("{}", "[]", "", '{"seed": "0"}'):
+        (tmp_path / "run.json").write_text(damaged, encoding="utf-8")
+        with pytest.raises(ValueError, match=r"run\.json is damaged"):
+            curve.read(tmp_path)
+    (tmp_path / "run.json").write_text('{"seed": 0}', encoding="utf-8")
     with pytest.raises(FileNotFoundError, match="no evaluations yet"):
         curve.read(tmp_path)
-    (tmp_path / "evaluations.npz").write_bytes((tiny_run / "evaluations.npz").read_bytes())
-    with pytest.raises(ValueError, match="cannot be read"):
-        curve.read(tmp_path)
-    (tmp_path / "run.json").write_text('{"seed": 0}', encoding="utf-8")
     whole = (tiny_run / "evaluations.npz").read_bytes()
     for damaged in (b"", whole[: len(whole) // 2], b"no archive"):
         (tmp_path / "evaluations.npz").write_bytes(damaged)
-        with pytest.raises(ValueError, match="damaged"):
+        with pytest.raises(ValueError, match=r"evaluations\.npz is damaged"):
             curve.read(tmp_path)
 
 

@@ -16,7 +16,15 @@ PACKAGE = Path(ballbot_rs.__file__).parent
 MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
 
 #: Modules that may import torch and Stable-Baselines3; nothing else may, so that the core runs without them.
-LEARNING = {"control/sb3_policy.py", "envs/sb3.py", "training/export.py", "training/train.py"}
+LEARNING = {
+    "control/sb3_archive.py",
+    "control/sb3_policy.py",
+    "envs/sb3.py",
+    "training/callbacks.py",
+    "training/checkpoint.py",
+    "training/export.py",
+    "training/train.py",
+}
 
 
 def run_python(code):

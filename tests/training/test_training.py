@@ -41,6 +41,8 @@ class TestConfig:
         ("text", "message"),
         [
             ("a = ", "source: "),
+            ("", "it is empty, expected at least one of env_id, "),
+            ("# nothing", "it is empty"),
             ("total_timestep = 5", "unknown key 'total_timestep': expected one of env_id, "),
             ("[evaluation]\nepisode = 5", r"\[evaluation\]: unknown key 'episode': expected one of every_timesteps"),
             ("env_id = 'ballbot/Walk-v0'", "unknown environment 'ballbot/Walk-v0': expected ballbot/Balance-v0"),
@@ -194,12 +196,12 @@ class TestResume:
 
     def test_only_a_better_policy_replaces_the_best(self, interrupted):
         record = dict(np.load(interrupted / "evaluations.npz"))
-        record["results"][0] = 1e6
+        record["results"][record["timesteps"] == PPO.load(interrupted / "best_model.zip").num_timesteps] = 1e6
         np.savez(interrupted / "evaluations.npz", **record)
         before = (interrupted / "best_model.zip").read_bytes()
         assert train.resume(interrupted, progress_bar=False) == interrupted / "best_model.zip"
         assert (interrupted / "best_model.zip").read_bytes() == before
-        assert np.load(interrupted / "evaluations.npz")["timesteps"].tolist() == [256, 512, 768, 768, 1024]
+        assert np.load(interrupted / "evaluations.npz")["timesteps"].tolist() == [256, 512, 768, 1024]
 
     def test_a_finished_run_goes_on_for_more_steps(self, tiny_run, tmp_path):
         run = shutil.copytree(tiny_run, tmp_path / "run")

@@ -18,6 +18,10 @@ from ballbot_rs.envs.registration import DEFAULT_TASK
 #: Tilt within which a robot has settled, rad.
 SETTLED_TILT = np.deg2rad(1.0)
 
+#: Most episodes of a comparison, and most steps of all of them, which are kept in memory: 24 bytes each.
+MAX_EPISODES = 100_000
+MAX_STEPS = 10**8
+
 
 @dataclasses.dataclass(frozen=True)
 class Result:
@@ -43,6 +47,19 @@ class Result:
     torque_rms: float
     #: Mean reward of a step, a fallen robot's missing steps counted as zero.
     mean_reward: float
+
+
+def check_episodes(episodes: int) -> int:
+    """The number of episodes as an int.
+
+    Raises:
+        TypeError: it is not a whole number.
+        ValueError: it is not from 1 to `MAX_EPISODES`.
+    """
+    count = check_count("episodes", episodes)
+    if count > MAX_EPISODES:
+        raise ValueError(f"episodes = {count}, it must be at most {MAX_EPISODES}")
+    return count
 
 
 def evaluate(controller: Source, **arguments: Any) -> Result:
@@ -79,7 +96,7 @@ def compare(
             trained with different options of the environment.
         FileNotFoundError: there is no policy at that path.
     """
-    check_count("episodes", episodes)
+    check_episodes(episodes)
     seed = check_seed(seed)
     found = [find(source, task=task, env_options=env_options) for source in controllers]
     options = common_options(found, env_options)
@@ -109,6 +126,8 @@ def compare(
 
 def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], None]) -> Result:
     n, steps = batch.num_envs, batch.max_episode_steps
+    if n * steps > MAX_STEPS:
+        raise ValueError(f"{n} episodes of {steps} steps are {n * steps} in all, more than {MAX_STEPS}")
     setpoint = np.asarray(batch.options.get("setpoint", (0.0, 0.0)))
     running = np.ones(n, dtype=bool)
     success = np.zeros(n, dtype=bool)

@@ -1,21 +1,29 @@
 """The `ballbot` command."""
 
 import argparse
+import os
+import re
+import signal
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from ballbot_rs import __version__
+from ballbot_rs import __version__, _interrupts
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._extras import install_hint
-from ballbot_rs.cli import evaluate, export, info, plot, record, report, train, view
+from ballbot_rs.cli import evaluate, export, info, plot, record, report, streams, train, view
 
-#: Exit codes: 1 for an error that the message explains, 2 for a wrong command line, 130 for an interrupt.
+#: Exit code of an error that the message explains.
 FAILED = 1
-INTERRUPTED = 130
+#: What is explained by its message alone; anything else is a mistake of ours, and is shown with its traceback.
+ERRORS = (ValueError, OSError, ImportError, ArithmeticError, TypeError, RuntimeError, MemoryError)
 
 DESCRIPTION = "Simulate, train, evaluate and show ballbots."
-EPILOG = "Exit codes: 0 done, 1 an error that the message explains, 2 a wrong command line, 130 interrupted."
+EPILOG = (
+    "Exit codes: 0 done, 1 an error that the message explains, 2 a wrong command line, 130 interrupted, "
+    "141 nobody reads the output, 143 terminated."
+)
 
 COMPLETION = "--print-completion"
 COMMANDS = (train, evaluate, report, export, plot, record, view, info)
@@ -23,6 +31,11 @@ COMMANDS = (train, evaluate, report, export, plot, record, view, info)
 
 class Parser(argparse.ArgumentParser):
     """A parser that names the closest option or command to one that it does not know."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        # argparse takes -1e-3 for an option before Python 3.14.
+        self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$|-(inf|nan)$", re.IGNORECASE)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parses, after the names of the options have been checked."""
@@ -72,18 +85,61 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
+    """Carries a command out; returns its exit code."""
+    with streams.prepared(), warnings.catch_warnings():
+        warnings.showwarning = _print_warning
+        try:
+            _carry_out(arguments)
+        except KeyboardInterrupt as error:
+            return _interrupted(signal.SIGTERM if isinstance(error, _interrupts.Terminated) else signal.SIGINT)
+        except BrokenPipeError:
+            return streams.BROKEN_PIPE
+        except ERRORS as error:
+            print(f"ballbot: {_message(error)}", file=sys.stderr)
+            return FAILED
+    return 0
+
+
+def run() -> int:
+    """Carries out the command that this process is for, and ends with it when it is interrupted."""
+    _interrupts.install()
+    code = main()
+    if code in map(_interrupts.exit_code, _interrupts.WORDS):
+        # Python would collect torch's garbage for seconds. All is written, and flushed here.
+        sys.stderr.flush()
+        os._exit(code)
+    return code
+
+
+def _carry_out(arguments: Sequence[str] | None) -> None:
     try:
         grammar = parser()
         parsed = grammar.parse_args(arguments)
         if parsed.command is None:
             grammar.print_help()
-            return 0
-        parsed.carry_out(parsed)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
-    except (ValueError, OSError, ModuleNotFoundError, ArithmeticError, TypeError) as error:
-        print(f"ballbot: {error}", file=sys.stderr)
-        return FAILED
-    return 0
+        else:
+            parsed.carry_out(parsed)
+    finally:
+        streams.flush()
+
+
+def _interrupted(number: signal.Signals) -> int:
+    print(_interrupts.WORDS[number], file=sys.stderr)
+    return _interrupts.exit_code(number)
+
+
+def _message(error: BaseException) -> str:
+    """An error on one line, which names the file that it is about."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        text = f"{error.filename}: {error.strerror}"
+    elif isinstance(error, MemoryError):
+        text = f"not enough memory{f': {error}' if str(error) else ''}"
+    else:
+        text = str(error) or type(error).__name__
+    return " ".join(text.split())
+
+
+def _print_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    # Others are for the authors of the libraries that they come from.
+    if issubclass(category, UserWarning):
+        print(f"ballbot: warning: {message}", file=sys.stderr)

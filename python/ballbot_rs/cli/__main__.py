@@ -2,6 +2,6 @@
 
 import sys
 
-from ballbot_rs.cli import main
+from ballbot_rs.cli import run
 
-sys.exit(main())
+sys.exit(run())

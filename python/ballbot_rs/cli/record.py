@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs.cli import scenario
+from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.media.video import picture, renderer_for, write_picture, write_video
+from ballbot_rs.media.video import FRAME_RATES, picture, renderer_for, write_picture, write_video
 
 
 def add_to(commands: Any) -> None:
@@ -19,7 +20,7 @@ def add_to(commands: Any) -> None:
     scenario.add_output(command, "FILE.mp4", "the video (default CONTROLLER.mp4)")
     command.add_argument(
         "--still",
-        type=float,
+        type=real(0.0, MAX_SECONDS),
         nargs="?",
         const=True,
         metavar="TIME",
@@ -28,12 +29,17 @@ def add_to(commands: Any) -> None:
     command.add_argument("--no-video", action="store_true", help="the picture alone; needs --still")
     command.add_argument("--forces", action="store_true", help="show the forces at the contacts as arrows")
     command.add_argument(
-        "--size", type=int, nargs=2, metavar=("WIDTH", "HEIGHT"), default=(640, 480), help="in pixels (default 640 480)"
+        "--size",
+        type=whole(1, 8192),
+        nargs=2,
+        metavar=("WIDTH", "HEIGHT"),
+        default=(640, 480),
+        help="in pixels (default 640 480)",
     )
-    command.add_argument("--samples", type=int, default=4, help="colour samples a pixel: 1, 2 or 4 (default 4)")
-    command.add_argument("--frame-rate", type=float, default=50.0, help="frames a second (default 50)")
-    command.add_argument("--camera", type=float, nargs=2, metavar=("AZIMUTH", "ELEVATION"), help="direction in rad")
-    command.add_argument("--distance", type=float, help="of the camera, m")
+    command.add_argument("--samples", type=whole(1, 4), default=4, help="colour samples a pixel: 1, 2 or 4 (default 4)")
+    command.add_argument("--frame-rate", type=real(*FRAME_RATES), default=50.0, help="frames a second (default 50)")
+    command.add_argument("--camera", type=real(), nargs=2, metavar=("AZIMUTH", "ELEVATION"), help="direction in rad")
+    command.add_argument("--distance", type=real(0.01, 1000.0), help="of the camera, m")
     scenario.add_scenario(command, seconds=5.0)
     scenario.add_verbosity(command, "the files")
     command.set_defaults(carry_out=run)

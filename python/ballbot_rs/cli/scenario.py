@@ -11,6 +11,7 @@ from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import MODELS, ROBOTS, TASKS, Params
 from ballbot_rs.analysis.trajectory import Push, Trajectory, run
+from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
 from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, find
 from ballbot_rs.envs.registration import DEFAULT_TASK
 
@@ -61,9 +62,9 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else") -> Non
     )
 
 
-def add_seed(command: Any, what: str, default: int | None) -> None:
+def add_seed(command: Any, what: str, default: int | None, highest: int) -> None:
     """Adds the seed."""
-    command.add_argument("--seed", type=int, default=default, help=what)
+    command.add_argument("--seed", type=whole(0, highest), default=default, help=what)
 
 
 def add_output(command: Any, metavar: str, what: str) -> None:
@@ -159,15 +160,27 @@ class Scenario:
 def add_scenario(command: Any, seconds: float) -> None:
     """Adds duration, start and push."""
     group = command.add_argument_group("scenario (SI units and radians)")
-    group.add_argument("--seconds", type=float, default=seconds, help=f"simulated time (default {seconds:g})")
     group.add_argument(
-        "--tilt", type=float, nargs=2, metavar=("X", "Y"), default=(0.08, 0.05), help="initial tilt (default 0.08 0.05)"
+        "--seconds",
+        type=real(0.0, MAX_SECONDS, above=True),
+        default=seconds,
+        help=f"simulated time (default {seconds:g})",
     )
-    group.add_argument("--yaw", type=float, default=0.0, help="initial heading (default 0)")
     group.add_argument(
-        "--push", type=float, nargs=3, metavar=("X", "Y", "Z"), help="impulse on the body in N·s (default none)"
+        "--tilt",
+        type=real(),
+        nargs=2,
+        metavar=("X", "Y"),
+        default=(0.08, 0.05),
+        help="initial tilt (default 0.08 0.05)",
     )
-    group.add_argument("--push-at", type=float, default=1.0, metavar="TIME", help="time of the push (default 1)")
+    group.add_argument("--yaw", type=real(), default=0.0, help="initial heading (default 0)")
+    group.add_argument(
+        "--push", type=real(), nargs=3, metavar=("X", "Y", "Z"), help="impulse on the body in N·s (default none)"
+    )
+    group.add_argument(
+        "--push-at", type=real(0.0, MAX_SECONDS), default=1.0, metavar="TIME", help="time of the push (default 1)"
+    )
 
 
 def scenario(arguments: argparse.Namespace) -> Scenario:

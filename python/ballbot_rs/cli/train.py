@@ -8,12 +8,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ballbot_rs import _interrupts
 from ballbot_rs._extras import require
 from ballbot_rs._text_table import print_table
-from ballbot_rs.analysis.episodes import compare
+from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
 from ballbot_rs.cli import report, scenario
+from ballbot_rs.cli.numbers import MAX_RUN_SEED, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.envs.registration import DEFAULT_TASK, task_of
+
+#: Most steps of a training; at a hundred thousand a second they take a year.
+MAX_TIMESTEPS = 10**12
 
 
 def add_to(commands: Any) -> None:
@@ -21,7 +26,7 @@ def add_to(commands: Any) -> None:
     command = commands.add_parser("train", help="train a policy with Stable-Baselines3")
     scenario.add_task(command)
     scenario.add_robot(command, otherwise="the configuration's, else")
-    scenario.add_seed(command, "seed of the run (default 0)", None)
+    scenario.add_seed(command, "seed of the run (default 0)", None, MAX_RUN_SEED)
     command.add_argument("--config", type=Path, help="TOML file to use instead of the task's own")
     command.add_argument(
         "--set",
@@ -35,8 +40,12 @@ def add_to(commands: Any) -> None:
         "--resume", type=Path, metavar="RUN", help="continue a run; with --timesteps even a finished one"
     )
     command.add_argument("--overwrite", action="store_true", default=None, help="delete an earlier run in that folder")
-    command.add_argument("--timesteps", type=int, help="have this many steps in all instead of the configured")
-    command.add_argument("--episodes", type=int, default=100, help="episodes of the comparison (default 100, 0: none)")
+    command.add_argument(
+        "--timesteps", type=whole(1, MAX_TIMESTEPS), help="have this many steps in all instead of the configured"
+    )
+    command.add_argument(
+        "--episodes", type=whole(0, MAX_EPISODES), default=100, help="episodes of the comparison (default 100, 0: none)"
+    )
     command.add_argument("--no-report", action="store_true", help="do not end with a report, one HTML file")
     scenario.add_verbosity(command, "the result")
     command.set_defaults(carry_out=run)
@@ -63,7 +72,7 @@ def run(arguments: argparse.Namespace) -> None:
         policy = _interruptible(
             task,
             folder,
-            lambda: train.resume(folder, timesteps=arguments.timesteps, progress_bar=progress_bar),
+            lambda: train.resume(folder, timesteps=arguments.timesteps, progress_bar=progress_bar, tell=_tell),
         )
         config, _ = config_module.load(task, arguments.resume / "config.toml")
     else:
@@ -108,8 +117,18 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _interruptible(task: str, folder: Path, work: Callable[[], Path]) -> Path:
+    """Does the work; whatever ends it early, says what has been saved and how to go on."""
+    from ballbot_rs.training import run_folder
+
     try:
-        return work()
-    except KeyboardInterrupt:
-        print(f"\nto continue: ballbot train {task} --resume {folder}", file=sys.stderr)
+        with _interrupts.patient():
+            return work()
+    except (KeyboardInterrupt, OSError):
+        saved = run_folder.checkpoints(folder)
+        if saved:
+            _tell(f"saved {saved[0]}, to continue: ballbot train {task} --resume {folder}")
         raise
+
+
+def _tell(text: str) -> None:
+    print(text, file=sys.stderr)

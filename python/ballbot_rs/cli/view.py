@@ -2,7 +2,6 @@
 
 import argparse
 import dataclasses
-import sys
 import time
 import webbrowser
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 from ballbot_rs._core import Params
 from ballbot_rs._extras import require
 from ballbot_rs.cli import scenario
+from ballbot_rs.cli.numbers import real, whole
 from ballbot_rs.control.resolve import common_options
 from ballbot_rs.viewer.session import MAX_ROBOTS, Session
 
@@ -27,18 +27,22 @@ def add_to(commands: Any) -> None:
         "--urdf", type=Path, nargs=2, metavar=("BOT", "BALL"), help="a robot as two URDFs, instead of --robot"
     )
     command.add_argument(
-        "--batch", type=int, default=1, metavar="N", help=f"robots at once, 1 to {MAX_ROBOTS} (default 1)"
+        "--batch",
+        type=whole(1, MAX_ROBOTS),
+        default=1,
+        metavar="N",
+        help=f"robots at once, 1 to {MAX_ROBOTS} (default 1)",
     )
-    command.add_argument("--port", type=int, default=PORT, help=f"of the page (default {PORT}, or the next free one)")
+    command.add_argument(
+        "--port", type=whole(1, 65535), default=PORT, help=f"of the page (default {PORT}, or the next free one)"
+    )
     command.add_argument("--no-open", action="store_true", help="do not open the page")
-    command.add_argument("--seconds", type=float, help="stop after this time")
+    command.add_argument("--seconds", type=real(0.0, 1e6, above=True), help="stop after this time")
     command.set_defaults(carry_out=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out; ends with the real-time factor."""
-    if arguments.seconds is not None and not 0.0 < arguments.seconds <= 1e6:
-        raise ValueError(f"--seconds {arguments.seconds} is out of range: it must be positive")
     (controller,) = scenario.controllers(arguments)
     options = common_options([controller], scenario.env_options(arguments))
     robot, params = _robot(arguments, options.get("params", "paper"))
@@ -47,7 +51,13 @@ def run(arguments: argparse.Namespace) -> None:
     session = Session(options.get("model", "rigid"), robot, controller, arguments.batch, params)
     with require("the page", "view"):
         from ballbot_rs.viewer.view import View
-    view = View(session, arguments.port, urdfs)
+    try:
+        view = View(session, arguments.port, urdfs)
+    # The readers of meshes raise what their formats' libraries do.
+    except Exception as error:
+        if arguments.urdf is None or isinstance(error, OSError):
+            raise
+        raise ValueError(f"{' and '.join(map(str, arguments.urdf))} cannot be shown: {error}") from error
     try:
         print(f"{view.url} shows the robot; Ctrl-C ends it", flush=True)
         if not arguments.no_open:
@@ -55,8 +65,6 @@ def run(arguments: argparse.Namespace) -> None:
         ends = time.monotonic() + (arguments.seconds or float("inf"))
         while view.runner.running and time.monotonic() < ends:
             time.sleep(0.05)
-    except KeyboardInterrupt:
-        print(file=sys.stderr)
     finally:
         view.stop()
     if view.runner.error is not None:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import TASKS
 from ballbot_rs._extras import require
-from ballbot_rs.control import policy_file
+from ballbot_rs.control import deadline, policy_file
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 
 #: What an exported policy says of itself, each a JSON text; the keys of its file begin with `PREFIX`.
@@ -24,6 +24,10 @@ FIELDS = {
     "versions": dict,
 }
 PREFIX = "ballbot."
+
+#: Longest time that a policy may take for actions, s: of a call, and of each observation in it.
+CALL_LIMIT = 1.0
+ROW_LIMIT = 1e-3
 
 
 class OnnxPolicy:
@@ -43,7 +47,8 @@ class OnnxPolicy:
         file = Path(fspath(path))
         if not file.is_file():
             raise FileNotFoundError(f"no policy at {file}")
-        self._session = _session(file)
+        self._file = file
+        self._session, self._new_options = _session(file)
         self.metadata = _metadata(file, self._session.get_modelmeta().custom_metadata_map)
         _check(file, self.metadata, task)
         ends = (*self._session.get_inputs(), *self._session.get_outputs())
@@ -66,16 +71,26 @@ class OnnxPolicy:
 
         Raises:
             ValueError: another shape.
+            TimeoutError: the model runs for more than `CALL_LIMIT` and `ROW_LIMIT` allow; it has been ended.
         """
         rows = np.asarray(observation, dtype=np.float32)
         if rows.ndim not in (1, 2) or rows.shape[-1] != self._rows:
             raise ValueError(f"observation has shape {rows.shape}, expected ({self._rows},) or (n, {self._rows})")
+        given = {"observation": np.ascontiguousarray(np.atleast_2d(rows))}
+        limit = CALL_LIMIT + ROW_LIMIT * len(given["observation"])
         actions: npt.NDArray[np.float32]
-        (actions,) = self._session.run(["action"], {"observation": np.ascontiguousarray(np.atleast_2d(rows))})
+        options = self._new_options()
+        # What it says of a run that is ended is in the exception.
+        options.log_severity_level = 4
+        try:
+            (actions,) = deadline.run(limit, options, lambda options: self._session.run(["action"], given, options))
+        except TimeoutError as error:
+            raise TimeoutError(f"{self._file} has been ended: {error}") from error
         return actions if rows.ndim == 2 else actions[0]
 
 
-def _session(file: Path) -> Any:
+def _session(file: Path) -> tuple[Any, Any]:
+    """The model, ready to run, and what makes the options of a run."""
     with require("an ONNX policy", "onnx"):
         import onnxruntime
     options = onnxruntime.SessionOptions()
@@ -83,10 +98,11 @@ def _session(file: Path) -> Any:
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
     try:
-        return onnxruntime.InferenceSession(file.read_bytes(), options, providers=["CPUExecutionProvider"])
+        session = onnxruntime.InferenceSession(file.read_bytes(), options, providers=["CPUExecutionProvider"])
     # Its exceptions have no common base of their own.
     except Exception as error:
         raise ValueError(f"{file} is not an ONNX file that onnxruntime can run: {error}") from error
+    return session, onnxruntime.RunOptions
 
 
 def _metadata(file: Path, found: dict[str, str]) -> dict[str, Any]:

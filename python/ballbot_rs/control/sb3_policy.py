@@ -1,7 +1,8 @@
 """Policy files of Stable-Baselines3: their metadata, saving and loading."""
 
 import importlib
-import zipfile
+import io
+import warnings
 from collections.abc import Mapping
 from os import PathLike, fspath
 from pathlib import Path
@@ -11,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import unwrap_vec_normalize
 
-from ballbot_rs import __version__
-from ballbot_rs.control import policy_file
+from ballbot_rs import __version__, _files, _interrupts
+from ballbot_rs._core import TASKS
+from ballbot_rs.control import policy_file, policy_size, sb3_archive
 from ballbot_rs.envs.registration import env_id_of
 from ballbot_rs.envs.spaces import action_space, observation_space
 
@@ -65,6 +66,7 @@ def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
     Raises:
         ValueError: an environment that is not of this package or that changes observations or actions (VecNormalize,
             VecFrameStack, ...), an algorithm that is not known, or a model without environment.
+        OSError: the file cannot be written.
     """
     known = algorithms()
     algorithm = next((name for name, kind in known.items() if isinstance(model, kind)), None)
@@ -90,9 +92,21 @@ def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
     file = Path(fspath(path))
     if file.suffix != ".zip":
         file = file.with_name(f"{file.name}.zip")
-    file.parent.mkdir(parents=True, exist_ok=True)
-    model.save(file)
+    write(model, file)
     return file
+
+
+def write(model: BaseAlgorithm, file: Path) -> None:
+    """Writes a model as Stable-Baselines3 does, but whole or not at all.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    content = io.BytesIO()
+    # torch writes by calls of Python from C++, which ends the process if they raise.
+    with _interrupts.held_back():
+        model.save(content)
+    _files.write(file, content.getvalue())
 
 
 def find_file(path: Path) -> Path:
@@ -121,7 +135,8 @@ def act(model: BaseAlgorithm, observations: npt.NDArray[np.float32]) -> npt.NDAr
 def load(path: Path, task: str, env_options: Mapping[str, Any] | None = None) -> tuple[BaseAlgorithm, dict[str, Any]]:
     """A policy for a task with its metadata, in which `env_options` are complete.
 
-    The file may hold pickled code: load only files that you trust.
+    A file of `ballbot_rs.save` or `ballbot train` is loaded without running code that is in it. One with a policy class
+    of its own, or without metadata, is unpickled, which runs its code; a `UserWarning` names the file.
 
     Args:
         path: the file, or the folder of a training run.
@@ -130,22 +145,13 @@ def load(path: Path, task: str, env_options: Mapping[str, Any] | None = None) ->
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is no policy file, or one for another environment or another layout of observations.
+        ValueError: it is no policy file, a damaged one, or one for another environment or another layout of
+            observations. This is found out before anything is unpickled.
     """
     path = find_file(path)
-    if not zipfile.is_zipfile(path):
-        raise ValueError(f"{path} is not a policy file of Stable-Baselines3")
-    try:
-        data, _, _ = load_from_zip_file(path, device="cpu")
-    except ModuleNotFoundError as error:
-        raise ValueError(
-            f"{path} needs {error.name}, which is not installed. Policies that `ballbot train` saved before 0.2.0 "
-            "scale observations with a module of that version: export them as ONNX with it, or train anew"
-        ) from error
-    except (ValueError, KeyError, AttributeError, OSError) as error:
-        raise ValueError(f"{path} is not a policy file of Stable-Baselines3: {error}") from error
-    found = (data or {}).get(METADATA)
-    if found is None and data and env_options is not None:
+    data = sb3_archive.read(path)
+    found = data.get(METADATA)
+    if found is None and env_options is not None:
         return _load_unnamed(path, data, task, env_options)
     if not isinstance(found, dict):
         raise ValueError(
@@ -168,37 +174,87 @@ def load(path: Path, task: str, env_options: Mapping[str, Any] | None = None) ->
     known = algorithms()
     if found["algorithm"] not in known:
         raise ValueError(f"{path}: unknown algorithm '{found['algorithm']}', expected one of {', '.join(known)}")
-    try:
-        model = known[found["algorithm"]].load(path, device="cpu")
-    except (ValueError, KeyError, AttributeError, RuntimeError) as error:
-        raise ValueError(f"{path} holds no {found['algorithm']} policy that can be loaded: {error}") from error
-    return model, {**found, "env_options": policy_file.completed(task, found["env_options"])}
+    options = policy_file.completed(task, found["env_options"])
+    replaced, unknown = sb3_archive.without_pickles(data, known[found["algorithm"]])
+    replaced["observation_space"] = observation_space(task, options["scale_observations"])
+    replaced["action_space"] = action_space()
+    if unknown:
+        if "policy_class" in unknown:
+            _check_class(path, data["policy_class"], found["algorithm"])
+        _warn_of_code(path, f"{' and '.join(unknown)} of its own")
+    _check_size(path, replaced.get("policy_kwargs", data.get("policy_kwargs")), task)
+    return _unpacked(path, found["algorithm"], replaced), {**found, "env_options": options}
 
 
 def _load_unnamed(
-    path: Path, data: dict[str, Any], task: str, env_options: Mapping[str, Any]
+    path: Path, data: Mapping[str, Any], task: str, env_options: Mapping[str, Any]
 ) -> tuple[BaseAlgorithm, dict[str, Any]]:
-    spaces = data.get("observation_space"), data.get("action_space")
     known = {scaled: (observation_space(task, scaled), action_space()) for scaled in (True, False)}
-    scaled = next((scaled for scaled, those in known.items() if spaces == those), None)
+    spaces = [data.get(f"{kind}_space") for kind in ("observation", "action")]
+    for space, expected in zip(spaces, known[True], strict=True):
+        shape = space.get("_shape") if isinstance(space, dict) else None
+        if shape != list(expected.shape or ()):
+            raise ValueError(
+                f"{path} was trained for another environment: it has a space of shape {shape}, expected {expected}"
+            )
+    _check_size(path, data.get("policy_kwargs"), task)
+    _warn_of_code(path, "no metadata of ballbot_rs")
+    name = _algorithm_of(data)
+    model = _unpacked(path, name, {})
+    found_spaces = model.observation_space, model.action_space
+    scaled = next((scaled for scaled, those in known.items() if found_spaces == those), None)
     if scaled is None:
         raise ValueError(
-            f"{path} was trained for another environment: it maps {spaces[0]} to {spaces[1]}, "
+            f"{path} was trained for another environment: it maps {found_spaces[0]} to {found_spaces[1]}, "
             f"expected {known[True][0]} to {known[True][1]}"
         )
     # Observations without scaling are those of a policy from before 0.2.0, unless the options say more.
     options = {"scale_observations": True, **env_options} if scaled else dict(env_options)
-    name = _algorithm_of(data)
-    found = {**metadata(task, name, {}), "env_options": policy_file.completed(task, options)}
+    return model, {**metadata(task, name, {}), "env_options": policy_file.completed(task, options)}
+
+
+def _warn_of_code(path: Path, why: str) -> None:
+    warnings.warn(
+        f"{path} has {why}: loading it runs code that is in the file, so load it only if you trust its origin. "
+        "Files of ballbot_rs.save with a usual policy, and ONNX files, are loaded without",
+        UserWarning,
+        stacklevel=3,
+    )
+
+
+def _check_class(path: Path, described: Mapping[str, Any], algorithm: str) -> None:
+    module = described.get("__module__")
+    for name, kind in algorithms().items():
+        if name != algorithm and module in {known.__module__ for known in kind.policy_aliases.values()}:
+            raise ValueError(f"{path} holds no {algorithm} policy: its policy_class is of {module}")
+
+
+def _check_size(path: Path, policy_arguments: Any, task: str) -> None:
+    if isinstance(policy_arguments, dict):
+        try:
+            policy_size.check_net_arch(policy_arguments, len(TASKS[task]["observation"]))
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+
+
+def _unpacked(path: Path, algorithm: str, replaced: dict[str, Any]) -> BaseAlgorithm:
+    """The model in a file, with some of its values replaced."""
     try:
-        return algorithms()[name].load(path, device="cpu"), found
-    except (ValueError, KeyError, AttributeError, RuntimeError) as error:
-        raise ValueError(f"{path} holds no {name} policy that can be loaded: {error}") from error
+        return algorithms()[algorithm].load(path, device="cpu", custom_objects=replaced)
+    except ModuleNotFoundError as error:
+        raise ValueError(
+            f"{path} needs {error.name}, which is not installed. Policies that `ballbot train` saved before 0.2.0 "
+            "scale observations with a module of that version: export them as ONNX with it, or train anew"
+        ) from error
+    # What a damaged or foreign file raises has no common base.
+    except Exception as error:
+        raise ValueError(f"{path} holds no {algorithm} policy that can be loaded: {error}") from error
 
 
-def _algorithm_of(data: dict[str, Any]) -> str:
+def _algorithm_of(data: Mapping[str, Any]) -> str:
     """The algorithm that wrote a file. Those that share their policy's class act alike."""
-    module = getattr(data.get("policy_class"), "__module__", "")
+    kind = data.get("policy_class")
+    module = str(kind.get("__module__")) if isinstance(kind, dict) else ""
     for name in algorithms():
         if f".{name.lower()}." in module:
             return name

@@ -1,16 +1,21 @@
 """Pictures and videos of a trajectory. Videos need moviepy, which brings ffmpeg along."""
 
+import io
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ballbot_rs import _files
 from ballbot_rs._core import Renderer
 from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.envs._render import Frames
+
+#: Lowest and highest number of frames a second.
+FRAME_RATES = (1.0, 240.0)
 
 
 def renderer_for(trajectory: Trajectory, **options: Any) -> Renderer:
@@ -64,25 +69,43 @@ def write_video(
     Raises:
         ModuleNotFoundError: moviepy is not installed.
         ValueError: another suffix, an odd size, or a frame rate out of range.
+        OSError: the video cannot be encoded or written; an earlier file stays as it is.
     """
     renderer = renderer or renderer_for(trajectory)
     if path.suffix != ".mp4":
         raise ValueError(f"{path}: the name of a video ends in .mp4")
-    if not 1.0 <= frame_rate <= 240.0:
-        raise ValueError(f"frame_rate = {frame_rate} is out of range: it must be from 1 to 240")
+    lowest, highest = FRAME_RATES
+    if not lowest <= frame_rate <= highest:
+        raise ValueError(f"frame_rate = {frame_rate} is out of range: it must be from {lowest:g} to {highest:g}")
     if renderer.width % 2 or renderer.height % 2:
         raise ValueError(f"a video of {renderer.width}x{renderer.height} pixels: width and height must be even")
     with require("a video", "video"):
         from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
-    path.parent.mkdir(parents=True, exist_ok=True)
     total = frame_count(trajectory, frame_rate)
     # Only colours at half the resolution play in every browser.
     size = (renderer.width, renderer.height)
-    with FFMPEG_VideoWriter(str(path), size, frame_rate, "libx264", pixel_format="yuv420p", preset="medium") as writer:
-        for done, frame in enumerate(frames(trajectory, renderer, frame_rate, forces), 1):
-            writer.write_frame(frame)
-            progress(done, total)
+    options = {"pixel_format": "yuv420p", "preset": "medium"}
+    with (
+        _files.replacing(path) as beside,
+        FFMPEG_VideoWriter(str(beside), size, frame_rate, "libx264", **options) as writer,
+    ):
+        try:
+            for done, frame in enumerate(frames(trajectory, renderer, frame_rate, forces), 1):
+                writer.write_frame(frame)
+                progress(done, total)
+        except OSError as error:
+            raise _failure(str(error)) from error
+        # This closes the encoder's input, which is how it learns of the end.
+        _, said = writer.proc.communicate()
+        if writer.proc.returncode != 0:
+            raise _failure(said.decode("utf-8", "replace"))
     return total
+
+
+def _failure(said: str) -> OSError:
+    """What the encoder said last; the lines before it are its way there."""
+    lines = said.strip().splitlines() or ["it ended without a message"]
+    return OSError(f"the video encoder failed: {lines[-1].strip()}")
 
 
 def write_picture(frame: Frames, path: Path) -> None:
@@ -91,10 +114,12 @@ def write_picture(frame: Frames, path: Path) -> None:
     Raises:
         ModuleNotFoundError: Pillow, which comes with moviepy and matplotlib, is not installed.
         ValueError: another suffix.
+        OSError: the file cannot be written; an earlier one stays as it is.
     """
     if path.suffix != ".png":
         raise ValueError(f"{path}: the name of a picture ends in .png")
     with require("a picture", "video"):
         from PIL import Image
-    path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(frame).save(path, optimize=True)
+    drawn = io.BytesIO()
+    Image.fromarray(frame).save(drawn, "PNG", optimize=True)
+    _files.write(path, drawn.getvalue())

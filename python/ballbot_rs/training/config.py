@@ -69,12 +69,15 @@ def parse(text: str, source: str) -> TrainConfig:
     """A configuration from TOML text; `source` is what messages call it.
 
     Raises:
-        ValueError: malformed TOML, a key that is not known, or a value out of range.
+        ValueError: malformed TOML, no key, a key that is not known, or a value out of range.
     """
     try:
         table = _toml.loads(text)
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from error
+    if not table:
+        known = ", ".join(field.name for field in dataclasses.fields(TrainConfig))
+        raise ValueError(f"{source}: it is empty, expected at least one of {known}")
     _check_keys(source, table, TrainConfig)
     if "evaluation" in table:
         if not isinstance(table["evaluation"], dict):

@@ -1,13 +1,13 @@
-"""Evaluations during training, as runs leave them behind. Needs neither torch nor Stable-Baselines3."""
+"""Learning curves, from the evaluations of runs. Needs neither torch nor Stable-Baselines3."""
 
 import dataclasses
-import json
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+
+from ballbot_rs.training import run_folder
 
 Array = npt.NDArray[np.float64]
 
@@ -32,21 +32,13 @@ def read(folder: Path) -> Curve:
 
     Raises:
         FileNotFoundError: there is no run, or it has not been evaluated yet.
-        ValueError: what it left behind cannot be read.
+        ValueError: a file of it is damaged; the message names the file.
     """
-    if not (folder / "run.json").is_file():
-        raise FileNotFoundError(f"{folder} holds no training run")
-    if not (folder / "evaluations.npz").is_file():
+    seed = run_folder.read_record(folder)["seed"]
+    kept = run_folder.read_evaluations(folder)
+    if kept is None or not len(kept.timesteps):
         raise FileNotFoundError(f"{folder} has no evaluations yet")
-    try:
-        with np.load(folder / "evaluations.npz") as kept:
-            timesteps, returns, successes = (kept[name].astype(float) for name in ("timesteps", "results", "successes"))
-        seed = int(json.loads((folder / "run.json").read_text(encoding="utf-8"))["seed"])
-    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        # What NumPy says of a damaged file is advice to read it as a pickle.
-        raise ValueError(f"{folder}: its evaluations cannot be read, run.json or evaluations.npz is damaged") from error
-    config = (folder / "config.toml").read_text(encoding="utf-8")
-    return Curve(folder, seed, config, timesteps, returns, successes)
+    return Curve(folder, seed, run_folder.read_config_text(folder), kept.timesteps, kept.returns, kept.successes)
 
 
 def by_configuration(curves: Sequence[Curve]) -> list[list[Curve]]:

@@ -16,7 +16,7 @@ import stable_baselines3
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from ballbot_rs import __version__
+from ballbot_rs import __version__, _files
 from ballbot_rs._extras import require
 from ballbot_rs.control import sb3_policy
 from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy
@@ -63,23 +63,19 @@ def export(source: Path, target: Path, task: str = DEFAULT_TASK, env_options: Ma
         FileNotFoundError: there is no policy.
         ValueError: it is a policy for something else, or its ONNX form does not act as it does; nothing is written.
         ModuleNotFoundError: what exports is not installed.
+        OSError: the file cannot be written; an earlier one stays as it is.
     """
     model, found = sb3_policy.load(source, task, env_options)
     if not _is_known(model):
         raise ValueError(f"{source}: a policy of {found['algorithm']} cannot be exported")
     content = _with_metadata(_graph(model), _metadata(found, task))
-    target.parent.mkdir(parents=True, exist_ok=True)
-    unchecked = target.with_name(f".{target.stem}-unchecked.onnx")
-    try:
+    with _files.replacing(target) as unchecked:
         unchecked.write_bytes(content)
         difference = _difference(model, OnnxPolicy(unchecked, task))
         if not difference <= TOLERANCE:
             raise ValueError(
                 f"{sb3_policy.find_file(source)} and its ONNX form differ by {difference:.1e} > {TOLERANCE:.0e}"
             )
-        unchecked.replace(target)
-    finally:
-        unchecked.unlink(missing_ok=True)
     return difference
 
 

@@ -8,18 +8,22 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import numpy as np
 import stable_baselines3
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import CheckpointCallback, EvalCallback
 from stable_baselines3.common.vec_env import VecMonitor
 
 import ballbot_rs
+from ballbot_rs import _files
+from ballbot_rs._core import TASKS
+from ballbot_rs.control import policy_size, sb3_policy
 from ballbot_rs.control.sb3_policy import METADATA, algorithms, metadata
 from ballbot_rs.envs.registration import task_of
 from ballbot_rs.envs.sb3 import BallbotVecEnv
 from ballbot_rs.training import config as config_module
+from ballbot_rs.training import run_folder
+from ballbot_rs.training.callbacks import Checkpoints, KeepBest
+from ballbot_rs.training.checkpoint import restore_newest
 from ballbot_rs.training.config import TrainConfig
 
 #: Seeds of environments: each run has its own range, evaluations have its end, and `compare` stays below all of them.
@@ -53,62 +57,91 @@ def train(
     Raises:
         FileExistsError: the folder holds an earlier run.
         ValueError: the configuration does not fit the environment or the algorithm.
+        OSError: a file cannot be written.
     """
     if not 0 <= seed < 2**32:
         raise ValueError(f"seed = {seed} is out of range: it must be from 0 to 2**32 - 1")
     if folder.exists() and any(folder.iterdir()):
         if not overwrite:
             raise FileExistsError(f"{folder} holds an earlier run: resume it, overwrite it, or name another")
-        if not (folder / "run.json").is_file():
+        if not (folder / run_folder.RECORD).is_file():
             raise FileExistsError(f"{folder} is not a training run, so it is not overwritten")
     torch.set_num_threads(config.torch_threads)
     # Before anything is deleted or written: this is what refuses a configuration.
     model = _new_model(config, folder, seed)
-    if folder.exists():
-        shutil.rmtree(folder)
-    folder.mkdir(parents=True)
-    (folder / "config.toml").write_text(text, encoding="utf-8")
+    _empty(folder)
+    # The record comes first: a folder with it is a run, which may be overwritten.
     _write_record(folder, seed)
-    return _learn(model, config, folder, seed, config.total_timesteps, progress_bar)
+    _files.write(folder / run_folder.CONFIG, text)
+    return _learn(model, config, folder, _keep_best(config, folder, seed), config.total_timesteps, progress_bar)
 
 
-def resume(folder: Path, *, timesteps: int | None = None, progress_bar: bool = True) -> Path:
-    """Continues a run from its latest checkpoint to the number of steps that it was to have.
+def resume(
+    folder: Path,
+    *,
+    timesteps: int | None = None,
+    progress_bar: bool = True,
+    tell: Callable[[str], None] = lambda text: None,  # noqa: ARG005
+) -> Path:
+    """Continues a run from its newest checkpoint that can be read to the number of steps that it was to have.
 
-    The random numbers go on, but not where they were: a resumed run is not bit-identical to an uninterrupted one.
+    A checkpoint that cannot be read is skipped with a `UserWarning`. No code in the checkpoint is run. Evaluations
+    from after the checkpoint are dropped; the best policy stays, whenever it was found. The random numbers go on, but
+    not where they were: a resumed run is not bit-identical to an uninterrupted one.
 
     Args:
         folder: the run.
         timesteps: the number of steps that the run is to have from now on; a finished run goes on for the difference.
         progress_bar: whether to show one.
+        tell: called with a text that names the checkpoint.
 
     Raises:
         FileNotFoundError: the folder holds no run, or one without a checkpoint.
-        ValueError: a run of SAC, whose replay buffer is not kept.
+        ValueError: a file of the run is damaged, which the message names; no checkpoint can be read; or a run of SAC,
+            whose replay buffer is not kept.
+        OSError: a file cannot be read or written.
     """
-    record = folder / "run.json"
-    if not record.is_file():
-        raise FileNotFoundError(f"{folder} holds no training run")
-    seed = int(json.loads(record.read_text(encoding="utf-8"))["seed"])
-    text = (folder / "config.toml").read_text(encoding="utf-8")
+    seed = run_folder.read_record(folder)["seed"]
+    text = run_folder.read_config_text(folder)
+    source = str(folder / run_folder.CONFIG)
+    config = config_module.parse(text, source)
     if timesteps is not None:
         text = config_module.with_values(text, {"total_timesteps": timesteps})
-    config = config_module.parse(text, str(folder / "config.toml"))
-    checkpoints = sorted((folder / "checkpoints").glob("rl_model_*_steps.zip"), key=_steps_of)
+        config = config_module.parse(text, source)
     if config.algorithm == "SAC":
         raise ValueError("a SAC run cannot be resumed: its replay buffer is not kept")
-    if not checkpoints:
-        raise FileNotFoundError(f"{folder} has no checkpoint to resume from")
-    (folder / "config.toml").write_text(text, encoding="utf-8")
+    past = run_folder.read_evaluations(folder)
+    if past is not None and past.returns.shape[1] != config.evaluation.episodes:
+        raise ValueError(
+            f"{source}: evaluation.episodes = {config.evaluation.episodes}, but the evaluations of the run so far "
+            f"have {past.returns.shape[1]}"
+        )
     torch.set_num_threads(config.torch_threads)
-    model = algorithms()[config.algorithm].load(checkpoints[-1], env=_environment(config), device="cpu")
-    # Loading seeds everything as at the start of the run: go on with other numbers.
+    model = _new_model(config, folder, seed)
+    checkpoint = restore_newest(model, folder)
+    keep_best = _keep_best(config, folder, seed)
+    keep_best.remember(past, model.num_timesteps, task_of(config.env_id))
+    tell(f"resuming from {checkpoint}")
+    for place in (folder, checkpoint.parent):
+        _files.delete_remains(place)
+    if timesteps is not None:
+        _files.write(folder / run_folder.CONFIG, text)
+    # The start of the run has had the first numbers: go on with others.
     model.set_random_seed(seed + model.num_timesteps)
     _seed_environments(model, _first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
-    remaining = config.total_timesteps - model.num_timesteps
-    if remaining <= 0:
-        return _finish(model, folder)
-    return _learn(model, config, folder, seed, remaining, progress_bar)
+    keep_best.evaluate(model)
+    return _learn(model, config, folder, keep_best, config.total_timesteps - model.num_timesteps, progress_bar)
+
+
+def _empty(folder: Path) -> None:
+    """Deletes what an earlier run left, its record last: until then the folder is a run that may be overwritten."""
+    if not folder.exists():
+        return
+    for path in folder.iterdir():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        elif path.name != run_folder.RECORD:
+            path.unlink()
 
 
 def _environment(config: TrainConfig) -> VecMonitor:
@@ -140,6 +173,7 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
         arguments[name] = _linear(float(arguments[name]))
     try:
         environment = _environment(config)
+        policy_size.check_net_arch(config.policy, len(TASKS[task_of(config.env_id)]["observation"]))
         model: BaseAlgorithm = algorithms()[config.algorithm](
             "MlpPolicy",
             environment,
@@ -149,7 +183,7 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
             device="cpu",
             **arguments,
         )
-    except (TypeError, AssertionError) as error:
+    except (TypeError, AssertionError, RuntimeError, MemoryError) as error:
         raise ValueError(f"the configuration does not fit {config.algorithm}: {error}") from error
     # The learner has seeded the environments with its own seed.
     _seed_environments(model, _first_seed(seed))
@@ -158,10 +192,7 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
     return model
 
 
-def _learn(
-    model: BaseAlgorithm, config: TrainConfig, folder: Path, seed: int, timesteps: int, progress_bar: bool
-) -> Path:
-    every = max(config.evaluation.every_timesteps // config.num_envs, 1)
+def _keep_best(config: TrainConfig, folder: Path, seed: int) -> KeepBest:
     evaluation = BallbotVecEnv(
         min(config.evaluation.episodes, 100),
         task=task_of(config.env_id),
@@ -170,49 +201,30 @@ def _learn(
         seed=_first_seed(seed) + EVALUATION_SEEDS,
         **config.env,
     )
-    keep_best = EvalCallback(
-        VecMonitor(evaluation),
-        n_eval_episodes=config.evaluation.episodes,
-        eval_freq=every,
-        log_path=str(folder),
-        best_model_save_path=str(folder),
-        verbose=0,
-    )
-    _remember(keep_best, folder / "evaluations.npz")
-    callbacks = [CheckpointCallback(every, str(folder / "checkpoints")), keep_best]
-    try:
-        model.learn(timesteps, callback=callbacks, reset_num_timesteps=False, progress_bar=progress_bar)
-    finally:
-        # Whatever ended it, the run can be resumed from here.
-        checkpoint = folder / "checkpoints" / f"rl_model_{model.num_timesteps}_steps.zip"
-        if not checkpoint.is_file():
-            model.save(checkpoint)
-    if keep_best.evaluations_timesteps[-1:] != [model.num_timesteps]:
-        # The last policy has not been evaluated, and is often the best one.
-        keep_best.eval_freq = 1
-        keep_best.on_step()
-    return _finish(model, folder)
+    return KeepBest(folder, VecMonitor(evaluation), every=_every(config), episodes=config.evaluation.episodes)
 
 
-def _remember(callback: EvalCallback, path: Path) -> None:
-    """Gives the callback the evaluations before the interruption: only a better policy replaces the best one."""
-    if not path.is_file():
-        return
-    with np.load(path) as past:
-        callback.evaluations_timesteps = past["timesteps"].tolist()
-        callback.evaluations_results = past["results"].tolist()
-        callback.evaluations_length = past["ep_lengths"].tolist()
-        callback.evaluations_successes = past["successes"].tolist()
-        callback.best_mean_reward = float(past["results"].mean(axis=1).max())
+def _every(config: TrainConfig) -> int:
+    """Steps of all environments between two evaluations, and between two checkpoints."""
+    return max(config.evaluation.every_timesteps // config.num_envs, 1)
 
 
-def _finish(model: BaseAlgorithm, folder: Path) -> Path:
-    model.save(folder / "final_model.zip")
-    return folder / "best_model.zip"
-
-
-def _steps_of(checkpoint: Path) -> int:
-    return int(checkpoint.stem.split("_")[-2])
+def _learn(
+    model: BaseAlgorithm, config: TrainConfig, folder: Path, keep_best: KeepBest, timesteps: int, progress_bar: bool
+) -> Path:
+    checkpoints = Checkpoints(folder, _every(config))
+    if timesteps > 0:
+        try:
+            model.learn(
+                timesteps, callback=[checkpoints, keep_best], reset_num_timesteps=False, progress_bar=progress_bar
+            )
+        finally:
+            # Whatever ended it, the run can be resumed from here.
+            checkpoints.keep(model)
+    # The last policy is often the best one.
+    keep_best.evaluate(model)
+    sb3_policy.write(model, folder / run_folder.FINAL)
+    return folder / run_folder.BEST
 
 
 def _write_record(folder: Path, seed: int) -> None:
@@ -226,4 +238,4 @@ def _write_record(folder: Path, seed: int) -> None:
             "python": platform.python_version(),
         },
     }
-    (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    _files.write(folder / run_folder.RECORD, json.dumps(record, indent=2) + "\n")

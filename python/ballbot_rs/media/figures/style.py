@@ -1,11 +1,14 @@
 """How every figure of this project looks, and how it is saved: the same numbers give the same file."""
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib as mpl
 from cycler import cycler
 from matplotlib.figure import Figure
+
+from ballbot_rs import _files
 
 INK, GRID, PAPER = "#212529", "#dee2e6", "#ffffff"
 #: Colours that stay apart for the colour-blind and on grey paper, in the order of use.
@@ -49,7 +52,12 @@ def figure(width: float = 8.0, height: float = 3.2) -> Figure:
 
 
 def save(fig: Figure, path: Path, dpi: int = 150) -> None:
-    """Writes the figure; the suffix of `path` chooses SVG, PDF or PNG."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Writes the figure; the suffix of `path` chooses SVG, PDF or PNG.
+
+    Raises:
+        OSError: the file cannot be written; an earlier one stays as it is.
+    """
     undated: dict[str, None] = {"Date": None, "Creator": None} if path.suffix == ".svg" else {}
-    fig.savefig(path, dpi=dpi, metadata=undated or None)
+    drawn = io.BytesIO()
+    fig.savefig(drawn, dpi=dpi, format=path.suffix.removeprefix("."), metadata=undated or None)
+    _files.write(path, drawn.getvalue())

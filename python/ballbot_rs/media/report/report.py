@@ -1,12 +1,11 @@
 """What the report of a training run shows, from its folder to the file."""
 
 import dataclasses
-import json
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ballbot_rs import _files
 from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._text_table import LEGEND, rows
@@ -16,7 +15,7 @@ from ballbot_rs.analysis.episodes import Result, compare
 from ballbot_rs.control.resolve import find
 from ballbot_rs.media.report import page
 from ballbot_rs.media.video import renderer_for, write_video
-from ballbot_rs.training import curve
+from ballbot_rs.training import curve, run_folder
 
 #: What a policy is compared with.
 BESIDE = ("lqr", "pid")
@@ -45,15 +44,21 @@ def write(
 
     Raises:
         FileNotFoundError: the folder holds no run, or one without a policy.
-        ValueError: what is there cannot be read.
+        ValueError: a number out of range, or what is there cannot be read; the message names the file.
+        OSError: the file cannot be written; an earlier one stays as it is.
         ModuleNotFoundError: matplotlib or moviepy is not installed.
     """
     with require("a report", "plot", "video"):
         from ballbot_rs.media.figures import learning_curve, recovery_map
         from ballbot_rs.media.figures.labels import short
+    # Not `< 0`, which is false for NaN; the length itself is checked where it is simulated.
+    if not video_seconds >= 0.0:
+        raise ValueError(f"video_seconds = {video_seconds} is out of range: it must be at least 0")
+    if episodes < 0:
+        raise ValueError(f"episodes = {episodes} is out of range: it must be at least 0")
     learned = curve.read(folder)
-    record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    policy = find(str(folder / "best_model.zip"))
+    record = run_folder.read_record(folder)
+    policy = find(str(folder / run_folder.BEST))
     show = progress or (lambda _: no_progress)
     parts = [page.note(f"Training run {folder.resolve().name}, seed {record['seed']}.")]
     # First, because this is what may turn out not to be installed.
@@ -83,12 +88,16 @@ def write(
             page.note("A robot at rest is let go, leaning by the radius towards the angle; 0° is the body's x axis."),
         ),
         page.section("Configuration", page.code(learned.config)),
-        page.section("Versions", page.table([("what", "version"), *record["versions"].items()])),
+        page.section("Versions", page.table([("what", "version"), *_versions(record)])),
     ]
     target = target or folder / "report.html"
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(page.page("Balancing on a ball: a training run", parts), encoding="utf-8")
+    _files.write(target, page.page("Balancing on a ball: a training run", parts))
     return target
+
+
+def _versions(record: dict[str, Any]) -> list[tuple[str, str]]:
+    versions = record.get("versions")
+    return [(name, str(version)) for name, version in versions.items()] if isinstance(versions, dict) else []
 
 
 def _video(policy: Any, seconds: float, progress: Progress) -> tuple[str, str]:
@@ -96,8 +105,8 @@ def _video(policy: Any, seconds: float, progress: Progress) -> tuple[str, str]:
     shown = trajectory.run(policy, seconds=seconds, tilt=TILT, push=push)
     # Small and plain: the report is to be quick.
     renderer = renderer_for(shown, width=480, height=360, samples=1)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "policy.mp4"
+    with _files.scratch_folder() as folder:
+        path = folder / "policy.mp4"
         write_video(shown, path, renderer=renderer, frame_rate=25.0, forces=True, progress=progress)
         playing = page.video(path)
     pushed = "" if push is None else f", pushed by {push.impulse} N·s at {push.time} s"

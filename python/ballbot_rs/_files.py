@@ -1,0 +1,94 @@
+"""Files are written beside their place and moved into it whole: a crash or a full disk leaves the old file intact."""
+
+import contextlib
+import errno
+import os
+import shutil
+import stat
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+#: What the name of a file that is not finished has in it.
+PARTIAL = ".partial"
+
+#: Files that are being written now, and scratch folders. Whoever ends the process without unwinding deletes them.
+_unfinished: set[Path] = set()
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A context that yields the path of a file to write; at its end that file takes the place of `path`.
+
+    The file has the suffix of `path` and is in the same folder, which is made if need be. After an error it is
+    deleted, and `path` is as it was.
+
+    Raises:
+        OSError: the file cannot be written or moved; its `filename` is `path`.
+    """
+    target = path.resolve() if path.is_symlink() else path
+    beside = target.with_name(f".{target.stem[:100]}.{os.getpid()}{PARTIAL}{target.suffix[:20]}")
+    try:
+        if target.exists() and not stat.S_ISREG(target.stat().st_mode):
+            raise OSError(errno.EEXIST, "it is there already and is not a regular file")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _unfinished.add(beside)
+        yield beside
+        with beside.open("r+b") as written:
+            os.fsync(written.fileno())
+        beside.replace(target)
+        _sync_folder(target.parent)
+    except OSError as error:
+        raise OSError(error.errno or errno.EIO, f"not written: {error.strerror or error}", str(path)) from error
+    finally:
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
+        _unfinished.discard(beside)
+
+
+@contextlib.contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """A context with an empty folder for temporary files, which is deleted at its end."""
+    with tempfile.TemporaryDirectory(prefix="ballbot-") as name:
+        folder = Path(name)
+        _unfinished.add(folder)
+        try:
+            yield folder
+        finally:
+            _unfinished.discard(folder)
+
+
+def write(path: Path, content: bytes | str) -> None:
+    """Writes a whole file, text as UTF-8.
+
+    Raises:
+        OSError: as `replacing`.
+    """
+    with replacing(path) as beside:
+        beside.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+
+
+def delete_unfinished() -> None:
+    """Deletes the files that this process has not finished."""
+    for path in list(_unfinished):
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            with contextlib.suppress(OSError):
+                path.unlink(missing_ok=True)
+
+
+def delete_remains(folder: Path) -> None:
+    """Deletes files that a process which was killed has left unfinished in a folder."""
+    for path in folder.glob(f".*{PARTIAL}*"):
+        path.unlink(missing_ok=True)
+
+
+def _sync_folder(folder: Path) -> None:
+    # A rename lasts over a power cut once its folder has been written. Windows has no such call.
+    if os.name == "posix":
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

@@ -1,0 +1,95 @@
+"""Standard streams of the command: closed ones, ones that have no room, and ones that know few characters."""
+
+import codecs
+import contextlib
+import io
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+#: Exit code of a process whose reader has gone, as a shell counts it: 128 and the number of SIGPIPE.
+BROKEN_PIPE: Final = 141
+
+#: What stands for characters of our own texts where the terminal's encoding has none.
+PLAIN: Final = {"·": "*", "…": "~", "°": " deg", "×": "x", "±": "+-", "µ": "u"}
+
+_ERRORS: Final = "ballbot_rs.plain"
+
+
+def _plainly(error: UnicodeError) -> tuple[str | bytes, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    text = error.object[error.start : error.end]
+    return "".join(PLAIN.get(c, c.encode("ascii", "backslashreplace").decode()) for c in text), error.end
+
+
+codecs.register_error(_ERRORS, _plainly)
+
+
+@contextlib.contextmanager
+def prepared() -> Iterator[None]:
+    """A context in which all three streams can be used whatever they are, and printing fails on no character."""
+    _fill_closed()
+    if isinstance(sys.stdout, io.TextIOWrapper) and not sys.stdout.isatty():
+        # So that PYTHONUNBUFFERED changes nothing: what cannot be written is found out in `flush`.
+        sys.stdout.reconfigure(write_through=False)
+    changed: list[tuple[io.TextIOWrapper, str]] = []
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and not _knows(stream.encoding, "".join(PLAIN)):
+            changed.append((stream, stream.errors or "strict"))
+            stream.reconfigure(errors=_ERRORS)
+    try:
+        yield
+    finally:
+        for stream, errors in changed:
+            with contextlib.suppress(OSError):
+                stream.reconfigure(errors=errors)
+
+
+def flush() -> None:
+    """Writes out what has been printed. After an error nothing more is written.
+
+    Raises:
+        BrokenPipeError: the reader has gone.
+        OSError: standard output has no room.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        _give_up()
+        if isinstance(error, BrokenPipeError):
+            raise
+        raise OSError(error.errno, error.strerror, "standard output") from error
+
+
+def _give_up() -> None:
+    # Python would try to write the rest as it exits, and complain.
+    try:
+        descriptor = sys.stdout.fileno()
+    except (OSError, ValueError):
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, descriptor)
+    os.close(nowhere)
+
+
+def _knows(encoding: str, characters: str) -> bool:
+    try:
+        characters.encode(encoding)
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _fill_closed() -> None:
+    # A file that is opened later would take the number of a closed stream, and be written to by who prints.
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        mode = "r" if name == "stdin" else "w"
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDONLY if mode == "r" else os.O_WRONLY)
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115

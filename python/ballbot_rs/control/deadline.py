@@ -1,0 +1,57 @@
+"""A time limit for runs of onnxruntime: a model may have a loop without end."""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, Final, TypeVar
+
+_Result = TypeVar("_Result")
+
+#: Time between two looks at what is running, and after which a thread without work ends, s.
+PERIOD: Final = 0.05
+IDLE: Final = 5.0
+
+_lock = threading.Lock()
+#: When the run of a thread has to be over, and the options by which it is told to end.
+_running: dict[int, tuple[float, Any]] = {}
+_watcher: threading.Thread | None = None
+
+
+def run(seconds: float, options: Any, call: Callable[[Any], _Result]) -> _Result:
+    """Calls with `options`, a `RunOptions` of onnxruntime of its own, by which the call is ended after a time.
+
+    Raises:
+        TimeoutError: it took longer.
+    """
+    global _watcher
+    with _lock:
+        _running[threading.get_ident()] = (time.monotonic() + seconds, options)
+        if _watcher is None:
+            _watcher = threading.Thread(target=_watch, name="onnxruntime deadline", daemon=True)
+            _watcher.start()
+    try:
+        return call(options)
+    # Its exceptions have no common base of their own.
+    except Exception as error:
+        if options.terminate:
+            raise TimeoutError(f"it ran for more than {seconds:g} s") from error
+        raise
+    finally:
+        with _lock:
+            del _running[threading.get_ident()]
+
+
+def _watch() -> None:
+    global _watcher
+    worked = time.monotonic()
+    while True:
+        time.sleep(PERIOD)
+        now = time.monotonic()
+        with _lock:
+            for deadline, options in _running.values():
+                worked = now
+                if now > deadline:
+                    options.terminate = True
+            if now - worked > IDLE:
+                _watcher = None
+                return

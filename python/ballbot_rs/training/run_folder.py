@@ -1,0 +1,130 @@
+"""The files of a training run: where they are, and reading them. Needs neither torch nor Stable-Baselines3."""
+
+import dataclasses
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs import _files
+
+Array = npt.NDArray[np.float64]
+
+RECORD = "run.json"
+CONFIG = "config.toml"
+EVALUATIONS = "evaluations.npz"
+BEST = "best_model.zip"
+FINAL = "final_model.zip"
+CHECKPOINTS = "checkpoints"
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluations:
+    """Evaluations during training: rows are evaluations, columns their episodes."""
+
+    #: Environment steps before each evaluation, shape (n,).
+    timesteps: Array
+    #: Return of each episode, shape (n, m).
+    returns: Array
+    #: Steps of each episode, shape (n, m).
+    lengths: Array
+    #: 1 for an episode that ended in success, else 0, shape (n, m).
+    successes: Array
+
+    def up_to(self, timesteps: int) -> "Evaluations":
+        """Those after at most so many steps."""
+        kept = self.timesteps <= timesteps
+        return Evaluations(self.timesteps[kept], self.returns[kept], self.lengths[kept], self.successes[kept])
+
+    def followed_by(self, other: "Evaluations") -> "Evaluations":
+        """Those of both, which have the same number of episodes."""
+        columns = (dataclasses.astuple(self), dataclasses.astuple(other))
+        return Evaluations(*(np.concatenate(pair) for pair in zip(*columns, strict=True)))
+
+    def save(self, folder: Path) -> None:
+        """Writes them into a run, under the names that Stable-Baselines3 gives them.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        content = io.BytesIO()
+        np.savez(
+            content,
+            timesteps=self.timesteps.astype(np.int64),
+            results=self.returns,
+            ep_lengths=self.lengths.astype(np.int64),
+            successes=self.successes.astype(bool),
+        )
+        _files.write(folder / EVALUATIONS, content.getvalue())
+
+
+def read_record(folder: Path) -> dict[str, Any]:
+    """The record of a run: its seed, and the versions that it was made with.
+
+    Raises:
+        FileNotFoundError: the folder holds no run.
+        ValueError: the record is damaged.
+    """
+    path = folder / RECORD
+    if not path.is_file():
+        raise FileNotFoundError(f"{folder} holds no training run")
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged: {error}") from error
+    if not isinstance(record, dict) or not isinstance(record.get("seed"), int):
+        raise ValueError(f"{path} is damaged: it must have the run's seed, a whole number")
+    return record
+
+
+def read_evaluations(folder: Path) -> Evaluations | None:
+    """The evaluations of a run; None if there are none yet.
+
+    Raises:
+        ValueError: the file is damaged.
+    """
+    path = folder / EVALUATIONS
+    if not path.is_file():
+        return None
+    names = ("timesteps", "results", "ep_lengths", "successes")
+    try:
+        with np.load(path) as kept:
+            timesteps, *others = (kept[name].astype(float) for name in names)
+    except (ValueError, KeyError, TypeError, EOFError, OSError, zipfile.BadZipFile):
+        # What NumPy says of a damaged file is advice to read it as a pickle.
+        raise ValueError(f"{path} is damaged: it must hold the arrays {', '.join(names)}") from None
+    shapes = {array.shape for array in others}
+    if timesteps.ndim != 1 or len(shapes) != 1 or any(len(s) != 2 or s[0] != len(timesteps) for s in shapes):
+        found = ", ".join(str(array.shape) for array in (timesteps, *others))
+        raise ValueError(f"{path} is damaged: its arrays have the shapes {found}")
+    return Evaluations(timesteps, *others)
+
+
+def read_config_text(folder: Path) -> str:
+    """The text of a run's configuration.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is no text.
+    """
+    path = folder / CONFIG
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is damaged: {error}") from error
+
+
+def checkpoint_path(folder: Path, timesteps: int) -> Path:
+    """Where the checkpoint after so many steps is."""
+    return folder / CHECKPOINTS / f"rl_model_{timesteps}_steps.zip"
+
+
+def checkpoints(folder: Path) -> list[Path]:
+    """The checkpoints of a run, the newest first."""
+    found = {path: path.stem.split("_")[-2] for path in (folder / CHECKPOINTS).glob("rl_model_*_steps.zip")}
+    numbered = {path: int(steps) for path, steps in found.items() if steps.isdecimal()}
+    return sorted(numbered, key=lambda path: numbered[path], reverse=True)

@@ -1,0 +1,76 @@
+"""Numbers of the command line: each one out of range is refused with its value and the limit."""
+
+import argparse
+from pathlib import Path
+
+import pytest
+
+from ballbot_rs.cli import main, parser
+
+#: (command, option, number of values, lowest or None, highest or None)
+LIMITS = [
+    ("evaluate", "--episodes", 1, 1, 100_000),
+    ("evaluate", "--seed", 1, 0, 2**64 - 1),
+    ("train", "--episodes", 1, 0, 100_000),
+    ("train", "--seed", 1, 0, 2**32 - 1),
+    ("train", "--timesteps", 1, 1, 10**12),
+    ("report", "--episodes", 1, 0, 100_000),
+    ("report", "--video-seconds", 1, 0, 3600),
+    ("view", "--batch", 1, 1, 64),
+    ("view", "--port", 1, 1, 65535),
+    ("view", "--seconds", 1, None, 1e6),
+    ("record", "--still", 1, 0, 3600),
+    ("record", "--size", 2, 1, 8192),
+    ("record", "--samples", 1, 1, 4),
+    ("record", "--frame-rate", 1, 1, 240),
+    ("record", "--camera", 2, None, None),
+    ("record", "--distance", 1, 0.01, 1000),
+    *(
+        (command, option, count, low, high)
+        for command in ("record", "plot")
+        for option, count, low, high in (
+            ("--seconds", 1, None, 3600),
+            ("--tilt", 2, None, None),
+            ("--yaw", 1, None, None),
+            ("--push", 3, None, None),
+            ("--push-at", 1, 0, 3600),
+        )
+    ),
+]
+
+
+def options():
+    """Every option of every command that takes what is neither text nor a path."""
+    (commands,) = (action for action in parser()._actions if isinstance(action, argparse._SubParsersAction))
+    for name, command in commands.choices.items():
+        for action in command._actions:
+            if action.option_strings and action.type not in (None, Path):
+                yield name, action.option_strings[-1]
+
+
+def test_every_numeric_option_is_here():
+    assert sorted(options()) == sorted((command, option) for command, option, *_ in LIMITS)
+
+
+@pytest.mark.parametrize(("command", "option", "count", "low", "high"), LIMITS)
+def test_a_number_out_of_range_is_refused(capsys, tmp_path, monkeypatch, command, option, count, low, high):
+    monkeypatch.chdir(tmp_path)
+    wrong = ["nan", "inf", "-inf", "1e999", "many", ""]
+    wrong += [] if low is None else [f"{low - 1:g}"]
+    wrong += ["0"] if option == "--seconds" else []
+    wrong += [] if high is None else [str(high + 1)]
+    given = ["x"] if command == "report" else []
+    for value in wrong:
+        with pytest.raises(SystemExit) as ended:
+            main([command, *given, *([f"{option}={value}"] if count == 1 else [option, *[value] * count])])
+        assert ended.value.code == 2
+        said = capsys.readouterr().err.splitlines()[-1]
+        assert said.startswith(f"ballbot {command}: error: argument ")
+        assert f"{value} is out of range: it must be " in said or f"'{value}' is not a " in said, said
+        assert high is None or not value.endswith("1") or f"{high:g}" in said or str(high) in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_negative_number_may_have_an_exponent():
+    parsed = parser().parse_args(["record", "--tilt", "-1e-3", "-.5", "--push", "-1", "-2.5E+1", "-0"])
+    assert (parsed.tilt, parsed.push) == ([-0.001, -0.5], [-1.0, -25.0, 0.0])
