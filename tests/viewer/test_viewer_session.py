@@ -124,15 +124,15 @@ def test_a_policy_sees_and_does_what_it_would_in_the_environment(model):
     policy = Linear(control_dt=0.02, max_wheel_torque=0.5, sim_dt=0.001)
     session = Session(model)
     session.choose(controller=policy.named("any.onnx"))
-    session.move_setpoint(0.1, -0.2)
     session.reset((0.02, -0.01))
-    env = BalanceEnv(model=model, setpoint=(0.1, -0.2), fall_tilt=1.0, **policy.env_options)
-    observation, _ = env.reset(options={"state": session.robots.states[0]})
+    driver, robots, setpoint = session.driver, session.robots, (0.1, -0.2)
+    env = BalanceEnv(model=model, setpoint=setpoint, fall_tilt=1.0, **policy.env_options)
+    observation, _ = env.reset(options={"state": robots.states[0]})
     for step in range(60):
-        seen = session.driver.observe(0, session.robots.states[0], session.setpoint)
+        seen = driver.observe(0, robots.states[0], setpoint)
         np.testing.assert_allclose(seen, observation, rtol=1e-5, atol=1e-6, err_msg=f"step {step}")
         observation, _, terminated, _, _ = env.step(policy.act(observation[np.newaxis])[0])
-        session.step()
+        robots.step(driver.torques(robots.states, setpoint), round(driver.control_dt / driver.sim_dt))
         np.testing.assert_allclose(session.frame().states[0], env.state.to_array(), rtol=1e-7, atol=1e-7)
         if terminated:
             break

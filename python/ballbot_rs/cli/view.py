@@ -43,7 +43,10 @@ def run(arguments: argparse.Namespace) -> None:
     options = common_options([controller], scenario.env_options(arguments))
     robot, params = _robot(arguments, options.get("params", "paper"))
     urdfs = {} if arguments.urdf is None else {robot: tuple(arguments.urdf)}
-    controller = dataclasses.replace(controller, env_options=options)
+    # The robot of the policy's training remains: a session tries the policy on any other.
+    trained = {name: value for name, value in controller.env_options.items() if name == "params"}
+    kept = {name: value for name, value in options.items() if name != "params"}
+    controller = dataclasses.replace(controller, env_options={**kept, **trained})
     session = Session(options.get("model", "rigid"), robot, controller, arguments.batch, params)
     with require("the page", "view"):
         from ballbot_rs.viewer.view import View

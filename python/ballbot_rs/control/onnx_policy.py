@@ -52,6 +52,7 @@ class OnnxPolicy:
         if shapes != [("observation", [self._rows]), ("action", [3])]:
             raise ValueError(f"{file} maps {shapes}, expected an observation of {self._rows} to an action of 3")
         self._env_options = policy_file.completed(task, self.metadata["env_options"])
+        self._run: Any = None
 
     @property
     def env_options(self) -> dict[str, Any]:
@@ -71,8 +72,24 @@ class OnnxPolicy:
         if rows.ndim not in (1, 2) or rows.shape[-1] != self._rows:
             raise ValueError(f"observation has shape {rows.shape}, expected ({self._rows},) or (n, {self._rows})")
         actions: npt.NDArray[np.float32]
-        (actions,) = self._session.run(["action"], {"observation": np.ascontiguousarray(np.atleast_2d(rows))})
+        self._run = _run_options()
+        (actions,) = self._session.run(
+            ["action"], {"observation": np.ascontiguousarray(np.atleast_2d(rows))}, self._run
+        )
         return actions if rows.ndim == 2 else actions[0]
+
+    def interrupt(self) -> None:
+        """Ends a call of `act` in another thread, which then raises: a file may hold a loop that does not end."""
+        if self._run is not None:
+            self._run.terminate = True
+
+
+def _run_options() -> Any:
+    import onnxruntime
+
+    options = onnxruntime.RunOptions()
+    options.log_severity_level = 4
+    return options
 
 
 def _session(file: Path) -> Any:
