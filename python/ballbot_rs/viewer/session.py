@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import MODELS, ROBOTS, Params
 from ballbot_rs.control.reference import Reference
-from ballbot_rs.control.resolve import ResolvedController, find
+from ballbot_rs.control.resolve import NAMES, ResolvedController, find
 from ballbot_rs.viewer.drivers import Driver, Torques, lead_of, make_driver
 from ballbot_rs.viewer.history import History
 from ballbot_rs.viewer.recording import Frame, Recording
@@ -107,6 +107,8 @@ class Session:
 
     def _found(self, controller: str | ResolvedController) -> ResolvedController:
         """A page may name any controller or ONNX file: these have no pickled code."""
+        if not isinstance(controller, str) or controller in NAMES:
+            return find(controller, trusted=False)
         return self.watch.call(f"loading {controller}", lambda: find(controller, trusted=False), MAX_LOAD)
 
     def _watched(self, controller: ResolvedController, function: Callable[[], T], seconds: float) -> T:
