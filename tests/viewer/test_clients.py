@@ -188,7 +188,7 @@ def test_a_flood_of_malformed_messages_ends_the_connection_and_prints_nothing(vi
             with contextlib.suppress(OSError):
                 raw.recv(1000)
     # A click before the first camera, with which viser could not name the client.
-    with connect(view.url.replace("http", "ws"), close_timeout=0.1) as sender:
+    with connect(view.url.replace("http", "ws"), max_size=None, close_timeout=0.1) as sender:
         sender.send(
             packed(
                 type="SceneNodeClickMessage",
