@@ -111,7 +111,7 @@ def _metadata(file: Path, found: dict[str, str]) -> dict[str, Any]:
     for field, kind in FIELDS.items():
         try:
             read[field] = json.loads(found[PREFIX + field])
-        except (KeyError, ValueError):
+        except (KeyError, ValueError, RecursionError):
             raise ValueError(f"{file} does not say its {field}: it is no policy of ballbot_rs") from None
         if not isinstance(read[field], kind):
             raise ValueError(f"{file}: {field} is {read[field]!r}, which is no {kind.__name__}")

@@ -18,6 +18,10 @@ Torques = npt.NDArray[np.float64]
 SIM_DT = 0.002
 CONTROL_DT = 0.01
 
+#: Range of the time between two calls of a controller, s, and most time steps of a model in it.
+MIN_CONTROL_DT, MAX_CONTROL_DT = 1e-3, 1.0
+MAX_SUBSTEPS = 1000
+
 
 class Driver(Protocol):
     """Chooses the wheel torques of all robots of a session."""
@@ -43,11 +47,25 @@ def make_driver(controller: ResolvedController, params: Params, num_robots: int)
     """A controller on `num_robots` robots.
 
     Raises:
-        ValueError: a policy that does not fit this robot.
+        ValueError: a policy that does not fit this robot, or time steps with which a page is not in real time.
     """
-    if controller.policy is None:
-        return LawDriver(controller, params, num_robots)
-    return PolicyDriver(controller, params, num_robots)
+    kind = LawDriver if controller.policy is None else PolicyDriver
+    driver: Driver = kind(controller, params, num_robots)
+    _check_steps(controller.name, driver.control_dt, driver.sim_dt)
+    return driver
+
+
+def _check_steps(name: str, control_dt: float, sim_dt: float) -> None:
+    if not MIN_CONTROL_DT <= control_dt <= MAX_CONTROL_DT:
+        raise ValueError(
+            f"{name} has control_dt = {control_dt}: a page needs {MIN_CONTROL_DT:g} to {MAX_CONTROL_DT:g} s"
+        )
+    steps = round(control_dt / sim_dt)
+    if not 1 <= steps <= MAX_SUBSTEPS or abs(steps * sim_dt - control_dt) > 1e-9:
+        raise ValueError(
+            f"{name} has control_dt = {control_dt} and sim_dt = {sim_dt}: the first must be 1 to {MAX_SUBSTEPS} times "
+            "the second"
+        )
 
 
 class LawDriver:
