@@ -229,6 +229,31 @@ def test_what_is_refused_leaves_the_session_as_it_was(misuse):
     assert session.replay_time is None
 
 
+@pytest.mark.parametrize("control_dt", [0.0, -1.0, math.nan, math.inf, 1e-9, 2.0])
+def test_a_law_with_a_time_step_out_of_range_is_refused(control_dt):
+    law = ResolvedController("mine", make_law=lambda *_: Lqr(), control_dt=control_dt)
+    with pytest.raises(ValueError, match=f"mine has control_dt = {control_dt}, which is out of range"):
+        Session(controller=law)
+
+
+def test_a_policy_with_too_many_time_steps_is_refused():
+    session = Session()
+    with pytest.raises(ValueError, match=r"fine.onnx has 10000 time steps of sim_dt = 1e-06.*expected at most 1000"):
+        session.choose(controller=Linear(sim_dt=1e-6, control_dt=0.01).named("fine.onnx"))
+    assert session.controller == "lqr"
+
+
+@pytest.mark.parametrize("control_dt", [0.001, 0.003, 0.005, 0.0125])
+def test_a_law_runs_at_its_own_rate(control_dt):
+    session = Session(
+        controller=ResolvedController("mine", make_law=lambda *_: Lqr(control_dt=control_dt), control_dt=control_dt)
+    )
+    assert session.driver.sim_dt <= 0.002 + 1e-12
+    run(session, 3.0)
+    assert session.robots._robots[0].time == pytest.approx(session.time, abs=1e-9)
+    assert math.hypot(*session.frame().tilt) < math.radians(0.2)
+
+
 def test_robots_of_a_batch_start_in_all_directions():
     session = Session(num_robots=4)
     tilts = np.array([state.tilt_components for state in session.robots.states])

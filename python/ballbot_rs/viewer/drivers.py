@@ -1,5 +1,6 @@
 """Drivers: a controller on every robot of a session."""
 
+import math
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -47,34 +48,33 @@ def make_driver(controller: ResolvedController, params: Params, num_robots: int)
     """A controller on `num_robots` robots.
 
     Raises:
-        ValueError: a policy that does not fit this robot, or time steps with which a page is not in real time.
+        ValueError: a policy that does not fit this robot, or time steps out of range.
     """
-    kind = LawDriver if controller.policy is None else PolicyDriver
-    driver: Driver = kind(controller, params, num_robots)
-    _check_steps(controller.name, driver.control_dt, driver.sim_dt)
-    return driver
+    if controller.policy is None:
+        return LawDriver(controller, params, num_robots)
+    return PolicyDriver(controller, params, num_robots)
 
 
 def _check_steps(name: str, control_dt: float, sim_dt: float) -> None:
+    """Raises ValueError for time steps with which the page would not be in real time."""
     if not MIN_CONTROL_DT <= control_dt <= MAX_CONTROL_DT:
+        limits = f"{MIN_CONTROL_DT:g} to {MAX_CONTROL_DT:g} s"
+        raise ValueError(f"{name} has control_dt = {control_dt}, which is out of range: expected {limits}")
+    if control_dt > 1.001 * MAX_SUBSTEPS * sim_dt:
         raise ValueError(
-            f"{name} has control_dt = {control_dt}: a page needs {MIN_CONTROL_DT:g} to {MAX_CONTROL_DT:g} s"
-        )
-    steps = round(control_dt / sim_dt)
-    if not 1 <= steps <= MAX_SUBSTEPS or abs(steps * sim_dt - control_dt) > 1e-9:
-        raise ValueError(
-            f"{name} has control_dt = {control_dt} and sim_dt = {sim_dt}: the first must be 1 to {MAX_SUBSTEPS} times "
-            "the second"
+            f"{name} has {control_dt / sim_dt:g} time steps of sim_dt = {sim_dt} in control_dt = {control_dt}: "
+            f"expected at most {MAX_SUBSTEPS}"
         )
 
 
 class LawDriver:
     """A feedback law on every robot."""
 
-    sim_dt = SIM_DT
-
     def __init__(self, controller: ResolvedController, params: Params, num_robots: int) -> None:
-        self.control_dt = controller.control_dt or CONTROL_DT
+        self.control_dt = CONTROL_DT if controller.control_dt is None else controller.control_dt
+        _check_steps(controller.name, self.control_dt, SIM_DT)
+        # At most the usual time step, and a whole number of them in the controller's.
+        self.sim_dt = self.control_dt / math.ceil(self.control_dt / SIM_DT - 1e-9)
         self.is_foreign = controller.name not in NAMES
         self.follows_position = takes_position(controller.law(params, self.control_dt))
         self._made_of = (controller, num_robots, params)
@@ -112,6 +112,7 @@ class PolicyDriver:
         self._observers = [new_batch(1, num_threads=1, options=options) for _ in range(num_robots)]
         self.control_dt = self._observers[0].control_dt
         self.sim_dt = self._observers[0].sim_dt
+        _check_steps(controller.name, self.control_dt, self.sim_dt)
         self._max_torque = self._observers[0].max_wheel_torque
         self._last = np.zeros((num_robots, 3), dtype=np.float32)
         rows = TASKS[DEFAULT_TASK]["observation"]
