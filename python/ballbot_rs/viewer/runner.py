@@ -86,6 +86,8 @@ class Runner:
         try:
             simulated = session.advance(min(elapsed, MAX_DELAY))
         except Exception as error:
+            if self._stop.is_set():
+                return
             # A policy may choose nonsense, not return or fail in any way: the robots then go on without current.
             session.choose(controller="zero")
             session.notices.append(f"{error or type(error).__name__}; the motors are off")

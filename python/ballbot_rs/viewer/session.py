@@ -24,7 +24,7 @@ MAX_ROBOTS = 64
 
 #: How long a policy, or a law that is not of the core, may take for a control step, and to be loaded and tried, s.
 MAX_CALL = 1.0
-MAX_LOAD = 5.0
+MAX_LOAD = 10.0
 
 #: How long a robot that has fallen lies before it starts anew, s.
 LIES_FOR = 2.0
