@@ -7,12 +7,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import viser
 
 from ballbot_rs._core import MODELS
 from ballbot_rs._state_rows import BALL_POSITION
 from ballbot_rs.control.resolve import NAMES
+from ballbot_rs.viewer.camera import floor_point, look_from
 from ballbot_rs.viewer.handle import PullHandle
 from ballbot_rs.viewer.plots import Plots
 from ballbot_rs.viewer.recording import Frame
@@ -72,7 +72,7 @@ class Page:
         self._handle = PullHandle(server, submit)
         self._scene.floor.on_click(self._floor_clicked)
         distance = 1.2 + 0.9 * math.sqrt(len(session.robots) - 1)
-        server.on_client_connect(lambda client: _look_from(client, distance))
+        server.on_client_connect(lambda client: look_from(client, distance))
 
     def _add_choices(self, session: Session) -> None:
         gui = self._server.gui
@@ -277,29 +277,3 @@ def _set_paused(value: Any) -> Command:
         session.paused = bool(value)
 
     return command
-
-
-def floor_point(
-    position: npt.ArrayLike, wxyz: npt.ArrayLike, fov: float, aspect: float, screen: tuple[float, float]
-) -> tuple[float, float] | None:
-    """The point of the floor (x, y), m, at a place of the screen; None above the horizon.
-
-    Args:
-        position: of the camera, m.
-        wxyz: attitude of the camera, which looks along z, with x to the right and y down.
-        fov: vertical angle of view, rad.
-        aspect: width over height.
-        screen: from (0, 0), top left, to (1, 1).
-    """
-    half = math.tan(0.5 * fov)
-    ray = np.array([(2.0 * screen[0] - 1.0) * aspect * half, (2.0 * screen[1] - 1.0) * half, 1.0])
-    dx, dy, dz = viser.transforms.SO3(np.asarray(wxyz, dtype=np.float64)).apply(ray)
-    x, y, z = np.asarray(position, dtype=np.float64)
-    if z <= 0.0 or dz > -1e-6:
-        return None
-    return float(x - z / dz * dx), float(y - z / dz * dy)
-
-
-def _look_from(client: viser.ClientHandle, distance: float) -> None:
-    client.camera.position = (-0.8 * distance, -distance, 0.55 * distance + 0.3)
-    client.camera.look_at = (0.0, 0.0, 0.2)
