@@ -206,7 +206,7 @@ def test_a_flood_of_malformed_messages_ends_the_connection_and_prints_nothing(vi
 
 
 def test_clients_beyond_the_limit_are_refused_with_the_reason_and_leave_nothing(view):
-    wait_until(lambda: view.server._clients == 0)
+    wait_until(lambda: not view.server._clients)
     address = view.url.replace("http", "ws")
     with contextlib.ExitStack() as stack:
         for _ in range(server.MAX_CLIENTS):
@@ -221,7 +221,7 @@ def test_clients_beyond_the_limit_are_refused_with_the_reason_and_leave_nothing(
         assert (
             refused.value.read().decode() == "16 pages of this server are open already, which is the limit: close one"
         )
-    wait_until(lambda: not view.server.get_clients() and view.server._clients == 0)
+    wait_until(lambda: not view.server.get_clients() and not view.server._clients)
     assert not view.server._websock_server._client_state_from_id
     with client(view):
         wait_until(lambda: len(view.server.get_clients()) == 1)
@@ -244,7 +244,7 @@ def test_two_hundred_clients_take_bounded_memory(view):
                 )
         # Four times what it was measured to take; without the limit it was 1 GB.
         assert megabytes() - before < 250.0
-    wait_until(lambda: view.server._clients == 0)
+    wait_until(lambda: not view.server._clients)
 
 
 GOOD = ["127.0.0.1:8080", "localhost", "localhost:1", "LOCALHOST:65535", "[::1]:9000"]

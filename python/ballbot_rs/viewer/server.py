@@ -45,7 +45,7 @@ class LocalServer(viser.ViserServer):
     """A viser server that cannot be shared with the internet."""
 
     def __init__(self, port: int) -> None:
-        self._clients = 0
+        self._clients: set[ServerConnection] = set()
         with _guarded(self) as guards, contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=HOST, port=port, label="ballbot", verbose=False)
         if not guards:
@@ -58,30 +58,36 @@ class LocalServer(viser.ViserServer):
 
     async def serve(self, handler: Callable[[Any], Awaitable[None]], connection: ServerConnection) -> None:
         """Has viser serve a client, of whose messages it gets those that are in order."""
-        if self._clients >= MAX_CLIENTS:
+        if self.is_full:
             await connection.close(1013, FULL)
             return
-        self._clients += 1
+        self._clients.add(connection)
         try:
             await handler(_Client(connection, self))
         finally:
-            self._clients -= 1
+            self._clients.discard(connection)
             # What has waited for messages to this client ends.
             self._websock_server.flush()
 
     @property
     def is_full(self) -> bool:
         """Whether no more pages may be opened."""
-        return self._clients >= MAX_CLIENTS
+        return len(self._clients) >= MAX_CLIENTS
 
     @property
     def controls(self) -> dict[str, Any]:
         """The controls on the page by their identifiers."""
         return self.gui._gui_input_handle_from_uuid if hasattr(self, "gui") else {}
 
+    def _abort(self) -> None:
+        for connection in list(self._clients):
+            connection.transport.abort()
+
     def stop(self) -> None:
-        """Ends the server, quietly."""
+        """Ends the server, quietly; clients that do not answer are not waited for."""
         with contextlib.redirect_stdout(io.StringIO()):
+            if self._event_loop.is_running():
+                self._event_loop.call_soon_threadsafe(self._abort)
             super().stop()
             # The server's thread says so when it ends, which it does not tell otherwise.
             deadline = time.monotonic() + STOP_TIMEOUT
