@@ -12,6 +12,7 @@ WHEEL_INSTALLED := $(VENV)/.wheel-installed
 COMPATIBILITY ?= manylinux2014
 # What ballbot-core compiles without its other parts.
 FEATURES := rigid urdf render
+FUZZ_TARGETS := urdf visuals stl
 
 DEMO_INSTALLED := $(VENV)/.demo-installed
 INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet \
@@ -35,7 +36,7 @@ help:
 	@echo "make verify  check closed forms and other engines, report in docs/verification.md (ALLOW_MISSING=1 without all engines)"
 	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
 	@echo "make instructions  compare each model's instruction counts with the kept ones (needs valgrind); ACCEPT=1 keeps new ones"
-	@echo "make fuzz    feed the URDF reader with broken files for MINUTES=$(MINUTES) (needs cargo-fuzz and a nightly compiler)"
+	@echo "make fuzz    feed the readers of URDFs, visuals and STLs with broken files, each for MINUTES=$(MINUTES) (needs cargo-fuzz and a nightly compiler)"
 	@echo "make soak    SOAK_STEPS=$(SOAK_STEPS) steps of rigid, ten times as many of contact, with memory watched (a quarter of an hour)"
 	@echo "make cad     build the paper's robot as solids, weigh it, write assets/meshes and the visuals of assets/bot.urdf"
 	@echo "make format  format Rust and Python"
@@ -100,9 +101,12 @@ instructions:
 fuzz:
 	@cargo fuzz --version >/dev/null 2>&1 || { echo "cargo-fuzz is missing: cargo install cargo-fuzz" >&2; exit 1; }
 	@cargo +nightly --version >/dev/null 2>&1 || { echo "a nightly compiler is missing: rustup toolchain install nightly" >&2; exit 1; }
-	@mkdir -p fuzz/target/corpus
-	cargo +nightly fuzz run --fuzz-dir fuzz urdf fuzz/target/corpus fuzz/corpus/urdf -- -dict=fuzz/urdf.dict \
-		-max_total_time=$$(( 60 * $(MINUTES) )) -max_len=16384 -timeout=10 -rss_limit_mb=2048
+	@mkdir -p $(FUZZ_TARGETS:%=fuzz/target/corpus/%)
+	set -e; for target in $(FUZZ_TARGETS); do \
+		files=$${target#visuals}; files=$${files:-urdf}; \
+		cargo +nightly fuzz run --fuzz-dir fuzz $$target fuzz/target/corpus/$$target fuzz/corpus/$$files -- \
+			-dict=fuzz/$$files.dict -max_total_time=$$(( 60 * $(MINUTES) )) -max_len=16384 -timeout=10 -rss_limit_mb=2048; \
+	done
 
 soak:
 	BALLBOT_SOAK_STEPS=$(SOAK_STEPS) cargo test --locked --release --test soak -- --nocapture

@@ -26,21 +26,7 @@ from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.chromium import Chromium, find_browser  # noqa: E402
 from tests.support.paths import ASSETS  # noqa: E402
-
-
-def ask(view, function, seconds=5.0):
-    """What a function says of the session, in the thread that owns it."""
-    answers = []
-    assert view.runner.submit(lambda session: answers.append(function(session)))
-    wait_until(lambda: answers, seconds)
-    return answers[0]
-
-
-def wait_until(condition, seconds=10.0):
-    ends = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < ends
-        time.sleep(0.02)
+from tests.support.view import ask, wait_until  # noqa: E402
 
 
 @pytest.fixture
@@ -112,9 +98,24 @@ def test_the_page_in_a_browser(view, tmp_path):
         # The text says what the session does.
         page.wait_for("[...document.querySelectorAll('input')].some(i => /s, running/.test(i.value))")
 
-        # A click on the floor moves the setpoint there.
+        # A click on the floor moves the setpoint there, and the page shows it where the click was.
         page.click(300, 560)
         wait_until(lambda: np.linalg.norm(ask(view, lambda s: s.setpoint)) > 0.1, 5.0)
+        goal = ask(view, lambda s: s.setpoint)
+
+        def shows_the_goal():
+            red, green, blue = scene_of(page.screenshot(tmp_path / "goal.png"))[540:580, 280:320].transpose(2, 0, 1)
+            return ((green > 1.5 * red) & (green > 1.3 * blue)).sum() > 20
+
+        wait_until(shows_the_goal, 10.0)
+
+        # A drag turns the camera and is no click.
+        (viewer,) = view.server.get_clients().values()
+        eye = np.array(viewer.camera.position)
+        page.drag((300, 600), (420, 560))
+        wait_until(lambda: np.linalg.norm(viewer.camera.position - eye) > 0.1, 5.0)
+        time.sleep(0.5)
+        assert np.array_equal(ask(view, lambda s: s.setpoint), goal)
 
         # Controllers and models are chosen while it runs.
         click(page, button("Robot"))

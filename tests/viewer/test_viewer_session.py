@@ -124,15 +124,15 @@ def test_a_policy_sees_and_does_what_it_would_in_the_environment(model):
     policy = Linear(control_dt=0.02, max_wheel_torque=0.5, sim_dt=0.001)
     session = Session(model)
     session.choose(controller=policy.named("any.onnx"))
-    session.move_setpoint(0.1, -0.2)
     session.reset((0.02, -0.01))
-    env = BalanceEnv(model=model, setpoint=(0.1, -0.2), fall_tilt=1.0, **policy.env_options)
-    observation, _ = env.reset(options={"state": session.robots.states[0]})
+    driver, robots, setpoint = session.driver, session.robots, (0.1, -0.2)
+    env = BalanceEnv(model=model, setpoint=setpoint, fall_tilt=1.0, **policy.env_options)
+    observation, _ = env.reset(options={"state": robots.states[0]})
     for step in range(60):
-        seen = session.driver.observe(0, session.robots.states[0], session.setpoint)
+        seen = driver.observe(0, robots.states[0], setpoint)
         np.testing.assert_allclose(seen, observation, rtol=1e-5, atol=1e-6, err_msg=f"step {step}")
         observation, _, terminated, _, _ = env.step(policy.act(observation[np.newaxis])[0])
-        session.step()
+        robots.step(driver.torques(robots.states, setpoint), round(driver.control_dt / driver.sim_dt))
         np.testing.assert_allclose(session.frame().states[0], env.state.to_array(), rtol=1e-7, atol=1e-7)
         if terminated:
             break
@@ -227,6 +227,31 @@ def test_what_is_refused_leaves_the_session_as_it_was(misuse):
     run(other, 0.2)
     assert np.array_equal(session.frame().states, other.frame().states)
     assert session.replay_time is None
+
+
+@pytest.mark.parametrize("control_dt", [0.0, -1.0, math.nan, math.inf, 1e-9, 2.0])
+def test_a_law_with_a_time_step_out_of_range_is_refused(control_dt):
+    law = ResolvedController("mine", make_law=lambda *_: Lqr(), control_dt=control_dt)
+    with pytest.raises(ValueError, match=f"mine has control_dt = {control_dt}, which is out of range"):
+        Session(controller=law)
+
+
+def test_a_policy_with_too_many_time_steps_is_refused():
+    session = Session()
+    with pytest.raises(ValueError, match=r"fine.onnx has 10000 time steps of sim_dt = 1e-06.*expected at most 1000"):
+        session.choose(controller=Linear(sim_dt=1e-6, control_dt=0.01).named("fine.onnx"))
+    assert session.controller == "lqr"
+
+
+@pytest.mark.parametrize("control_dt", [0.001, 0.003, 0.005, 0.0125])
+def test_a_law_runs_at_its_own_rate(control_dt):
+    session = Session(
+        controller=ResolvedController("mine", make_law=lambda *_: Lqr(control_dt=control_dt), control_dt=control_dt)
+    )
+    assert session.driver.sim_dt <= 0.002 + 1e-12
+    run(session, 3.0)
+    assert session.robots._robots[0].time == pytest.approx(session.time, abs=1e-9)
+    assert math.hypot(*session.frame().tilt) < math.radians(0.2)
 
 
 def test_robots_of_a_batch_start_in_all_directions():

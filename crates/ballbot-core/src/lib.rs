@@ -30,6 +30,7 @@ pub mod control;
 mod energy;
 mod error;
 pub mod fields;
+mod files;
 pub mod kinematics;
 mod lane_state;
 pub mod lanes;

@@ -9,8 +9,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BOTTOM: [&str; 12] = [
+const BOTTOM: [&str; 13] = [
     "error",
+    "files",
     "fields",
     "params",
     "state",

@@ -343,6 +343,51 @@ fn shipped_urdfs_are_drawn() {
 }
 
 #[test]
+#[cfg(unix)]
+fn a_mesh_that_is_a_device_or_a_pipe_is_refused() {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
+    let folder = std::env::temp_dir().join(format!("ballbot-mesh-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let pipe = folder.join("pipe.stl");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let text = std::fs::read_to_string(assets.join("bot.urdf")).unwrap();
+    let bot = folder.join("bot.urdf");
+    for mesh in [Path::new("/dev/zero"), &pipe] {
+        let edited = text.replacen("meshes/body_plates.stl", mesh.to_str().unwrap(), 1);
+        assert_ne!(edited, text);
+        std::fs::write(&bot, edited).unwrap();
+        let error = Scene::from_urdf(&bot, &assets.join("ball.urdf")).err().unwrap();
+        assert_eq!(error.to_string(), format!("cannot read {}: not a regular file", mesh.display()));
+    }
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn contents_that_are_no_stl_are_refused() {
+    let scale = Vector3::repeat(1.0);
+    // A binary STL: 80 bytes of header, the number of triangles, and 50 bytes for each.
+    let binary = |count: u32, corner: f32| {
+        let mut contents = vec![0_u8; 80];
+        contents.extend(count.to_le_bytes());
+        let corners = [0.0, 0.0, 1.0, corner, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        contents.extend(corners.iter().flat_map(|x: &f32| x.to_le_bytes()));
+        contents.extend([0, 0]);
+        contents
+    };
+    assert!(matches!(Shape::stl(&binary(1, 0.0), &scale).unwrap(), Shape::Mesh(_)));
+    for (contents, reason) in [
+        (binary(u32::MAX, 0.0), "not a readable STL"),
+        (binary(1, f32::NAN), "must be finite"),
+        (binary(0, 0.0), "mesh"),
+        (vec![], "not a readable STL"),
+        (b"solid x\nfacet normal 0 0 1\n".to_vec(), "not a readable STL"),
+    ] {
+        let error = Shape::stl(&contents, &scale).unwrap_err().to_string();
+        assert!(error.contains(reason), "{error}");
+    }
+}
+
+#[test]
 fn errors_of_invalid_arguments_name_them() {
     let scene = || Scene::of(&Params::paper());
     let refused = |renderer: Result<Renderer, ballbot_core::Error>| renderer.err().unwrap().to_string();

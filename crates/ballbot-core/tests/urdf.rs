@@ -1,6 +1,6 @@
 //! The URDF loader: the shipped robot is Table II of the paper, other ballbots load, anything else is refused.
 
-use ballbot_core::urdf::{params_from_urdf, params_from_urdf_text};
+use ballbot_core::urdf::{params_from_urdf, params_from_urdf_text, visuals_from_urdf, visuals_from_urdf_text};
 use ballbot_core::{Error, Params};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
@@ -386,6 +386,43 @@ fn errors_of_unreadable_files_name_the_file() {
     let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml");
     let error = params_from_urdf(&manifest, &manifest).unwrap_err();
     assert!(matches!(&error, Error::Urdf { file, .. } if file.ends_with("Cargo.toml")), "{error}");
+}
+
+#[test]
+#[cfg(unix)]
+fn devices_and_pipes_are_refused_without_being_read() {
+    let pipe = std::env::temp_dir().join(format!("ballbot-pipe-{}", std::process::id()));
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for path in [Path::new("/dev/zero"), &pipe, Path::new("/")] {
+        for error in [params_from_urdf(path, path).unwrap_err(), Params::from_toml_file(path).unwrap_err()] {
+            let expected = format!("cannot read {}: not a regular file", path.display());
+            assert_eq!(error.to_string(), expected);
+        }
+    }
+    std::fs::remove_file(pipe).unwrap();
+}
+
+#[test]
+fn a_file_that_is_too_large_is_refused() {
+    let path = std::env::temp_dir().join(format!("ballbot-large-{}", std::process::id()));
+    // Without contents on the disk.
+    std::fs::File::create(&path).and_then(|file| file.set_len(1 << 40)).unwrap();
+    let errors = [params_from_urdf(&path, &path).unwrap_err(), Params::from_toml_file(&path).unwrap_err()];
+    std::fs::remove_file(&path).unwrap();
+    for (error, limit) in errors.iter().zip([16 << 20, 1 << 20]) {
+        assert!(error.to_string().ends_with(&format!("more than {limit} bytes")), "{error}");
+    }
+}
+
+#[test]
+fn visuals_of_texts_are_those_of_files() {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
+    let of_files = visuals_from_urdf(&assets.join("bot.urdf"), &assets.join("ball.urdf")).unwrap();
+    let of_texts = visuals_from_urdf_text(BOT, BALL).unwrap();
+    assert_eq!(of_files.len(), of_texts.len());
+    for (one, other) in of_files.iter().zip(&of_texts) {
+        assert_eq!((one.link, one.pose, one.color), (other.link, other.pose, other.color));
+    }
 }
 
 #[test]

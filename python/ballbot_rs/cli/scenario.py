@@ -10,10 +10,14 @@ from typing import Any
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import MODELS, ROBOTS, TASKS, Params
+from ballbot_rs._reading import read_regular
 from ballbot_rs.analysis.trajectory import Push, Trajectory, run
 from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
 from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, find
 from ballbot_rs.envs.registration import DEFAULT_TASK
+
+#: Largest file of parameters, bytes.
+MAX_ROBOT_FILE = 1 << 20
 
 CONTROLLER_METAVAR = f"{'|'.join(NAMES)}|PATH"
 
@@ -92,7 +96,7 @@ def robot_option(name: str) -> Any:
             raise ValueError(f"unknown robot '{name}': expected one of {', '.join(known)}, or FILE.toml{hint}")
         return name
     try:
-        return Params(**_toml.loads(Path(name).read_text(encoding="utf-8"))).to_dict()
+        return Params(**_toml.loads(read_regular(Path(name), MAX_ROBOT_FILE).decode())).to_dict()
     except (ValueError, TypeError) as error:
         raise ValueError(f"{name}: {error}") from error
 

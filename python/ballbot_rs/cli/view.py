@@ -1,11 +1,16 @@
 """`ballbot view`: the robot in the browser."""
 
 import argparse
+import atexit
 import dataclasses
+import gc
+import os
+import sys
+import threading
 import time
 import webbrowser
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ballbot_rs._core import Params
 from ballbot_rs._extras import require
@@ -13,6 +18,10 @@ from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import real, whole
 from ballbot_rs.control.resolve import common_options
 from ballbot_rs.viewer.session import MAX_ROBOTS, Session
+from ballbot_rs.viewer.watch import Watch, is_any_left
+
+if TYPE_CHECKING:
+    from ballbot_rs.viewer.view import View
 
 PORT = 8080
 
@@ -43,33 +52,54 @@ def add_to(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out; ends with the real-time factor."""
-    (controller,) = scenario.controllers(arguments)
-    options = common_options([controller], scenario.env_options(arguments))
-    robot, params = _robot(arguments, options.get("params", "paper"))
-    urdfs = {} if arguments.urdf is None else {robot: tuple(arguments.urdf)}
-    controller = dataclasses.replace(controller, env_options=options)
-    session = Session(options.get("model", "rigid"), robot, controller, arguments.batch, params)
-    with require("the page", "view"):
-        from ballbot_rs.viewer.view import View
+    # Python frees all modules one by one at its end, which takes longer than a user waits after Ctrl-C.
+    atexit.register(gc.freeze)
     try:
-        view = View(session, arguments.port, urdfs)
-    # The readers of meshes raise what their formats' libraries do.
-    except Exception as error:
-        if arguments.urdf is None or isinstance(error, OSError):
-            raise
-        raise ValueError(f"{' and '.join(map(str, arguments.urdf))} cannot be shown: {error}") from error
+        # In another thread, because what loads policies and meshes cannot be interrupted from the keyboard.
+        view = Watch().call("ballbot view", lambda: _start(arguments), threading.TIMEOUT_MAX, Watch.cancel_all)
+    except KeyboardInterrupt:
+        _end_without(130)
+        raise
     try:
         print(f"{view.url} shows the robot; Ctrl-C ends it", flush=True)
         if not arguments.no_open:
-            webbrowser.open(view.url)
+            threading.Thread(target=webbrowser.open, args=(view.url,), daemon=True).start()
         ends = time.monotonic() + (arguments.seconds or float("inf"))
         while view.runner.running and time.monotonic() < ends:
             time.sleep(0.05)
     finally:
         view.stop()
+    _end_without(0 if view.runner.error is None else 1)
     if view.runner.error is not None:
         raise RuntimeError("the simulation has stopped") from view.runner.error
     print(view.runner.report())
+
+
+def _end_without(code: int) -> None:
+    """If a call does not return, ends the process without it: its thread would crash in a Python that has ended."""
+    if is_any_left():
+        atexit.register(lambda: (sys.stdout.flush(), sys.stderr.flush(), os._exit(code)))
+
+
+def _start(arguments: argparse.Namespace) -> "View":
+    (controller,) = scenario.controllers(arguments)
+    options = common_options([controller], scenario.env_options(arguments))
+    robot, params = _robot(arguments, options.get("params", "paper"))
+    urdfs = {} if arguments.urdf is None else {robot: tuple(arguments.urdf)}
+    # The robot of the policy's training remains: a session tries the policy on any other.
+    trained = {name: value for name, value in controller.env_options.items() if name == "params"}
+    kept = {name: value for name, value in options.items() if name != "params"}
+    controller = dataclasses.replace(controller, env_options={**kept, **trained})
+    session = Session(options.get("model", "rigid"), robot, controller, arguments.batch, params)
+    with require("the page", "view"):
+        from ballbot_rs.viewer.view import View
+    try:
+        return View(session, arguments.port, urdfs)
+    # The readers of meshes raise what their formats' libraries do.
+    except Exception as error:
+        if arguments.urdf is None or isinstance(error, OSError):
+            raise
+        raise ValueError(f"{' and '.join(map(str, arguments.urdf))} cannot be shown: {error}") from error
 
 
 def _robot(arguments: argparse.Namespace, chosen: Any) -> tuple[str, Params | None]:

@@ -57,6 +57,7 @@ class OnnxPolicy:
         if shapes != [("observation", [self._rows]), ("action", [3])]:
             raise ValueError(f"{file} maps {shapes}, expected an observation of {self._rows} to an action of 3")
         self._env_options = policy_file.completed(task, self.metadata["env_options"])
+        self._run: Any = None
 
     @property
     def env_options(self) -> dict[str, Any]:
@@ -79,14 +80,19 @@ class OnnxPolicy:
         given = {"observation": np.ascontiguousarray(np.atleast_2d(rows))}
         limit = CALL_LIMIT + ROW_LIMIT * len(given["observation"])
         actions: npt.NDArray[np.float32]
-        options = self._new_options()
+        self._run = self._new_options()
         # What it says of a run that is ended is in the exception.
-        options.log_severity_level = 4
+        self._run.log_severity_level = 4
         try:
-            (actions,) = deadline.run(limit, options, lambda options: self._session.run(["action"], given, options))
+            (actions,) = deadline.run(limit, self._run, lambda options: self._session.run(["action"], given, options))
         except TimeoutError as error:
             raise TimeoutError(f"{self._file} has been ended: {error}") from error
         return actions if rows.ndim == 2 else actions[0]
+
+    def interrupt(self) -> None:
+        """Ends a call of `act` in another thread, which then raises: a file may hold a loop that does not end."""
+        if self._run is not None:
+            self._run.terminate = True
 
 
 def _session(file: Path) -> tuple[Any, Any]:
@@ -110,7 +116,7 @@ def _metadata(file: Path, found: dict[str, str]) -> dict[str, Any]:
     for field, kind in FIELDS.items():
         try:
             read[field] = json.loads(found[PREFIX + field])
-        except (KeyError, ValueError):
+        except (KeyError, ValueError, RecursionError):
             raise ValueError(f"{file} does not say its {field}: it is no policy of ballbot_rs") from None
         if not isinstance(read[field], kind):
             raise ValueError(f"{file}: {field} is {read[field]!r}, which is no {kind.__name__}")

@@ -54,6 +54,8 @@ class ResolvedController:
     make_law: Callable[[Params, float], Law] | None = None
     #: Rate at which the law is to run, s; None takes the task's.
     control_dt: float | None = None
+    #: Ends a call of the policy in another thread, where that is possible.
+    interrupt: Callable[[], None] | None = None
 
     def law(self, params: Params, control_dt: float) -> Law:
         """The feedback law; one of the core runs all robots of a batch."""
@@ -119,7 +121,7 @@ def find(
         if not trusted:
             _check_size(path)
         onnx = OnnxPolicy(path, known_task)
-        return ResolvedController(name, onnx.env_options, onnx.act)
+        return ResolvedController(name, onnx.env_options, onnx.act, interrupt=onnx.interrupt)
     if not trusted:
         raise ValueError(
             f"unknown controller '{name}': expected {', '.join(NAMES)} or a policy file that ends in .onnx"
@@ -204,13 +206,14 @@ def _no_torque(state: State) -> npt.ArrayLike:  # noqa: ARG001
 
 
 def _with_setpoint(law: Law) -> Torques:
-    if not _takes_position(law):
+    if not takes_position(law):
         return lambda state, position: law(state)  # noqa: ARG005
     with_position: Any = law
     return lambda state, position: with_position(state, position=position)
 
 
-def _takes_position(law: Law) -> bool:
+def takes_position(law: Law) -> bool:
+    """Whether a feedback law follows a position."""
     if isinstance(law, Controller):
         return "position" in law.setpoint_parts
     try:

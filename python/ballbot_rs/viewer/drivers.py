@@ -1,5 +1,6 @@
 """Drivers: a controller on every robot of a session."""
 
+import math
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -7,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import SCALED_BOUND, TASKS, Params, State
-from ballbot_rs.control.resolve import ResolvedController
+from ballbot_rs.control.reference import largest_lead
+from ballbot_rs.control.resolve import NAMES, ResolvedController, takes_position
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.registration import DEFAULT_TASK
 
@@ -17,49 +19,81 @@ Torques = npt.NDArray[np.float64]
 SIM_DT = 0.002
 CONTROL_DT = 0.01
 
+#: Range of the time between two calls of a controller, s, and most time steps of a model in it.
+MIN_CONTROL_DT, MAX_CONTROL_DT = 1e-3, 1.0
+MAX_SUBSTEPS = 1000
+
 
 class Driver(Protocol):
     """Chooses the wheel torques of all robots of a session."""
 
     control_dt: float
     sim_dt: float
+    #: Whether it moves the robot to a position.
+    follows_position: bool
+    #: Whether it is made of what others wrote, which may never return.
+    is_foreign: bool
 
-    def torques(self, states: Sequence[State], setpoint: npt.ArrayLike) -> Torques:
-        """Wheel torques for the next `control_dt`, shape (n, 3), N·m."""
+    def torques(self, states: Sequence[State], setpoints: npt.ArrayLike) -> Torques:
+        """Wheel torques for the next `control_dt`, shape (n, 3), N·m.
 
-    def reset(self) -> None:
-        """Clears the memory of past steps."""
+        `setpoints` are positions of the ball, m: one a robot, shape (n, 2), or one for all, shape (2,).
+        """
+
+    def reset(self, robot: int | None = None) -> None:
+        """Clears the memory of past steps, of all robots or of one."""
 
 
 def make_driver(controller: ResolvedController, params: Params, num_robots: int) -> Driver:
     """A controller on `num_robots` robots.
 
     Raises:
-        ValueError: a policy that does not fit this robot.
+        ValueError: a policy that does not fit this robot, or time steps out of range.
     """
     if controller.policy is None:
         return LawDriver(controller, params, num_robots)
     return PolicyDriver(controller, params, num_robots)
 
 
+def _check_steps(name: str, control_dt: float, sim_dt: float) -> None:
+    """Raises ValueError for time steps with which the page would not be in real time."""
+    if not MIN_CONTROL_DT <= control_dt <= MAX_CONTROL_DT:
+        limits = f"{MIN_CONTROL_DT:g} to {MAX_CONTROL_DT:g} s"
+        raise ValueError(f"{name} has control_dt = {control_dt}, which is out of range: expected {limits}")
+    if control_dt > 1.001 * MAX_SUBSTEPS * sim_dt:
+        raise ValueError(
+            f"{name} has {control_dt / sim_dt:g} time steps of sim_dt = {sim_dt} in control_dt = {control_dt}: "
+            f"expected at most {MAX_SUBSTEPS}"
+        )
+
+
 class LawDriver:
     """A feedback law on every robot."""
 
-    sim_dt = SIM_DT
-
     def __init__(self, controller: ResolvedController, params: Params, num_robots: int) -> None:
-        self.control_dt = controller.control_dt or CONTROL_DT
+        self.control_dt = CONTROL_DT if controller.control_dt is None else controller.control_dt
+        _check_steps(controller.name, self.control_dt, SIM_DT)
+        # At most the usual time step, and a whole number of them in the controller's.
+        self.sim_dt = self.control_dt / math.ceil(self.control_dt / SIM_DT - 1e-9)
+        self.is_foreign = controller.name not in NAMES
+        self.follows_position = takes_position(controller.law(params, self.control_dt))
         self._made_of = (controller, num_robots, params)
         self.reset()
 
-    def torques(self, states: Sequence[State], setpoint: npt.ArrayLike) -> Torques:
+    def torques(self, states: Sequence[State], setpoints: npt.ArrayLike) -> Torques:
         """Wheel torques for the next `control_dt`, shape (n, 3), N·m."""
-        return np.array([law(state, setpoint) for law, state in zip(self._laws, states, strict=True)], dtype=np.float64)
+        places = _one_each(setpoints, states)
+        rows = [law(state, place) for law, state, place in zip(self._laws, states, places, strict=True)]
+        return np.array(rows, dtype=np.float64)
 
-    def reset(self) -> None:
-        """Makes the laws anew."""
+    def reset(self, robot: int | None = None) -> None:
+        """Makes the laws anew, or the law of one robot."""
         controller, num_robots, params = self._made_of
-        self._laws = controller.laws(num_robots, params, self.control_dt)
+        laws = controller.laws(num_robots, params, self.control_dt)
+        if robot is None:
+            self._laws = laws
+        else:
+            self._laws[robot] = laws[robot]
 
 
 class PolicyDriver:
@@ -71,12 +105,14 @@ class PolicyDriver:
 
     def __init__(self, controller: ResolvedController, params: Params, num_robots: int) -> None:
         assert controller.policy is not None
+        self.follows_position = self.is_foreign = True
         self._policy = controller.policy
         # Any model observes a state alike; `contact` takes every state, be it fallen or slipping.
         options = {**controller.env_options, "params": params, "model": "contact", "setpoint": (0.0, 0.0)}
         self._observers = [new_batch(1, num_threads=1, options=options) for _ in range(num_robots)]
         self.control_dt = self._observers[0].control_dt
         self.sim_dt = self._observers[0].sim_dt
+        _check_steps(controller.name, self.control_dt, self.sim_dt)
         self._max_torque = self._observers[0].max_wheel_torque
         self._last = np.zeros((num_robots, 3), dtype=np.float32)
         rows = TASKS[DEFAULT_TASK]["observation"]
@@ -84,14 +120,14 @@ class PolicyDriver:
         is_scaled = self._observers[0].scale_observations
         self._last_scale = np.array([rows[i]["typical"] if is_scaled else 1.0 for i in self._last_rows])
 
-    def torques(self, states: Sequence[State], setpoint: npt.ArrayLike) -> Torques:
+    def torques(self, states: Sequence[State], setpoints: npt.ArrayLike) -> Torques:
         """Wheel torques for the next `control_dt`, shape (n, 3), N·m.
 
         Raises:
             ValueError: the policy's actions are not three finite numbers.
         """
-        for i, state in enumerate(states):
-            observation = self.observe(i, state, setpoint)
+        for i, (state, place) in enumerate(zip(states, _one_each(setpoints, states), strict=True)):
+            observation = self.observe(i, state, place)
             action = np.zeros(3)
             if observation is not None:
                 action = np.squeeze(np.asarray(self._policy(observation[np.newaxis])), axis=0)
@@ -111,6 +147,24 @@ class PolicyDriver:
         observation[self._last_rows] = np.clip(self._last[index] / self._last_scale, -SCALED_BOUND, SCALED_BOUND)
         return observation
 
-    def reset(self) -> None:
-        """Clears the last actions."""
-        self._last[:] = 0.0
+    def reset(self, robot: int | None = None) -> None:
+        """Clears the last actions, or that of one robot."""
+        self._last[slice(None) if robot is None else robot] = 0.0
+
+
+def lead_of(controller: ResolvedController, params: Params) -> float:
+    """How far ahead of the ball a controller's target may be, m: up to there no wheel comes near to slipping."""
+    driver = make_driver(controller, params, 1)
+    # The torque at which no wheel of the upright robot slips, within that of the motors.
+    limit = new_batch(1, num_threads=1, options={"params": params}).max_wheel_torque
+    rest = [State.at_rest(params)]
+
+    def torques(target: npt.NDArray[np.float64]) -> Torques:
+        driver.reset()
+        return driver.torques(rest, target)
+
+    return largest_lead(torques, limit)
+
+
+def _one_each(setpoints: npt.ArrayLike, states: Sequence[State]) -> npt.NDArray[np.float64]:
+    return np.broadcast_to(np.asarray(setpoints, dtype=np.float64), (len(states), 2))

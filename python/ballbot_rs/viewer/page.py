@@ -10,7 +10,9 @@ import numpy as np
 import viser
 
 from ballbot_rs._core import MODELS
+from ballbot_rs._state_rows import BALL_POSITION
 from ballbot_rs.control.resolve import NAMES
+from ballbot_rs.viewer.camera import floor_point, look_from
 from ballbot_rs.viewer.handle import PullHandle
 from ballbot_rs.viewer.plots import Plots
 from ballbot_rs.viewer.recording import Frame
@@ -53,6 +55,9 @@ class Page:
         self._status = server.gui.add_text("Status", "", disabled=True)
         self._tilt = server.gui.add_text("Tilt", "", disabled=True)
         self._traction = server.gui.add_text("Traction", "", disabled=True, hint="share of the friction limit in use")
+        self._goal = server.gui.add_text(
+            "Setpoint", "", disabled=True, hint="green: where you sent the robot; orange: the target on the way there"
+        )
         self._message = server.gui.add_text("Message", "", disabled=True)
         tabs = server.gui.add_tab_group()
         with tabs.add_tab("Run"):
@@ -65,9 +70,9 @@ class Page:
         with tabs.add_tab("Plots"):
             self._plots = Plots(server)
         self._handle = PullHandle(server, submit)
-        server.scene.on_pointer_event("click")(self._floor_clicked)
+        self._scene.floor.on_click(self._floor_clicked)
         distance = 1.2 + 0.9 * math.sqrt(len(session.robots) - 1)
-        server.on_client_connect(lambda client: _look_from(client, distance))
+        server.on_client_connect(lambda client: look_from(client, distance))
 
     def _add_choices(self, session: Session) -> None:
         gui = self._server.gui
@@ -186,19 +191,19 @@ class Page:
 
         return callback
 
-    def _floor_clicked(self, event: viser.ScenePointerEvent) -> None:
-        if not self._clicks.value or event.ray_origin is None or event.ray_direction is None:
+    def _floor_clicked(self, event: viser.SceneNodePointerEvent[Any]) -> None:
+        camera = event.client.camera
+        # The ray of the event is wrong in viser 0.2.23; where on the screen the click was is not.
+        goal = floor_point(camera.position, camera.wxyz, camera.fov, camera.aspect, event.screen_pos)
+        if not self._clicks.value or goal is None:
             return
-        (x, y, z), (dx, dy, dz) = event.ray_origin, event.ray_direction
-        if dz < -1e-6:
-            goal = (x - z / dz * dx, y - z / dz * dy)
 
-            def command(session: Session) -> None:
-                # The end of a drag of the handle comes as a click, too.
-                if session.pull_point is None:
-                    session.move_setpoint(*goal)
+        def command(session: Session) -> None:
+            # The end of a drag of the handle comes as a click, too.
+            if session.pull_point is None:
+                session.move_setpoint(*goal)
 
-            self._submit(command)
+        self._submit(command)
 
     def show(self, session: Session, frame: Frame) -> None:
         """Shows a frame; the numbers and plots less often."""
@@ -232,6 +237,7 @@ class Page:
             (self._status, f"{frame.time:.2f} s, {doing}"),
             (self._tilt, f"{math.degrees(math.hypot(*frame.tilt)):.2f} deg"),
             (self._traction, _traction_of(frame)),
+            (self._goal, _goal_of(session, frame)),
             (self._message, session.notices[-1] if session.notices else ""),
         )
         for control, text in texts:
@@ -250,6 +256,14 @@ def _traction_of(frame: Frame) -> str:
     return f"{text}, about to slip" if used > 1.0 else text
 
 
+def _goal_of(session: Session, frame: Frame) -> str:
+    if frame.setpoint is None:
+        return f"{session.controller} does not follow a setpoint"
+    x, y = (float(part) for part in frame.setpoint)
+    distance = float(np.linalg.norm(frame.setpoint - frame.states[0, BALL_POSITION][:2]))
+    return f"({x:.2f}, {y:.2f}) m, {distance:.2f} m away"
+
+
 def _bind(method: Callable[..., None], *arguments: Any) -> Command:
     return lambda session: method(session, *arguments)
 
@@ -263,8 +277,3 @@ def _set_paused(value: Any) -> Command:
         session.paused = bool(value)
 
     return command
-
-
-def _look_from(client: viser.ClientHandle, distance: float) -> None:
-    client.camera.position = (-0.8 * distance, -distance, 0.55 * distance + 0.3)
-    client.camera.look_at = (0.0, 0.0, 0.2)

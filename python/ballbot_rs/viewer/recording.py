@@ -35,8 +35,10 @@ class Frame:
     slip: FloatArray
     #: Share of the dynamic friction limit in use, three wheels and floor of robot 0.
     utilization: FloatArray
-    #: Position that the controllers hold, m.
-    setpoint: FloatArray
+    #: Goal of the robots, m; None under a controller that follows no position.
+    setpoint: FloatArray | None
+    #: Position that the controller of robot 0 holds on the way to the goal, m.
+    target: FloatArray | None
 
 
 class Recording:

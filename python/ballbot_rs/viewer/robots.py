@@ -1,6 +1,7 @@
 """The simulated robots of a session."""
 
 import contextlib
+import math
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,9 @@ FloatArray = npt.NDArray[np.float64]
 #: How hard the page may pull, as a share of the robot's weight, and at which distance it does, m.
 PULL_LIMIT = 0.2
 PULL_DISTANCE = 0.4
+
+#: From this tilt on a robot has fallen, rad, as it has once it touches the floor; models without slip have no floor.
+FALLEN_TILT = math.radians(60.0)
 
 
 class Robots:
@@ -31,6 +35,8 @@ class Robots:
         self._robots = [Ballbot(params, model, sim_dt) for _ in range(num_robots)]
         self._start = np.zeros(2)
         self.applied = np.zeros((num_robots, 3))
+        #: For how long each robot has been down, s; its motors are off.
+        self.down_for = np.zeros(num_robots)
 
     def __len__(self) -> int:
         return len(self._robots)
@@ -51,7 +57,17 @@ class Robots:
         # A frame may hold the old ones.
         self.applied = np.zeros_like(self.applied)
 
+    @property
+    def fallen(self) -> npt.NDArray[np.bool_]:
+        """Which robots are down, shape (n,)."""
+        return self.down_for > 0.0
+
+    def restart(self, index: int) -> None:
+        """One robot at rest at the origin, tilted as at the last reset."""
+        self._reset(index, self._start)
+
     def _reset(self, index: int, start: FloatArray) -> None:
+        self.down_for[index] = 0.0
         angle = 2.0 * np.pi * index / len(self)
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         self._robots[index].reset(State.at_rest(self.params, turn @ start))
@@ -59,6 +75,7 @@ class Robots:
     def take_over(self, others: "Robots") -> None:
         """Goes on from where as many other robots are, as far as this model can: slip is left behind."""
         self._start = others._start
+        self.down_for = others.down_for.copy()
         for index, (robot, state) in enumerate(zip(self._robots, others.states, strict=True)):
             for candidate in (state, _rolling(self.params, state)):
                 with contextlib.suppress(ValueError):
@@ -89,17 +106,20 @@ class Robots:
     def step(self, torques: FloatArray, steps: int) -> list[int]:
         """Advances all robots; those that left the range of the numbers start anew, and are returned."""
         limit = self.params.max_wheel_torque
-        self.applied = np.clip(torques, -limit, limit)
+        self.applied = np.where(self.fallen[:, np.newaxis], 0.0, np.clip(torques, -limit, limit))
         lost = []
         for index, robot in enumerate(self._robots):
             try:
                 robot.step(self.applied[index], steps)
-            except DivergedError:  # noqa: PERF203
-                self._reset(index, self._start)
+            except DivergedError:
+                self.restart(index)
                 lost.append(index)
+                continue
+            if self.down_for[index] or robot.state.tilt > FALLEN_TILT or robot.contacts.bot_on_floor:
+                self.down_for[index] += steps * self.sim_dt
         return lost
 
-    def frame(self, time: float, setpoint: FloatArray) -> Frame:
+    def frame(self, time: float, setpoint: FloatArray | None, target: FloatArray | None) -> Frame:
         """What is to be shown."""
         first, contacts = self._robots[0].state, self._robots[0].contacts
         return Frame(
@@ -112,6 +132,7 @@ class Robots:
             slip=contacts.wheel_slip_speeds,
             utilization=contacts.friction_utilization,
             setpoint=setpoint,
+            target=target,
         )
 
 

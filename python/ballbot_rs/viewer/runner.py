@@ -19,6 +19,9 @@ FRAME_DT = 1.0 / 30.0
 #: The most real time that is caught up after a delay, s: a machine that is too slow shows slow motion, not a jam.
 MAX_DELAY = 0.5
 
+#: How long `stop` waits, s. What cannot be interrupted, such as the reading of a large mesh, is left behind.
+STOP_TIMEOUT = 0.1
+
 
 class Runner:
     """Runs a session in real time.
@@ -45,9 +48,10 @@ class Runner:
         self._thread.start()
 
     def stop(self) -> None:
-        """Ends; returns when the thread has."""
+        """Ends; a policy that is being called is interrupted."""
         self._stop.set()
-        self._thread.join()
+        self._session.watch.cancel()
+        self._thread.join(STOP_TIMEOUT)
 
     @property
     def running(self) -> bool:
@@ -82,7 +86,9 @@ class Runner:
         try:
             simulated = session.advance(min(elapsed, MAX_DELAY))
         except Exception as error:
-            # A policy may choose nonsense or fail in any way: the robots then go on without current.
+            if self._stop.is_set():
+                return
+            # A policy may choose nonsense, not return or fail in any way: the robots then go on without current.
             session.choose(controller="zero")
             session.notices.append(f"{error or type(error).__name__}; the motors are off")
         if not session.paused and session.replay_time is None:

@@ -1,4 +1,4 @@
-"""The scene: a floor, the robots and the setpoint."""
+"""The scene: a floor, the robots, the setpoint and the target on the way to it."""
 
 import math
 from collections.abc import Callable
@@ -25,6 +25,8 @@ SPACING = 1.0
 
 FLOOR_SIZE = 20.0
 
+GOAL_COLOR, TARGET_COLOR = (30, 160, 60), (240, 140, 26)
+
 
 class Scene:
     """Shows frames on a server; `look` makes a robot's look of its name."""
@@ -41,14 +43,24 @@ class Scene:
         server.scene.add_grid(
             "/floor", width=FLOOR_SIZE, height=FLOOR_SIZE, cell_size=0.1, cell_color=(205, 208, 214), section_size=1.0
         )
-        self._setpoint = server.scene.add_icosphere("/setpoint", 0.02, (30, 160, 60), subdivisions=2)
+        # What is clicked is a sheet under the grid: viser tells a click on a node from a drag, which turns the camera.
+        half = 0.5 * FLOOR_SIZE
+        corners = np.array([(-half, -half, 0.0), (half, -half, 0.0), (half, half, 0.0), (-half, half, 0.0)])
+        self.floor = server.scene.add_mesh_simple(
+            "/sheet", corners, np.array([(0, 1, 2), (0, 2, 3)]), opacity=0.01, position=(0.0, 0.0, -0.002)
+        )
+        self._setpoint = server.scene.add_icosphere("/setpoint", 0.03, GOAL_COLOR, subdivisions=2)
+        self._target = server.scene.add_icosphere("/target", 0.015, TARGET_COLOR, subdivisions=2)
 
     def show(self, frame: Frame) -> None:
         """Moves everything to where a frame has it."""
         wanted = (frame.robot, len(frame.states))
         if wanted != self._shown:
             self._rebuild(*wanted)
-        self._setpoint.position = (float(frame.setpoint[0]), float(frame.setpoint[1]), 0.0)
+        for node, place in ((self._setpoint, frame.setpoint), (self._target, frame.target)):
+            node.visible = place is not None
+            if place is not None:
+                node.position = (float(place[0]), float(place[1]), 0.0)
         for nodes, state in zip(self._robots, frame.states, strict=True):
             nodes.show(state)
 

@@ -5,11 +5,11 @@ import contextlib
 import functools
 import http
 import io
+import logging
 import re
 import socket
 import time
-import urllib.parse
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
 
 import viser
@@ -18,11 +18,24 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from ballbot_rs.viewer import messages
+from ballbot_rs.viewer.access import refusal
+
 HOST = "127.0.0.1"
 
-#: Names by which a browser on this machine may call it; a tunnel may use another port.
-OWN_NAMES = ("127.0.0.1", "localhost", "::1")
+#: Pages that may be open at once. Each costs memory: viser encodes everything for each of them.
+MAX_CLIENTS = 16
+FULL = f"{MAX_CLIENTS} pages of this server are open already, which is the limit: close one"
 
+#: Messages a second of one client; it is read more slowly if it sends more. The page's own throttle is below that.
+MAX_RATE = 200.0
+
+#: Messages that a client may send in vain before it is disconnected.
+MAX_REFUSED = 100
+
+#: How long the end of a connection may take, and the end of the server, s.
+CLOSE_TIMEOUT = 0.02
+STOP_TIMEOUT = 0.08
 
 #: The analytics script of viser's page, which is removed.
 ANALYTICS = re.compile(rb"<script(?:(?!</script>).)*(?:googletagmanager|gtag)(?:(?!</script>).)*</script>", re.DOTALL)
@@ -32,7 +45,8 @@ class LocalServer(viser.ViserServer):
     """A viser server that cannot be shared with the internet."""
 
     def __init__(self, port: int) -> None:
-        with _guarded() as guards, contextlib.redirect_stdout(io.StringIO()):
+        self._clients: set[ServerConnection] = set()
+        with _guarded(self) as guards, contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=HOST, port=port, label="ballbot", verbose=False)
         if not guards:
             super().stop()
@@ -42,15 +56,44 @@ class LocalServer(viser.ViserServer):
         """Refuses: what a page asks for must not open this machine to others."""
         return None
 
+    async def serve(self, handler: Callable[[Any], Awaitable[None]], connection: ServerConnection) -> None:
+        """Has viser serve a client, of whose messages it gets those that are in order."""
+        if self.is_full:
+            await connection.close(1013, FULL)
+            return
+        self._clients.add(connection)
+        try:
+            await handler(_Client(connection, self))
+        finally:
+            self._clients.discard(connection)
+            # What has waited for messages to this client ends.
+            self._websock_server.flush()
+
+    @property
+    def is_full(self) -> bool:
+        """Whether no more pages may be opened."""
+        return len(self._clients) >= MAX_CLIENTS
+
+    @property
+    def controls(self) -> dict[str, Any]:
+        """The controls on the page by their identifiers."""
+        return self.gui._gui_input_handle_from_uuid if hasattr(self, "gui") else {}
+
+    def _abort(self) -> None:
+        for connection in list(self._clients):
+            connection.transport.abort()
+
     def stop(self) -> None:
-        """Ends the server, quietly."""
+        """Ends the server, quietly; clients that do not answer are not waited for."""
         with contextlib.redirect_stdout(io.StringIO()):
+            if self._event_loop.is_running():
+                self._event_loop.call_soon_threadsafe(self._abort)
             super().stop()
             # The server's thread says so when it ends, which it does not tell otherwise.
-            deadline = time.monotonic() + 2.0
+            deadline = time.monotonic() + STOP_TIMEOUT
             while self._event_loop.is_running() and time.monotonic() < deadline:
-                time.sleep(0.01)
-            time.sleep(0.05)
+                time.sleep(0.005)
+            time.sleep(0.01)
         if not self._event_loop.is_running():
             # What waits for messages would be complained about when Python ends.
             self._event_loop.run_until_complete(_cancel_all())
@@ -78,44 +121,67 @@ def free_port(first: int) -> int:
     raise OSError(f"no port is free from {first} to 65535")
 
 
-def refusal(path: str, headers: Headers) -> str | None:
-    """Why a request is refused, or None.
+class _Client:
+    """A connection as viser uses it, which gives only messages that are in order."""
 
-    A path may not leave the client's folder, which viser does not check. A foreign `Origin` is another site's page that
-    reaches for this server; a foreign `Host` is the same after its name was pointed at this machine.
-    """
-    file = path.partition("?")[0]
-    if ".." in file.split("/") or "//" in file or any(c in file for c in "\\:") or "%5c" in file.lower():
-        return "no such file"
-    for value, is_host in [
-        *((v, True) for v in headers.get_all("Host")),
-        *((v, False) for v in headers.get_all("Origin")),
-    ]:
-        try:
-            name = urllib.parse.urlsplit(f"//{value}" if is_host else value).hostname
-        except ValueError:
-            name = None
-        if name not in OWN_NAMES:
-            return "this server is for this machine alone"
-    return None
+    def __init__(self, connection: ServerConnection, server: LocalServer) -> None:
+        self._connection = connection
+        self._server = server
+        self._allowed = MAX_RATE
+        self._last = time.monotonic()
+        self._refused = 0
+        self._has_camera = False
+
+    async def send(self, message: bytes) -> None:
+        """Sends to the client."""
+        await self._connection.send(message)
+
+    async def recv(self) -> bytes:
+        """The next message of the client that is in order."""
+        while True:
+            raw = await self._connection.recv()
+            await self._slow_down()
+            message = messages.accepted(raw, self._server.controls)
+            # viser has no handle of a client before its first camera.
+            self._has_camera = self._has_camera or isinstance(message, messages.Camera)
+            if message is not None and self._has_camera:
+                return messages.encoded(message)
+            self._refused += 1
+            if self._refused > MAX_REFUSED:
+                await self._connection.close(1008, "too many messages that are not the page's")
+
+    async def _slow_down(self) -> None:
+        now = time.monotonic()
+        self._allowed = min(MAX_RATE, self._allowed + MAX_RATE * (now - self._last)) - 1.0
+        self._last = now
+        if self._allowed < 0.0:
+            await asyncio.sleep(-self._allowed / MAX_RATE)
 
 
 @contextlib.contextmanager
-def _guarded() -> Iterator[list[bool]]:
-    """Puts `refusal` before viser's own answers, for which viser has no hook.
+def _guarded(server: LocalServer) -> Iterator[list[bool]]:
+    """Puts `refusal` and `_Client` before viser, which has no hook for either.
 
     The list is empty as long as viser has not started a server through it.
     """
     serve = websockets.asyncio.server.serve
     guards: list[bool] = []
 
-    def guarded(*arguments: Any, process_request: Callable[[ServerConnection, Request], Any], **options: Any) -> Any:
+    def guarded(
+        handler: Callable[[Any], Awaitable[None]],
+        *arguments: Any,
+        process_request: Callable[[ServerConnection, Request], Any],
+        **options: Any,
+    ) -> Any:
         @functools.wraps(process_request)
         def answer(connection: ServerConnection, request: Request) -> Any:
             reason = refusal(request.path, request.headers)
             if reason is not None:
-                return Response(http.HTTPStatus.FORBIDDEN.value, "Forbidden", Headers(), reason.encode())
+                return _refused(http.HTTPStatus.FORBIDDEN, reason)
             is_page = request.path.partition("?")[0] in ("/", "/index.html")
+            is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
+            if server.is_full and (is_page or is_socket):
+                return _refused(http.HTTPStatus.SERVICE_UNAVAILABLE, FULL)
             if is_page:
                 request.headers.pop("Accept-Encoding", None)
             response = process_request(connection, request)
@@ -124,10 +190,24 @@ def _guarded() -> Iterator[list[bool]]:
             return response
 
         guards.append(True)
-        return serve(*arguments, process_request=answer, **options)
+        own = {"max_size": messages.MAX_MESSAGE, "close_timeout": CLOSE_TIMEOUT, "logger": _silent_logger()}
+        return serve(functools.partial(server.serve, handler), *arguments, process_request=answer, **{**options, **own})
 
     websockets.asyncio.server.serve = guarded  # type: ignore[assignment]
     try:
         yield guards
     finally:
         websockets.asyncio.server.serve = serve
+
+
+def _refused(status: http.HTTPStatus, reason: str) -> Response:
+    headers = Headers({"Content-Type": "text/plain; charset=utf-8", "Connection": "close"})
+    return Response(status.value, status.phrase, headers, reason.encode())
+
+
+def _silent_logger() -> logging.Logger:
+    """What clients do wrong is not for the terminal, which they could flood."""
+    logger = logging.getLogger("ballbot_rs.viewer.connections")
+    logger.addHandler(logging.NullHandler())
+    logger.propagate = False
+    return logger

@@ -1,19 +1,33 @@
-"""A session: robots, what drives them, and what a user does to them. It knows neither threads nor browsers."""
+"""A session: robots, what drives them, and what a user does to them. It knows no browser."""
 
 import math
 from collections import deque
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import MODELS, ROBOTS, Params
-from ballbot_rs.control.resolve import ResolvedController, find
-from ballbot_rs.viewer.drivers import Driver, make_driver
+from ballbot_rs.control.reference import Reference
+from ballbot_rs.control.resolve import NAMES, ResolvedController, find
+from ballbot_rs.viewer.drivers import Driver, Torques, lead_of, make_driver
 from ballbot_rs.viewer.history import History
 from ballbot_rs.viewer.recording import Frame, Recording
 from ballbot_rs.viewer.robots import Robots
+from ballbot_rs.viewer.trial import check_balances
+from ballbot_rs.viewer.watch import Watch
+
+T = TypeVar("T")
 
 MAX_ROBOTS = 64
+
+#: How long a policy, or a law that is not of the core, may take for a control step, and to be loaded and tried, s.
+MAX_CALL = 1.0
+MAX_LOAD = 10.0
+
+#: How long a robot that has fallen lies before it starts anew, s.
+LIES_FOR = 2.0
 
 #: Bounds of what a page can ask for: simulated per real time, rad, N·s and m.
 MIN_SPEED, MAX_SPEED = 0.01, 1.0
@@ -42,8 +56,10 @@ class Session:
         params: a robot that is no preset.
 
     Raises:
-        ValueError: a name that is not known, or a number out of range.
+        ValueError: a name that is not known, a number out of range, or a policy that falls on a robot other than the
+            one that it was trained on.
         FileNotFoundError: there is no policy at that path.
+        TimeoutError: a policy takes too long.
     """
 
     def __init__(
@@ -66,8 +82,10 @@ class Session:
         self.history = History()
         self.notices: deque[str] = deque(maxlen=20)
         self.pull_point: npt.NDArray[np.float64] | None = None
+        self.watch = Watch()
         self._ahead = 0.0
-        self._controller = _found(controller)
+        self._references: list[Reference] = []
+        self._controller = self._found(controller)
         self.driver, self.robots = self._make(model, robot, self._controller, num_robots)
         self.reset()
 
@@ -83,7 +101,19 @@ class Session:
             raise ValueError(f"num_robots = {num_robots} is out of range: expected 1 to {MAX_ROBOTS}")
         params = self.params_of(robot)
         driver = make_driver(controller, params, num_robots)
+        if controller.policy is not None:
+            self._watched(controller, lambda: check_balances(controller, robot, params), MAX_LOAD)
         return driver, Robots(robot, params, model, num_robots, driver.sim_dt)
+
+    def _found(self, controller: str | ResolvedController) -> ResolvedController:
+        """A page may name any controller or ONNX file: these have no pickled code."""
+        if not isinstance(controller, str) or controller in NAMES:
+            return find(controller, trusted=False)
+        return self.watch.call(f"loading {controller}", lambda: find(controller, trusted=False), MAX_LOAD)
+
+    def _watched(self, controller: ResolvedController, function: Callable[[], T], seconds: float) -> T:
+        """What a function returns that calls a controller, which may take too long."""
+        return self.watch.call(controller.name, function, seconds, controller.interrupt)
 
     def params_of(self, robot: str) -> Params:
         """Parameters of a robot by name. Raises ValueError for an unknown one."""
@@ -108,7 +138,9 @@ class Session:
         """
         old = self.robots
         # The file of a policy that is in use already is not read again.
-        chosen = self._controller if controller in (None, self.controller) else _found(controller)
+        chosen = self._controller
+        if controller is not None and controller != self.controller:
+            chosen = self._found(controller)
         driver, new = self._make(
             old.model if model is None else model,
             old.name if robot is None else robot,
@@ -122,10 +154,14 @@ class Session:
         elif (new.model, new.sim_dt) != (old.model, old.sim_dt):
             self.robots = new
             new.take_over(old)
+        self._references = []
         self.replay_time = None
 
     def reset(self, tilt: npt.ArrayLike | None = None) -> None:
-        """Starts all robots anew, at rest; the tilt (two components, rad) is kept for the next time."""
+        """Starts all robots anew, at rest, with the setpoint at the origin.
+
+        The tilt (two components, rad) is kept for the next time.
+        """
         start = self.start_tilt if tilt is None else np.asarray(tilt, dtype=np.float64)
         if start.shape != (2,):
             raise ValueError(f"tilt = {tilt!r}: expected two components")
@@ -133,6 +169,8 @@ class Session:
         self.robots.reset(start)
         self.start_tilt = start
         self.driver.reset()
+        self.setpoint = np.zeros(2)
+        self._references = []
         self.time = 0.0
         self._ahead = 0.0
         self.history.clear()
@@ -156,8 +194,15 @@ class Session:
         self.pull_point = towards
 
     def move_setpoint(self, x: float, y: float) -> None:
-        """The position that controllers are to hold, m; in a batch, from where each robot stands."""
-        self.setpoint = np.array([check_bounded(n, v, -MAX_SETPOINT, MAX_SETPOINT) for n, v in (("x", x), ("y", y))])
+        """The goal, m; in a batch, from where each robot stands. Controllers get a target on the way to it.
+
+        Raises:
+            ValueError: a number out of range, or a controller that follows no position.
+        """
+        goal = np.array([check_bounded(n, v, -MAX_SETPOINT, MAX_SETPOINT) for n, v in (("x", x), ("y", y))])
+        if not self.driver.follows_position:
+            raise ValueError(f"{self.controller} does not follow a setpoint; choose lqr or a policy")
+        self.setpoint = goal
 
     def set_speed(self, speed: float) -> None:
         """Simulated time a real time: 1 is real time."""
@@ -191,18 +236,51 @@ class Session:
             self._move_replay(self.driver.control_dt)
             return
         driver, robots = self.driver, self.robots
-        torques = driver.torques(robots.states, self.setpoint)
+        torques = self._torques()
         if self.pull_point is not None:
             robots.pull(self.pull_point, driver.control_dt)
         lost = robots.step(torques, round(driver.control_dt / driver.sim_dt))
         if lost:
             self.notices.append(f"robot {', '.join(map(str, lost))} left the range of the simulation and starts anew")
+        self._start_anew(lost)
         self.time += driver.control_dt
-        frame = self.robots.frame(self.time, self.setpoint)
+        frame = self._frame()
         self.history.add(frame)
         if self.is_recording and not self.recording.add(frame):
             self.stop_recording()
             self.notices.append(f"the recording is full, after {self.recording.duration:.0f} s")
+
+    def _torques(self) -> Torques:
+        """What the controller wants of the robots now, with targets that it can follow."""
+        driver, states = self.driver, self.robots.states
+        if driver.follows_position:
+            if not self._references:
+                lead = self._of_driver(lambda: lead_of(self._controller, self.robots.params))
+                self._references = [Reference(lead) for _ in states]
+                for reference, state in zip(self._references, states, strict=True):
+                    reference.start(state.ball_position[:2], state.ball_velocity[:2])
+            for reference, state in zip(self._references, states, strict=True):
+                reference.advance(self.setpoint, state.ball_position[:2], driver.control_dt)
+        targets = [reference.position for reference in self._references] or np.zeros(2)
+        return self._of_driver(lambda: driver.torques(states, targets))
+
+    def _of_driver(self, function: Callable[[], T]) -> T:
+        return self._watched(self._controller, function, MAX_CALL) if self.driver.is_foreign else function()
+
+    def _start_anew(self, lost: list[int]) -> None:
+        """Has robots that have lain for a while start anew; without a controller they stay where they are."""
+        restarted = list(lost)
+        if self.controller != "zero":
+            for index in np.flatnonzero(self.robots.down_for >= LIES_FOR).tolist():
+                self.robots.restart(index)
+                self.notices.append(f"robot {index} fell and starts anew")
+                restarted.append(index)
+        for index in restarted:
+            self.driver.reset(index)
+            if self._references:
+                self._references[index].start((0.0, 0.0), (0.0, 0.0))
+        if 0 in restarted:
+            self.setpoint = np.zeros(2)
 
     def advance(self, seconds: float) -> float:
         """Lets real time pass: whole control steps, the rest is kept. Returns the time simulated, s."""
@@ -227,10 +305,9 @@ class Session:
         """What is to be shown now. At its end, a replay goes on showing its last frame."""
         if self.replay_time is not None:
             return self.recording.at(self.replay_time)
-        return self.robots.frame(self.time, self.setpoint)
+        return self._frame()
 
-
-def _found(controller: str | ResolvedController | None) -> ResolvedController:
-    """A page may name any controller or ONNX file: these have no pickled code."""
-    assert controller is not None
-    return find(controller, trusted=False)
+    def _frame(self) -> Frame:
+        goal = self.setpoint if self.driver.follows_position else None
+        target = self._references[0].position if self._references else None
+        return self.robots.frame(self.time, goal, target)

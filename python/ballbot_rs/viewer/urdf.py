@@ -1,5 +1,7 @@
 """A robot's look from its two URDFs. The parameters' own reader has checked before that they describe a ballbot."""
 
+import functools
+import io
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +11,15 @@ import yourdfpy
 
 from ballbot_rs import _assets
 from ballbot_rs._core import Params
+from ballbot_rs._reading import read_regular
 from ballbot_rs.viewer.shapes import TYRE, Color, Look, Piece, Wheel, ball_of, by_color, piece, wheel_heights
 
 FloatArray = npt.NDArray[np.float64]
+
+#: Largest URDF and largest file of a mesh, bytes, and most triangles of a mesh: those of the core.
+MAX_URDF = 16 << 20
+MAX_MESH = 128 << 20
+MAX_TRIANGLES = 2_000_000
 
 #: The robots that have URDFs.
 URDFS = {"paper": (_assets.path("bot.urdf"), _assets.path("ball.urdf"))}
@@ -21,7 +29,8 @@ def from_urdf(params: Params, bot_path: Path, ball_path: Path) -> Look:
     """The visual shapes of a ballbot described by two URDFs.
 
     Raises:
-        ValueError: the wheels cannot be told from the body.
+        ValueError: the wheels cannot be told from the body, or a file is not a regular one, too large or malformed.
+        OSError: a file cannot be read.
     """
     bot, ball = _load(bot_path), _load(ball_path)
     wheels = [joint for joint in bot.robot.joints if joint.type in ("continuous", "revolute")]
@@ -49,9 +58,12 @@ def from_urdf(params: Params, bot_path: Path, ball_path: Path) -> Look:
 
 
 def _load(path: Path) -> yourdfpy.URDF:
+    text = io.BytesIO(read_regular(path, MAX_URDF))
+    meshes = functools.partial(yourdfpy.filename_handler_magic, dir=str(path.parent))
     try:
-        return yourdfpy.URDF.load(str(path), build_scene_graph=True, load_meshes=False)
-    except yourdfpy.URDFError as error:
+        return yourdfpy.URDF.load(text, build_scene_graph=True, load_meshes=False, filename_handler=meshes)
+    # Besides its own errors it passes on those of the XML parser.
+    except Exception as error:
         raise ValueError(f"{path}: {error}") from error
 
 
@@ -92,8 +104,27 @@ def _mesh(robot: yourdfpy.URDF, shape: yourdfpy.Geometry | None) -> trimesh.Trim
     elif shape.box is not None:
         mesh = trimesh.creation.box(shape.box.size)
     elif shape.mesh is not None:
-        mesh = trimesh.load_mesh(robot._filename_handler(fname=shape.mesh.filename))
+        mesh = _read_mesh(Path(robot._filename_handler(fname=shape.mesh.filename)))
         mesh.vertices = np.asarray(mesh.vertices) * (1.0 if shape.mesh.scale is None else shape.mesh.scale)
+    return mesh
+
+
+def _read_mesh(path: Path) -> trimesh.Trimesh:
+    """The triangles of a file. No other file is opened for it, such as materials, of which the page shows none."""
+    contents = io.BytesIO(read_regular(path, MAX_MESH))
+    try:
+        mesh = trimesh.load_mesh(contents, file_type=path.suffix.lower().lstrip("."))
+    # Its readers raise whatever a malformed file leads to.
+    except Exception as error:
+        raise ValueError(f"{path} is not a readable mesh: {error or type(error).__name__}") from error
+    if isinstance(mesh, trimesh.Scene):
+        mesh = mesh.to_mesh()
+    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+        raise ValueError(f"{path} has no triangles")
+    if len(mesh.faces) > MAX_TRIANGLES:
+        raise ValueError(f"{path} has {len(mesh.faces)} triangles, limit {MAX_TRIANGLES}")
+    if not np.isfinite(mesh.vertices).all():
+        raise ValueError(f"{path} has a corner that is not finite")
     return mesh
 
 

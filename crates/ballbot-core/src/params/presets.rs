@@ -2,12 +2,15 @@
 
 use super::Params;
 use crate::error::{Error, Result};
+use crate::files;
 use std::fmt::Write;
-use std::fs;
 use std::path::Path;
 
 /// Name and text of each file in `robots/`, listed by the build script.
 const PRESETS: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/presets.rs"));
+
+/// Largest file of parameters, bytes. Presets have some thousand.
+const MAX_SIZE: u64 = 1 << 20;
 
 const NAMES: [&str; PRESETS.len()] = {
     let mut names = [""; PRESETS.len()];
@@ -47,7 +50,7 @@ impl Params {
     /// [`Error::Io`] for a file that cannot be read; [`Error::Decode`] with the file and the reason that
     /// [`Params::from_toml`] gives.
     pub fn from_toml_file(path: &Path) -> Result<Self> {
-        let text = fs::read_to_string(path).map_err(|source| Error::Io { path: path.into(), source })?;
+        let text = files::read_text(path, MAX_SIZE)?;
         Self::from_toml(&text).map_err(|error| {
             let reason = match error {
                 Error::Decode { reason, .. } => reason,

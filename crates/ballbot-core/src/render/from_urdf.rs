@@ -4,15 +4,18 @@ use super::color::{Color, Paint, srgb};
 use super::scene::{Link, Part, Scene};
 use super::shape::Shape;
 use crate::error::{Error, Result};
+use crate::files;
 use crate::params::Params;
 use crate::urdf::{Visual, VisualLink, VisualShape, visuals_from_urdf};
 use nalgebra::Vector3;
-use std::fs::File;
-use std::io::BufReader;
+use std::io::Cursor;
 use std::path::Path;
 
 /// Largest number of triangles of one mesh. Meshes of robots have thousands.
 const MAX_TRIANGLES: usize = 2_000_000;
+
+/// Largest file of a mesh, bytes: as many triangles in binary, or a quarter of them as text.
+const MAX_SIZE: u64 = 128 << 20;
 
 impl Scene {
     /// The scene of the visual elements of two URDFs.
@@ -67,14 +70,27 @@ fn shape(shape: &VisualShape) -> Result<Shape> {
 }
 
 fn mesh(path: &Path, scale: &Vector3<f64>) -> Result<Shape> {
-    let refuse = |reason: String| Error::Decode { what: path.display().to_string(), reason };
-    let file = File::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
-    let stl = stl_io::read_stl(&mut BufReader::new(file)).map_err(|e| refuse(format!("not a readable STL: {e}")))?;
-    if stl.faces.len() > MAX_TRIANGLES {
-        return Err(refuse(format!("{} triangles, limit {MAX_TRIANGLES}", stl.faces.len())));
+    Shape::stl(&files::read(path, MAX_SIZE)?, scale).map_err(|error| match error {
+        Error::Decode { reason, .. } => Error::Decode { what: path.display().to_string(), reason },
+        other => other,
+    })
+}
+
+impl Shape {
+    /// The triangles of an STL, as text or binary; its coordinates times `scale` are m.
+    ///
+    /// # Errors
+    /// [`Error::Decode`] for contents that are no STL, more than two million triangles, and as [`Shape::mesh`].
+    pub fn stl(contents: &[u8], scale: &Vector3<f64>) -> Result<Self> {
+        let refuse = |reason: String| Error::Decode { what: "mesh".into(), reason };
+        let stl =
+            stl_io::read_stl(&mut Cursor::new(contents)).map_err(|e| refuse(format!("not a readable STL: {e}")))?;
+        if stl.faces.len() > MAX_TRIANGLES {
+            return Err(refuse(format!("{} triangles, limit {MAX_TRIANGLES}", stl.faces.len())));
+        }
+        let point = |p: &stl_io::Vertex| Vector3::new(p[0], p[1], p[2]).cast::<f64>().component_mul(scale);
+        let points: Vec<_> = stl.vertices.iter().map(point).collect();
+        let triangles: Vec<_> = stl.faces.iter().map(|face| face.vertices.map(|i| i as u32)).collect();
+        Self::mesh(&points, &triangles)
     }
-    let point = |p: &stl_io::Vertex| Vector3::new(p[0], p[1], p[2]).cast::<f64>().component_mul(scale);
-    let points: Vec<_> = stl.vertices.iter().map(point).collect();
-    let triangles: Vec<_> = stl.faces.iter().map(|face| face.vertices.map(|i| i as u32)).collect();
-    Shape::mesh(&points, &triangles).map_err(|e| refuse(e.to_string()))
 }

@@ -1,7 +1,7 @@
 //! Checks of the contents of a file, and their errors.
 
 use crate::error::{Error, Result};
-use std::fs;
+use crate::files;
 use std::path::Path;
 
 /// A value, or the reason why the file it comes from is refused; [`refuse`] adds which file that is.
@@ -10,8 +10,11 @@ pub(super) type Checked<T> = std::result::Result<T, String>;
 /// Largest position error, m, and largest error of a direction, that count as rounding in a file.
 pub(super) const TOLERANCE: f64 = 1e-6;
 
+/// Largest URDF, bytes. Those of robots have some ten thousand.
+const MAX_SIZE: u64 = 16 << 20;
+
 pub(super) fn read_file(path: &Path) -> Result<String> {
-    fs::read_to_string(path).map_err(|source| Error::Io { path: path.into(), source })
+    files::read_text(path, MAX_SIZE)
 }
 
 /// Why the file named `label` is refused.

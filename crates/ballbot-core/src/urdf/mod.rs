@@ -24,7 +24,7 @@ mod tree;
 mod visual;
 mod wheel;
 
-pub use visual::{Visual, VisualLink, VisualShape, visuals_from_urdf};
+pub use visual::{Visual, VisualLink, VisualShape, visuals_from_urdf, visuals_from_urdf_text};
 
 use crate::error::Result;
 use crate::params::Params;

@@ -53,9 +53,21 @@ pub struct Visual {
 /// As [`super::params_from_urdf`]; [`crate::Error::Urdf`] for a visual that is not a sphere, cylinder, box or mesh
 /// file, or has a size that is not positive.
 pub fn visuals_from_urdf(bot: &Path, ball: &Path) -> Result<Vec<Visual>> {
-    let params: Params = super::params_from_urdf(bot, ball)?;
-    let (bot_text, ball_text) = (read_file(bot)?, read_file(ball)?);
-    let bot_label = bot.display().to_string();
+    read_visuals((bot, &read_file(bot)?), (ball, &read_file(ball)?))
+}
+
+/// The visual elements of the ballbot described by the texts `bot` and `ball`; paths of meshes remain as they are.
+///
+/// # Errors
+/// As [`super::params_from_urdf_text`] and [`visuals_from_urdf`].
+pub fn visuals_from_urdf_text(bot: &str, ball: &str) -> Result<Vec<Visual>> {
+    read_visuals((Path::new("bot URDF"), bot), (Path::new("ball URDF"), ball))
+}
+
+/// Visuals from the (file or label, text) of both URDFs.
+fn read_visuals((bot, bot_text): (&Path, &str), (ball, ball_text): (&Path, &str)) -> Result<Vec<Visual>> {
+    let (bot_label, ball_label) = (bot.display().to_string(), ball.display().to_string());
+    let params: Params = super::read_params((&bot_label, bot_text), (&ball_label, ball_text))?;
     let of_ball = |text: &str| -> Checked<Vec<Visual>> {
         let tree = Tree::read(text)?;
         let center = tree.masses()?.into_iter().flatten().next().map_or_else(Vector3::zeros, |body| body.center.coords);
@@ -71,8 +83,8 @@ pub fn visuals_from_urdf(bot: &Path, ball: &Path) -> Result<Vec<Visual>> {
         }
         Ok(found)
     };
-    let mut found = of_ball(&ball_text).map_err(refuse(&ball.display().to_string()))?;
-    found.extend(of_bot(&bot_text).map_err(refuse(&bot_label))?);
+    let mut found = of_ball(ball_text).map_err(refuse(&ball_label))?;
+    found.extend(of_bot(bot_text).map_err(refuse(&bot_label))?);
     Ok(found)
 }
 

@@ -1,0 +1,134 @@
+"""Calls of what others wrote (policies, laws in Python, models to be loaded), which may take long or never return.
+
+They run in a thread of their own. The caller waits for a limited time, and less if `cancel` is called or a signal
+comes. A thread whose call does not return is left behind.
+"""
+
+import queue
+import threading
+import weakref
+from collections.abc import Callable
+from typing import Any, ClassVar, TypeVar
+
+T = TypeVar("T")
+
+#: How long a call that was interrupted may take to end, s.
+GRACE = 0.05
+
+
+class Interrupted(Exception):
+    """The wait for a call was ended by `Watch.cancel`."""
+
+
+class _Job:
+    def __init__(self, function: Callable[[], Any]) -> None:
+        self.function = function
+        #: Whether the caller need not wait any more, and whether the call has ended.
+        self.wake, self.done = threading.Event(), threading.Event()
+        self.result: Any = None
+        self.error: BaseException | None = None
+
+    def run(self) -> None:
+        try:
+            self.result = self.function()
+        except BaseException as error:
+            self.error = error
+        self.done.set()
+        self.wake.set()
+
+
+class Watch:
+    """One thread for calls, one at a time; a new one after a call that did not return."""
+
+    _all: ClassVar["weakref.WeakSet[Watch]"] = weakref.WeakSet()
+
+    def __init__(self) -> None:
+        self._jobs: queue.SimpleQueue[_Job | None] | None = None
+        self._current: _Job | None = None
+        self._cancelled = False
+        self._all.add(self)
+
+    def call(
+        self, what: str, function: Callable[[], T], seconds: float, interrupt: Callable[[], None] | None = None
+    ) -> T:
+        """What a function returns, or its exception.
+
+        Args:
+            what: name of the call in the error.
+            function: called in the other thread.
+            seconds: how long it may take.
+            interrupt: called from this thread to end a function that takes longer.
+
+        Raises:
+            TimeoutError: the function has not returned in time.
+            Interrupted: `cancel` was called.
+        """
+        job = _Job(function)
+        self._current = job
+        if self._cancelled:
+            raise Interrupted(f"{what} was interrupted")
+        self._thread().put(job)
+        try:
+            job.wake.wait(seconds)
+        finally:
+            self._current = None
+            if not job.done.is_set():
+                self._leave(job, interrupt)
+        if job.done.is_set() and not self._cancelled and self._jobs is not None:
+            if job.error is not None:
+                raise job.error
+            result: T = job.result
+            return result
+        if self._cancelled:
+            raise Interrupted(f"{what} was interrupted")
+        raise TimeoutError(f"{what} took longer than {seconds:g} s")
+
+    def _leave(self, job: _Job, interrupt: Callable[[], None] | None) -> None:
+        """Goes on without a call, whose thread ends when, and if, the call does."""
+        assert self._jobs is not None
+        self._jobs.put(None)
+        self._jobs = None
+        _left.add(job)
+        if interrupt is not None:
+            interrupt()
+            job.done.wait(GRACE)
+
+    def cancel(self) -> None:
+        """Ends the wait for the current call and refuses all others. From any thread."""
+        self._cancelled = True
+        job = self._current
+        if job is not None:
+            job.wake.set()
+
+    @classmethod
+    def cancel_all(cls) -> None:
+        """`cancel` of all that there are."""
+        for watch in list(cls._all):
+            watch.cancel()
+
+    def __del__(self) -> None:
+        if self._jobs is not None:
+            self._jobs.put(None)
+
+    def _thread(self) -> "queue.SimpleQueue[_Job | None]":
+        if self._jobs is None:
+            jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+            threading.Thread(target=_work, args=(jobs,), name="ballbot-watched", daemon=True).start()
+            self._jobs = jobs
+        return self._jobs
+
+
+#: Calls that were left behind; those that still run keep their thread alive.
+_left: "weakref.WeakSet[_Job]" = weakref.WeakSet()
+
+
+def is_any_left() -> bool:
+    """Whether a call that was left behind still runs."""
+    return any(not job.done.is_set() for job in list(_left))
+
+
+def _work(jobs: "queue.SimpleQueue[_Job | None]") -> None:
+    while (job := jobs.get()) is not None:
+        job.run()
+        # Its result is not kept until the next one comes.
+        del job

@@ -1,0 +1,319 @@
+"""Clients of the page that are no browsers, or no friends."""
+
+import contextlib
+import math
+import os
+import socket
+import urllib.error
+import urllib.request
+
+import pytest
+
+viser = pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs[view]'")
+
+import msgspec  # noqa: E402
+from websockets.datastructures import Headers  # noqa: E402
+from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
+from websockets.sync.client import connect  # noqa: E402
+
+from ballbot_rs.viewer import messages, server  # noqa: E402
+from ballbot_rs.viewer.access import is_own, refusal  # noqa: E402
+from ballbot_rs.viewer.session import Session  # noqa: E402
+from ballbot_rs.viewer.view import View  # noqa: E402
+from tests.support.view import CAMERA, ask, packed, wait_until  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def view():
+    view = View(Session(), port=18830)
+    yield view
+    view.stop()
+    assert view.runner.error is None
+
+
+@contextlib.contextmanager
+def client(view):
+    address = view.url.replace("http", "ws")
+    with connect(address, max_size=None, close_timeout=0.1) as connection:
+        connection.send(packed(**CAMERA))
+        yield connection
+
+
+def control(view, label):
+    return next(handle for handle in view.server.controls.values() if handle.label == label)
+
+
+def update(handle, value):
+    return packed(type="GuiUpdateMessage", uuid=handle._impl.uuid, updates={"value": value})
+
+
+WRONG = [
+    ("Impulse (N·s)", 1e308),
+    ("Impulse (N·s)", -1e308),
+    ("Impulse (N·s)", math.nan),
+    ("Impulse (N·s)", math.inf),
+    ("Impulse (N·s)", 5.1),
+    ("Impulse (N·s)", True),
+    ("Impulse (N·s)", "1.0"),
+    ("Impulse (N·s)", None),
+    ("Impulse (N·s)", [1.0]),
+    ("Direction (deg)", 2**63),
+    ("Speed", 0.0),
+    ("Paused", 1.0),
+    ("Paused", "yes"),
+    ("Model", "flat"),
+    ("Robot", 3),
+    ("Robots", "1e9"),
+    ("Policy file", 5),
+    ("Policy file", "x" * 2000),
+    ("Status", "all is well"),
+    ("Push", "now"),
+]
+
+
+@pytest.mark.parametrize(("label", "value"), WRONG)
+def test_a_value_that_a_control_cannot_have_does_not_enter_it(view, label, value):
+    handle = control(view, label)
+    assert messages.accepted(update(handle, value), view.server.controls) is None
+
+
+def test_what_is_wrong_reaches_no_other_client_and_what_is_right_does(view):
+    """A value of 1e308 in a control dropped every client that came later."""
+    handle = control(view, "Impulse (N·s)")
+    before = handle.value
+    with client(view) as sender:
+        wait_until(lambda: view.server.get_clients())
+        for value in (1e308, math.nan, "x", None):
+            sender.send(update(handle, value))
+        sender.send(
+            packed(type="TransformControlsUpdateMessage", name="/pull", wxyz=[1, 0, 0, 0], position=[1e308] * 3)
+        )
+        sender.send(packed(**{**CAMERA, "position": [1e308, 0, 0]}))
+        sender.send(update(control(view, "Speed"), 0.5))
+        wait_until(lambda: ask(view, lambda session: session.speed) == 0.5)
+        sender.send(update(control(view, "Speed"), 1))
+        wait_until(lambda: ask(view, lambda session: session.speed) == 1.0)
+        assert handle.value == before
+    with client(view) as later:
+        # All of the page comes, and can be read.
+        assert any("GuiAddSlider" in str(part) or part["type"] == "GuiSliderMessage" for part in everything(later))
+
+
+def everything(connection):
+    """What a new client gets within a second."""
+    found = []
+    with contextlib.suppress(TimeoutError):
+        for _ in range(30):
+            found.extend(msgspec.msgpack.decode(connection.recv(timeout=1.0)))
+    return found
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        {"wxyz": [0.0, 0.0, 0.0, 0.0]},
+        {"wxyz": [1.0, 0.0, 0.0]},
+        {"fov": 0.0},
+        {"fov": 4.0},
+        {"aspect": math.inf},
+        {"near": -1.0},
+        {"look_at": [1.0, 1.0, 1.0]},
+        {"look_at": [1.0, 1.0, 5.0]},
+        {"up_direction": [0, 0, 0]},
+        {"position": [math.nan, 0.0, 0.0]},
+        {"position": [1e308, 0.0, 0.0]},
+        {"more": 1},
+        {"type": "ShareUrlRequest"},
+        {"type": "NoSuchMessage"},
+        {"type": 3},
+    ],
+)
+def test_a_camera_that_sees_nothing_is_dropped(edit):
+    assert messages.accepted(packed(**CAMERA), {}) is not None
+    assert messages.accepted(packed(**{**CAMERA, **edit}), {}) is None
+
+
+def test_uploads_are_refused(view):
+    button = control(view, "Push")
+    start = packed(
+        type="FileTransferStart",
+        source_component_uuid=button._impl.uuid,
+        transfer_uuid="1",
+        filename="x",
+        mime_type="text/plain",
+        part_count=1,
+        size_bytes=10**9,
+    )
+    part = packed(
+        type="FileTransferPart", source_component_uuid=button._impl.uuid, transfer_uuid="1", part=0, content=b"x" * 100
+    )
+    assert messages.accepted(start, view.server.controls) is None
+    with client(view) as sender:
+        for message in (start, part):
+            sender.send(message)
+        sender.send(update(control(view, "Paused"), True))
+        wait_until(lambda: ask(view, lambda session: session.paused))
+        sender.send(update(control(view, "Paused"), False))
+        wait_until(lambda: not ask(view, lambda session: session.paused))
+    assert not view.server.gui._current_file_upload_states
+
+
+def is_closed(connection):
+    """Whether the server ends a connection within a while."""
+    try:
+        for _ in range(1000):
+            connection.recv(timeout=10.0)
+    except ConnectionClosed:
+        return True
+    except TimeoutError:
+        pass
+    return False
+
+
+def test_a_flood_of_malformed_messages_ends_the_connection_and_prints_nothing(view, capfd):
+    for garbage in (b"\xff\x00garbage", b"", "text", b"\x81\xa4type\xa7NoSuchM", b"\xc1" * 1000, b"\x91" * 15_000):
+        with client(view) as sender:
+            with contextlib.suppress(ConnectionClosed):
+                for _ in range(server.MAX_REFUSED + 1):
+                    sender.send(garbage)
+            assert is_closed(sender)
+    # Larger than any message of the page; and bytes that are no handshake at all.
+    with client(view) as sender:
+        with contextlib.suppress(ConnectionClosed):
+            sender.send(b"\0" * (messages.MAX_MESSAGE + 1))
+        assert is_closed(sender)
+    for noise in (b"\0" * 100 + b"\r\n\r\n", b"GET\r\n\r\n", b"POST / HTTP/1.1\r\nHost: localhost\r\n\r\n"):
+        with socket.create_connection(("127.0.0.1", view.server.get_port()), timeout=5) as raw:
+            raw.sendall(noise)
+            with contextlib.suppress(OSError):
+                raw.recv(1000)
+    # A click before the first camera, with which viser could not name the client.
+    with connect(view.url.replace("http", "ws"), max_size=None, close_timeout=0.1) as sender:
+        sender.send(
+            packed(
+                type="SceneNodeClickMessage",
+                name="/sheet",
+                instance_index=None,
+                ray_origin=[0, 0, 0],
+                ray_direction=[0, 0, 1],
+                screen_pos=[0.5, 0.5],
+            )
+        )
+    before = ask(view, lambda session: session.time)
+    wait_until(lambda: ask(view, lambda session: session.time) > before + 0.3)
+    out, err = capfd.readouterr()
+    assert (out, err) == ("", "")
+
+
+def test_clients_beyond_the_limit_are_refused_with_the_reason_and_leave_nothing(view):
+    wait_until(lambda: not view.server._clients)
+    address = view.url.replace("http", "ws")
+    with contextlib.ExitStack() as stack:
+        for _ in range(server.MAX_CLIENTS):
+            stack.enter_context(client(view))
+        wait_until(lambda: len(view.server.get_clients()) == server.MAX_CLIENTS)
+        for _ in range(50):
+            with pytest.raises(InvalidStatus, match="503"), connect(address):
+                pass
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(view.url, timeout=5)
+        assert refused.value.code == 503
+        assert (
+            refused.value.read().decode() == "16 pages of this server are open already, which is the limit: close one"
+        )
+    wait_until(lambda: not view.server.get_clients() and not view.server._clients)
+    assert not view.server._websock_server._client_state_from_id
+    with client(view):
+        wait_until(lambda: len(view.server.get_clients()) == 1)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="reads the memory of Linux")  # noqa: PTH110
+def test_two_hundred_clients_take_bounded_memory(view):
+    def megabytes():
+        with open("/proc/self/statm") as file:  # noqa: PTH123
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    address = view.url.replace("http", "ws")
+    before = megabytes()
+    with contextlib.ExitStack() as stack:
+        for _ in range(200):
+            with contextlib.suppress(InvalidStatus):
+                # They read nothing.
+                stack.enter_context(connect(address, max_size=None, close_timeout=0.1, max_queue=1)).send(
+                    packed(**CAMERA)
+                )
+        # Four times what it was measured to take; without the limit it was 1 GB.
+        assert megabytes() - before < 250.0
+    wait_until(lambda: not view.server._clients)
+
+
+GOOD = ["127.0.0.1:8080", "localhost", "localhost:1", "LOCALHOST:65535", "[::1]:9000"]
+BAD = [
+    "evil.example",
+    "evil.example@127.0.0.1",
+    "127.0.0.1@evil.example",
+    "127.0.0.1:8080@evil.example",
+    "127.0.0.1.evil.example",
+    "localhost.evil.example",
+    "localhost.",
+    "localhost:",
+    "localhost:0",
+    "localhost:65536",
+    "localhost:-1",
+    "localhost:80:80",
+    "localhost/",
+    "localhost#",
+    "localhost?x",
+    " localhost",
+    "localhost\t",
+    "127.1",
+    "0.0.0.0",
+    "0x7f000001",
+    "::1",
+    "[::1",
+    "[::1%lo]",
+    "null",
+    "",
+]
+
+
+@pytest.mark.parametrize("host", GOOD)
+def test_own_names_pass(host):
+    assert refusal("/", Headers({"Host": host})) is None
+    for scheme in ("http", "https"):
+        assert refusal("/", Headers({"Host": host, "Origin": f"{scheme}://{host}"})) is None
+
+
+@pytest.mark.parametrize("host", BAD)
+def test_other_forms_of_names_are_refused(host):
+    assert refusal("/", Headers({"Host": host})) is not None
+    assert refusal("/", Headers({"Host": "localhost:8080", "Origin": f"http://{host}"})) is not None
+
+
+@pytest.mark.parametrize("host", ["localhost:٨٠", "localhost\n", "127.0.0.1\0", "127.0.0.1\r\nX: y"])
+def test_names_that_no_header_can_have_are_not_own(host):
+    assert not is_own(host)
+
+
+def test_missing_double_and_foreign_headers_are_refused():
+    own = ("Host", "localhost:8080")
+    for headers in (
+        [],
+        [own, own],
+        [own, ("Origin", "http://localhost:8080"), ("Origin", "http://localhost:8080")],
+        [own, ("Origin", "null")],
+        [own, ("Origin", "localhost:8080")],
+        [own, ("Origin", "file://localhost:8080")],
+        [own, ("Origin", "http://localhost:8080/")],
+        [own, ("Origin", "http://user@localhost:8080")],
+        # Another page of this machine.
+        [own, ("Origin", "http://localhost:3000")],
+        [own, ("Origin", "http://127.0.0.1:8080")],
+    ):
+        assert refusal("/", Headers(headers)) == "this server is for this machine alone"
+
+
+def test_a_request_without_a_host_is_refused_on_the_wire(view):
+    with socket.create_connection(("127.0.0.1", view.server.get_port()), timeout=5) as raw:
+        raw.sendall(b"GET / HTTP/1.1\r\nConnection: close\r\n\r\n")
+        assert raw.recv(1000).startswith(b"HTTP/1.1 403")
