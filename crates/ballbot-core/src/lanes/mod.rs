@@ -96,6 +96,10 @@ pub trait Lane:
     /// Whether the mask is true for any robot.
     fn any(mask: Self::Mask) -> bool;
 
+    /// Runs what is rarely needed, with the same instructions but apart from the code around it, which so keeps its
+    /// registers.
+    fn rarely<R>(token: Self::Token, rare: impl FnOnce() -> R) -> R;
+
     /// Fused multiply-add self · factor + term with the same factor for all robots, rounded once.
     #[inline(always)]
     fn mul_add_all(self, factor: f64, term: Self) -> Self {
@@ -134,3 +138,8 @@ pub fn store3<L: Lane>([a, b, c]: [L; 3], cells: &mut [L::Cell; 3]) {
     b.store(&mut cells[1]);
     c.store(&mut cells[2]);
 }
+
+/// Marks the branch that calls it as rare: the compiler does not inline what else is called there.
+#[cold]
+#[inline(never)]
+pub fn rare_branch() {}

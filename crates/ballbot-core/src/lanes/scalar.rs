@@ -1,6 +1,6 @@
 //! Lanes of one robot: `f64`.
 
-use super::Lane;
+use super::{Lane, rare_branch, run_one};
 
 /// Token of scalar code, which needs no special instructions.
 #[derive(Clone, Copy, Debug)]
@@ -74,5 +74,11 @@ impl Lane for f64 {
     #[inline(always)]
     fn any(mask: bool) -> bool {
         mask
+    }
+
+    #[inline(always)]
+    fn rarely<R>(_: Scalar, rare: impl FnOnce() -> R) -> R {
+        rare_branch();
+        run_one(rare)
     }
 }

@@ -1,6 +1,6 @@
 //! Eight robots in a vector register, or in as many registers as the processor needs for eight `f64`.
 
-use super::{Eight, Lane};
+use super::{Eight, Lane, rare_branch};
 use fearless_simd::prelude::*;
 use fearless_simd::{f64x8, mask64x8};
 
@@ -85,5 +85,11 @@ impl<S: Simd> Lane for Wide<S> {
     #[inline(always)]
     fn any(mask: Self::Mask) -> bool {
         mask.any_true()
+    }
+
+    #[inline(always)]
+    fn rarely<R>(simd: S, rare: impl FnOnce() -> R) -> R {
+        rare_branch();
+        simd.vectorize(rare)
     }
 }

@@ -69,13 +69,37 @@ fn step<L: Lane, V: Value<L>>(
 ) {
     let start = Start::new(c, token, state);
     let near = Near::new(c, &start, token, &state.push);
+    if L::any(near.mask) {
+        // Nothing but references to memory goes there, so that the usual step keeps its numbers in registers.
+        L::rarely(
+            token,
+            #[inline(always)]
+            || step_with_rare_contacts(c, token, state, torques),
+        );
+        return;
+    }
     let joints = JointFriction::new(c, start.rows.floor_gap);
-    // Four versions of one function, so that the usual step does not carry the registers of the rare ones.
-    match (joints.any(), L::any(near.mask)) {
-        (false, false) => step_with::<L, V, false, false>(c, token, state, torques, &start, &joints, &near),
-        (true, false) => step_with::<L, V, true, false>(c, token, state, torques, &start, &joints, &near),
-        (false, true) => step_with::<L, V, false, true>(c, token, state, torques, &start, &joints, &near),
-        (true, true) => step_with::<L, V, true, true>(c, token, state, torques, &start, &joints, &near),
+    if joints.any() {
+        step_with::<L, V, true, false>(c, token, state, torques, &start, &joints, &near);
+    } else {
+        step_with::<L, V, false, false>(c, token, state, torques, &start, &joints, &near);
+    }
+}
+
+#[inline(always)]
+fn step_with_rare_contacts<L: Lane, V: Value<L>>(
+    c: &Constants<V>,
+    token: L::Token,
+    state: &mut ContactState<L::Cell>,
+    torques: &Torques<L::Cell>,
+) {
+    let start = Start::new(c, token, state);
+    let near = Near::new(c, &start, token, &state.push);
+    let joints = JointFriction::new(c, start.rows.floor_gap);
+    if joints.any() {
+        step_with::<L, V, true, true>(c, token, state, torques, &start, &joints, &near);
+    } else {
+        step_with::<L, V, false, true>(c, token, state, torques, &start, &joints, &near);
     }
 }
 

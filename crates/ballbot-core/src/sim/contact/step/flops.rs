@@ -158,6 +158,10 @@ impl Lane for Counted {
     fn any(mask: bool) -> bool {
         mask
     }
+
+    fn rarely<R>(_: Scalar, rare: impl FnOnce() -> R) -> R {
+        rare()
+    }
 }
 
 /// Of the motors, N·m.
