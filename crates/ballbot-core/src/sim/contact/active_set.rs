@@ -179,6 +179,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
     /// Impulses of the robots in `open` that meet the conditions, by steps from `warm`; the others keep `warm`.
     #[inline(always)]
     pub fn solution<const JOINTS: bool>(&self, token: L::Token, warm: &PerRow<L>, mut open: L::Mask) -> Solution<L> {
+        let floor = self.floor();
         let mut impulses = *warm;
         for round in 0..ROUNDS {
             let mut trial =
@@ -186,7 +187,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
             for step in 0..MOST_STEPS {
                 let weight = if round == 0 && step < DIRECT_STEPS { 1.0 } else { CAREFUL_WEIGHT };
                 let modes = Modes::of(&trial, self.friction, self.joint_friction);
-                let attempt = self.solve::<JOINTS>(&modes, weight);
+                let attempt = self.solve::<JOINTS>(&floor, &modes, weight);
                 // Robots whose conditions are met keep their impulses while their neighbors continue.
                 impulses = PerRow::select(open & attempt.finite, &attempt.impulses, &impulses);
                 open = open & !attempt.solved;
@@ -267,10 +268,9 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
     /// Solves the conditions with given modes. `weight` is that of the slip speeds in the trial impulses: with a small
     /// one a wheel that slips the wrong way sticks before it slips the other way.
     #[inline(always)]
-    pub fn solve<const JOINTS: bool>(&self, modes: &Modes<L>, weight: f64) -> Attempt<L> {
+    fn solve<const JOINTS: bool>(&self, floor: &Floor<L>, modes: &Modes<L>, weight: f64) -> Attempt<L> {
         let like = self.friction.floor;
-        let floor = Floor::new(self, &modes.floor);
-        let mut system = floor.eliminated(&self.wheels());
+        let mut system = floor.eliminated(self, &modes.floor);
         let joints = Joints::new::<JOINTS, V>(self, &modes.joints);
         if JOINTS {
             system = joints.eliminated(self.delassus, &system);
@@ -281,19 +281,20 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         self.judge::<JOINTS>(modes, weight, &system, (normals, drives, joint_impulses), floor_trial)
     }
 
-    /// The equations of the wheels' rows without what floor and joints do.
+    /// The ball on the floor, with the equations of the wheels' rows.
     #[inline(always)]
-    fn wheels(&self) -> System<L> {
+    fn floor(&self) -> Floor<L> {
         let d = self.delassus;
         let mixed = Mat3::from(d.normal_drive);
-        System {
+        let wheels = System {
             normal_normal: d.normal_normal.into(),
             normal_drive: mixed,
             drive_normal: mixed.transposed(),
             drive_drive: d.drive_drive.into(),
             normals: self.residuals.normals.into(),
             drives: self.residuals.drives.into(),
-        }
+        };
+        Floor::new(self, wheels)
     }
 
     /// Bounds the impulses and measures how far they violate the conditions.

@@ -74,16 +74,18 @@ impl<L: Lane> Near<L> {
         let displaced = (c.ball_radius.at(zero) * MAX_CENTER_OFFSET).squared().lt(offset.norm_squared());
         let (mut ball_near, mut wheels_near) = (displaced, !displaced);
         if L::any(displaced) {
-            // Motion of the ball's center in the body frame.
+            // Motion of the ball's center in the body frame, along the mast and across it.
             let drift = start.rotation.apply_transposed(v.ball - v.body) - v.body_rate.cross(ball);
-            let motion = (sum_of_sizes(drift) + pushed).mul_add(dt, zero.splat(BALL_MARGIN));
-            let above = (c.body_bottom.at(zero) - ball.z).max(ball.z - c.body_top.at(zero)).max(zero);
+            let margin = pushed.mul_add(dt, zero.splat(BALL_MARGIN));
+            let along = drift.z.abs().mul_add(dt, margin);
+            let across = (drift.x.abs() + drift.y.abs()).mul_add(dt, margin);
+            let above = (c.body_bottom.at(zero) - ball.z).max(ball.z - c.body_top.at(zero)) - along;
             let radial = ball.x.mul_add(ball.x, ball.y.squared()).sqrt();
-            let beside = (radial - c.body_radius.at(zero)).max(zero);
-            let reach = (motion + c.ball_radius.at(zero)).squared();
-            ball_near = displaced & beside.mul_add(beside, above.squared()).lt(reach);
+            let (above, beside) = (above.max(zero), (radial - c.body_radius.at(zero) - across).max(zero));
+            let distance = beside.mul_add(beside, above.squared());
+            ball_near = displaced & distance.lt(c.ball_radius.at(zero).squared());
             let [a, b, d] = start.rows.gaps;
-            wheels_near = wheels_near | a.min(b).min(d).lt(motion);
+            wheels_near = wheels_near | a.min(b).min(d).lt(along + across);
         }
         let mask = lowest.lt(floor_limit) | ball_near;
         Self { mask, coupled: mask & (wheels_near | ball_near), ball_on_body: ball_near, floor_limit }

@@ -5,6 +5,7 @@ use crate::lanes::{Lane, Mat3, Value, Vec3};
 use crate::sim::contact::delassus::Delassus;
 
 /// Residuals of the wheels' rows as affine functions of their impulses.
+#[derive(Clone, Copy)]
 pub struct System<L> {
     pub normal_normal: Mat3<L>,
     pub normal_drive: Mat3<L>,
@@ -118,17 +119,18 @@ impl<L: Lane> Coupling<L> {
     }
 }
 
-/// The ball on the floor: its three rows, and what they return to the wheels' rows.
+/// The ball on the floor.
 pub struct Floor<L> {
-    /// Normal, x and y.
+    /// Rows along the normal, x and y.
     rows: [Coupling<L>; 3],
-    /// Effect of the impulse of each row, with that of the friction it brings about.
-    effects: [Coupling<L>; 3],
+    /// The equations of the wheels' rows with a ball that sticks.
+    sticking: System<L>,
+    wheels: System<L>,
 }
 
 impl<L: Lane> Floor<L> {
     #[inline(always)]
-    pub fn new<V: Value<L>>(conditions: &Conditions<L, V>, mode: &FloorMode<L>) -> Self {
+    pub fn new<V: Value<L>>(conditions: &Conditions<L, V>, wheels: System<L>) -> Self {
         let Delassus { floor_normal, floor_drive, ball_mass_root, floor_mass_root, .. } = conditions.delassus;
         let like = conditions.friction.floor;
         let (normal, tangent) = (ball_mass_root.at(like), floor_mass_root.at(like));
@@ -138,40 +140,28 @@ impl<L: Lane> Floor<L> {
             residual: conditions.residuals.floor[k] * root,
         };
         let rows = [row(0, normal), row(1, tangent), row(2, tangent)];
-        let [z, x, y] = rows;
-        let mut effects = rows;
-        // Without slip the effect is the coupling itself; the branch keeps the bits of lanes that stick.
-        if L::any(mode.slips) {
-            let [dx, dy] = mode.direction;
-            let along = x.times(dx).plus(&y, dy);
-            let slope = L::select(mode.slips, conditions.friction.floor * (normal / tangent), like.zero());
-            effects =
-                [z.plus(&along, slope), x.plus(&along, -dx).times(mode.share), y.plus(&along, -dy).times(mode.share)];
-        }
-        if L::any(!mode.closed) {
-            effects = [effects[0].only(mode.closed), effects[1].only(mode.closed), effects[2].only(mode.closed)];
-        }
-        Self { rows, effects }
+        Self { sticking: eliminated(&wheels, &rows, &rows), rows, wheels }
     }
 
+    /// The equations of the wheels' rows with a floor of that mode.
     #[inline(always)]
-    pub fn eliminated(&self, system: &System<L>) -> System<L> {
-        let [z, x, y] = &self.rows;
-        let [e, f, g] = &self.effects;
-        let less = |matrix: &Mat3<L>, column: fn(&Coupling<L>) -> Vec3<L>, row: fn(&Coupling<L>) -> Vec3<L>| {
-            matrix.minus_outer(column(e), row(z)).minus_outer(column(f), row(x)).minus_outer(column(g), row(y))
-        };
-        let rest = |residual: Vec3<L>, column: fn(&Coupling<L>) -> Vec3<L>| {
-            residual.plus(column(e), -z.residual).plus(column(f), -x.residual).plus(column(g), -y.residual)
-        };
-        System {
-            normal_normal: less(&system.normal_normal, |c| c.normals, |c| c.normals),
-            normal_drive: less(&system.normal_drive, |c| c.normals, |c| c.drives),
-            drive_normal: less(&system.drive_normal, |c| c.drives, |c| c.normals),
-            drive_drive: less(&system.drive_drive, |c| c.drives, |c| c.drives),
-            normals: rest(system.normals, |c| c.normals),
-            drives: rest(system.drives, |c| c.drives),
+    pub fn eliminated<V: Value<L>>(&self, conditions: &Conditions<L, V>, mode: &FloorMode<L>) -> System<L> {
+        // Lanes that stick have the same bits in both branches: their effects are the couplings themselves.
+        if !L::any(mode.slips | !mode.closed) {
+            return self.sticking;
         }
+        let like = conditions.friction.floor;
+        let [z, x, y] = self.rows;
+        let [dx, dy] = mode.direction;
+        let along = x.times(dx).plus(&y, dy);
+        let ratio = conditions.delassus.ball_mass_root.at(like) / conditions.delassus.floor_mass_root.at(like);
+        let slope = L::select(mode.slips, like * ratio, like.zero());
+        let effects = [
+            z.plus(&along, slope).only(mode.closed),
+            x.plus(&along, -dx).times(mode.share).only(mode.closed),
+            y.plus(&along, -dy).times(mode.share).only(mode.closed),
+        ];
+        eliminated(&self.wheels, &effects, &self.rows)
     }
 
     /// Impulses that bring each floor row to rest with impulses of the wheels.
@@ -185,6 +175,25 @@ impl<L: Lane> Floor<L> {
             x.at_rest(normals, drives) * tangent,
             y.at_rest(normals, drives) * tangent,
         ]
+    }
+}
+
+/// Equations of the wheels' rows without floor rows of those effects.
+#[inline(always)]
+fn eliminated<L: Lane>(wheels: &System<L>, [e, f, g]: &[Coupling<L>; 3], [z, x, y]: &[Coupling<L>; 3]) -> System<L> {
+    let less = |matrix: &Mat3<L>, column: fn(&Coupling<L>) -> Vec3<L>, row: fn(&Coupling<L>) -> Vec3<L>| {
+        matrix.minus_outer(column(e), row(z)).minus_outer(column(f), row(x)).minus_outer(column(g), row(y))
+    };
+    let rest = |residual: Vec3<L>, column: fn(&Coupling<L>) -> Vec3<L>| {
+        residual.plus(column(e), -z.residual).plus(column(f), -x.residual).plus(column(g), -y.residual)
+    };
+    System {
+        normal_normal: less(&wheels.normal_normal, |c| c.normals, |c| c.normals),
+        normal_drive: less(&wheels.normal_drive, |c| c.normals, |c| c.drives),
+        drive_normal: less(&wheels.drive_normal, |c| c.drives, |c| c.normals),
+        drive_drive: less(&wheels.drive_drive, |c| c.drives, |c| c.drives),
+        normals: rest(wheels.normals, |c| c.normals),
+        drives: rest(wheels.drives, |c| c.drives),
     }
 }
 

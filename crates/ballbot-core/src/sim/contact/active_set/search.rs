@@ -95,7 +95,7 @@ fn put<C: Cell>(impulses: &mut PerRow<C>, i: usize, one: &PerRow<f64>) {
 #[inline(always)]
 fn best<const JOINTS: bool>(conditions: &Conditions<f64, f64>, last: PerRow<f64>) -> (PerRow<f64>, bool) {
     let mut best = (last, f64::INFINITY);
-    let friction = conditions.friction;
+    let (friction, floor) = (conditions.friction, conditions.floor());
     // Most often floor and joints need no more than one change of their modes.
     for most_steps in [2, MOST_STEPS] {
         for code in 0..MODES.len().pow(3) {
@@ -111,7 +111,7 @@ fn best<const JOINTS: bool>(conditions: &Conditions<f64, f64>, last: PerRow<f64>
                 joints: JointModes { sticks: [true; 3], dry: [conditions.joint_friction.dry; 3] },
             };
             for _ in 0..most_steps {
-                let attempt = conditions.solve::<JOINTS>(&modes, 1.0);
+                let attempt = conditions.solve::<JOINTS>(&floor, &modes, 1.0);
                 if attempt.solved {
                     return (attempt.impulses, true);
                 }
