@@ -5,13 +5,13 @@ use crate::convert::{elements, read_elements, vector};
 use crate::errors::{InvalidInputError, call, to_python};
 use crate::infos::EmptyInfos;
 use crate::params::{PyParams, or_paper};
+use crate::rollout::{CONTACT_PARTS, Stepped};
 use crate::state::{PyContacts, PyState};
 use ballbot_core::batch::{Autoreset, Batch, Outcome, ResetRequest, StepBuffers, TaskConfig, task_kind};
-use ballbot_core::control::{Controller, Setpoint};
 use ballbot_core::task::ACTION_LEN;
 use ballbot_core::{Contacts, State};
-use numpy::{Element, PyArray1, PyArray2, PyArray3, PyArrayMethods};
-use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
+use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
@@ -49,9 +49,6 @@ type Array2<'py, T> = Bound<'py, PyArray2<T>>;
 
 /// What a step gives: observations, rewards, terminated, truncated.
 type Step<'py> = (Array2<'py, f32>, Array1<'py, f64>, Array1<'py, bool>, Array1<'py, bool>);
-
-/// Three numbers of a robot's contacts.
-type ContactPart = fn(&Contacts) -> [f64; 3];
 
 /// Sets the option of `config` that a keyword argument names.
 fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
@@ -114,133 +111,6 @@ fn rows<'py, T: Element + Copy + Default>(
     }
     Ok(array)
 }
-
-/// A quantity that [`PyBatch::rollout`] can record.
-struct Record {
-    name: &'static str,
-    width: fn(&Batch) -> usize,
-    /// Whether there is a row before the first step.
-    at_start: bool,
-    write: fn(&Batch, &Last<'_>, usize, &mut [f64]),
-}
-
-/// What the last step of a rollout wrote.
-struct Last<'a> {
-    actions: &'a [f32],
-    observations: &'a [f32],
-    outcomes: &'a [Outcome],
-}
-
-/// Writes the contact forces of one robot.
-fn write_contacts(batch: &Batch, i: usize, of: impl Fn(&Contacts) -> [f64; 3], out: &mut [f64]) {
-    if let Ok(contacts) = batch.contacts(i) {
-        out.copy_from_slice(&of(&contacts)[..out.len()]);
-    }
-}
-
-/// All quantities that can be recorded.
-const RECORDS: [Record; 12] = [
-    Record {
-        name: "states",
-        width: |_| State::LEN,
-        at_start: true,
-        write: |batch, _, i, out| {
-            if let Ok(state) = batch.state(i) {
-                out.copy_from_slice(&state.to_array());
-            }
-        },
-    },
-    Record {
-        name: "observations",
-        width: Batch::observation_len,
-        at_start: true,
-        write: |_, last, i, out| {
-            let row = &last.observations[i * out.len()..];
-            out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value));
-        },
-    },
-    Record {
-        name: "actions",
-        width: |_| ACTION_LEN,
-        at_start: false,
-        write: |_, last, i, out| {
-            let row = &last.actions[i * ACTION_LEN..];
-            out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value));
-        },
-    },
-    Record {
-        name: "torques",
-        width: |_| ACTION_LEN,
-        at_start: false,
-        write: |batch, last, i, out| {
-            let row = &last.actions[i * ACTION_LEN..];
-            let scale = batch.max_wheel_torque();
-            out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value).clamp(-1.0, 1.0) * scale);
-        },
-    },
-    Record {
-        name: "rewards",
-        width: |_| 1,
-        at_start: false,
-        write: |_, last, i, out| out[0] = last.outcomes[i].reward,
-    },
-    Record {
-        name: "terminated",
-        width: |_| 1,
-        at_start: false,
-        write: |_, last, i, out| {
-            out[0] = f64::from(u8::from(last.outcomes[i].terminated.is_some()));
-        },
-    },
-    Record {
-        name: "truncated",
-        width: |_| 1,
-        at_start: false,
-        write: |_, last, i, out| {
-            out[0] = f64::from(u8::from(last.outcomes[i].truncated));
-        },
-    },
-    Record {
-        name: "success",
-        width: |_| 1,
-        at_start: false,
-        write: |_, last, i, out| {
-            out[0] = f64::from(u8::from(last.outcomes[i].success));
-        },
-    },
-    Record {
-        name: "wheel_normal_forces",
-        width: |_| 3,
-        at_start: true,
-        write: |batch, _, i, out| {
-            write_contacts(batch, i, |c| c.wheel_normal_forces, out);
-        },
-    },
-    Record {
-        name: "wheel_tractions",
-        width: |_| 3,
-        at_start: true,
-        write: |batch, _, i, out| {
-            write_contacts(batch, i, |c| c.wheel_tractions, out);
-        },
-    },
-    Record {
-        name: "wheel_slip_speeds",
-        width: |_| 3,
-        at_start: true,
-        write: |batch, _, i, out| {
-            write_contacts(batch, i, |c| c.wheel_slip_speeds, out);
-        },
-    },
-    Record {
-        name: "floor_force",
-        width: |_| 3,
-        at_start: true,
-        write: |batch, _, i, out| {
-            write_contacts(batch, i, |c| c.floor_force.into(), out);
-        },
-    },
-];
 
 #[pymethods]
 impl PyBatch {
@@ -550,18 +420,12 @@ impl PyBatch {
         }
         let all: Vec<Contacts> = (0..n).map(|i| self.batch.contacts(i)).collect::<Result<_, _>>().map_err(to_python)?;
         let dict = PyDict::new(py);
-        let parts: [(&str, ContactPart); 4] = [
-            ("wheel_normal_forces", |c| c.wheel_normal_forces),
-            ("wheel_tractions", |c| c.wheel_tractions),
-            ("wheel_slip_speeds", |c| c.wheel_slip_speeds),
-            ("floor_force", |c| c.floor_force.into()),
-        ];
-        for (name, part) in parts {
+        for part in &CONTACT_PARTS {
             let write = |i: usize, row: &mut [f64]| {
-                row.copy_from_slice(&part(&all[i]));
+                row.copy_from_slice(&(part.of)(&all[i]));
                 Ok(())
             };
-            dict.set_item(name, rows(py, n, 3, write)?)?;
+            dict.set_item(part.name, rows(py, n, 3, write)?)?;
         }
         let slip = |i: usize, row: &mut [f64]| {
             row.copy_from_slice(all[i].floor_slip_velocity.as_slice());
@@ -659,37 +523,10 @@ impl PyBatch {
     ) -> PyResult<Bound<'py, PyDict>> {
         let n = self.batch.len();
         let setpoints = setpoints.map(|parts| self::setpoints(controller, n, parts)).transpose()?;
-        let find = |name: &String| {
-            RECORDS.iter().find(|record| record.name == name).ok_or_else(|| {
-                let known: Vec<_> = RECORDS.iter().map(|record| record.name).collect();
-                PyValueError::new_err(format!("unknown record '{name}': expected one of {}", known.join(", ")))
-            })
-        };
-        let records = record.iter().map(find).collect::<PyResult<Vec<_>>>()?;
         let steps = count("steps", steps, 0)?;
-        let rows = |record: &Record| steps + usize::from(record.at_start);
-        let mut recorded = Vec::with_capacity(records.len());
-        for record in &records {
-            recorded.push(zeros(record.name, &[rows(record), n, (record.width)(&self.batch)])?);
-        }
-        self.run(py, controller.law.as_ref(), setpoints.as_deref(), steps, &records, &mut recorded)?;
-        let dict = PyDict::new(py);
-        for (record, values) in records.iter().zip(recorded) {
-            let width = (record.width)(&self.batch);
-            let array = PyArray1::from_vec(py, values);
-            let item = match (record.name, width) {
-                ("terminated" | "truncated" | "success", _) => {
-                    array.reshape([rows(record), n])?.into_any().call_method1(intern!(py, "astype"), ("bool",))?
-                }
-                (_, 1) => array.reshape([rows(record), n])?.into_any(),
-                _ => {
-                    let array: Bound<'py, PyArray3<f64>> = array.reshape([rows(record), n, width])?;
-                    array.into_any()
-                }
-            };
-            dict.set_item(record.name, item)?;
-        }
-        Ok(dict)
+        let (batch, outcomes) = (&mut self.batch, &mut self.outcomes);
+        let stepped = Stepped { batch, outcomes, final_observations: &mut self.final_observations };
+        stepped.rollout(py, controller.law.as_ref(), setpoints.as_deref(), steps, &record)
     }
 
     /// Everything that the future of environment `index` depends on, its robot's parameters included, for `restore`.
@@ -708,82 +545,4 @@ impl PyBatch {
         let b = &self.batch;
         format!("Batch({}, '{}', model='{}', autoreset='{}')", b.len(), b.task().name, b.model(), b.autoreset().name())
     }
-}
-
-impl PyBatch {
-    /// Runs the closed loop in pieces, between which Python can interrupt it.
-    fn run(
-        &mut self,
-        py: Python<'_>,
-        law: &dyn Controller,
-        setpoints: Option<&[Setpoint]>,
-        steps: usize,
-        records: &[&Record],
-        recorded: &mut [Vec<f64>],
-    ) -> PyResult<()> {
-        let n = self.batch.len();
-        let width = self.batch.observation_len();
-        let mut actions = vec![0.0; n * ACTION_LEN];
-        let mut observations = vec![0.0; n * width];
-        let (mut rewards, mut terminated, mut truncated) = (vec![0.0; n], vec![false; n], vec![false; n]);
-        for (i, row) in observations.chunks_exact_mut(width).enumerate() {
-            self.batch.observation(i, row).map_err(to_python)?;
-        }
-        let mut step = 0;
-        while step <= steps {
-            let piece_end = (step + STEPS_PER_SIGNAL_CHECK).min(steps + 1);
-            py.detach(|| {
-                call(|| {
-                    while step < piece_end {
-                        if step > 0 {
-                            let mut buffers = StepBuffers {
-                                observations: &mut observations,
-                                rewards: &mut rewards,
-                                terminated: &mut terminated,
-                                truncated: &mut truncated,
-                                final_observations: &mut self.final_observations,
-                                outcomes: &mut self.outcomes,
-                            };
-                            self.batch.step_under(law, setpoints, &mut actions, &mut buffers)?;
-                        }
-                        let last = Last { actions: &actions, observations: &observations, outcomes: &self.outcomes };
-                        write_records(&self.batch, &last, step, records, recorded);
-                        step += 1;
-                    }
-                    Ok(())
-                })
-            })?;
-            py.check_signals()?;
-        }
-        Ok(())
-    }
-}
-
-/// Control steps of a rollout between two looks at Python's signals.
-const STEPS_PER_SIGNAL_CHECK: usize = 50;
-
-/// Writes what is recorded after `step` steps.
-fn write_records(batch: &Batch, last: &Last<'_>, step: usize, records: &[&Record], recorded: &mut [Vec<f64>]) {
-    let n = batch.len();
-    for (record, out) in records.iter().zip(recorded) {
-        if step == 0 && !record.at_start {
-            continue;
-        }
-        let width = (record.width)(batch);
-        let row = if record.at_start { step } else { step - 1 };
-        for (i, out) in out[row * n * width..(row + 1) * n * width].chunks_exact_mut(width).enumerate() {
-            (record.write)(batch, last, i, out);
-        }
-    }
-}
-
-/// Zeros for a record of the given shape, or MemoryError with its size.
-fn zeros(name: &str, shape: &[usize]) -> PyResult<Vec<f64>> {
-    let too_large =
-        || PyMemoryError::new_err(format!("the record '{name}' of shape {shape:?} does not fit into memory"));
-    let len = shape.iter().try_fold(1_usize, |len, size| len.checked_mul(*size)).ok_or_else(too_large)?;
-    let mut values = Vec::new();
-    values.try_reserve_exact(len).map_err(|_| too_large())?;
-    values.resize(len, 0.0);
-    Ok(values)
 }

@@ -13,6 +13,7 @@ mod models;
 mod params;
 mod render;
 mod robot;
+mod rollout;
 mod state;
 mod tasks;
 
