@@ -86,7 +86,20 @@ pub enum Error {
         /// The feature that has it.
         feature: &'static str,
     },
-    /// The algebraic Riccati equation has no stabilising solution for the given weights.
+    /// There is not as much memory as something needs.
+    #[error("{what} needs {need} of memory: {limit}")]
+    Memory {
+        /// What needs it.
+        what: String,
+        /// How much, in words.
+        need: String,
+        /// How much there is, in words.
+        limit: String,
+    },
+    /// The caller of [`crate::stoppable`] wanted its work stopped.
+    #[error("interrupted")]
+    Interrupted,
+    /// The algebraic Riccati equation has no stabilizing solution for the given weights.
     #[error("the Riccati equation was not solved: {0}")]
     Riccati(String),
 }
@@ -118,6 +131,22 @@ pub fn check(
 /// Passes `value` on if it is a finite number above zero.
 pub fn positive(name: impl fmt::Display, value: f64) -> Result<f64> {
     check(name, value, "a finite number > 0", |v| v > 0.0)
+}
+
+/// Largest magnitude of a number of a state, a rate or a torque, in SI units: far beyond any robot's, and its square times
+/// any parameter does not overflow.
+pub const MAX_MAGNITUDE: f64 = 1e9;
+
+/// Passes `values` on if all of them are finite and within ±[`MAX_MAGNITUDE`].
+pub fn bounded(name: &str, values: &[f64]) -> Result<()> {
+    finite(name, values)?;
+    for (i, &value) in values.iter().enumerate() {
+        if value.abs() > MAX_MAGNITUDE {
+            let name = if values.len() == 1 { name.into() } else { format!("{name}[{i}]") };
+            return Err(Error::OutOfRange { name, value, limit: format!("within ±{MAX_MAGNITUDE:e}") });
+        }
+    }
+    Ok(())
 }
 
 /// Passes `values` on if all of them are finite.

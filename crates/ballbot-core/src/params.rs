@@ -3,6 +3,7 @@
 mod presets;
 
 use crate::error::{Error, Result, check, finite, positive};
+use crate::fields::Limit;
 use nalgebra::Matrix3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::slice;
@@ -37,8 +38,8 @@ impl Value for [f64; 3] {
 /// Defines the struct [`Params`] and the access to its fields by name.
 macro_rules! parameters {
     (
-        required { $($(#[$required_doc:meta])* $required:ident: $required_type:ty,)* }
-        optional { $($(#[$optional_doc:meta])* $optional:ident: $optional_type:ty = $default:expr,)* }
+        required { $($(#[$required_doc:meta])* $required:ident: $required_type:ty, $required_limit:expr;)* }
+        optional { $($(#[$optional_doc:meta])* $optional:ident: $optional_type:ty = $default:expr, $optional_limit:expr;)* }
     ) => {
         /// Physical parameters of one robot on one floor. SI units and radians.
         ///
@@ -55,6 +56,10 @@ macro_rules! parameters {
         impl Params {
             /// Names of all parameters, in the order of the struct's fields.
             pub const NAMES: &'static [&'static str] = &[$(stringify!($required),)* $(stringify!($optional),)*];
+
+            /// Where the numbers of each parameter must lie, in the order of [`Params::NAMES`]: far beyond any robot's, and
+            /// far from where sums and products lose their meaning.
+            pub const LIMITS: &'static [Limit] = &[$($required_limit,)* $($optional_limit,)*];
 
             /// Parameters with required values unset and all others at their defaults.
             fn unset() -> Self {
@@ -96,52 +101,64 @@ macro_rules! parameters {
     };
 }
 
+/// kg.
+const MASS: Limit = Limit::from(1e-6).to(1e6);
+/// kg·m².
+const INERTIA: Limit = Limit::from(1e-18).to(1e9);
+/// m.
+const LENGTH: Limit = Limit::from(1e-6).to(1e3);
+/// Of a friction coefficient.
+const FRICTION: Limit = Limit::from(0.0).to(1e3);
+
+/// Largest ratio of the wheels' inertia, as a mass at their rims, to the mass of the robot.
+const MAX_RIM_RATIO: f64 = 1e9;
+
 parameters! {
     required {
         /// Mass M_k of the ball, kg.
-        ball_mass: f64,
+        ball_mass: f64, MASS;
         /// Moment of inertia J_k of the ball about any diameter, kg·m².
-        ball_inertia: f64,
+        ball_inertia: f64, INERTIA;
         /// Radius r_k of the ball, m.
-        ball_radius: f64,
+        ball_radius: f64, LENGTH;
         /// Mass M_b of body and wheels, kg.
-        body_mass: f64,
+        body_mass: f64, MASS;
         /// Principal moments (J_b, J_b, J_z) of the body about its CoM along the body axes, kg·m².
-        body_inertia: [f64; 3],
+        body_inertia: [f64; 3], INERTIA;
         /// Height l of the CoM of the body above the ball center, m.
-        body_com_height: f64,
+        body_com_height: f64, LENGTH;
         /// Mass of one omniwheel (part of `body_mass`), kg.
-        wheel_mass: f64,
+        wheel_mass: f64, MASS;
         /// Moment of inertia J_w of one omniwheel about its axle, kg·m².
-        wheel_inertia: f64,
+        wheel_inertia: f64, INERTIA;
         /// Radius r_w of a wheel, m.
-        wheel_radius: f64,
+        wheel_radius: f64, LENGTH;
         /// Zenith angle α: angle at the ball center between the mast and a wheel contact, rad.
-        wheel_zenith: f64,
+        wheel_zenith: f64, Limit::from(1e-3).to(FRAC_PI_2 - 1e-3);
     }
     optional {
         /// Azimuth β_i of each wheel contact about the mast, rad; 120 deg apart. Default 0, 120, 240 deg.
-        wheel_azimuths: [f64; 3] = [0.0, TAU / 3.0, 2.0 * TAU / 3.0],
+        wheel_azimuths: [f64; 3] = [0.0, TAU / 3.0, 2.0 * TAU / 3.0], Limit::from(-1e3).to(1e3);
         /// Largest torque of one motor, N·m. Default 5, where the torques of the paper's Fig. 6c settle.
-        max_wheel_torque: f64 = 5.0,
+        max_wheel_torque: f64 = 5.0, Limit::from(1e-9).to(1e9);
         /// Gravitational acceleration g, m/s². Default 9.81.
-        gravity: f64 = 9.81,
+        gravity: f64 = 9.81, Limit::from(1e-6).to(1e6);
         /// Viscous friction B_vk of the ball on the floor, N/(m/s). Default 0.
-        ball_viscous_friction: f64 = 0.0,
+        ball_viscous_friction: f64 = 0.0, Limit::from(0.0).to(1e6);
         /// Viscous friction B_vm of a wheel joint, N·m/(rad/s). Default 0.
-        wheel_viscous_friction: f64 = 0.0,
+        wheel_viscous_friction: f64 = 0.0, Limit::from(0.0).to(1e6);
         /// Dry friction of a wheel joint, N·m. Default 0.
-        wheel_coulomb_friction: f64 = 0.0,
+        wheel_coulomb_friction: f64 = 0.0, Limit::from(0.0).to(1e6);
         /// Static friction coefficient of wheel on ball, along the drive direction. Default 1.1 (Table III).
-        wheel_static_friction: f64 = 1.1,
+        wheel_static_friction: f64 = 1.1, FRICTION;
         /// Dynamic friction coefficient of wheel on ball, along the drive direction. Default 1.0 (Table III).
-        wheel_dynamic_friction: f64 = 1.0,
+        wheel_dynamic_friction: f64 = 1.0, FRICTION;
         /// Static friction coefficient of the floor. Default 1.1 (Table III, other pairs).
-        floor_static_friction: f64 = 1.1,
+        floor_static_friction: f64 = 1.1, FRICTION;
         /// Dynamic friction coefficient of the floor. Default 1.05 (Table III, other pairs).
-        floor_dynamic_friction: f64 = 1.05,
+        floor_dynamic_friction: f64 = 1.05, FRICTION;
         /// Critical slip speed of the Stribeck law, between static and dynamic friction, m/s. Default 0.1 (Table III).
-        friction_critical_velocity: f64 = 0.1,
+        friction_critical_velocity: f64 = 0.1, Limit::from(1e-9).to(1e3);
     }
 }
 
@@ -200,7 +217,26 @@ impl Params {
         }
         self.validate_masses()?;
         self.validate_geometry()?;
-        self.validate_limits_and_friction()
+        self.validate_limits_and_friction()?;
+        self.validate_magnitudes()
+    }
+
+    /// Checks that the numbers are neither so large nor so small that the equations of motion overflow or lose all digits.
+    fn validate_magnitudes(&self) -> Result<()> {
+        for ((name, values), limit) in self.fields().zip(Self::LIMITS) {
+            for (i, &value) in values.iter().enumerate() {
+                let name = if values.len() == 1 { name.to_owned() } else { format!("{name}[{i}]") };
+                check(name, value, limit, |v| limit.contains(v))?;
+            }
+        }
+        let most = MAX_RIM_RATIO * (self.ball_mass + self.body_mass);
+        check(
+            "wheel_inertia / wheel_radius^2",
+            self.wheel_inertia / self.wheel_radius.powi(2),
+            format_args!("at most {most:e} kg, {MAX_RIM_RATIO:e} times the mass of ball and body"),
+            |mass| mass <= most,
+        )?;
+        Ok(())
     }
 
     fn validate_masses(&self) -> Result<()> {

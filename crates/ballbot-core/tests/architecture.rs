@@ -9,8 +9,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BOTTOM: [&str; 12] = [
+const BOTTOM: [&str; 14] = [
     "error",
+    "interrupt",
+    "memory",
     "fields",
     "params",
     "state",

@@ -1,7 +1,7 @@
 //! `Params`.
 
-use crate::convert::elements;
 use crate::errors::{call, to_python};
+use crate::numbers::one_or_more;
 use ballbot_core::{Params, urdf};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -31,10 +31,7 @@ fn fields(kwargs: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<(String, Vec<f64>)
     let mut fields = Vec::new();
     for (name, value) in kwargs.into_iter().flatten() {
         let name: String = name.extract()?;
-        let values = match value.extract::<f64>() {
-            Ok(number) => vec![number],
-            Err(_) => elements(&name, &value, &[None])?,
-        };
+        let values = one_or_more(&name, &value)?;
         fields.push((name, values));
     }
     Ok(fields)

@@ -1,12 +1,13 @@
 //! A closed loop on a batch, recorded without Python in it.
 
-use crate::errors::{call, to_python};
+use crate::errors::to_python;
+use crate::signals::interruptible;
 use ballbot_core::batch::{Batch, Outcome, StepBuffers};
 use ballbot_core::control::{Controller, Setpoint};
 use ballbot_core::task::ACTION_LEN;
-use ballbot_core::{Contacts, State};
+use ballbot_core::{Contacts, State, try_zeros};
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
-use pyo3::exceptions::{PyMemoryError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -178,7 +179,9 @@ impl Stepped<'_> {
         let shape = |record: &Record, batch: &Batch| [record.rows(steps), n, (record.width)(batch)];
         let mut recorded = Vec::with_capacity(records.len());
         for record in &records {
-            recorded.push(zeros(record.name, &shape(record, self.batch))?);
+            let shape = shape(record, self.batch);
+            let what = format!("the record '{}' of shape {shape:?}", record.name);
+            recorded.push(try_zeros(what, &shape).map_err(to_python)?);
         }
         self.run(py, law, setpoints, steps, &records, &mut recorded)?;
         let dict = PyDict::new(py);
@@ -188,7 +191,7 @@ impl Stepped<'_> {
         Ok(dict)
     }
 
-    /// Runs the closed loop in pieces, between which Python can interrupt it.
+    /// Runs the closed loop; Python can interrupt it.
     fn run(
         &mut self,
         py: Python<'_>,
@@ -206,38 +209,26 @@ impl Stepped<'_> {
         for (i, row) in observations.chunks_exact_mut(width).enumerate() {
             self.batch.observation(i, row).map_err(to_python)?;
         }
-        let mut step = 0;
-        while step <= steps {
-            let piece_end = (step + STEPS_PER_SIGNAL_CHECK).min(steps + 1);
-            py.detach(|| {
-                call(|| {
-                    while step < piece_end {
-                        if step > 0 {
-                            let mut buffers = StepBuffers {
-                                observations: &mut observations,
-                                rewards: &mut rewards,
-                                terminated: &mut terminated,
-                                truncated: &mut truncated,
-                                final_observations: self.final_observations,
-                                outcomes: self.outcomes,
-                            };
-                            self.batch.step_under(law, setpoints, &mut actions, &mut buffers)?;
-                        }
-                        let last = Last { actions: &actions, observations: &observations, outcomes: self.outcomes };
-                        write_records(self.batch, &last, step, records, recorded);
-                        step += 1;
-                    }
-                    Ok(())
-                })
-            })?;
-            py.check_signals()?;
-        }
-        Ok(())
+        interruptible(py, || {
+            for step in 0..=steps {
+                if step > 0 {
+                    let mut buffers = StepBuffers {
+                        observations: &mut observations,
+                        rewards: &mut rewards,
+                        terminated: &mut terminated,
+                        truncated: &mut truncated,
+                        final_observations: self.final_observations,
+                        outcomes: self.outcomes,
+                    };
+                    self.batch.step_under(law, setpoints, &mut actions, &mut buffers)?;
+                }
+                let last = Last { actions: &actions, observations: &observations, outcomes: self.outcomes };
+                write_records(self.batch, &last, step, records, recorded);
+            }
+            Ok(())
+        })
     }
 }
-
-/// Control steps of a rollout between two looks at Python's signals.
-const STEPS_PER_SIGNAL_CHECK: usize = 50;
 
 /// Writes what is recorded after `step` steps.
 fn write_records(batch: &Batch, last: &Last<'_>, step: usize, records: &[&Record], recorded: &mut [Vec<f64>]) {
@@ -252,15 +243,4 @@ fn write_records(batch: &Batch, last: &Last<'_>, step: usize, records: &[&Record
             record.write(batch, last, i, out);
         }
     }
-}
-
-/// Zeros for a record of the given shape, or MemoryError with its size.
-fn zeros(name: &str, shape: &[usize]) -> PyResult<Vec<f64>> {
-    let too_large =
-        || PyMemoryError::new_err(format!("the record '{name}' of shape {shape:?} does not fit into memory"));
-    let len = shape.iter().try_fold(1_usize, |len, size| len.checked_mul(*size)).ok_or_else(too_large)?;
-    let mut values = Vec::new();
-    values.try_reserve_exact(len).map_err(|_| too_large())?;
-    values.resize(len, 0.0);
-    Ok(values)
 }

@@ -47,6 +47,13 @@ pub struct Sizes {
     pub terms: usize,
 }
 
+impl Sizes {
+    /// About how many numbers a ledger has, with the rows that a step writes and what is kept of the last episode.
+    pub fn numbers(&self) -> usize {
+        self.task + self.actuator + 2 * self.sensor + 3 * self.observation + self.terms
+    }
+}
+
 impl<C: Cell> Ledger<C> {
     /// Zeros.
     pub fn new(sizes: Sizes) -> Self {

@@ -1,0 +1,146 @@
+//! Work that its caller may stop.
+
+use crate::error::{Error, Result};
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Least time between two questions to the caller.
+const INTERVAL: Duration = Duration::from_millis(50);
+
+/// Most work between two looks at the clock, s.
+const WORK_PER_LOOK: f64 = 5e-3;
+
+/// A caller that wants to be asked, and when it was last.
+struct Caller {
+    stop: Rc<dyn Fn() -> bool>,
+    asked: Instant,
+}
+
+thread_local! {
+    static CALLER: RefCell<Option<Caller>> = const { RefCell::new(None) };
+}
+
+/// Runs `work`. Where it takes long, `stop` is asked on this thread, about every 50 ms, whether to end it; the work then
+/// returns [`Error::Interrupted`].
+pub fn stoppable<T>(stop: impl Fn() -> bool + 'static, work: impl FnOnce() -> T) -> T {
+    struct Restore(Option<Caller>);
+    impl Drop for Restore {
+        fn drop(&mut self) {
+            CALLER.set(self.0.take());
+        }
+    }
+    let _restore = Restore(CALLER.replace(Some(Caller { stop: Rc::new(stop), asked: Instant::now() })));
+    work()
+}
+
+/// Asks the caller, if it wants to be asked and the time has come.
+fn stopped() -> bool {
+    let stop = CALLER.with_borrow_mut(|caller| {
+        let caller = caller.as_mut()?;
+        let now = Instant::now();
+        if now.duration_since(caller.asked) < INTERVAL {
+            return None;
+        }
+        caller.asked = now;
+        Some(Rc::clone(&caller.stop))
+    });
+    // Not while the caller is borrowed: what it does may come back here.
+    stop.is_some_and(|stop| stop())
+}
+
+/// Looks now and then whether the caller wants its work stopped.
+pub(crate) struct Watch {
+    every: u64,
+    left: u64,
+}
+
+impl Watch {
+    /// For work that takes about `seconds` between two calls of [`Watch::check`].
+    pub(crate) fn new(seconds: f64) -> Self {
+        let watched = CALLER.with_borrow(Option::is_some);
+        let every = if watched { (WORK_PER_LOOK / seconds.max(1e-9)) as u64 } else { u64::MAX };
+        Self { every, left: 0 }
+    }
+
+    /// # Errors
+    /// [`Error::Interrupted`] if the caller wants its work stopped.
+    #[inline]
+    pub(crate) fn check(&mut self) -> Result<()> {
+        if self.left > 0 {
+            self.left -= 1;
+            return Ok(());
+        }
+        self.left = self.every;
+        if stopped() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+}
+
+/// Stops work on several threads: the calling thread looks, all threads end.
+pub(crate) struct Stop {
+    set: AtomicBool,
+    seconds: f64,
+}
+
+impl Stop {
+    /// For work that takes about `seconds` between two calls of [`Stop::look`].
+    pub(crate) fn new(seconds: f64) -> Self {
+        Self { set: AtomicBool::new(false), seconds }
+    }
+
+    /// What a thread looks with.
+    pub(crate) fn watch(&self) -> Watch {
+        Watch::new(self.seconds)
+    }
+
+    /// Whether this thread's work is to end.
+    #[inline]
+    pub(crate) fn look(&self, watch: &mut Watch) -> bool {
+        if watch.check().is_err() {
+            self.set.store(true, Ordering::Relaxed);
+        }
+        self.is_set()
+    }
+
+    /// Whether the work was stopped.
+    pub(crate) fn is_set(&self) -> bool {
+        self.set.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+
+    fn work_for(seconds: f64) -> Result<u32> {
+        let (start, mut watch, mut turns) = (Instant::now(), Watch::new(1e-3), 0);
+        while start.elapsed().as_secs_f64() < seconds {
+            watch.check()?;
+            std::thread::sleep(Duration::from_millis(1));
+            turns += 1;
+        }
+        Ok(turns)
+    }
+
+    #[test]
+    fn work_is_stopped_when_its_caller_says_so() {
+        let asked = Rc::new(Cell::new(0));
+        let count = Rc::clone(&asked);
+        let stop = move || {
+            count.set(count.get() + 1);
+            count.get() == 2
+        };
+        assert!(matches!(stoppable(stop, || work_for(60.0)), Err(Error::Interrupted)));
+        assert_eq!(asked.get(), 2);
+        // Nobody is asked any more.
+        assert!(work_for(0.2).unwrap() > 1);
+        assert_eq!(asked.get(), 2);
+    }
+
+    #[test]
+    fn short_work_is_not_stopped() {
+        assert!(stoppable(|| true, || Watch::new(1.0).check()).is_ok());
+    }
+}
