@@ -8,7 +8,7 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum Error {
     /// A number is outside the range in which it has a meaning.
-    #[error("{name} = {value} is out of range: it must be {limit}")]
+    #[error("{name} = {} is out of range: it must be {limit}", Readable(*value))]
     OutOfRange {
         /// What the number is, with its index where it is an element of an array.
         name: String,
@@ -102,6 +102,17 @@ pub enum Error {
     /// The algebraic Riccati equation has no stabilizing solution for the given weights.
     #[error("the Riccati equation was not solved: {0}")]
     Riccati(String),
+}
+
+/// A number without hundreds of zeros.
+struct Readable(f64);
+
+impl fmt::Display for Readable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(value) = self;
+        let long = value.is_finite() && *value != 0.0 && !(1e-7..1e16).contains(&value.abs());
+        if long { write!(f, "{value:e}") } else { write!(f, "{value}") }
+    }
 }
 
 impl Error {

@@ -215,18 +215,51 @@ impl Params {
         for (name, values) in self.fields() {
             finite(name, values)?;
         }
+        self.validate_signs()?;
+        self.validate_magnitudes()?;
         self.validate_masses()?;
         self.validate_geometry()?;
-        self.validate_limits_and_friction()?;
-        self.validate_magnitudes()
+        self.validate_friction()
+    }
+
+    fn validate_signs(&self) -> Result<()> {
+        for (name, value) in [
+            ("ball_mass", self.ball_mass),
+            ("ball_inertia", self.ball_inertia),
+            ("ball_radius", self.ball_radius),
+            ("body_mass", self.body_mass),
+            ("body_com_height", self.body_com_height),
+            ("wheel_mass", self.wheel_mass),
+            ("wheel_inertia", self.wheel_inertia),
+            ("wheel_radius", self.wheel_radius),
+            ("max_wheel_torque", self.max_wheel_torque),
+            ("gravity", self.gravity),
+            ("friction_critical_velocity", self.friction_critical_velocity),
+        ] {
+            positive(name, value)?;
+        }
+        for (i, &moment) in self.body_inertia.iter().enumerate() {
+            positive(format_args!("body_inertia[{i}]"), moment)?;
+        }
+        check("wheel_zenith", self.wheel_zenith, "between 0 and pi/2 rad, exclusive", |a| a > 0.0 && a < FRAC_PI_2)?;
+        for (name, value) in [
+            ("ball_viscous_friction", self.ball_viscous_friction),
+            ("wheel_viscous_friction", self.wheel_viscous_friction),
+            ("wheel_coulomb_friction", self.wheel_coulomb_friction),
+            ("wheel_dynamic_friction", self.wheel_dynamic_friction),
+            ("floor_dynamic_friction", self.floor_dynamic_friction),
+        ] {
+            check(name, value, ">= 0", |v| v >= 0.0)?;
+        }
+        Ok(())
     }
 
     /// Checks that the numbers are neither so large nor so small that the equations of motion overflow or lose all digits.
     fn validate_magnitudes(&self) -> Result<()> {
         for ((name, values), limit) in self.fields().zip(Self::LIMITS) {
             for (i, &value) in values.iter().enumerate() {
-                let name = if values.len() == 1 { name.to_owned() } else { format!("{name}[{i}]") };
-                check(name, value, limit, |v| limit.contains(v))?;
+                let index = if values.len() == 1 { String::new() } else { format!("[{i}]") };
+                check(format_args!("{name}{index}"), value, limit, |v| limit.contains(v))?;
             }
         }
         let most = MAX_RIM_RATIO * (self.ball_mass + self.body_mass);
@@ -240,13 +273,7 @@ impl Params {
     }
 
     fn validate_masses(&self) -> Result<()> {
-        positive("ball_mass", self.ball_mass)?;
-        positive("ball_inertia", self.ball_inertia)?;
-        positive("body_mass", self.body_mass)?;
-        positive("wheel_mass", self.wheel_mass)?;
-        positive("wheel_inertia", self.wheel_inertia)?;
         for (i, &moment) in self.body_inertia.iter().enumerate() {
-            positive(format_args!("body_inertia[{i}]"), moment)?;
             let others = self.body_inertia.iter().sum::<f64>() - moment;
             // A flat body meets the bound exactly; the margin is for rounding.
             check(
@@ -266,10 +293,6 @@ impl Params {
     }
 
     fn validate_geometry(&self) -> Result<()> {
-        positive("ball_radius", self.ball_radius)?;
-        positive("wheel_radius", self.wheel_radius)?;
-        positive("body_com_height", self.body_com_height)?;
-        check("wheel_zenith", self.wheel_zenith, "between 0 and pi/2 rad, exclusive", |a| a > 0.0 && a < FRAC_PI_2)?;
         // A thin shell is the upper bound. Published values are rounded, hence the margin of 1 %.
         let shell = 2.0 / 3.0 * self.ball_mass * self.ball_radius.powi(2);
         check(
@@ -292,19 +315,7 @@ impl Params {
         Ok(())
     }
 
-    fn validate_limits_and_friction(&self) -> Result<()> {
-        positive("max_wheel_torque", self.max_wheel_torque)?;
-        positive("gravity", self.gravity)?;
-        positive("friction_critical_velocity", self.friction_critical_velocity)?;
-        for (name, value) in [
-            ("ball_viscous_friction", self.ball_viscous_friction),
-            ("wheel_viscous_friction", self.wheel_viscous_friction),
-            ("wheel_coulomb_friction", self.wheel_coulomb_friction),
-            ("wheel_dynamic_friction", self.wheel_dynamic_friction),
-            ("floor_dynamic_friction", self.floor_dynamic_friction),
-        ] {
-            check(name, value, ">= 0", |v| v >= 0.0)?;
-        }
+    fn validate_friction(&self) -> Result<()> {
         for (name, fixed, moving) in [
             ("wheel_static_friction", self.wheel_static_friction, self.wheel_dynamic_friction),
             ("floor_static_friction", self.floor_static_friction, self.floor_dynamic_friction),
