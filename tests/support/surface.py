@@ -1,8 +1,9 @@
-"""The public Python surface: everything that can be called, with arguments that are right for it and ones that are not."""
+"""The public Python surface: everything that can be called, and arguments that are right for it or are not."""
 
 import ast
 import functools
 import inspect
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from decimal import Decimal
@@ -59,7 +60,10 @@ def _masked():
 
 #: Objects of every kind, made anew for each call.
 OBJECTS: list[Callable[[], Any]] = [
-    *(functools.partial(lambda value: value, value) for value in (None, True, False, "", "x", "1.0", "nan", "\0", b"1")),
+    *(
+        functools.partial(lambda value: value, value)
+        for value in (None, True, False, "", "x", "1.0", "nan", "\0", b"1")
+    ),
     *(functools.partial(lambda value: value, value) for value in ("paper", "planar", "contact", "x.toml", 1j, ...)),
     object,
     Broken,
@@ -154,6 +158,24 @@ INSTANCES: dict[str, list[Callable[[], Any]]] = {
     "Push": [lambda: bb.Push((0.1, 0, 0))],
 }
 
+
+def _forged(snapshot: bytes, count: int) -> Iterator[bytes]:
+    """Snapshots with some bytes changed, their checksums right."""
+    rng = np.random.default_rng(0)
+    for _ in range(count):
+        data = bytearray(snapshot[:-4])
+        for place in rng.integers(6, len(data), rng.integers(1, 9)):
+            data[place] = rng.choice([0, 1, 0x7F, 0x80, 0xF0, 0xFF, rng.integers(256)])
+        yield bytes(data) + zlib.crc32(data).to_bytes(4, "little")
+
+
+def _snapshots(made: list[Any], *index: int) -> list[bytes]:
+    own = [thing.snapshot(*index) for thing in made]
+    # A snapshot of `rigid` is a world of rapier's, which trusts it.
+    ours = [snapshot for thing, snapshot in zip(made, own, strict=True) if thing.model != "rigid"]
+    return own + [forged for snapshot in ours for forged in _forged(snapshot, 100)]
+
+
 _PAPER = bb.Params.paper().to_dict()
 #: Right values of arguments by their name; "class.argument" or "class.method.argument" goes before "argument".
 RIGHT: dict[str, list[Any]] = {
@@ -170,7 +192,9 @@ RIGHT: dict[str, list[Any]] = {
     "impulse": [[0.1, 0.0, 0.0]],
     "point": [None, [0.0, 0.0, 0.2]],
     "steps": [0, 1, 10],
-    "snapshot": [b"BBOT"],
+    "Ballbot.restore.snapshot": _snapshots([make() for make in INSTANCES["Ballbot"]]),
+    "Batch.restore.snapshot": _snapshots([make() for make in INSTANCES["Batch"]], 0),
+    "Ballbot.__setstate__.snapshot": _snapshots([make() for make in INSTANCES["Ballbot"]]),
     "restore.index": [0, 1],
     "index": [0, 1],
     "body_quaternion": [[1.0, 0, 0, 0]],
@@ -185,6 +209,16 @@ RIGHT: dict[str, list[Any]] = {
     "max_torque": [None, 0.1],
     "max_wheel_torque": [1.0],
     "Params.max_wheel_torque": [5.0],
+    "State.rolling.params": [bb.Params.paper()],
+    "State.at_rest.params": [bb.Params.paper()],
+    "SpatialModel.params": [bb.Params.paper()],
+    "PlanarModel.params": [bb.Params.paper()],
+    "virtual_to_wheel_torques.params": [bb.Params.paper()],
+    "wheel_to_virtual_torques.params": [bb.Params.paper()],
+    "State.rolling.ball_velocity": [[0.1, 0.0]],
+    "get_attr.name": ["params"],
+    "set_attr.name": ["note"],
+    "call.name": ["states"],
     "position": [[0.1, 0.0]],
     "velocity": [[0.1, 0.0]],
     "tilt": [[0.01, 0.0]],
@@ -240,13 +274,22 @@ RIGHT: dict[str, list[Any]] = {
 }
 #: Keyword arguments that a signature leaves open.
 _FLOATING = {option["name"]: [option["default"]] for task in bb._core.TASKS.values() for option in task["options"]}
-_ENVIRONMENT = ["params", "model", "sim_dt", "control_dt", "max_wheel_torque", "max_episode_steps", "reward", *_FLOATING]
+_ENVIRONMENT = [
+    "params",
+    "model",
+    "sim_dt",
+    "control_dt",
+    "max_wheel_torque",
+    "max_episode_steps",
+    "reward",
+    *_FLOATING,
+]
 _STATE = ["ball_velocity", "ball_angular_velocity", "body_quaternion", "body_position", "wheel_speeds"]
 OPEN: dict[str, list[str]] = {
     "Params": list(_PAPER),
     "Params.replace": list(_PAPER),
     "State.replace": _STATE,
-    "Controller": ["position", "proportional", "integral", "tilt"],
+    "Controller": ["position", "proportional", "integral"],
     "Pid": [option["name"] for option in bb._core.CONTROLLERS["pid"]["options"]],
     "Lqr": [option["name"] for option in bb._core.CONTROLLERS["lqr"]["options"]],
     "Controller.__call__": ["position", "velocity", "yaw"],
@@ -275,22 +318,27 @@ class Target:
     def right(self, argument: str) -> list[Any]:
         """Right values of an argument."""
         owner, _, method = self.name.partition(".")
-        keys = (f"{self.name}.{argument}", f"{method}.{argument}", f"{owner}.{argument}" if not method else argument)
+        keys = (f"{self.name}.{argument}", f"{method}.{argument}", argument)
         if not method and f"{owner}.{argument}" in SCALAR:
             return SCALAR[f"{owner}.{argument}"]
         found = next((RIGHT[key] for key in keys if key in RIGHT), None)
         return found or RIGHT.get(argument) or _FLOATING.get(argument) or [[0.0, 0.0, 0.0]]
 
 
+#: Special methods that users call by other means, as functions of what those take.
+SPECIAL: dict[str, tuple[Callable[..., Any], tuple[tuple[str, bool], ...]]] = {
+    "__call__": (lambda self, **arguments: self(**arguments), (("state", True),)),
+    "__eq__": (lambda self, other: self == other, (("other", True),)),
+    "__setstate__": (lambda self, snapshot: self.__setstate__(snapshot), (("snapshot", True),)),
+}
+
+
 def _arguments(name: str, function: Callable[..., Any], *, bound: bool) -> tuple[tuple[str, bool], ...]:
     parameters = list(inspect.signature(function).parameters.values())[1 if bound else 0 :]
     kinds = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     named = [(p.name, p.default is inspect.Parameter.empty) for p in parameters if p.kind not in kinds]
-    return (*named, *((extra, False) for extra in OPEN.get(name, ()) if extra not in dict(named)))
-
-
-#: Special methods that users call by other means.
-SPECIAL = ("__call__", "__setstate__", "__eq__")
+    # Most parameters have no default.
+    return (*named, *((extra, name == "Params") for extra in OPEN.get(name, ()) if extra not in dict(named)))
 
 
 def _methods(owner: type) -> Iterator[str]:
@@ -303,7 +351,11 @@ def _methods(owner: type) -> Iterator[str]:
         if defined is object or not (defined.__module__ or "").startswith(module):
             continue
         # Written in Python, it is what pickle calls.
-        if name == "__setstate__" and not defined.__module__.startswith("ballbot_rs._core") and defined.__module__ != module:
+        if (
+            name == "__setstate__"
+            and not defined.__module__.startswith("ballbot_rs._core")
+            and defined.__module__ != module
+        ):
             continue
         if callable(getattr(owner, name)) and not isinstance(attribute, property):
             yield name
@@ -320,11 +372,15 @@ def targets() -> Iterator[Target]:
         if not inspect.isclass(thing):
             continue
         for method in _methods(thing):
-            function = getattr(thing, method)
             static = isinstance(inspect.getattr_static(thing, method), (staticmethod, classmethod))
             full = f"{name}.{method}"
-            instances = () if static else tuple(INSTANCES[name])
-            yield Target(full, function, _arguments(full, function, bound=not static), instances)
+            if method in SPECIAL:
+                function, arguments = SPECIAL[method]
+                arguments = (*arguments, *((extra, False) for extra in OPEN.get(full, ())))
+            else:
+                function = getattr(thing, method)
+                arguments = _arguments(full, function, bound=not static)
+            yield Target(full, function, arguments, () if static else tuple(INSTANCES[name]))
 
 
 def stub_names() -> set[str]:
@@ -359,6 +415,14 @@ def numbers_that_are_not_finite(value: Any, path: str = "") -> list[str]:
             found += numbers_that_are_not_finite(getattr(value, name)(), f"{path}.{name}()")
     return found
 
+
+#: What goes on after a call: a robot that a call has broken shows it then.
+THEN: dict[str, Callable[[Any], Any]] = {
+    "Ballbot": lambda robot: robot.step([0, 0, 0], 2),
+    "Batch": lambda batch: batch.step(np.zeros((2, 3))),
+    "BalanceEnv": lambda env: env.step(np.zeros(3)),
+    "BalanceVectorEnv": lambda env: env.step(np.zeros((2, 3))),
+}
 
 #: Attributes of which the numbers are looked at. A contact without load has no finite utilization.
 _READABLE = {

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 /// Least time between two questions to the caller.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// Most work between two looks at the clock, s.
-const WORK_PER_LOOK: f64 = 5e-3;
+/// About how long is worked between two looks at the clock.
+const WORK_PER_LOOK: Duration = Duration::from_millis(5);
 
 /// A caller that wants to be asked, and when it was last.
 struct Caller {
@@ -36,10 +36,9 @@ pub fn stoppable<T>(stop: impl Fn() -> bool + 'static, work: impl FnOnce() -> T)
 }
 
 /// Asks the caller, if it wants to be asked and the time has come.
-fn stopped() -> bool {
+fn stopped(now: Instant) -> bool {
     let stop = CALLER.with_borrow_mut(|caller| {
         let caller = caller.as_mut()?;
-        let now = Instant::now();
         if now.duration_since(caller.asked) < INTERVAL {
             return None;
         }
@@ -52,16 +51,16 @@ fn stopped() -> bool {
 
 /// Looks now and then whether the caller wants its work stopped.
 pub(crate) struct Watch {
+    watched: bool,
+    /// Calls of [`Watch::check`] between two looks at the clock; it follows how long they take.
     every: u64,
     left: u64,
+    looked: Instant,
 }
 
 impl Watch {
-    /// For work that takes about `seconds` between two calls of [`Watch::check`].
-    pub(crate) fn new(seconds: f64) -> Self {
-        let watched = CALLER.with_borrow(Option::is_some);
-        let every = if watched { (WORK_PER_LOOK / seconds.max(1e-9)) as u64 } else { u64::MAX };
-        Self { every, left: 0 }
+    pub(crate) fn new() -> Self {
+        Self { watched: CALLER.with_borrow(Option::is_some), every: 0, left: 0, looked: Instant::now() }
     }
 
     /// # Errors
@@ -72,28 +71,34 @@ impl Watch {
             self.left -= 1;
             return Ok(());
         }
+        self.look()
+    }
+
+    fn look(&mut self) -> Result<()> {
+        if !self.watched {
+            self.left = u64::MAX;
+            return Ok(());
+        }
+        let now = Instant::now();
+        let worked = now.duration_since(self.looked);
+        self.looked = now;
+        if worked < WORK_PER_LOOK / 2 {
+            self.every = 2 * self.every + 1;
+        } else if worked > WORK_PER_LOOK * 2 {
+            self.every /= 4;
+        }
         self.left = self.every;
-        if stopped() { Err(Error::Interrupted) } else { Ok(()) }
+        if stopped(now) { Err(Error::Interrupted) } else { Ok(()) }
     }
 }
 
 /// Stops work on several threads: the calling thread looks, all threads end.
+#[derive(Default)]
 pub(crate) struct Stop {
     set: AtomicBool,
-    seconds: f64,
 }
 
 impl Stop {
-    /// For work that takes about `seconds` between two calls of [`Stop::look`].
-    pub(crate) fn new(seconds: f64) -> Self {
-        Self { set: AtomicBool::new(false), seconds }
-    }
-
-    /// What a thread looks with.
-    pub(crate) fn watch(&self) -> Watch {
-        Watch::new(self.seconds)
-    }
-
     /// Whether this thread's work is to end.
     #[inline]
     pub(crate) fn look(&self, watch: &mut Watch) -> bool {
@@ -115,7 +120,7 @@ mod tests {
     use std::cell::Cell;
 
     fn work_for(seconds: f64) -> Result<u32> {
-        let (start, mut watch, mut turns) = (Instant::now(), Watch::new(1e-3), 0);
+        let (start, mut watch, mut turns) = (Instant::now(), Watch::new(), 0);
         while start.elapsed().as_secs_f64() < seconds {
             watch.check()?;
             std::thread::sleep(Duration::from_millis(1));
@@ -141,6 +146,6 @@ mod tests {
 
     #[test]
     fn short_work_is_not_stopped() {
-        assert!(stoppable(|| true, || Watch::new(1.0).check()).is_ok());
+        assert!(stoppable(|| true, || Watch::new().check()).is_ok());
     }
 }

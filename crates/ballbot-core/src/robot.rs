@@ -205,7 +205,7 @@ impl Ballbot {
             return Err(Error::Diverged { time: *time, reason: reason.clone() });
         }
         let mut left = steps;
-        let mut watch = Watch::new(CHECK_INTERVAL as f64 * self.kind.step_seconds());
+        let mut watch = Watch::new();
         loop {
             watch.check()?;
             // Not after every step: looking at the state costs about as much as a step of the simpler models.
@@ -321,7 +321,8 @@ impl Ballbot {
             });
         }
         let before = self.model.save();
-        if let Err(error) = self.model.load(&snapshot.model).and_then(|()| check_restored(&self.state())) {
+        let loaded = self.model.load(&snapshot.model);
+        if let Err(error) = loaded.and_then(|()| check_restored(&self.state(), &self.contacts())) {
             self.model.load(&before)?;
             return Err(error);
         }
@@ -334,8 +335,9 @@ impl Ballbot {
 ///
 /// # Errors
 /// [`Error::Decode`] naming the number that cannot be.
-pub(crate) fn check_restored(state: &State) -> Result<()> {
-    state.validate().map_err(|error| Error::Decode { what: "snapshot of a robot".into(), reason: error.to_string() })
+pub(crate) fn check_restored(state: &State, contacts: &Contacts) -> Result<()> {
+    let sound = state.validate().and_then(|()| contacts.validate());
+    sound.map_err(|error| Error::Decode { what: "snapshot of a robot".into(), reason: error.to_string() })
 }
 
 #[derive(PartialEq, Serialize, Deserialize)]

@@ -245,6 +245,18 @@ pub struct Contacts {
 }
 
 impl Contacts {
+    /// Checks that all numbers are finite.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] naming the number.
+    pub fn validate(&self) -> Result<()> {
+        finite("wheel_normal_forces", &self.wheel_normal_forces)?;
+        finite("wheel_tractions", &self.wheel_tractions)?;
+        finite("wheel_slip_speeds", &self.wheel_slip_speeds)?;
+        finite("floor_force", self.floor_force.as_slice())?;
+        finite("floor_slip_velocity", self.floor_slip_velocity.as_slice())
+    }
+
     /// Share of the dynamic friction limit in use, |f| / (μ N), at the three wheels and the floor. The value is
     /// infinite for a contact that would have to pull. Above 1 a model without slip is not valid.
     pub fn friction_utilization(&self, params: &Params) -> [f64; 4] {

@@ -544,6 +544,8 @@ impl PyBatch {
 
     /// Continues, to the last bit, from a snapshot of an environment with the same task, model and options.
     ///
+    /// Restore only what `snapshot` gave: its checksum finds damage, not forgery.
+    ///
     /// Raises:
     ///     ValueError: the bytes are not that, or their numbers not finite; nothing has changed then.
     fn restore(&self, #[pyo3(from_py_with = index)] index: usize, snapshot: &[u8]) -> PyResult<()> {

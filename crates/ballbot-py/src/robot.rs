@@ -141,6 +141,8 @@ impl PyBallbot {
 
     /// Continues, to the last bit, from a snapshot of a robot with the same arguments.
     ///
+    /// Restore only what `snapshot` gave: its checksum finds damage, not forgery.
+    ///
     /// Raises:
     ///     ValueError: the bytes are not that, or their numbers not finite; nothing has changed then.
     fn restore(&self, snapshot: &[u8]) -> PyResult<()> {

@@ -113,7 +113,7 @@ impl Batch {
         )?;
         let params = Arc::new(config.params.clone());
         let width = if config.model == ModelKind::Contact { EIGHT } else { 1 };
-        let mut watch = Watch::new(50e-6);
+        let mut watch = Watch::new();
         let chunk = |first: usize| -> Result<Box<dyn Chunk>> {
             watch.check()?;
             let seed = seed.wrapping_add(first as u64);
@@ -312,7 +312,7 @@ impl Batch {
         let chunk = &mut self.chunks[chunk];
         let before = chunk.save(i);
         chunk.load(i, bytes)?;
-        if let Err(error) = check_restored(&chunk.state(i)) {
+        if let Err(error) = check_restored(&chunk.state(i), &chunk.contacts(i)) {
             chunk.load(i, &before)?;
             return Err(error);
         }
@@ -390,9 +390,8 @@ impl Batch {
     /// # Errors
     /// [`Error::Interrupted`] if it is to be stopped already; nothing has moved then.
     pub(super) fn stop(&self) -> Result<Stop> {
-        let chunk = (self.width * self.substeps) as f64 * self.model.step_seconds();
-        Watch::new(chunk).check()?;
-        Ok(Stop::new(chunk))
+        Watch::new().check()?;
+        Ok(Stop::default())
     }
 
     /// Concludes a step.
@@ -465,7 +464,7 @@ fn step_chunks(
     buffers: StepBuffers<'_>,
     stop: &Stop,
 ) {
-    let mut watch = stop.watch();
+    let mut watch = Watch::new();
     let shares = pieces(chunks, 1, width, buffers);
     for ((chunk, share), actions) in shares.zip(actions.chunks(width * ACTION_LEN)) {
         if stop.look(&mut watch) {

@@ -26,7 +26,7 @@ impl Batch {
     ) -> Result<()> {
         self.check_control(controller, setpoints, actions.len())?;
         let setpoints = setpoints.unwrap_or_default();
-        let mut watch = Watch::new(2e-6);
+        let mut watch = Watch::new();
         let mut first = 0;
         for (chunk, actions) in self.chunks.iter_mut().zip(actions.chunks_mut(self.width * ACTION_LEN)) {
             if let Err(stop) = watch.check() {
@@ -61,7 +61,7 @@ impl Batch {
         let stop = self.stop()?;
         let step = |chunks: &mut [Box<dyn super::chunk::Chunk>], actions: &mut [f32], first: usize, buffers| {
             let mut rest: StepBuffers<'_> = buffers;
-            let mut watch = stop.watch();
+            let mut watch = Watch::new();
             for (k, (chunk, actions)) in chunks.iter_mut().zip(actions.chunks_mut(width * ACTION_LEN)).enumerate() {
                 if stop.look(&mut watch) {
                     return;

@@ -148,7 +148,7 @@ impl<T: Task> Environment<T> {
     pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
         let before = self.inner.save(0);
         self.inner.load(0, bytes)?;
-        if let Err(error) = check_restored(&self.inner.state(0)) {
+        if let Err(error) = check_restored(&self.inner.state(0), &self.inner.contacts(0)) {
             self.inner.load(0, &before)?;
             return Err(error);
         }

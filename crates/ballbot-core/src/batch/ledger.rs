@@ -37,6 +37,9 @@ pub struct Ledger<C> {
     pub terms: Vec<C>,
 }
 
+/// Largest magnitude of a saved number; f32 holds it.
+const MAX_NUMBER: f64 = 1e30;
+
 /// How many numbers the parts of a [`Ledger`] have.
 #[derive(Clone, Copy, Debug)]
 pub struct Sizes {
@@ -78,9 +81,13 @@ impl<C: Cell> Ledger<C> {
         [task, actuator, sensor, last_sensor, observation, terms]
     }
 
-    /// Whether two ledgers have the same sizes.
-    pub fn fits<D: Cell>(&self, other: &Ledger<D>) -> bool {
-        self.parts().map(<[C]>::len) == other.parts().map(<[D]>::len)
+    /// Whether a saved ledger may take the place of this one: the same sizes, and numbers that can be.
+    pub fn fits(&self, saved: &Ledger<f64>) -> bool {
+        let Episode { steps, limit, last_action, reward, .. } = saved.episode;
+        let mut numbers = saved.parts().into_iter().flatten().chain(&last_action).chain([&steps, &limit, &reward]);
+        // All of them are shown, or squared, as they are.
+        numbers.all(|number| number.abs() <= MAX_NUMBER)
+            && self.parts().map(<[C]>::len) == saved.parts().map(<[f64]>::len)
     }
 }
 

@@ -16,9 +16,6 @@ pub struct ResetRequest<'a> {
     pub starts: Option<&'a [Option<State>]>,
 }
 
-/// About how long a reset takes, s.
-const SECONDS: f64 = 2e-6;
-
 impl Batch {
     /// Seeds the environments, one number each; `None` leaves one as it is.
     ///
@@ -60,7 +57,7 @@ impl Batch {
         if let Some(starts) = request.starts {
             self.expect_len("starts", starts.len(), n)?;
         }
-        let mut watch = Watch::new(SECONDS);
+        let mut watch = Watch::new();
         for index in 0..n {
             watch.check()?;
             if let Some(start) = start(index) {

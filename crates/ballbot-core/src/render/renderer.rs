@@ -6,7 +6,7 @@ use super::scene::{Label, Link, Part, Placed, Scene};
 use super::shading::Light;
 use super::shape::Shape;
 use crate::error::{Error, Result, check, finite};
-use crate::interrupt::Stop;
+use crate::interrupt::{Stop, Watch};
 use crate::state::State;
 use crate::thread_pool::{self, WorkerThreads, thread_count};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -14,8 +14,6 @@ use std::sync::{Mutex, PoisonError};
 
 /// Edge of a tile, pixels. Parts outside the cone of a tile are skipped for all its pixels.
 const TILE: usize = 16;
-/// About how long a tile takes with one sample a pixel, s.
-const TILE_SECONDS: f64 = 0.3e-3;
 /// Largest coordinate of the ends of an arrow, m.
 const MAX_ARROW_COORDINATE: f64 = 1e6;
 /// Largest width and height of a picture, pixels.
@@ -132,10 +130,10 @@ impl Renderer {
         let depth = split(picture.depth, band, bands);
         let labels = split(picture.labels, band, bands);
         let bands = Mutex::new(rgb.into_iter().zip(depth).zip(labels).enumerate());
-        let stop = Stop::new(TILE_SECONDS * self.samples as f64);
-        stop.watch().check()?;
+        Watch::new().check()?;
+        let stop = Stop::default();
         let work = || {
-            let mut watch = stop.watch();
+            let mut watch = Watch::new();
             let next = || bands.lock().unwrap_or_else(PoisonError::into_inner).next();
             while let Some((i, ((rgb, depth), labels))) = next() {
                 frame.band(i * TILE, rgb, depth, labels, || stop.look(&mut watch));
