@@ -39,6 +39,12 @@ CASES = {
     ),
     "steps": (lambda: bb.Ballbot().step([0, 0, 0], HUGE), ValueError, f"{HUGE} is out of range"),
     "max_episode_steps": (lambda: bb.BalanceEnv(max_episode_steps=HUGE), ValueError, "max_episode_steps"),
+    "torque": (
+        lambda: bb.BalanceEnv(max_wheel_torque=5e-324),
+        ValueError,
+        "max_wheel_torque = 5e-324 .* least 1e-9 N·m",
+    ),
+    "endless file": (lambda: bb.Params.from_urdf("/dev/zero", "x"), OSError, "cannot read /dev/zero: .* regular file"),
     # A reward of NaN.
     "setpoint": (
         lambda: bb.BalanceEnv(setpoint=(1e155, 0)),

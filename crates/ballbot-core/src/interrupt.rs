@@ -51,16 +51,17 @@ fn stopped(now: Instant) -> bool {
 
 /// Looks now and then whether the caller wants its work stopped.
 pub(crate) struct Watch {
-    watched: bool,
+    /// The last look at the clock; None if nobody wants to stop the work.
+    looked: Option<Instant>,
     /// Calls of [`Watch::check`] between two looks at the clock; it follows how long they take.
     every: u64,
     left: u64,
-    looked: Instant,
 }
 
 impl Watch {
     pub(crate) fn new() -> Self {
-        Self { watched: CALLER.with_borrow(Option::is_some), every: 0, left: 0, looked: Instant::now() }
+        let watched = CALLER.with_borrow(Option::is_some);
+        Self { looked: watched.then(Instant::now), every: 0, left: 0 }
     }
 
     /// # Errors
@@ -75,13 +76,13 @@ impl Watch {
     }
 
     fn look(&mut self) -> Result<()> {
-        if !self.watched {
+        let Some(looked) = &mut self.looked else {
             self.left = u64::MAX;
             return Ok(());
-        }
+        };
         let now = Instant::now();
-        let worked = now.duration_since(self.looked);
-        self.looked = now;
+        let worked = now.duration_since(*looked);
+        *looked = now;
         if worked < WORK_PER_LOOK / 2 {
             self.every = 2 * self.every + 1;
         } else if worked > WORK_PER_LOOK * 2 {

@@ -30,6 +30,7 @@ pub mod control;
 mod energy;
 mod error;
 pub mod fields;
+mod files;
 mod interrupt;
 pub mod kinematics;
 mod lane_state;

@@ -9,8 +9,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BOTTOM: [&str; 14] = [
+const BOTTOM: [&str; 15] = [
     "error",
+    "files",
     "interrupt",
     "memory",
     "fields",

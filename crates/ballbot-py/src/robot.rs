@@ -11,6 +11,9 @@ use ballbot_core::{Ballbot, State};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
+/// Steps that take no time worth interrupting.
+const SHORT_RUN: usize = 1000;
+
 /// A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, change its parameters (`set_params`).
 ///
 /// Args:
@@ -64,6 +67,9 @@ impl PyBallbot {
         let torques = numbers::<3>("wheel_torques", wheel_torques)?;
         let mut robot = self.0.write()?;
         let robot = &mut *robot;
+        if steps <= SHORT_RUN {
+            return py.detach(|| call(|| robot.step(&torques, steps)));
+        }
         interruptible(py, || robot.step(&torques, steps))
     }
 

@@ -2,8 +2,8 @@
 
 use super::Params;
 use crate::error::{Error, Result};
+use crate::files::read_text;
 use std::fmt::Write;
-use std::fs;
 use std::path::Path;
 
 /// Name and text of each file in `robots/`, listed by the build script.
@@ -47,7 +47,7 @@ impl Params {
     /// [`Error::Io`] for a file that cannot be read; [`Error::Decode`] with the file and the reason that
     /// [`Params::from_toml`] gives.
     pub fn from_toml_file(path: &Path) -> Result<Self> {
-        let text = fs::read_to_string(path).map_err(|source| Error::Io { path: path.into(), source })?;
+        let text = read_text(path)?;
         Self::from_toml(&text).map_err(|error| {
             let reason = match error {
                 Error::Decode { reason, .. } => reason,

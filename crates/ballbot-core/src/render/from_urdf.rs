@@ -4,10 +4,10 @@ use super::color::{Color, Paint, srgb};
 use super::scene::{Link, Part, Scene};
 use super::shape::Shape;
 use crate::error::{Error, Result};
+use crate::files;
 use crate::params::Params;
 use crate::urdf::{Visual, VisualLink, VisualShape, visuals_from_urdf};
 use nalgebra::Vector3;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -68,8 +68,8 @@ fn shape(shape: &VisualShape) -> Result<Shape> {
 
 fn mesh(path: &Path, scale: &Vector3<f64>) -> Result<Shape> {
     let refuse = |reason: String| Error::Decode { what: path.display().to_string(), reason };
-    let file = File::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
-    let stl = stl_io::read_stl(&mut BufReader::new(file)).map_err(|e| refuse(format!("not a readable STL: {e}")))?;
+    let stl = stl_io::read_stl(&mut BufReader::new(files::open(path)?))
+        .map_err(|e| refuse(format!("not a readable STL: {e}")))?;
     if stl.faces.len() > MAX_TRIANGLES {
         return Err(refuse(format!("{} triangles, limit {MAX_TRIANGLES}", stl.faces.len())));
     }

@@ -1,18 +1,12 @@
 //! Checks of the contents of a file, and their errors.
 
-use crate::error::{Error, Result};
-use std::fs;
-use std::path::Path;
+use crate::error::Error;
 
 /// A value, or the reason why the file it comes from is refused; [`refuse`] adds which file that is.
 pub(super) type Checked<T> = std::result::Result<T, String>;
 
 /// Largest position error, m, and largest error of a direction, that count as rounding in a file.
 pub(super) const TOLERANCE: f64 = 1e-6;
-
-pub(super) fn read_file(path: &Path) -> Result<String> {
-    fs::read_to_string(path).map_err(|source| Error::Io { path: path.into(), source })
-}
 
 /// Why the file named `label` is refused.
 pub(super) fn refuse(label: &str) -> impl Fn(String) -> Error {

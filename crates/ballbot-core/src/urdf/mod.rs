@@ -27,8 +27,9 @@ mod wheel;
 pub use visual::{Visual, VisualLink, VisualShape, visuals_from_urdf};
 
 use crate::error::Result;
+use crate::files::read_text;
 use crate::params::Params;
-use checked::{read_file, refuse};
+use checked::refuse;
 use std::path::Path;
 
 /// Parameters of the ballbot described by the files `bot` and `ball`.
@@ -36,7 +37,7 @@ use std::path::Path;
 /// # Errors
 /// [`crate::Error::Io`] for a file that cannot be read; those of [`params_from_urdf_text`], with the name of the file.
 pub fn params_from_urdf(bot: &Path, ball: &Path) -> Result<Params> {
-    read_params((&bot.display().to_string(), &read_file(bot)?), (&ball.display().to_string(), &read_file(ball)?))
+    read_params((&bot.display().to_string(), &read_text(bot)?), (&ball.display().to_string(), &read_text(ball)?))
 }
 
 /// Parameters of the ballbot described by the texts `bot` and `ball`.

@@ -1,10 +1,11 @@
 //! Visual shapes of two URDFs, in the frames of the simulated robot.
 
 use super::bot::Bot;
-use super::checked::{Checked, read_file, refuse};
+use super::checked::{Checked, refuse};
 use super::numbers::pose;
 use super::tree::Tree;
 use crate::error::Result;
+use crate::files::read_text;
 use crate::params::Params;
 use nalgebra::{Isometry3, Translation3, Vector3};
 use std::path::{Path, PathBuf};
@@ -54,7 +55,7 @@ pub struct Visual {
 /// file, or has a size that is not positive.
 pub fn visuals_from_urdf(bot: &Path, ball: &Path) -> Result<Vec<Visual>> {
     let params: Params = super::params_from_urdf(bot, ball)?;
-    let (bot_text, ball_text) = (read_file(bot)?, read_file(ball)?);
+    let (bot_text, ball_text) = (read_text(bot)?, read_text(ball)?);
     let bot_label = bot.display().to_string();
     let of_ball = |text: &str| -> Checked<Vec<Visual>> {
         let tree = Tree::read(text)?;
