@@ -38,13 +38,4 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    #[cfg(unix)]
-    fn a_file_without_an_end_is_refused() {
-        let error = read_text(Path::new("/dev/zero")).unwrap_err().to_string();
-        assert_eq!(error, "cannot read /dev/zero: it is not a regular file");
-    }
-}
+mod tests;
