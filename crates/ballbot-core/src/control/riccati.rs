@@ -160,7 +160,7 @@ impl Problem {
                 return Ok(());
             }
             pole = norm.powf(0.5_f64.powi(doubling));
-            if !(norm < 1e100) {
+            if norm.is_nan() || norm > 1e100 {
                 break;
             }
             power = &power * &power;
