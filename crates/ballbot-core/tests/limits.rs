@@ -218,7 +218,7 @@ fn a_unit_quaternion_keeps_its_bits() {
 #[test]
 fn a_robot_goes_on_from_its_own_state() {
     for (model, tolerance) in
-        [(ModelKind::Spatial, 0.0), (ModelKind::Planar, 1e-9), (ModelKind::Contact, 1e-3), (ModelKind::Rigid, 1e-2)]
+        [(ModelKind::Spatial, 0.0), (ModelKind::Planar, 1e-12), (ModelKind::Contact, 1e-4), (ModelKind::Rigid, 1e-3)]
     {
         let mut robot = Ballbot::new(&Params::paper(), model, 0.001).unwrap();
         robot.reset(&State::tilted(&Params::paper(), Vector2::new(0.05, 0.03), 0.4)).unwrap();
