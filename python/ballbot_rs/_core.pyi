@@ -123,6 +123,8 @@ class Params:
     `ball_viscous_friction` (0 N/(m/s)), `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m),
     `wheel_static_friction` (1.1), `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1),
     `floor_dynamic_friction` (1.05), `friction_critical_velocity` (0.1 m/s).
+    Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
+    `docs/conventions.md` has all ranges.
 
     Raises:
         ValueError: a value is missing, unknown, not finite, or out of range; the message has value and limit.
@@ -381,7 +383,7 @@ class Ballbot:
 
     Args:
         params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
-        model: "rigid" (rapier3d), "contact" (contacts and friction on a flat floor, specialised), "spatial" (coupled
+        model: "rigid" (rapier3d), "contact" (contacts and friction on a flat floor, specialized), "spatial" (coupled
             3D without slip) or "planar" (eqs. (1)-(7) of the paper).
         sim_dt: time step, s.
 
@@ -393,6 +395,8 @@ class Ballbot:
     def reset(self, state: State | None = None) -> None:
         """Starts anew from `state`; None is at rest upright.
 
+        A state has no contact forces: `contact` and `rigid` find them anew in their next step. A snapshot has them.
+
         Raises:
             ValueError: a state out of bounds, below the floor, or with slip where the model has none.
         """
@@ -402,6 +406,7 @@ class Ballbot:
         Raises:
             ValueError: a torque that is not finite or beyond `params.max_wheel_torque`; nothing has moved then.
             DivergedError: the state has left the simulation's bounds.
+            KeyboardInterrupt: Ctrl-C during a long call; `time` says how far the robot has come.
         """
     def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
         """Gives the body an impulse (inertial frame, N·s) at `point` (body frame, m; None is its CoM).
@@ -425,7 +430,7 @@ class Ballbot:
         """Contact forces of the last step; `contact` and `rigid` return zeros until the first step."""
     @property
     def energy(self) -> float:
-        """Kinetic plus potential energy, J; the latter is zero with the body's CoM at the ball centre's height."""
+        """Kinetic plus potential energy, J; the latter is zero with the body's CoM at the ball center's height."""
     @property
     def time(self) -> float:
         """Simulated time since the reset, s."""
@@ -441,7 +446,13 @@ class Ballbot:
     def snapshot(self) -> bytes:
         """Everything that the future depends on, for `restore`."""
     def restore(self, snapshot: bytes) -> None:
-        """Continues, to the last bit, from a snapshot of a robot with the same arguments."""
+        """Continues, to the last bit, from a snapshot of a robot with the same arguments.
+
+        Restore only what `snapshot` gave: its checksum finds damage, not forgery.
+
+        Raises:
+            ValueError: the bytes are not that, or their numbers not finite; nothing has changed then.
+        """
     def __getnewargs__(self) -> tuple[Params, str, float]: ...
     def __getstate__(self) -> bytes: ...
     def __setstate__(self, snapshot: bytes) -> None: ...
@@ -605,10 +616,10 @@ class Pid(Controller):
         *,
         mapping: Literal["consistent", "as_printed"] | str = "consistent",
         max_torque: float | None = None,
-        proportional: float = 20.39,  # N·m/rad, >= 0
-        integral: float = 56.57,  # N·m/(rad·s), >= 0
-        derivative: float = 1.34,  # N·m·s/rad, >= 0
-        filter_coefficient: float = 327.0,  # rad/s, > 0
+        proportional: float = 20.39,  # N·m/rad, >= 0 and <= 1e9
+        integral: float = 56.57,  # N·m/(rad·s), >= 0 and <= 1e9
+        derivative: float = 1.34,  # N·m·s/rad, >= 0 and <= 1e9
+        filter_coefficient: float = 327.0,  # rad/s, > 0 and <= 1e9
     ) -> Self: ...
     # End of the generated part.
 
@@ -639,13 +650,13 @@ class Lqr(Controller):
         Q: npt.ArrayLike | None = None,
         R: npt.ArrayLike | None = None,
         max_torque: float | None = None,
-        position: float = 0.15,  # m, > 0
-        velocity: float = 0.4,  # m/s, > 0
-        tilt: float = 0.1,  # rad, > 0
-        tilt_rate: float = 1.0,  # rad/s, > 0
-        yaw: float = 0.5,  # rad, > 0
-        yaw_rate: float = 2.0,  # rad/s, > 0
-        torque: float = 0.2,  # N·m, > 0
+        position: float = 0.15,  # m, >= 1e-6 and <= 1e6
+        velocity: float = 0.4,  # m/s, >= 1e-6 and <= 1e6
+        tilt: float = 0.1,  # rad, >= 1e-6 and <= 1e6
+        tilt_rate: float = 1.0,  # rad/s, >= 1e-6 and <= 1e6
+        yaw: float = 0.5,  # rad, >= 1e-6 and <= 1e6
+        yaw_rate: float = 2.0,  # rad/s, >= 1e-6 and <= 1e6
+        torque: float = 0.2,  # N·m, >= 1e-6 and <= 1e6
     ) -> Self: ...
     # End of the generated part.
     def deviation(
@@ -677,10 +688,10 @@ class Batch:
     Environment i, seeded with `seed + i`, does what it would do alone, to the last bit, for any `num_threads`.
 
     Args:
-        num_envs: number of robots.
+        num_envs: number of robots, at most 2^20.
         task: name of the task, one of `TASKS`.
         autoreset: "same_step", "next_step" or "disabled": when an environment whose episode has ended is reset.
-        num_threads: threads that step the robots; None takes all cores.
+        num_threads: threads that step the robots, at most 256; None takes all cores.
         seed: of the first environment.
         options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
             `max_wheel_torque` (N·m; None follows from traction), `scale_observations`, `reward` (scales by term), and the
@@ -689,6 +700,8 @@ class Batch:
     Raises:
         ValueError: an unknown name, or a number out of range; the message has the value and the limit.
         TypeError: an unknown option.
+        MemoryError: the environments need more memory than there is.
+        RuntimeError: of any method, while another thread is in one.
     """
 
     def __new__(
@@ -771,6 +784,7 @@ class Batch:
 
         Raises:
             ValueError: a wrong shape, an action that is not finite, or an episode that is over; nothing has moved then.
+            KeyboardInterrupt: Ctrl-C during a long step. Some robots have moved then: all must be reset.
         """
     def final_observations(self) -> npt.NDArray[np.float32]:
         """Last observations of the episodes that the last step ended and reset, shape (num_envs, observation_len); other
@@ -856,11 +870,20 @@ class Batch:
         Raises:
             ValueError: an unknown record, or as `control` and `step`.
             TypeError: as `control`.
+            MemoryError: the records need more memory than there is.
+            KeyboardInterrupt: Ctrl-C. The robots have come some of the way then; where a single step takes long, all must be
+                reset.
         """
     def snapshot(self, index: int) -> bytes:
         """Everything that the future of environment `index` depends on, its robot's parameters included, for `restore`."""
     def restore(self, index: int, snapshot: bytes) -> None:
-        """Continues, to the last bit, from a snapshot of an environment with the same task, model and options."""
+        """Continues, to the last bit, from a snapshot of an environment with the same task, model and options.
+
+        Restore only what `snapshot` gave: its checksum finds damage, not forgery.
+
+        Raises:
+            ValueError: the bytes are not that, or their numbers not finite; nothing has changed then.
+        """
 
 @final
 class Renderer:
@@ -869,12 +892,12 @@ class Renderer:
     Args:
         params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
         urdf: paths (bot, ball) of two URDFs; their visual shapes replace the default shapes of `params`.
-        width, height: size of the picture, pixels.
+        width, height: size of the picture, pixels, at most 8192.
         samples: color samples per pixel, 1, 2 or 4.
         camera: dict of settings that replace the defaults: `target` (shape (3,), m), `distance` (m), `azimuth` (rad,
             counter-clockwise from x), `elevation` (rad), `field_of_view` (vertical, rad), `follows` (bool: the camera
             moves with the ball, and `target` is relative to its contact point with the floor).
-        num_threads: number of threads; None is one per core. Pictures do not depend on it.
+        num_threads: number of threads, at most 256; None is one per core. Pictures do not depend on it.
 
     Raises:
         ValueError: a number out of range. TypeError: an unknown camera setting.

@@ -108,7 +108,7 @@ CASES = {
     "pid mapping": (lambda: Pid(mapping="x"), ValueError, "unknown torque mapping 'x'"),
     "pid limit": (lambda: Pid(max_torque=0), ValueError, "max_torque = 0"),
     "pid state": (lambda: Pid()(3), TypeError, "State"),
-    "lqr weight": (lambda: Lqr(position=0), ValueError, "position = 0 .* > 0"),
+    "lqr weight": (lambda: Lqr(position=0), ValueError, "position = 0 .* >= 1e-6"),
     "lqr name": (
         lambda: Lqr(speed=1),
         TypeError,

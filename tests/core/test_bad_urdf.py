@@ -65,7 +65,7 @@ URDF_EDITS = {
         "bot",
         'xyz="0.1145512985522207 0 0.1145512985522207"',
         'xyz="0.12 0 0.12"',
-        "one ball centred on the mast",
+        "one ball centered on the mast",
     ),
     "body off the mast": ("bot", 'xyz="0 0 0.14724789116644882"', 'xyz="0.01 0 0.147"', "off the mast"),
     "negative damping": (

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum Error {
     /// A number is outside the range in which it has a meaning.
-    #[error("{name} = {value} is out of range: it must be {limit}")]
+    #[error("{name} = {} is out of range: it must be {limit}", Readable(*value))]
     OutOfRange {
         /// What the number is, with its index where it is an element of an array.
         name: String,
@@ -86,9 +86,33 @@ pub enum Error {
         /// The feature that has it.
         feature: &'static str,
     },
-    /// The algebraic Riccati equation has no stabilising solution for the given weights.
+    /// There is not as much memory as something needs.
+    #[error("{what} needs {need} of memory: {limit}")]
+    Memory {
+        /// What needs it.
+        what: String,
+        /// How much, in words.
+        need: String,
+        /// How much there is, in words.
+        limit: String,
+    },
+    /// The caller of [`crate::stoppable`] wanted its work stopped.
+    #[error("interrupted")]
+    Interrupted,
+    /// The algebraic Riccati equation has no stabilizing solution for the given weights.
     #[error("the Riccati equation was not solved: {0}")]
     Riccati(String),
+}
+
+/// A number without hundreds of zeros.
+struct Readable(f64);
+
+impl fmt::Display for Readable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(value) = self;
+        let long = value.is_finite() && *value != 0.0 && !(1e-7..1e16).contains(&value.abs());
+        if long { write!(f, "{value:e}") } else { write!(f, "{value}") }
+    }
 }
 
 impl Error {
@@ -118,6 +142,22 @@ pub fn check(
 /// Passes `value` on if it is a finite number above zero.
 pub fn positive(name: impl fmt::Display, value: f64) -> Result<f64> {
     check(name, value, "a finite number > 0", |v| v > 0.0)
+}
+
+/// Largest magnitude of a number of a state, a rate or a torque, in SI units: far beyond any robot's, and its square times
+/// any parameter does not overflow.
+pub const MAX_MAGNITUDE: f64 = 1e9;
+
+/// Passes `values` on if all of them are finite and within ±[`MAX_MAGNITUDE`].
+pub fn bounded(name: &str, values: &[f64]) -> Result<()> {
+    finite(name, values)?;
+    for (i, &value) in values.iter().enumerate() {
+        if value.abs() > MAX_MAGNITUDE {
+            let name = if values.len() == 1 { name.into() } else { format!("{name}[{i}]") };
+            return Err(Error::OutOfRange { name, value, limit: format!("within ±{MAX_MAGNITUDE:e}") });
+        }
+    }
+    Ok(())
 }
 
 /// Passes `values` on if all of them are finite.

@@ -60,6 +60,7 @@ impl fmt::Display for Named {
             v if v == PI => f.write_str("pi"),
             v if v == TAU => f.write_str("2 pi"),
             v if v == 0.5 * PI => f.write_str("pi/2"),
+            v if v != 0.0 && !(1e-4..1e6).contains(&v.abs()) => write!(f, "{v:e}"),
             v => write!(f, "{v}"),
         }
     }

@@ -3,6 +3,7 @@
 mod presets;
 
 use crate::error::{Error, Result, check, finite, positive};
+use crate::fields::Limit;
 use nalgebra::Matrix3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::slice;
@@ -37,8 +38,8 @@ impl Value for [f64; 3] {
 /// Defines the struct [`Params`] and the access to its fields by name.
 macro_rules! parameters {
     (
-        required { $($(#[$required_doc:meta])* $required:ident: $required_type:ty,)* }
-        optional { $($(#[$optional_doc:meta])* $optional:ident: $optional_type:ty = $default:expr,)* }
+        required { $($(#[$required_doc:meta])* $required:ident: $required_type:ty, $required_limit:expr;)* }
+        optional { $($(#[$optional_doc:meta])* $optional:ident: $optional_type:ty = $default:expr, $optional_limit:expr;)* }
     ) => {
         /// Physical parameters of one robot on one floor. SI units and radians.
         ///
@@ -55,6 +56,10 @@ macro_rules! parameters {
         impl Params {
             /// Names of all parameters, in the order of the struct's fields.
             pub const NAMES: &'static [&'static str] = &[$(stringify!($required),)* $(stringify!($optional),)*];
+
+            /// Where the numbers of each parameter must lie, in the order of [`Params::NAMES`]: far beyond any robot's, and
+            /// far from where sums and products lose their meaning.
+            pub const LIMITS: &'static [Limit] = &[$($required_limit,)* $($optional_limit,)*];
 
             /// Parameters with required values unset and all others at their defaults.
             fn unset() -> Self {
@@ -96,52 +101,64 @@ macro_rules! parameters {
     };
 }
 
+/// kg.
+const MASS: Limit = Limit::from(1e-6).to(1e6);
+/// kg·m².
+const INERTIA: Limit = Limit::from(1e-18).to(1e9);
+/// m.
+const LENGTH: Limit = Limit::from(1e-6).to(1e3);
+/// Of a friction coefficient.
+const FRICTION: Limit = Limit::from(0.0).to(1e3);
+
+/// Largest ratio of the wheels' inertia, as a mass at their rims, to the mass of the robot.
+const MAX_RIM_RATIO: f64 = 1e9;
+
 parameters! {
     required {
         /// Mass M_k of the ball, kg.
-        ball_mass: f64,
+        ball_mass: f64, MASS;
         /// Moment of inertia J_k of the ball about any diameter, kg·m².
-        ball_inertia: f64,
+        ball_inertia: f64, INERTIA;
         /// Radius r_k of the ball, m.
-        ball_radius: f64,
+        ball_radius: f64, LENGTH;
         /// Mass M_b of body and wheels, kg.
-        body_mass: f64,
+        body_mass: f64, MASS;
         /// Principal moments (J_b, J_b, J_z) of the body about its CoM along the body axes, kg·m².
-        body_inertia: [f64; 3],
+        body_inertia: [f64; 3], INERTIA;
         /// Height l of the CoM of the body above the ball center, m.
-        body_com_height: f64,
+        body_com_height: f64, LENGTH;
         /// Mass of one omniwheel (part of `body_mass`), kg.
-        wheel_mass: f64,
+        wheel_mass: f64, MASS;
         /// Moment of inertia J_w of one omniwheel about its axle, kg·m².
-        wheel_inertia: f64,
+        wheel_inertia: f64, INERTIA;
         /// Radius r_w of a wheel, m.
-        wheel_radius: f64,
+        wheel_radius: f64, LENGTH;
         /// Zenith angle α: angle at the ball center between the mast and a wheel contact, rad.
-        wheel_zenith: f64,
+        wheel_zenith: f64, Limit::from(1e-3).to(FRAC_PI_2 - 1e-3);
     }
     optional {
         /// Azimuth β_i of each wheel contact about the mast, rad; 120 deg apart. Default 0, 120, 240 deg.
-        wheel_azimuths: [f64; 3] = [0.0, TAU / 3.0, 2.0 * TAU / 3.0],
+        wheel_azimuths: [f64; 3] = [0.0, TAU / 3.0, 2.0 * TAU / 3.0], Limit::from(-1e3).to(1e3);
         /// Largest torque of one motor, N·m. Default 5, where the torques of the paper's Fig. 6c settle.
-        max_wheel_torque: f64 = 5.0,
+        max_wheel_torque: f64 = 5.0, Limit::from(1e-9).to(1e9);
         /// Gravitational acceleration g, m/s². Default 9.81.
-        gravity: f64 = 9.81,
+        gravity: f64 = 9.81, Limit::from(1e-6).to(1e6);
         /// Viscous friction B_vk of the ball on the floor, N/(m/s). Default 0.
-        ball_viscous_friction: f64 = 0.0,
+        ball_viscous_friction: f64 = 0.0, Limit::from(0.0).to(1e6);
         /// Viscous friction B_vm of a wheel joint, N·m/(rad/s). Default 0.
-        wheel_viscous_friction: f64 = 0.0,
+        wheel_viscous_friction: f64 = 0.0, Limit::from(0.0).to(1e6);
         /// Dry friction of a wheel joint, N·m. Default 0.
-        wheel_coulomb_friction: f64 = 0.0,
+        wheel_coulomb_friction: f64 = 0.0, Limit::from(0.0).to(1e6);
         /// Static friction coefficient of wheel on ball, along the drive direction. Default 1.1 (Table III).
-        wheel_static_friction: f64 = 1.1,
+        wheel_static_friction: f64 = 1.1, FRICTION;
         /// Dynamic friction coefficient of wheel on ball, along the drive direction. Default 1.0 (Table III).
-        wheel_dynamic_friction: f64 = 1.0,
+        wheel_dynamic_friction: f64 = 1.0, FRICTION;
         /// Static friction coefficient of the floor. Default 1.1 (Table III, other pairs).
-        floor_static_friction: f64 = 1.1,
+        floor_static_friction: f64 = 1.1, FRICTION;
         /// Dynamic friction coefficient of the floor. Default 1.05 (Table III, other pairs).
-        floor_dynamic_friction: f64 = 1.05,
+        floor_dynamic_friction: f64 = 1.05, FRICTION;
         /// Critical slip speed of the Stribeck law, between static and dynamic friction, m/s. Default 0.1 (Table III).
-        friction_critical_velocity: f64 = 0.1,
+        friction_critical_velocity: f64 = 0.1, Limit::from(1e-9).to(1e3);
     }
 }
 
@@ -198,19 +215,65 @@ impl Params {
         for (name, values) in self.fields() {
             finite(name, values)?;
         }
+        self.validate_signs()?;
+        self.validate_magnitudes()?;
         self.validate_masses()?;
         self.validate_geometry()?;
-        self.validate_limits_and_friction()
+        self.validate_friction()
+    }
+
+    fn validate_signs(&self) -> Result<()> {
+        for (name, value) in [
+            ("ball_mass", self.ball_mass),
+            ("ball_inertia", self.ball_inertia),
+            ("ball_radius", self.ball_radius),
+            ("body_mass", self.body_mass),
+            ("body_com_height", self.body_com_height),
+            ("wheel_mass", self.wheel_mass),
+            ("wheel_inertia", self.wheel_inertia),
+            ("wheel_radius", self.wheel_radius),
+            ("max_wheel_torque", self.max_wheel_torque),
+            ("gravity", self.gravity),
+            ("friction_critical_velocity", self.friction_critical_velocity),
+        ] {
+            positive(name, value)?;
+        }
+        for (i, &moment) in self.body_inertia.iter().enumerate() {
+            positive(format_args!("body_inertia[{i}]"), moment)?;
+        }
+        check("wheel_zenith", self.wheel_zenith, "between 0 and pi/2 rad, exclusive", |a| a > 0.0 && a < FRAC_PI_2)?;
+        for (name, value) in [
+            ("ball_viscous_friction", self.ball_viscous_friction),
+            ("wheel_viscous_friction", self.wheel_viscous_friction),
+            ("wheel_coulomb_friction", self.wheel_coulomb_friction),
+            ("wheel_dynamic_friction", self.wheel_dynamic_friction),
+            ("floor_dynamic_friction", self.floor_dynamic_friction),
+        ] {
+            check(name, value, ">= 0", |v| v >= 0.0)?;
+        }
+        Ok(())
+    }
+
+    /// Checks that the numbers are neither so large nor so small that the equations of motion overflow or lose all digits.
+    fn validate_magnitudes(&self) -> Result<()> {
+        for ((name, values), limit) in self.fields().zip(Self::LIMITS) {
+            for (i, &value) in values.iter().enumerate() {
+                let index = if values.len() == 1 { String::new() } else { format!("[{i}]") };
+                check(format_args!("{name}{index}"), value, limit, |v| limit.contains(v))?;
+            }
+        }
+        let most = MAX_RIM_RATIO * (self.ball_mass + self.body_mass);
+        check(
+            "wheel_inertia / wheel_radius^2",
+            self.wheel_inertia / self.wheel_radius.powi(2),
+            format_args!("at most {most:e} kg, {MAX_RIM_RATIO:e} times the mass of ball and body"),
+            |mass| mass <= most,
+        )?;
+        Ok(())
     }
 
     fn validate_masses(&self) -> Result<()> {
-        positive("ball_mass", self.ball_mass)?;
-        positive("ball_inertia", self.ball_inertia)?;
-        positive("body_mass", self.body_mass)?;
-        positive("wheel_mass", self.wheel_mass)?;
-        positive("wheel_inertia", self.wheel_inertia)?;
         for (i, &moment) in self.body_inertia.iter().enumerate() {
-            positive(format_args!("body_inertia[{i}]"), moment)?;
             let others = self.body_inertia.iter().sum::<f64>() - moment;
             // A flat body meets the bound exactly; the margin is for rounding.
             check(
@@ -230,10 +293,6 @@ impl Params {
     }
 
     fn validate_geometry(&self) -> Result<()> {
-        positive("ball_radius", self.ball_radius)?;
-        positive("wheel_radius", self.wheel_radius)?;
-        positive("body_com_height", self.body_com_height)?;
-        check("wheel_zenith", self.wheel_zenith, "between 0 and pi/2 rad, exclusive", |a| a > 0.0 && a < FRAC_PI_2)?;
         // A thin shell is the upper bound. Published values are rounded, hence the margin of 1 %.
         let shell = 2.0 / 3.0 * self.ball_mass * self.ball_radius.powi(2);
         check(
@@ -256,19 +315,7 @@ impl Params {
         Ok(())
     }
 
-    fn validate_limits_and_friction(&self) -> Result<()> {
-        positive("max_wheel_torque", self.max_wheel_torque)?;
-        positive("gravity", self.gravity)?;
-        positive("friction_critical_velocity", self.friction_critical_velocity)?;
-        for (name, value) in [
-            ("ball_viscous_friction", self.ball_viscous_friction),
-            ("wheel_viscous_friction", self.wheel_viscous_friction),
-            ("wheel_coulomb_friction", self.wheel_coulomb_friction),
-            ("wheel_dynamic_friction", self.wheel_dynamic_friction),
-            ("floor_dynamic_friction", self.floor_dynamic_friction),
-        ] {
-            check(name, value, ">= 0", |v| v >= 0.0)?;
-        }
+    fn validate_friction(&self) -> Result<()> {
         for (name, fixed, moving) in [
             ("wheel_static_friction", self.wheel_static_friction, self.wheel_dynamic_friction),
             ("floor_static_friction", self.floor_static_friction, self.floor_dynamic_friction),

@@ -1,6 +1,7 @@
 //! A simulated robot on any rung of the ladder of models, with its input checked and divergence reported.
 
 use crate::error::{Error, Result, check};
+use crate::interrupt::Watch;
 use crate::lane_state::LaneState;
 use crate::model::{Model, same_geometry};
 use crate::models::{PlanarMotion, SpatialMotion};
@@ -51,6 +52,14 @@ impl ModelKind {
             Self::Spatial => 1.2e-6,
             Self::Contact => 0.04e-6,
             Self::Rigid => 9e-6,
+        }
+    }
+
+    /// About how much memory a robot takes, with its share of an environment.
+    pub(crate) fn bytes(self) -> usize {
+        match self {
+            Self::Planar | Self::Spatial | Self::Contact => 2000,
+            Self::Rigid => 95_000,
         }
     }
 
@@ -180,7 +189,8 @@ impl Ballbot {
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a torque that is not finite or beyond the motors' limit, before anything moves;
-    /// [`Error::Diverged`] if the state has left its bounds, within 64 steps of when it did, and from then on until a reset.
+    /// [`Error::Diverged`] if the state has left its bounds, within 64 steps of when it did, and from then on until a reset;
+    /// [`Error::Interrupted`] in [`crate::stoppable`], with the robot at the time that it had reached.
     pub fn step(&mut self, wheel_torques: &[f64; 3], steps: usize) -> Result<()> {
         let limit = self.params().max_wheel_torque;
         for (i, &torque) in wheel_torques.iter().enumerate() {
@@ -195,7 +205,9 @@ impl Ballbot {
             return Err(Error::Diverged { time: *time, reason: reason.clone() });
         }
         let mut left = steps;
+        let mut watch = Watch::new();
         loop {
+            watch.check()?;
             // Not after every step: looking at the state costs about as much as a step of the simpler models.
             let some = left.min(CHECK_INTERVAL);
             self.advance(wheel_torques, some);
@@ -295,7 +307,7 @@ impl Ballbot {
     /// Continues from bytes of [`Ballbot::save`] of a robot with the same model, parameters and time step.
     ///
     /// # Errors
-    /// [`Error::Decode`] if the bytes are not that.
+    /// [`Error::Decode`] if the bytes are not that, or their numbers not finite. The robot is then left as it was.
     pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
         let snapshot: Snapshot = snapshot::decode("snapshot of a robot", bytes)?;
         let (theirs, ours) = (snapshot.identity, self.identity());
@@ -308,10 +320,24 @@ impl Ballbot {
                 ),
             });
         }
-        self.model.load(&snapshot.model)?;
+        let before = self.model.save();
+        let loaded = self.model.load(&snapshot.model);
+        if let Err(error) = loaded.and_then(|()| check_restored(&self.state(), &self.contacts())) {
+            self.model.load(&before)?;
+            return Err(error);
+        }
         self.diverged = None;
         Ok(())
     }
+}
+
+/// Checks that a snapshot has put a robot into a state that can be.
+///
+/// # Errors
+/// [`Error::Decode`] naming the number that cannot be.
+pub(crate) fn check_restored(state: &State, contacts: &Contacts) -> Result<()> {
+    let sound = state.validate().and_then(|()| contacts.validate());
+    sound.map_err(|error| Error::Decode { what: "snapshot of a robot".into(), reason: error.to_string() })
 }
 
 #[derive(PartialEq, Serialize, Deserialize)]

@@ -3,7 +3,7 @@
 //! Inertial frame: z up, floor at z = 0. Body frame: origin at the ball center (while the wheels touch the ball), z
 //! along the mast. Quaternions are written `[w, x, y, z]` and map body to inertial.
 
-use crate::error::{Result, check, finite};
+use crate::error::{Result, bounded, check, finite};
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
@@ -175,19 +175,19 @@ impl State {
         }
     }
 
-    /// Checks that all numbers are finite and both quaternions are of unit length.
+    /// Checks that all numbers are finite and within ±1e9, and both quaternions of unit length.
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] naming the number.
     pub fn validate(&self) -> Result<()> {
-        finite("ball_position", self.ball_position.as_slice())?;
-        finite("ball_velocity", self.ball_velocity.as_slice())?;
-        finite("ball_angular_velocity", self.ball_angular_velocity.as_slice())?;
-        finite("body_position", self.body_position.as_slice())?;
-        finite("body_velocity", self.body_velocity.as_slice())?;
-        finite("body_angular_velocity", self.body_angular_velocity.as_slice())?;
-        finite("wheel_angles", &self.wheel_angles)?;
-        finite("wheel_speeds", &self.wheel_speeds)?;
+        bounded("ball_position", self.ball_position.as_slice())?;
+        bounded("ball_velocity", self.ball_velocity.as_slice())?;
+        bounded("ball_angular_velocity", self.ball_angular_velocity.as_slice())?;
+        bounded("body_position", self.body_position.as_slice())?;
+        bounded("body_velocity", self.body_velocity.as_slice())?;
+        bounded("body_angular_velocity", self.body_angular_velocity.as_slice())?;
+        bounded("wheel_angles", &self.wheel_angles)?;
+        bounded("wheel_speeds", &self.wheel_speeds)?;
         unit_quaternion("ball_quaternion", wxyz(&self.ball_quaternion))?;
         unit_quaternion("body_quaternion", wxyz(&self.body_quaternion))?;
         Ok(())
@@ -210,7 +210,8 @@ pub fn wxyz(q: &UnitQuaternion<f64>) -> [f64; 4] {
     [q.w, q.i, q.j, q.k]
 }
 
-/// A unit quaternion from `[w, x, y, z]`, refused if its length is off by more than 1e-6.
+/// A unit quaternion from `[w, x, y, z]`, to the last bit if its length is 1 within rounding; refused if it is off by more
+/// than 1e-6.
 ///
 /// # Errors
 /// [`crate::Error::OutOfRange`] naming the component or the length.
@@ -218,6 +219,11 @@ pub fn unit_quaternion(name: &str, [w, x, y, z]: [f64; 4]) -> Result<UnitQuatern
     finite(name, &[w, x, y, z])?;
     let q = Quaternion::new(w, x, y, z);
     check(format_args!("the length of {name}"), q.norm(), "1 within 1e-6", |n| (n - 1.0).abs() <= 1e-6)?;
+    // A simulated attitude is taken as it is: to normalize it again would change its last bits.
+    let rounding = 8.0 * f64::EPSILON;
+    if (q.norm_squared() - 1.0).abs() <= rounding {
+        return Ok(UnitQuaternion::new_unchecked(q));
+    }
     Ok(UnitQuaternion::new_normalize(q))
 }
 
@@ -239,6 +245,18 @@ pub struct Contacts {
 }
 
 impl Contacts {
+    /// Checks that all numbers are finite.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] naming the number.
+    pub fn validate(&self) -> Result<()> {
+        finite("wheel_normal_forces", &self.wheel_normal_forces)?;
+        finite("wheel_tractions", &self.wheel_tractions)?;
+        finite("wheel_slip_speeds", &self.wheel_slip_speeds)?;
+        finite("floor_force", self.floor_force.as_slice())?;
+        finite("floor_slip_velocity", self.floor_slip_velocity.as_slice())
+    }
+
     /// Share of the dynamic friction limit in use, |f| / (μ N), at the three wheels and the floor. The value is
     /// infinite for a contact that would have to pull. Above 1 a model without slip is not valid.
     pub fn friction_utilization(&self, params: &Params) -> [f64; 4] {

@@ -70,14 +70,20 @@ pub fn share(pool: &ThreadPool, work: impl Fn() + Sync) {
     });
 }
 
+/// Most threads: more than machines have cores that a batch could use, few enough to be started at once.
+const MAX_THREADS: usize = 256;
+
 /// Requested number of threads; by default the number of cores.
 ///
 /// # Errors
-/// [`Error::Inconsistent`] for zero.
+/// [`Error::Inconsistent`] for zero, or more than 256.
 pub fn thread_count(num_threads: Option<usize>) -> Result<usize> {
     match num_threads {
         Some(0) => Err(Error::Inconsistent("num_threads = 0, it must be at least 1".into())),
+        Some(count) if count > MAX_THREADS => {
+            Err(Error::Inconsistent(format!("num_threads = {count}, it must be at most {MAX_THREADS}")))
+        }
         Some(count) => Ok(count),
-        None => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
+        None => Ok(std::thread::available_parallelism().map_or(1, usize::from).min(MAX_THREADS)),
     }
 }

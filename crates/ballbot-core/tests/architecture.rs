@@ -9,9 +9,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BOTTOM: [&str; 13] = [
+const BOTTOM: [&str; 15] = [
     "error",
     "files",
+    "interrupt",
+    "memory",
     "fields",
     "params",
     "state",

@@ -58,6 +58,32 @@ fn parameters_that_are_not_positive_are_refused() {
     assert_refused(&[("body_inertia", &[0.01, 0.0, 0.01], ["body_inertia[1] = 0 ", "> 0"])]);
 }
 
+/// `values` with one of them replaced.
+fn with_value(values: &[f64], index: usize, value: f64) -> Vec<f64> {
+    let mut values = values.to_vec();
+    values[index] = value;
+    values
+}
+
+#[test]
+fn parameters_beyond_their_documented_range_are_refused() {
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/conventions.md")).unwrap();
+    for ((name, values), limit) in Params::paper().fields().zip(Params::LIMITS) {
+        let row = page.lines().find(|line| line.starts_with(&format!("| `{name}` |"))).unwrap();
+        assert!(row.contains(&format!("| {limit} |")), "the range of {name} is {limit}: {row}");
+        for index in 0..values.len() {
+            for value in [1e-300, 5e-324, 1e10, 1e155, f64::MAX] {
+                let values = with_value(values, index, value);
+                let result = Params::paper().replace([(name, values.as_slice())]);
+                assert!(limit.contains(value) || result.is_err(), "{name} = {value:e} is accepted");
+            }
+        }
+    }
+    // A rim so heavy that nothing else counts.
+    let error = Params::paper().replace([("wheel_radius", &[1e-6][..]), ("wheel_inertia", &[1.0][..])]).unwrap_err();
+    assert!(error.to_string().starts_with("wheel_inertia / wheel_radius^2 = 1"), "{error}");
+}
+
 #[test]
 fn negative_friction_is_refused() {
     for name in [
@@ -241,7 +267,7 @@ fn toml_keeps_all_values_to_the_last_bit() {
 
 #[test]
 fn parameters_written_as_toml_round_trip() {
-    let tiny = Params { wheel_viscous_friction: 1e-300, max_wheel_torque: 1e16, ..unlike_any_other() };
+    let tiny = Params { wheel_viscous_friction: 1e-300, max_wheel_torque: 1e9, ..unlike_any_other() };
     for params in [Params::paper(), unlike_any_other(), tiny] {
         assert_eq!(Params::from_toml(&params.to_toml()).unwrap(), params, "{}", params.to_toml());
     }

@@ -38,7 +38,7 @@ impl Shot {
         columns.sum::<usize>() as f64 / self.count(label) as f64
     }
 
-    /// Pixels whose colour differs from another's, by label.
+    /// Pixels whose color differs from another's, by label.
     fn changed(&self, other: &Self) -> Vec<u8> {
         let pairs = self.rgb.chunks(3).zip(other.rgb.chunks(3)).zip(&self.labels);
         pairs.filter(|((a, b), _)| a != b).map(|(_, label)| *label).collect()
@@ -192,7 +192,7 @@ fn rotated_parts_change_the_picture_locally() {
 fn all_parts_and_arrows_are_visible_from_some_view() {
     let params = Params::paper();
     let mut seen = [0; 8];
-    let arrow = Arrow { from: Vector3::new(0.4, 0.0, 0.4), to: Vector3::new(0.2, 0.0, 0.4), colour: srgb(0xe03131) };
+    let arrow = Arrow { from: Vector3::new(0.4, 0.0, 0.4), to: Vector3::new(0.2, 0.0, 0.4), color: srgb(0xe03131) };
     for azimuth in [0.0, 2.0, 4.0] {
         let low = Camera { elevation: 0.1, ..camera(azimuth) };
         let shot = Shot::of(&renderer(low), &State::upright(&params), &[arrow]);
@@ -269,9 +269,9 @@ fn shadows_do_not_depend_on_order_and_number_of_parts() {
     let far = |i: usize| Arrow {
         from: Vector3::new(200.0, i as f64, 1.0),
         to: Vector3::new(200.0, i as f64, 1.1),
-        colour: srgb(0xe03131),
+        color: srgb(0xe03131),
     };
-    let near = Arrow { from: Vector3::new(0.5, 0.0, 0.5), to: Vector3::new(0.1, 0.6, 0.9), colour: srgb(0xe03131) };
+    let near = Arrow { from: Vector3::new(0.5, 0.0, 0.5), to: Vector3::new(0.1, 0.6, 0.9), color: srgb(0xe03131) };
     let renderer = renderer(camera(0.4));
     let state = State::upright(&Params::paper());
     let after: Vec<_> = (0..200).map(far).chain([near]).collect();
@@ -404,7 +404,7 @@ fn errors_of_invalid_arguments_name_them() {
     let mut short = [0; 10];
     let picture = Picture { rgb: Some(&mut short), ..Picture::default() };
     assert!(renderer.render(&state, &[], picture).unwrap_err().to_string().contains("rgb"));
-    let endless = Arrow { from: Vector3::zeros(), to: Vector3::x() * 1e200, colour: srgb(0) };
+    let endless = Arrow { from: Vector3::zeros(), to: Vector3::x() * 1e200, color: srgb(0) };
     assert!(renderer.render(&state, &[endless], Picture::default()).unwrap_err().to_string().contains("arrow"));
     let lost = State { ball_position: Vector3::repeat(f64::NAN), ..state };
     assert!(renderer.render(&lost, &[], Picture::default()).is_err());

@@ -280,7 +280,7 @@ const BAD_BOTS: &[(&str, &str, &[&str])] = &[
     ("0.1145512985522207\" rpy", "0.1155\" rpy", &["do not all touch one ball", "1e-6 m"]),
     ("xyz=\"0.1145512985522207 0 ", "xyz=\"0.1146 0 ", &["do not all touch one ball", "0.1146 m off the mast"]),
     ("0.1145512985522207\" rpy", "inf\" rpy", &["origin of joint 'wheel_joint_0'", "inf", "finite"]),
-    ("<origin xyz=\"0 0 0.147", "<origin xyz=\"0.001 0 0.147", &["centre of mass", "8.395e-4", "off the mast", "1e-6"]),
+    ("<origin xyz=\"0 0 0.147", "<origin xyz=\"0.001 0 0.147", &["center of mass", "8.395e-4", "off the mast", "1e-6"]),
     ("ixy=\"0\"", "ixy=\"0.001\"", &["principal axes", "xy", "1.000e-3", "1e-6"]),
     ("ixz=\"0\"", "ixz=\"-0.002\"", &["principal axes", "xz", "-2.000e-3"]),
     ("<mass value=\"1.8704\"/>", "<mass value=\"0\"/>", &["'body' has an inertia but mass = 0 kg"]),
@@ -343,7 +343,7 @@ fn urdfs_that_are_not_balls_are_refused() {
         (
             "<mass value",
             "<origin xyz=\"0 0 0.01\"/><mass value",
-            &["1.000e-2 m off the centre of its sphere", "1e-6 m"],
+            &["1.000e-2 m off the center of its sphere", "1e-6 m"],
         ),
         ("inertial>\n      <mass value=\"1.437\"/>", "inertial><mass/>", &["not a readable URDF"]),
     ];
@@ -359,7 +359,7 @@ fn urdfs_that_are_not_balls_are_refused() {
     assert!(refusal(BOT, BOT).1.contains("4 links have a mass, expected exactly one"));
     assert!(refusal(BOT, "<robot name=\"b\"><link name=\"ball\"/></robot>").1.contains("0 links have a mass"));
     let large = BALL.replace("radius=\"0.112\"", "radius=\"0.113\"");
-    assert!(refusal(BOT, &large).1.contains("not perpendicular to the line from the ball centre"));
+    assert!(refusal(BOT, &large).1.contains("not perpendicular to the line from the ball center"));
     let small = BALL.replace("radius=\"0.112\"", "radius=\"0.05\"");
     assert!(refusal(BOT, &small).1.contains("closer than ball radius + wheel radius = 0.1 m"));
 }

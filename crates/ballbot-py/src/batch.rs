@@ -2,16 +2,19 @@
 
 use crate::control::{PyController, setpoints};
 use crate::convert::{elements, read_elements, vector};
-use crate::errors::{InvalidInputError, call, to_python};
+use crate::errors::{call, to_python};
+use crate::exclusive::Exclusive;
 use crate::infos::EmptyInfos;
+use crate::numbers::{count, index, optional_index, optional_whole, seed, seeds, whole};
+use crate::options::{configure, resolved};
 use crate::params::{PyParams, or_paper};
+use crate::rollout::{CONTACT_PARTS, Stepped};
+use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
-use ballbot_core::batch::{Autoreset, Batch, Outcome, ResetRequest, StepBuffers, TaskConfig, task_kind};
-use ballbot_core::control::{Controller, Setpoint};
+use ballbot_core::batch::{Autoreset, Batch, Outcome, ResetRequest, StepBuffers, task_kind};
 use ballbot_core::task::ACTION_LEN;
-use ballbot_core::{Contacts, State};
-use numpy::{Element, PyArray1, PyArray2, PyArray3, PyArrayMethods};
-use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
+use ballbot_core::{Contacts, State, require_memory};
+use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
@@ -22,10 +25,10 @@ use pyo3::{PyTraverseError, PyVisit};
 /// Environment i, seeded with `seed + i`, does what it would do alone, to the last bit, for any `num_threads`.
 ///
 /// Args:
-///     num_envs: number of robots.
+///     num_envs: number of robots, at most 2^20.
 ///     task: name of the task, one of `TASKS`.
 ///     autoreset: "same_step", "next_step" or "disabled": when an environment whose episode has ended is reset.
-///     num_threads: threads that step the robots; None takes all cores.
+///     num_threads: threads that step the robots, at most 256; None takes all cores.
 ///     seed: of the first environment.
 ///     options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
 ///         `max_wheel_torque` (N·m; None follows from traction), `scale_observations`, `reward` (scales by term), and the
@@ -34,10 +37,17 @@ use pyo3::{PyTraverseError, PyVisit};
 /// Raises:
 ///     ValueError: an unknown name, or a number out of range; the message has the value and the limit.
 ///     TypeError: an unknown option.
-#[pyclass(name = "Batch", module = "ballbot_rs")]
+///     MemoryError: the environments need more memory than there is.
+///     RuntimeError: of any method, while another thread is in one.
+#[pyclass(name = "Batch", module = "ballbot_rs", frozen)]
 pub(crate) struct PyBatch {
-    batch: Batch,
+    inner: Exclusive<Inner>,
     options: Py<PyDict>,
+}
+
+/// What one thread at a time may change.
+struct Inner {
+    batch: Batch,
     actions: Vec<f32>,
     outcomes: Vec<Outcome>,
     final_observations: Vec<f32>,
@@ -50,53 +60,8 @@ type Array2<'py, T> = Bound<'py, PyArray2<T>>;
 /// What a step gives: observations, rewards, terminated, truncated.
 type Step<'py> = (Array2<'py, f32>, Array1<'py, f64>, Array1<'py, bool>, Array1<'py, bool>);
 
-/// Three numbers of a robot's contacts.
-type ContactPart = fn(&Contacts) -> [f64; 3];
-
-/// Sets the option of `config` that a keyword argument names.
-fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
-    let wrong = |what: &str| {
-        let found = value.get_type().name().map_or_else(|_| "this".to_owned(), |n| n.to_string());
-        PyTypeError::new_err(format!("{name} must be {what}, not {found}"))
-    };
-    match name {
-        // `params=None` is rejected: omit the option to get the default robot.
-        "params" => config.set_params(or_paper(Some(value))?),
-        "model" => {
-            let model: String = value.extract().map_err(|_| wrong("the name of a model"))?;
-            config.set_model(model.parse().map_err(to_python)?);
-        }
-        "reward" => {
-            let scales = value.cast::<PyDict>().map_err(|_| wrong("a dict of scales by reward term"))?;
-            for (term, scale) in scales {
-                let term: String = term.extract()?;
-                let scale =
-                    scale.extract().map_err(|_| PyTypeError::new_err(format!("reward.{term} must be a number")))?;
-                config.set_reward(&term, scale).map_err(to_python)?;
-            }
-        }
-        "max_wheel_torque" if value.is_none() => (),
-        _ if config.get(name).is_none() => {
-            return Err(PyTypeError::new_err(format!("Batch got an unexpected keyword argument '{name}'")));
-        }
-        _ => {
-            let values = match value.extract::<f64>() {
-                Ok(number) => vec![number],
-                Err(_) => elements(name, value, &[None]).map_err(|_| wrong("a number, or an array of numbers"))?,
-            };
-            config.set(name, &values).map_err(to_python)?;
-        }
-    }
-    Ok(())
-}
-
-/// A count that Python gave.
-fn count(name: &str, value: i64, least: i64) -> PyResult<usize> {
-    usize::try_from(value)
-        .ok()
-        .filter(|_| value >= least)
-        .ok_or_else(|| InvalidInputError::new_err(format!("{name} = {value}, it must be at least {least}")))
-}
+/// Rows that are written between two looks at Python's signals.
+const ROWS_PER_SIGNAL_CHECK: usize = 4096;
 
 /// A fresh array that `fill` writes into, row by row.
 fn rows<'py, T: Element + Copy + Default>(
@@ -105,142 +70,19 @@ fn rows<'py, T: Element + Copy + Default>(
     width: usize,
     mut fill: impl FnMut(usize, &mut [T]) -> PyResult<()>,
 ) -> PyResult<Array2<'py, T>> {
+    require_memory("the array", n * width, size_of::<T>()).map_err(to_python)?;
     let array = PyArray2::<T>::zeros(py, [n, width], false);
     {
         let mut writable = array.readwrite();
         for (i, row) in writable.as_slice_mut()?.chunks_exact_mut(width).enumerate() {
+            if i % ROWS_PER_SIGNAL_CHECK == ROWS_PER_SIGNAL_CHECK - 1 {
+                py.check_signals()?;
+            }
             fill(i, row)?;
         }
     }
     Ok(array)
 }
-
-/// A quantity that [`PyBatch::rollout`] can record.
-struct Record {
-    name: &'static str,
-    width: fn(&Batch) -> usize,
-    /// Whether there is a row before the first step.
-    at_start: bool,
-    write: fn(&Batch, &Last<'_>, usize, &mut [f64]),
-}
-
-/// What the last step of a rollout wrote.
-struct Last<'a> {
-    actions: &'a [f32],
-    observations: &'a [f32],
-    outcomes: &'a [Outcome],
-}
-
-/// Writes the contact forces of one robot.
-fn write_contacts(batch: &Batch, i: usize, of: impl Fn(&Contacts) -> [f64; 3], out: &mut [f64]) {
-    if let Ok(contacts) = batch.contacts(i) {
-        out.copy_from_slice(&of(&contacts)[..out.len()]);
-    }
-}
-
-/// All quantities that can be recorded.
-const RECORDS: [Record; 12] = [
-    Record {
-        name: "states",
-        width: |_| State::LEN,
-        at_start: true,
-        write: |batch, _, i, out| {
-            if let Ok(state) = batch.state(i) {
-                out.copy_from_slice(&state.to_array());
-            }
-        },
-    },
-    Record {
-        name: "observations",
-        width: Batch::observation_len,
-        at_start: true,
-        write: |_, last, i, out| {
-            let row = &last.observations[i * out.len()..];
-            out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value));
-        },
-    },
-    Record {
-        name: "actions",
-        width: |_| ACTION_LEN,
-        at_start: false,
-        write: |_, last, i, out| {
-            let row = &last.actions[i * ACTION_LEN..];
-            out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value));
-        },
-    },
-    Record {
-        name: "torques",
-        width: |_| ACTION_LEN,
-        at_start: false,
-        write: |batch, last, i, out| {
-            let row = &last.actions[i * ACTION_LEN..];
-            let scale = batch.max_wheel_torque();
-            out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value).clamp(-1.0, 1.0) * scale);
-        },
-    },
-    Record {
-        name: "rewards",
-        width: |_| 1,
-        at_start: false,
-        write: |_, last, i, out| out[0] = last.outcomes[i].reward,
-    },
-    Record {
-        name: "terminated",
-        width: |_| 1,
-        at_start: false,
-        write: |_, last, i, out| {
-            out[0] = f64::from(u8::from(last.outcomes[i].terminated.is_some()));
-        },
-    },
-    Record {
-        name: "truncated",
-        width: |_| 1,
-        at_start: false,
-        write: |_, last, i, out| {
-            out[0] = f64::from(u8::from(last.outcomes[i].truncated));
-        },
-    },
-    Record {
-        name: "success",
-        width: |_| 1,
-        at_start: false,
-        write: |_, last, i, out| {
-            out[0] = f64::from(u8::from(last.outcomes[i].success));
-        },
-    },
-    Record {
-        name: "wheel_normal_forces",
-        width: |_| 3,
-        at_start: true,
-        write: |batch, _, i, out| {
-            write_contacts(batch, i, |c| c.wheel_normal_forces, out);
-        },
-    },
-    Record {
-        name: "wheel_tractions",
-        width: |_| 3,
-        at_start: true,
-        write: |batch, _, i, out| {
-            write_contacts(batch, i, |c| c.wheel_tractions, out);
-        },
-    },
-    Record {
-        name: "wheel_slip_speeds",
-        width: |_| 3,
-        at_start: true,
-        write: |batch, _, i, out| {
-            write_contacts(batch, i, |c| c.wheel_slip_speeds, out);
-        },
-    },
-    Record {
-        name: "floor_force",
-        width: |_| 3,
-        at_start: true,
-        write: |batch, _, i, out| {
-            write_contacts(batch, i, |c| c.floor_force.into(), out);
-        },
-    },
-];
 
 #[pymethods]
 impl PyBatch {
@@ -248,77 +90,69 @@ impl PyBatch {
     #[pyo3(signature = (num_envs, task="balance", *, autoreset="same_step", num_threads=None, seed=0, **options))]
     fn new(
         py: Python<'_>,
-        num_envs: i64,
+        #[pyo3(from_py_with = whole)] num_envs: i64,
         task: &str,
         autoreset: &str,
-        num_threads: Option<usize>,
-        seed: u64,
+        #[pyo3(from_py_with = optional_whole)] num_threads: Option<i64>,
+        #[pyo3(from_py_with = seed)] seed: u64,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let num_envs = count("num_envs", num_envs, 1)?;
+        let num_threads = num_threads.map(|n| count("num_threads", n, 1)).transpose()?;
         let mut config = task_kind(task).map_err(to_python)?.config();
         for (name, value) in options.into_iter().flatten() {
             configure(config.as_mut(), &name.extract::<String>()?, &value)?;
         }
         let autoreset: Autoreset = autoreset.parse().map_err(to_python)?;
-        let batch = call(|| config.batch(num_envs, autoreset, num_threads, seed))?;
-        let resolved = PyDict::new(py);
-        let own = batch.task().options.iter().map(|option| option.name);
-        let common = ["sim_dt", "control_dt", "max_episode_steps", "max_wheel_torque", "scale_observations"];
-        for name in common.into_iter().chain(own) {
-            match config.get(name).unwrap_or_default().as_slice() {
-                [flag] if name == "scale_observations" => resolved.set_item(name, *flag != 0.0)?,
-                [steps] if name == "max_episode_steps" => resolved.set_item(name, *steps as u64)?,
-                [number] => resolved.set_item(name, number)?,
-                numbers => resolved.set_item(name, numbers)?,
-            }
-        }
-        let reward = PyDict::new(py);
-        for (name, scale) in config.reward() {
-            reward.set_item(name, scale)?;
-        }
-        resolved.set_item("reward", reward)?;
-        Ok(Self {
+        let (config, batch) = interruptible(py, move || {
+            let batch = config.batch(num_envs, autoreset, num_threads, seed)?;
+            Ok((config, batch))
+        })?;
+        let options = resolved(py, config.as_ref(), batch.task())?.unbind();
+        let inner = Inner {
             actions: Vec::with_capacity(num_envs * ACTION_LEN),
             outcomes: vec![Outcome::default(); num_envs],
             final_observations: vec![0.0; num_envs * batch.observation_len()],
             infos: EmptyInfos::default(),
-            options: resolved.unbind(),
             batch,
-        })
+        };
+        Ok(Self { inner: Exclusive::new("environment", inner), options })
     }
 
     fn __traverse__(&self, visit: PyVisit<'_>) -> Result<(), PyTraverseError> {
         visit.call(&self.options)?;
-        self.infos.traverse(&visit)
+        // An environment that is in use is not garbage.
+        self.inner.read().map_or(Ok(()), |inner| inner.infos.traverse(&visit))
     }
 
-    fn __clear__(&mut self) {
-        self.infos.clear();
+    fn __clear__(&self) {
+        if let Ok(mut inner) = self.inner.write() {
+            inner.infos.clear();
+        }
     }
 
     /// Number of environments.
     #[getter]
-    fn num_envs(&self) -> usize {
-        self.batch.len()
+    fn num_envs(&self) -> PyResult<usize> {
+        Ok(self.inner.read()?.batch.len())
     }
 
     /// Number of threads that step them.
     #[getter]
-    fn num_threads(&self) -> usize {
-        self.batch.num_threads()
+    fn num_threads(&self) -> PyResult<usize> {
+        Ok(self.inner.read()?.batch.num_threads())
     }
 
     /// Name of the task.
     #[getter]
-    fn task(&self) -> &'static str {
-        self.batch.task().name
+    fn task(&self) -> PyResult<&'static str> {
+        Ok(self.inner.read()?.batch.task().name)
     }
 
     /// When an environment whose episode has ended is reset.
     #[getter]
-    fn autoreset(&self) -> &'static str {
-        self.batch.autoreset().name()
+    fn autoreset(&self) -> PyResult<&'static str> {
+        Ok(self.inner.read()?.batch.autoreset().name())
     }
 
     /// All options of the task and of its environment, as they are used, but for `params` and `model`.
@@ -333,50 +167,50 @@ impl PyBatch {
 
     /// Model of the robots.
     #[getter]
-    fn model(&self) -> &'static str {
-        self.batch.model().name()
+    fn model(&self) -> PyResult<&'static str> {
+        Ok(self.inner.read()?.batch.model().name())
     }
 
     /// Time step of the model, s.
     #[getter]
-    fn sim_dt(&self) -> f64 {
-        self.batch.sim_dt()
+    fn sim_dt(&self) -> PyResult<f64> {
+        Ok(self.inner.read()?.batch.sim_dt())
     }
 
     /// Time between two actions, s.
     #[getter]
-    fn control_dt(&self) -> f64 {
-        self.batch.control_dt()
+    fn control_dt(&self) -> PyResult<f64> {
+        Ok(self.inner.read()?.batch.control_dt())
     }
 
     /// Model steps in one control step.
     #[getter]
-    fn substeps(&self) -> usize {
-        self.batch.substeps()
+    fn substeps(&self) -> PyResult<usize> {
+        Ok(self.inner.read()?.batch.substeps())
     }
 
     /// Torque of an action of 1, N·m.
     #[getter]
-    fn max_wheel_torque(&self) -> f64 {
-        self.batch.max_wheel_torque()
+    fn max_wheel_torque(&self) -> PyResult<f64> {
+        Ok(self.inner.read()?.batch.max_wheel_torque())
     }
 
     /// Steps after which an episode is truncated.
     #[getter]
-    fn max_episode_steps(&self) -> usize {
-        self.batch.max_episode_steps()
+    fn max_episode_steps(&self) -> PyResult<usize> {
+        Ok(self.inner.read()?.batch.max_episode_steps())
     }
 
     /// How many numbers an observation has.
     #[getter]
-    fn observation_len(&self) -> usize {
-        self.batch.observation_len()
+    fn observation_len(&self) -> PyResult<usize> {
+        Ok(self.inner.read()?.batch.observation_len())
     }
 
     /// Whether observations are scaled.
     #[getter]
-    fn scale_observations(&self) -> bool {
-        self.batch.scale_observations()
+    fn scale_observations(&self) -> PyResult<bool> {
+        Ok(self.inner.read()?.batch.scale_observations())
     }
 
     /// Begins episodes and returns the observations of all environments, shape (num_envs, observation_len), float32.
@@ -393,23 +227,24 @@ impl PyBatch {
     #[pyo3(signature = (mask=None, seeds=None, starts=None))]
     #[expect(clippy::needless_pass_by_value, reason = "extracted from Python lists")]
     fn reset<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         mask: Option<&Bound<'py, PyAny>>,
-        seeds: Option<Vec<Option<u64>>>,
+        #[pyo3(from_py_with = seeds)] seeds: Option<Vec<Option<u64>>>,
         starts: Option<Vec<Option<PyRef<'py, PyState>>>>,
     ) -> PyResult<Array2<'py, f32>> {
-        let mask = mask.map(|m| elements::<bool>("reset_mask", m, &[Some(self.batch.len())])).transpose()?;
+        let mut inner = self.inner.write()?;
+        let Inner { batch, outcomes, .. } = &mut *inner;
+        let mask = mask.map(|m| elements::<bool>("reset_mask", m, &[Some(batch.len())])).transpose()?;
         let starts: Option<Vec<_>> =
             starts.map(|starts| starts.iter().map(|start| start.as_ref().map(|s| s.0.clone())).collect());
         let request = ResetRequest { mask: mask.as_deref(), seeds: seeds.as_deref(), starts: starts.as_deref() };
-        let observations = PyArray2::zeros(py, [self.batch.len(), self.batch.observation_len()], false);
+        let observations = PyArray2::zeros(py, [batch.len(), batch.observation_len()], false);
         let mut writable = observations.readwrite();
         let rows = writable.as_slice_mut()?;
-        let batch = &mut self.batch;
-        py.detach(|| call(|| batch.reset_with(&request, rows)))?;
+        interruptible(py, || batch.reset_with(&request, rows))?;
         drop(writable);
-        for (i, outcome) in self.outcomes.iter_mut().enumerate() {
+        for (i, outcome) in outcomes.iter_mut().enumerate() {
             if request.mask.is_none_or(|mask| mask[i]) {
                 *outcome = Outcome::default();
             }
@@ -418,8 +253,9 @@ impl PyBatch {
     }
 
     /// Spreads the ends of the present episodes evenly, so that environments reset together are not truncated together.
-    fn stagger(&mut self) {
-        self.batch.stagger();
+    fn stagger(&self) -> PyResult<()> {
+        self.inner.write()?.batch.stagger();
+        Ok(())
     }
 
     /// Applies actions, shape (num_envs, 3) in [-1, 1], for one control step.
@@ -430,10 +266,13 @@ impl PyBatch {
     ///
     /// Raises:
     ///     ValueError: a wrong shape, an action that is not finite, or an episode that is over; nothing has moved then.
-    fn step<'py>(&mut self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
-        let n = self.batch.len();
-        read_elements("actions", actions, &[Some(n), Some(ACTION_LEN)], &mut self.actions)?;
-        let observations = PyArray2::zeros(py, [n, self.batch.observation_len()], false);
+    ///     KeyboardInterrupt: Ctrl-C during a long step. Some robots have moved then: all must be reset.
+    fn step<'py>(&self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
+        let mut inner = self.inner.write()?;
+        let Inner { batch, actions: values, outcomes, final_observations, .. } = &mut *inner;
+        let n = batch.len();
+        read_elements("actions", actions, &[Some(n), Some(ACTION_LEN)], values)?;
+        let observations = PyArray2::zeros(py, [n, batch.observation_len()], false);
         let rewards = PyArray1::zeros(py, n, false);
         let (terminated, truncated) = (PyArray1::zeros(py, n, false), PyArray1::zeros(py, n, false));
         {
@@ -444,11 +283,10 @@ impl PyBatch {
                 rewards: r.as_slice_mut()?,
                 terminated: te.as_slice_mut()?,
                 truncated: tr.as_slice_mut()?,
-                final_observations: &mut self.final_observations,
-                outcomes: &mut self.outcomes,
+                final_observations,
+                outcomes,
             };
-            let (batch, actions) = (&mut self.batch, &self.actions);
-            py.detach(|| call(|| batch.step(actions, &mut buffers)))?;
+            interruptible(py, || batch.step(values, &mut buffers))?;
         }
         Ok((observations, rewards, terminated, truncated))
     }
@@ -456,17 +294,21 @@ impl PyBatch {
     /// Last observations of the episodes that the last step ended and reset, shape (num_envs, observation_len); other
     /// rows have no meaning.
     fn final_observations<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f32>> {
-        PyArray1::from_slice(py, &self.final_observations).reshape([self.batch.len(), self.batch.observation_len()])
+        let inner = self.inner.read()?;
+        let shape = [inner.batch.len(), inner.batch.observation_len()];
+        PyArray1::from_slice(py, &inner.final_observations).reshape(shape)
     }
 
     /// Infos of the last step for Stable-Baselines3, one dict an environment, empty unless its episode ended.
     ///
     /// No dict is one that a caller still holds or wrote into.
-    fn infos<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        let width = self.batch.observation_len();
-        let infos = self.infos.list(py, self.batch.len())?;
-        for (i, outcome) in self.outcomes.iter().enumerate().filter(|(_, outcome)| outcome.done()) {
-            let last = &self.final_observations[i * width..(i + 1) * width];
+    fn infos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let mut inner = self.inner.write()?;
+        let Inner { batch, outcomes, final_observations, infos, .. } = &mut *inner;
+        let width = batch.observation_len();
+        let infos = infos.list(py, batch.len())?;
+        for (i, outcome) in outcomes.iter().enumerate().filter(|(_, outcome)| outcome.done()) {
+            let last = &final_observations[i * width..(i + 1) * width];
             let info = PyDict::new(py);
             info.set_item(intern!(py, "terminal_observation"), PyArray1::from_slice(py, last))?;
             info.set_item(intern!(py, "TimeLimit.truncated"), outcome.truncated)?;
@@ -481,34 +323,42 @@ impl PyBatch {
 
     /// Whether each environment is a success if its episode ends with the last step, shape (num_envs,), bool, and the
     /// reasons for termination as indices into `TASKS[task]["terminations"]` plus one, 0 where there is none.
-    fn endings<'py>(&self, py: Python<'py>) -> (Array1<'py, bool>, Array1<'py, u8>) {
-        let reasons = &self.batch.task().terminations;
+    fn endings<'py>(&self, py: Python<'py>) -> PyResult<(Array1<'py, bool>, Array1<'py, u8>)> {
+        let inner = self.inner.read()?;
+        let reasons = &inner.batch.task().terminations;
         let number = |outcome: &Outcome| {
             let found = outcome.terminated.and_then(|name| reasons.iter().position(|(known, _)| *known == name));
             found.map_or(0, |index| index as u8 + 1)
         };
-        let success = PyArray1::from_iter(py, self.outcomes.iter().map(|o| o.success));
-        (success, PyArray1::from_iter(py, self.outcomes.iter().map(number)))
+        let success = PyArray1::from_iter(py, inner.outcomes.iter().map(|o| o.success));
+        Ok((success, PyArray1::from_iter(py, inner.outcomes.iter().map(number))))
     }
 
     /// The same of environment `index`: whether it is a success, and the name of the reason or None.
-    fn ending(&self, index: usize) -> PyResult<(bool, Option<&'static str>)> {
-        self.batch.check_index(index).map_err(to_python)?;
-        let outcome = self.outcomes[index];
+    fn ending(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<(bool, Option<&'static str>)> {
+        let inner = self.inner.read()?;
+        inner.batch.check_index(index).map_err(to_python)?;
+        let outcome = inner.outcomes[index];
         Ok((outcome.success, outcome.terminated))
     }
 
     /// Terms of the last reward: of environment `index` as a dict, or of all, shape (num_envs, terms), in the order of
     /// `TASKS[task]["rewards"]`. Zeros right after a reset.
     #[pyo3(signature = (index=None))]
-    fn reward_terms<'py>(&self, py: Python<'py>, index: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
-        let terms = &self.batch.task().terms;
+    fn reward_terms<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = optional_index)] index: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let inner = self.inner.read()?;
+        let batch = &inner.batch;
+        let terms = &batch.task().terms;
         let Some(index) = index else {
-            let read = |i, row: &mut [f64]| self.batch.reward_terms(i, row).map_err(to_python);
-            return Ok(rows(py, self.batch.len(), terms.len(), read)?.into_any());
+            let read = |i, row: &mut [f64]| batch.reward_terms(i, row).map_err(to_python);
+            return Ok(rows(py, batch.len(), terms.len(), read)?.into_any());
         };
         let mut values = vec![0.0; terms.len()];
-        self.batch.reward_terms(index, &mut values).map_err(to_python)?;
+        batch.reward_terms(index, &mut values).map_err(to_python)?;
         let dict = PyDict::new(py);
         for (term, value) in terms.iter().zip(values) {
             dict.set_item(term.name, value)?;
@@ -517,14 +367,15 @@ impl PyBatch {
     }
 
     /// State of the robot of environment `index`.
-    fn state(&self, index: usize) -> PyResult<PyState> {
-        self.batch.state(index).map(PyState).map_err(to_python)
+    fn state(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<PyState> {
+        self.inner.read()?.batch.state(index).map(PyState).map_err(to_python)
     }
 
     /// States of all robots, shape (num_envs, 32), float64, rows as `State.to_array` lays them out.
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f64>> {
-        let mut states = self.batch.states();
-        rows(py, self.batch.len(), State::LEN, |_, row| {
+        let inner = self.inner.read()?;
+        let mut states = inner.batch.states();
+        rows(py, inner.batch.len(), State::LEN, |_, row| {
             row.copy_from_slice(&states.next().unwrap_or_else(|| unreachable!("one state a row")).to_array());
             Ok(())
         })
@@ -532,8 +383,9 @@ impl PyBatch {
 
     /// Last observations of all environments, shape (num_envs, observation_len), float32.
     fn observations<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f32>> {
-        let read = |i, row: &mut [f32]| self.batch.observation(i, row).map_err(to_python);
-        rows(py, self.batch.len(), self.batch.observation_len(), read)
+        let inner = self.inner.read()?;
+        let read = |i, row: &mut [f32]| inner.batch.observation(i, row).map_err(to_python);
+        rows(py, inner.batch.len(), inner.batch.observation_len(), read)
     }
 
     /// Contact forces of the last model step: of environment `index` as `Contacts`, or of all as a dict of arrays.
@@ -541,27 +393,27 @@ impl PyBatch {
     /// `wheel_normal_forces`, `wheel_tractions` (N), `wheel_slip_speeds` (m/s) and `floor_force` (N) have the shape
     /// (num_envs, 3), `floor_slip_velocity` (m/s) (num_envs, 2), `bot_on_floor` (num_envs,).
     #[pyo3(signature = (index=None))]
-    fn contacts<'py>(&self, py: Python<'py>, index: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
-        let n = self.batch.len();
+    fn contacts<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = optional_index)] index: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let inner = self.inner.read()?;
+        let batch = &inner.batch;
+        let n = batch.len();
         if let Some(index) = index {
-            let contacts = self.batch.contacts(index).map_err(to_python)?;
-            let params = self.batch.params(index).map_err(to_python)?.clone();
+            let contacts = batch.contacts(index).map_err(to_python)?;
+            let params = batch.params(index).map_err(to_python)?.clone();
             return Ok(PyContacts { contacts, params }.into_pyobject(py)?.into_any());
         }
-        let all: Vec<Contacts> = (0..n).map(|i| self.batch.contacts(i)).collect::<Result<_, _>>().map_err(to_python)?;
+        let all: Vec<Contacts> = interruptible(py, || (0..n).map(|i| batch.contacts(i)).collect())?;
         let dict = PyDict::new(py);
-        let parts: [(&str, ContactPart); 4] = [
-            ("wheel_normal_forces", |c| c.wheel_normal_forces),
-            ("wheel_tractions", |c| c.wheel_tractions),
-            ("wheel_slip_speeds", |c| c.wheel_slip_speeds),
-            ("floor_force", |c| c.floor_force.into()),
-        ];
-        for (name, part) in parts {
+        for part in &CONTACT_PARTS {
             let write = |i: usize, row: &mut [f64]| {
-                row.copy_from_slice(&part(&all[i]));
+                row.copy_from_slice(&(part.of)(&all[i]));
                 Ok(())
             };
-            dict.set_item(name, rows(py, n, 3, write)?)?;
+            dict.set_item(part.name, rows(py, n, 3, write)?)?;
         }
         let slip = |i: usize, row: &mut [f64]| {
             row.copy_from_slice(all[i].floor_slip_velocity.as_slice());
@@ -574,8 +426,8 @@ impl PyBatch {
 
     /// Parameters of the robot of environment `index`.
     #[pyo3(signature = (index=0))]
-    fn params(&self, index: usize) -> PyResult<PyParams> {
-        Ok(PyParams(self.batch.params(index).map_err(to_python)?.clone()))
+    fn params(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<PyParams> {
+        Ok(PyParams(self.inner.read()?.batch.params(index).map_err(to_python)?.clone()))
     }
 
     /// Replaces the parameters of the robot of environment `index`; they outlive resets.
@@ -586,17 +438,24 @@ impl PyBatch {
     /// Raises:
     ///     ValueError: the parameters do not describe a robot, or the task or its actions do not fit it; nothing has
     ///         changed then.
-    fn set_params(&mut self, index: usize, params: &Bound<'_, PyAny>) -> PyResult<()> {
+    fn set_params(&self, #[pyo3(from_py_with = index)] index: usize, params: &Bound<'_, PyAny>) -> PyResult<()> {
         let params = or_paper(Some(params))?;
-        call(|| self.batch.set_params(index, &params))
+        let batch = &mut self.inner.write()?.batch;
+        call(|| batch.set_params(index, &params))
     }
 
     /// Gives the body of one robot an impulse (inertial frame, N·s) at `point` (body frame, m; None is its CoM).
     #[pyo3(signature = (index, impulse, point=None))]
-    fn push(&mut self, index: usize, impulse: &Bound<'_, PyAny>, point: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+    fn push(
+        &self,
+        #[pyo3(from_py_with = index)] index: usize,
+        impulse: &Bound<'_, PyAny>,
+        point: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
         let impulse = vector("impulse", impulse)?;
         let point = point.map(|p| vector("point", p)).transpose()?;
-        call(|| self.batch.push(index, &impulse, point.as_ref()))
+        let batch = &mut self.inner.write()?.batch;
+        call(|| batch.push(index, &impulse, point.as_ref()))
     }
 
     /// Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
@@ -614,18 +473,22 @@ impl PyBatch {
     ///     TypeError: a part that the controller does not follow.
     #[pyo3(signature = (controller, setpoints=None))]
     fn control<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         controller: &PyController,
         setpoints: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Array2<'py, f32>> {
-        let n = self.batch.len();
-        let setpoints = setpoints.map(|parts| self::setpoints(controller, n, parts)).transpose()?;
+        let mut inner = self.inner.write()?;
+        let batch = &mut inner.batch;
+        let n = batch.len();
+        let law = controller.law.read()?;
+        let law = law.as_ref();
+        let setpoints = setpoints.map(|parts| self::setpoints(controller, law, n, parts)).transpose()?;
         let actions = PyArray2::zeros(py, [n, ACTION_LEN], false);
         {
             let mut writable = actions.readwrite();
-            let (out, batch, law) = (writable.as_slice_mut()?, &mut self.batch, controller.law.as_ref());
-            py.detach(|| call(|| batch.control(law, setpoints.as_deref(), out)))?;
+            let out = writable.as_slice_mut()?;
+            interruptible(py, || batch.control(law, setpoints.as_deref(), out))?;
         }
         Ok(actions)
     }
@@ -647,143 +510,54 @@ impl PyBatch {
     /// Raises:
     ///     ValueError: an unknown record, or as `control` and `step`.
     ///     TypeError: as `control`.
+    ///     MemoryError: the records need more memory than there is.
+    ///     KeyboardInterrupt: Ctrl-C. The robots have come some of the way then; where a single step takes long, all must be
+    ///         reset.
     #[pyo3(signature = (controller, steps, setpoints=None, record=vec!["states".to_owned()]))]
     #[expect(clippy::needless_pass_by_value, reason = "extracted from a Python sequence")]
     fn rollout<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         controller: &PyController,
-        steps: i64,
+        #[pyo3(from_py_with = whole)] steps: i64,
         setpoints: Option<&Bound<'py, PyDict>>,
         record: Vec<String>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let n = self.batch.len();
-        let setpoints = setpoints.map(|parts| self::setpoints(controller, n, parts)).transpose()?;
-        let find = |name: &String| {
-            RECORDS.iter().find(|record| record.name == name).ok_or_else(|| {
-                let known: Vec<_> = RECORDS.iter().map(|record| record.name).collect();
-                PyValueError::new_err(format!("unknown record '{name}': expected one of {}", known.join(", ")))
-            })
-        };
-        let records = record.iter().map(find).collect::<PyResult<Vec<_>>>()?;
         let steps = count("steps", steps, 0)?;
-        let rows = |record: &Record| steps + usize::from(record.at_start);
-        let mut recorded = Vec::with_capacity(records.len());
-        for record in &records {
-            recorded.push(zeros(record.name, &[rows(record), n, (record.width)(&self.batch)])?);
-        }
-        self.run(py, controller.law.as_ref(), setpoints.as_deref(), steps, &records, &mut recorded)?;
-        let dict = PyDict::new(py);
-        for (record, values) in records.iter().zip(recorded) {
-            let width = (record.width)(&self.batch);
-            let array = PyArray1::from_vec(py, values);
-            let item = match (record.name, width) {
-                ("terminated" | "truncated" | "success", _) => {
-                    array.reshape([rows(record), n])?.into_any().call_method1(intern!(py, "astype"), ("bool",))?
-                }
-                (_, 1) => array.reshape([rows(record), n])?.into_any(),
-                _ => {
-                    let array: Bound<'py, PyArray3<f64>> = array.reshape([rows(record), n, width])?;
-                    array.into_any()
-                }
-            };
-            dict.set_item(record.name, item)?;
-        }
-        Ok(dict)
+        let mut inner = self.inner.write()?;
+        let Inner { batch, outcomes, final_observations, .. } = &mut *inner;
+        let law = controller.law.read()?;
+        let law = law.as_ref();
+        let setpoints = setpoints.map(|parts| self::setpoints(controller, law, batch.len(), parts)).transpose()?;
+        let stepped = Stepped { batch, outcomes, final_observations };
+        stepped.rollout(py, law, setpoints.as_deref(), steps, &record)
     }
 
     /// Everything that the future of environment `index` depends on, its robot's parameters included, for `restore`.
-    fn snapshot<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyBytes>> {
-        Ok(PyBytes::new(py, &self.batch.save(index).map_err(to_python)?))
+    fn snapshot<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = index)] index: usize,
+    ) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &self.inner.read()?.batch.save(index).map_err(to_python)?))
     }
 
     /// Continues, to the last bit, from a snapshot of an environment with the same task, model and options.
-    fn restore(&mut self, index: usize, snapshot: &[u8]) -> PyResult<()> {
-        call(|| self.batch.load(index, snapshot))?;
-        self.outcomes[index] = Outcome::default();
+    ///
+    /// Restore only what `snapshot` gave: its checksum finds damage, not forgery.
+    ///
+    /// Raises:
+    ///     ValueError: the bytes are not that, or their numbers not finite; nothing has changed then.
+    fn restore(&self, #[pyo3(from_py_with = index)] index: usize, snapshot: &[u8]) -> PyResult<()> {
+        let mut inner = self.inner.write()?;
+        call(|| inner.batch.load(index, snapshot))?;
+        inner.outcomes[index] = Outcome::default();
         Ok(())
     }
 
-    fn __repr__(&self) -> String {
-        let b = &self.batch;
-        format!("Batch({}, '{}', model='{}', autoreset='{}')", b.len(), b.task().name, b.model(), b.autoreset().name())
+    fn __repr__(&self) -> PyResult<String> {
+        let b = &self.inner.read()?.batch;
+        let (n, task, model, autoreset) = (b.len(), b.task().name, b.model(), b.autoreset().name());
+        Ok(format!("Batch({n}, '{task}', model='{model}', autoreset='{autoreset}')"))
     }
-}
-
-impl PyBatch {
-    /// Runs the closed loop in pieces, between which Python can interrupt it.
-    fn run(
-        &mut self,
-        py: Python<'_>,
-        law: &dyn Controller,
-        setpoints: Option<&[Setpoint]>,
-        steps: usize,
-        records: &[&Record],
-        recorded: &mut [Vec<f64>],
-    ) -> PyResult<()> {
-        let n = self.batch.len();
-        let width = self.batch.observation_len();
-        let mut actions = vec![0.0; n * ACTION_LEN];
-        let mut observations = vec![0.0; n * width];
-        let (mut rewards, mut terminated, mut truncated) = (vec![0.0; n], vec![false; n], vec![false; n]);
-        for (i, row) in observations.chunks_exact_mut(width).enumerate() {
-            self.batch.observation(i, row).map_err(to_python)?;
-        }
-        let mut step = 0;
-        while step <= steps {
-            let piece_end = (step + STEPS_PER_SIGNAL_CHECK).min(steps + 1);
-            py.detach(|| {
-                call(|| {
-                    while step < piece_end {
-                        if step > 0 {
-                            let mut buffers = StepBuffers {
-                                observations: &mut observations,
-                                rewards: &mut rewards,
-                                terminated: &mut terminated,
-                                truncated: &mut truncated,
-                                final_observations: &mut self.final_observations,
-                                outcomes: &mut self.outcomes,
-                            };
-                            self.batch.step_under(law, setpoints, &mut actions, &mut buffers)?;
-                        }
-                        let last = Last { actions: &actions, observations: &observations, outcomes: &self.outcomes };
-                        write_records(&self.batch, &last, step, records, recorded);
-                        step += 1;
-                    }
-                    Ok(())
-                })
-            })?;
-            py.check_signals()?;
-        }
-        Ok(())
-    }
-}
-
-/// Control steps of a rollout between two looks at Python's signals.
-const STEPS_PER_SIGNAL_CHECK: usize = 50;
-
-/// Writes what is recorded after `step` steps.
-fn write_records(batch: &Batch, last: &Last<'_>, step: usize, records: &[&Record], recorded: &mut [Vec<f64>]) {
-    let n = batch.len();
-    for (record, out) in records.iter().zip(recorded) {
-        if step == 0 && !record.at_start {
-            continue;
-        }
-        let width = (record.width)(batch);
-        let row = if record.at_start { step } else { step - 1 };
-        for (i, out) in out[row * n * width..(row + 1) * n * width].chunks_exact_mut(width).enumerate() {
-            (record.write)(batch, last, i, out);
-        }
-    }
-}
-
-/// Zeros for a record of the given shape, or MemoryError with its size.
-fn zeros(name: &str, shape: &[usize]) -> PyResult<Vec<f64>> {
-    let too_large =
-        || PyMemoryError::new_err(format!("the record '{name}' of shape {shape:?} does not fit into memory"));
-    let len = shape.iter().try_fold(1_usize, |len, size| len.checked_mul(*size)).ok_or_else(too_large)?;
-    let mut values = Vec::new();
-    values.try_reserve_exact(len).map_err(|_| too_large())?;
-    values.resize(len, 0.0);
-    Ok(values)
 }

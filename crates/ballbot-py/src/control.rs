@@ -2,6 +2,8 @@
 
 use crate::convert::{array, elements, finite_elements, matrix, numbers};
 use crate::errors::{call, to_python};
+use crate::exclusive::Exclusive;
+use crate::numbers::{one_or_more, optional_real, real};
 use crate::params::or_paper;
 use crate::state::PyState;
 use ballbot_core::Params;
@@ -34,11 +36,16 @@ fn part_len(name: &str) -> usize {
 }
 
 /// Setpoints of `n` robots from a mapping; a value is that of all robots, or has one row a robot.
-pub(crate) fn setpoints(controller: &PyController, n: usize, parts: &Bound<'_, PyDict>) -> PyResult<Vec<Setpoint>> {
+pub(crate) fn setpoints(
+    controller: &PyController,
+    law: &dyn Controller,
+    n: usize,
+    parts: &Bound<'_, PyDict>,
+) -> PyResult<Vec<Setpoint>> {
     let mut setpoints = vec![Setpoint::default(); n];
     for (name, value) in parts {
         let name: String = name.extract()?;
-        controller.check_part(&name)?;
+        controller.check_part(law, &name)?;
         let len = part_len(&name);
         let shape: &[Option<usize>] = if len == 1 { &[] } else { &[Some(len)] };
         let shared = elements::<f64>(&name, &value, shape);
@@ -66,10 +73,7 @@ fn options(class: &str, keywords: Keywords<'_, '_>, known: &[&str]) -> PyResult<
                 known.join(", ")
             )));
         }
-        let values = match value.extract::<f64>() {
-            Ok(number) => vec![number],
-            Err(_) => elements(&name, &value, &[None])?,
-        };
+        let values = one_or_more(&name, &value)?;
         options.push((name, values));
     }
     Ok(options)
@@ -91,20 +95,20 @@ fn borrowed(options: &[(String, Vec<f64>)]) -> Vec<(&str, &[f64])> {
 /// Raises:
 ///     ValueError: an unknown name, or a number out of range.
 ///     TypeError: an option that the law does not have.
-#[pyclass(name = "Controller", module = "ballbot_rs", subclass)]
+#[pyclass(name = "Controller", module = "ballbot_rs", subclass, frozen)]
 pub(crate) struct PyController {
     name: String,
     class: &'static str,
-    pub(crate) law: Box<dyn Controller>,
+    pub(crate) law: Exclusive<Box<dyn Controller>>,
 }
 
 impl PyController {
     fn new(name: &str, class: &'static str, law: impl Controller + 'static) -> Self {
-        Self { name: name.to_owned(), class, law: Box::new(law) }
+        Self { name: name.to_owned(), class, law: Exclusive::new("controller", Box::new(law)) }
     }
 
-    fn check_part(&self, name: &str) -> PyResult<()> {
-        if self.law.parts().contains(&name) {
+    fn check_part(&self, law: &dyn Controller, name: &str) -> PyResult<()> {
+        if law.parts().contains(&name) {
             return Ok(());
         }
         let known = SETPOINT_PARTS.contains(&name);
@@ -112,7 +116,7 @@ impl PyController {
         Err(PyTypeError::new_err(format!(
             "{} got an unexpected keyword argument '{name}'{reason}: expected one of {}",
             self.class,
-            self.law.parts().join(", ")
+            law.parts().join(", ")
         )))
     }
 }
@@ -124,8 +128,8 @@ impl PyController {
     fn py_new(
         name: &str,
         params: Argument<'_, '_>,
-        control_dt: Option<f64>,
-        max_torque: Option<f64>,
+        #[pyo3(from_py_with = optional_real)] control_dt: Option<f64>,
+        #[pyo3(from_py_with = optional_real)] max_torque: Option<f64>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let kind = controller_kind(name).map_err(to_python)?;
@@ -135,7 +139,7 @@ impl PyController {
         let params = or_paper(params)?;
         let control_dt = control_dt.or(kind.control_dt).unwrap_or(0.01);
         let law = call(|| (kind.make)(&params, control_dt, max_torque, &borrowed(&options)))?;
-        Ok(Self { name: name.to_owned(), class: "Controller", law })
+        Ok(Self { name: name.to_owned(), class: "Controller", law: Exclusive::new("controller", law) })
     }
 
     /// Wheel torques for the next `control_dt`, shape (3,), N·m.
@@ -144,18 +148,19 @@ impl PyController {
     /// and m/s), `yaw` (rad), `tilt` (x, y, heading frame, rad). A part that the law does not follow is a TypeError.
     #[pyo3(signature = (state, **setpoint))]
     fn __call__<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         state: &PyState,
         setpoint: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let mut law = self.law.write()?;
         let mut target = Setpoint::default();
         if let Some(parts) = setpoint {
             for (name, value) in parts {
                 let name: String = name.extract()?;
-                self.check_part(&name)?;
+                self.check_part(law.as_ref(), &name)?;
                 let values = if name == "yaw" {
-                    vec![value.extract::<f64>().map_err(|_| PyTypeError::new_err("yaw must be a number"))?]
+                    vec![real(&value).map_err(|_| PyTypeError::new_err("yaw must be a number"))?]
                 } else {
                     numbers::<2>(&name, &value)?.to_vec()
                 };
@@ -164,12 +169,13 @@ impl PyController {
             }
         }
         target.validate().map_err(to_python)?;
-        Ok(array(py, &self.law.wheel_torques(&state.0, &target)))
+        Ok(array(py, &law.wheel_torques(&state.0, &target)))
     }
 
     /// Forgets the past.
-    fn reset(&mut self) {
-        self.law.reset();
+    fn reset(&self) -> PyResult<()> {
+        self.law.write()?.reset();
+        Ok(())
     }
 
     /// The name by which it is chosen.
@@ -180,18 +186,18 @@ impl PyController {
 
     /// Time between two calls, s.
     #[getter]
-    fn control_dt(&self) -> f64 {
-        self.law.control_dt()
+    fn control_dt(&self) -> PyResult<f64> {
+        Ok(self.law.read()?.control_dt())
     }
 
     /// The parts of a setpoint that it follows.
     #[getter]
-    fn setpoint_parts(&self) -> Vec<&'static str> {
-        self.law.parts().to_vec()
+    fn setpoint_parts(&self) -> PyResult<Vec<&'static str>> {
+        Ok(self.law.read()?.parts().to_vec())
     }
 
-    fn __repr__(&self) -> String {
-        format!("<{} '{}', control_dt={} s>", self.class, self.name, self.law.control_dt())
+    fn __repr__(&self) -> PyResult<String> {
+        Ok(format!("<{} '{}', control_dt={} s>", self.class, self.name, self.control_dt()?))
     }
 }
 
@@ -209,7 +215,7 @@ impl PyController {
 ///
 /// Raises:
 ///     ValueError: a number out of range.
-#[pyclass(name = "Pid", module = "ballbot_rs", subclass, extends = PyController)]
+#[pyclass(name = "Pid", module = "ballbot_rs", subclass, frozen, extends = PyController)]
 pub(crate) struct PyPid;
 
 #[pymethods]
@@ -221,9 +227,9 @@ impl PyPid {
     )]
     fn new(
         params: Argument<'_, '_>,
-        control_dt: f64,
+        #[pyo3(from_py_with = real)] control_dt: f64,
         mapping: &str,
-        max_torque: Option<f64>,
+        #[pyo3(from_py_with = optional_real)] max_torque: Option<f64>,
         gains: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let map = mapping.parse().map_err(to_python)?;
@@ -261,7 +267,7 @@ fn fields<F: Fields>(class: &str, keywords: Keywords<'_, '_>) -> PyResult<F> {
 /// Raises:
 ///     ValueError: a number out of range, or a cost that is not symmetric and positive.
 ///     TypeError: an unknown weight.
-#[pyclass(name = "Lqr", module = "ballbot_rs", subclass, extends = PyController)]
+#[pyclass(name = "Lqr", module = "ballbot_rs", subclass, frozen, extends = PyController)]
 pub(crate) struct PyLqr(Lqr);
 
 /// A cost matrix from a matrix, or from its diagonal.
@@ -310,10 +316,10 @@ impl PyLqr {
     #[allow(non_snake_case, reason = "the names that SciPy and python-control give these matrices")]
     fn new(
         params: Argument<'_, '_>,
-        control_dt: f64,
+        #[pyo3(from_py_with = real)] control_dt: f64,
         Q: Argument<'_, '_>,
         R: Argument<'_, '_>,
-        max_torque: Option<f64>,
+        #[pyo3(from_py_with = optional_real)] max_torque: Option<f64>,
         weights: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let lqr = regulator(&or_paper(params)?, control_dt, [Q, R], max_torque, weights)?;
@@ -330,7 +336,7 @@ impl PyLqr {
         state: &PyState,
         position: Argument<'_, 'py>,
         velocity: Argument<'_, 'py>,
-        yaw: f64,
+        #[pyo3(from_py_with = real)] yaw: f64,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let pair = |name: &str, value: Argument<'_, '_>| value.map_or(Ok([0.0; 2]), |v| numbers::<2>(name, v));
         let setpoint = Setpoint {

@@ -6,30 +6,69 @@ use numpy::{
     AllowTypeChange, Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayLikeDyn, PyUntypedArray,
     PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyException, PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
 
 /// Element types of array-likes.
-pub(crate) trait Number: Element + Copy + for<'a, 'py> FromPyObject<'a, 'py> {}
-impl<T: Element + Copy + for<'a, 'py> FromPyObject<'a, 'py>> Number for T {}
+pub(crate) trait Number: Element + Copy + for<'a, 'py> FromPyObject<'a, 'py> {
+    /// Kinds of NumPy's types that are taken for it.
+    const KINDS: &'static [u8];
+    /// What they are, in words.
+    const NAME: &'static str;
+}
+
+impl Number for f64 {
+    const KINDS: &'static [u8] = b"biuf";
+    const NAME: &'static str = "numbers";
+}
+
+impl Number for f32 {
+    const KINDS: &'static [u8] = b"biuf";
+    const NAME: &'static str = "numbers";
+}
+
+impl Number for bool {
+    const KINDS: &'static [u8] = b"b";
+    const NAME: &'static str = "bools";
+}
+
+/// An array-like as an array of the type that NumPy gives it.
+fn untyped<'py, T: Number>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let py = value.py();
+    let wrong = |what: String| PyTypeError::new_err(format!("{name} must be an array of {}, not {what}", T::NAME));
+    let kind = || value.get_type().name().map_or_else(|_| "this".to_owned(), |kind| kind.to_string());
+    let array = match value.cast_exact::<PyUntypedArray>() {
+        Ok(array) => array.clone(),
+        Err(_) => {
+            static MASKED: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+            static AS_ARRAY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+            if value.is_instance(MASKED.import(py, "numpy.ma", "MaskedArray")?)? {
+                return Err(wrong("a masked one: fill it first".to_owned()));
+            }
+            let array = AS_ARRAY.import(py, "numpy", "asarray")?.call1((value,)).map_err(|error| {
+                // Rows of different lengths, and objects that raise as they are read.
+                if error.is_instance_of::<PyException>(py) { wrong(kind()) } else { error }
+            })?;
+            array.cast_into::<PyUntypedArray>().map_err(|_| wrong(kind()))?
+        }
+    };
+    if !T::KINDS.contains(&array.dtype().kind()) {
+        return Err(wrong(format!("{} of dtype {}", kind(), array.dtype())));
+    }
+    Ok(array)
+}
 
 /// Reads the elements of an array-like in C order into `out`. `name` is its name in messages; `shape` is the required
-/// shape, with `None` for any length along an axis. All real numeric types and memory orders are accepted.
+/// shape, with `None` for any length along an axis. All real numeric types and memory orders are accepted; text, times,
+/// objects, complex numbers and masked arrays are not.
 pub(crate) fn read_elements<T: Number>(
     name: &str,
     value: &Bound<'_, PyAny>,
     shape: &[Option<usize>],
     out: &mut Vec<T>,
 ) -> PyResult<()> {
-    let not_numbers = |kind: String| PyTypeError::new_err(format!("{name} must be an array of numbers, not {kind}"));
-    if let Ok(untyped) = value.cast::<PyUntypedArray>()
-        && untyped.dtype().kind() == b'c'
-    {
-        return Err(not_numbers("of complex ones".to_owned()));
-    }
-    let array: PyArrayLikeDyn<'_, T, AllowTypeChange> = value
-        .extract()
-        .map_err(|_| not_numbers(value.get_type().name().map_or_else(|_| "this".to_owned(), |n| n.to_string())))?;
+    let array: PyArrayLikeDyn<'_, T, AllowTypeChange> = untyped::<T>(name, value)?.extract()?;
     let fits = array.shape().len() == shape.len()
         && array.shape().iter().zip(shape).all(|(found, wanted)| wanted.is_none_or(|w| w == *found));
     if !fits {

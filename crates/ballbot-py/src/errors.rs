@@ -1,7 +1,7 @@
 //! Core errors and panics as Python exceptions.
 
 use ballbot_core::Error;
-use pyo3::exceptions::{PyOSError, PyRuntimeError};
+use pyo3::exceptions::{PyMemoryError, PyOSError, PyRuntimeError};
 use pyo3::{PyErr, PyResult, import_exception};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -20,6 +20,7 @@ pub(crate) fn to_python(error: Error) -> PyErr {
             Some(code) => PyOSError::new_err((code, source.to_string(), path.display().to_string())),
             None => PyOSError::new_err(message),
         },
+        Error::Memory { .. } => PyMemoryError::new_err(message),
         _ => InvalidInputError::new_err(message),
     }
 }

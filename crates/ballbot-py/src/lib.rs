@@ -8,11 +8,16 @@ mod batch;
 mod control;
 mod convert;
 mod errors;
+mod exclusive;
 mod infos;
 mod models;
+mod numbers;
+mod options;
 mod params;
 mod render;
 mod robot;
+mod rollout;
+mod signals;
 mod state;
 mod tasks;
 

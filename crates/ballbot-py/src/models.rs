@@ -1,12 +1,13 @@
 //! The closed-form models and the torque maps.
 
 use crate::convert::{array, elements, matrix, numbers, vector};
-use crate::errors::to_python;
+use crate::errors::{InvalidInputError, to_python};
+use crate::numbers::real;
 use crate::params::{PyParams, or_paper};
 use crate::state::PyContacts;
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel};
-use ballbot_core::{check_finite, unit_quaternion};
+use ballbot_core::{check_bounded, unit_quaternion};
 use nalgebra::{DMatrix, SMatrix, UnitQuaternion, Vector2, Vector3, Vector6};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -33,7 +34,7 @@ impl PySpatialModel {
         let quaternion = unit_quaternion("body_quaternion", quaternion).map_err(to_python)?;
         let dof = self.0.degrees_of_freedom();
         let velocity: Vec<f64> = elements("generalized_velocity", generalized_velocity, &[Some(dof)])?;
-        check_finite("generalized_velocity", &velocity).map_err(to_python)?;
+        check_bounded("generalized_velocity", &velocity).map_err(to_python)?;
         let velocity = self.0.generalized_velocity(&velocity).map_err(to_python)?;
         Ok((quaternion, velocity))
     }
@@ -117,10 +118,10 @@ impl PyPlanarModel {
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
         q_dot: &Bound<'py, PyAny>,
-        virtual_torque: f64,
+        #[pyo3(from_py_with = real)] virtual_torque: f64,
     ) -> PyResult<Array<'py>> {
         let (q, q_dot) = planar_motion(q, q_dot)?;
-        check_finite("virtual_torque", &[virtual_torque]).map_err(to_python)?;
+        check_bounded("virtual_torque", &[virtual_torque]).map_err(to_python)?;
         Ok(array(py, self.0.accelerations(&q, &q_dot, virtual_torque).as_slice()))
     }
 
@@ -131,8 +132,8 @@ impl PyPlanarModel {
     }
 
     /// Yaw acceleration θ̈_z under a virtual torque (N·m), eq. (7), rad/s².
-    fn yaw_acceleration(&self, virtual_torque: f64) -> PyResult<f64> {
-        check_finite("virtual_torque", &[virtual_torque]).map_err(to_python)?;
+    fn yaw_acceleration(&self, #[pyo3(from_py_with = real)] virtual_torque: f64) -> PyResult<f64> {
+        check_bounded("virtual_torque", &[virtual_torque]).map_err(to_python)?;
         Ok(self.0.yaw_acceleration(virtual_torque))
     }
 
@@ -186,9 +187,18 @@ impl PyLinearModel {
     }
 
     /// Matrices A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact.
-    fn discretize<'py>(&self, py: Python<'py>, dt: f64) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
-        check_finite("dt", &[dt]).map_err(to_python)?;
+    fn discretize<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = real)] dt: f64,
+    ) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
+        check_bounded("dt", &[dt]).map_err(to_python)?;
         let (a, b) = self.0.discretize(dt);
+        if !a.iter().chain(&b).all(|value| value.is_finite()) {
+            return Err(InvalidInputError::new_err(format!(
+                "dt = {dt} s is too long: the state grows beyond all numbers"
+            )));
+        }
         Ok((dynamic(py, &a), dynamic(py, &b)))
     }
 
@@ -214,14 +224,14 @@ impl PyLinearModel {
 
 fn planar_motion(q: &Bound<'_, PyAny>, q_dot: &Bound<'_, PyAny>) -> PyResult<(Vector2<f64>, Vector2<f64>)> {
     let (q, q_dot) = (numbers::<2>("q", q)?, numbers::<2>("q_dot", q_dot)?);
-    check_finite("q", &q).map_err(to_python)?;
-    check_finite("q_dot", &q_dot).map_err(to_python)?;
+    check_bounded("q", &q).map_err(to_python)?;
+    check_bounded("q_dot", &q_dot).map_err(to_python)?;
     Ok((q.into(), q_dot.into()))
 }
 
 fn finite_vector(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>> {
     let v = vector(name, value)?;
-    check_finite(name, v.as_slice()).map_err(to_python)?;
+    check_bounded(name, v.as_slice()).map_err(to_python)?;
     Ok(v)
 }
 

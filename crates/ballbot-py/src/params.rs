@@ -1,7 +1,7 @@
 //! `Params`.
 
-use crate::convert::elements;
 use crate::errors::{call, to_python};
+use crate::numbers::one_or_more;
 use ballbot_core::{Params, urdf};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -19,6 +19,8 @@ use std::path::PathBuf;
 /// `ball_viscous_friction` (0 N/(m/s)), `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m),
 /// `wheel_static_friction` (1.1), `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1),
 /// `floor_dynamic_friction` (1.05), `friction_critical_velocity` (0.1 m/s).
+/// Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
+/// `docs/conventions.md` has all ranges.
 ///
 /// Raises:
 ///     ValueError: a value is missing, unknown, not finite, or out of range; the message has value and limit.
@@ -31,10 +33,7 @@ fn fields(kwargs: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<(String, Vec<f64>)
     let mut fields = Vec::new();
     for (name, value) in kwargs.into_iter().flatten() {
         let name: String = name.extract()?;
-        let values = match value.extract::<f64>() {
-            Ok(number) => vec![number],
-            Err(_) => elements(&name, &value, &[None])?,
-        };
+        let values = one_or_more(&name, &value)?;
         fields.push((name, values));
     }
     Ok(fields)

@@ -2,13 +2,15 @@
 
 use crate::convert::{elements, read_elements, vector};
 use crate::errors::{call, to_python};
+use crate::numbers::{count, optional_whole, real, whole};
 use crate::params::or_paper;
+use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
 use ballbot_core::render::{Arrow, Camera, Picture, Renderer, Scene, force_arrows, srgb};
-use ballbot_core::{Params, State};
+use ballbot_core::{Params, State, try_zeros};
 use numpy::{Element, PyArray1, PyArray3, PyArray4, PyArrayMethods};
 use numpy::{PyArray2, ndarray};
-use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -18,12 +20,12 @@ use std::path::PathBuf;
 /// Args:
 ///     params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
 ///     urdf: paths (bot, ball) of two URDFs; their visual shapes replace the default shapes of `params`.
-///     width, height: size of the picture, pixels.
+///     width, height: size of the picture, pixels, at most 8192.
 ///     samples: color samples per pixel, 1, 2 or 4.
 ///     camera: dict of settings that replace the defaults: `target` (shape (3,), m), `distance` (m), `azimuth` (rad,
 ///         counter-clockwise from x), `elevation` (rad), `field_of_view` (vertical, rad), `follows` (bool: the camera
 ///         moves with the ball, and `target` is relative to its contact point with the floor).
-///     num_threads: number of threads; None is one per core. Pictures do not depend on it.
+///     num_threads: number of threads, at most 256; None is one per core. Pictures do not depend on it.
 ///
 /// Raises:
 ///     ValueError: a number out of range. TypeError: an unknown camera setting.
@@ -39,10 +41,10 @@ fn camera_with(mut camera: Camera, changes: Option<&Bound<'_, PyDict>>) -> PyRes
         let name: String = name.extract()?;
         match name.as_str() {
             "target" => camera.target = vector("target", &value)?,
-            "distance" => camera.distance = value.extract()?,
-            "azimuth" => camera.azimuth = value.extract()?,
-            "elevation" => camera.elevation = value.extract()?,
-            "field_of_view" => camera.field_of_view = value.extract()?,
+            "distance" => camera.distance = real(&value)?,
+            "azimuth" => camera.azimuth = real(&value)?,
+            "elevation" => camera.elevation = real(&value)?,
+            "field_of_view" => camera.field_of_view = real(&value)?,
             "follows" => camera.follows = value.extract()?,
             _ => {
                 return Err(PyTypeError::new_err(format!(
@@ -61,13 +63,9 @@ fn picture<'py, T: Element + Clone + Default + Send>(
     sizes: &[usize],
     fill: impl FnOnce(&mut [T]) -> ballbot_core::Result<()> + Send,
 ) -> PyResult<Bound<'py, PyArray1<T>>> {
-    let too_large = || PyMemoryError::new_err("no memory for a picture, or as many, of this size");
-    let length = sizes.iter().try_fold(1_usize, |product, &n| product.checked_mul(n)).ok_or_else(too_large)?;
-    let pixels = py.detach(|| {
-        let mut pixels = Vec::new();
-        pixels.try_reserve_exact(length).map_err(|_| too_large())?;
-        pixels.resize(length, T::default());
-        call(|| fill(&mut pixels)).map(|()| pixels)
+    let pixels = interruptible(py, || {
+        let mut pixels = try_zeros(format_args!("a picture, or as many, of shape {sizes:?}"), sizes)?;
+        fill(&mut pixels).map(|()| pixels)
     })?;
     Ok(PyArray1::from_vec(py, pixels))
 }
@@ -79,11 +77,11 @@ impl PyRenderer {
     fn new(
         params: Option<&Bound<'_, PyAny>>,
         urdf: Option<(PathBuf, PathBuf)>,
-        width: i64,
-        height: i64,
-        samples: i64,
+        #[pyo3(from_py_with = whole)] width: i64,
+        #[pyo3(from_py_with = whole)] height: i64,
+        #[pyo3(from_py_with = whole)] samples: i64,
         camera: Option<&Bound<'_, PyDict>>,
-        num_threads: Option<i64>,
+        #[pyo3(from_py_with = optional_whole)] num_threads: Option<i64>,
     ) -> PyResult<Self> {
         let (params, scene) = match urdf {
             None => {
@@ -99,12 +97,10 @@ impl PyRenderer {
                 (params, Scene::from_urdf(&bot, &ball).map_err(to_python)?)
             }
         };
-        let [width, height, samples] = [("width", width), ("height", height), ("samples", samples)].map(|(name, n)| {
-            usize::try_from(n).map_err(|_| PyValueError::new_err(format!("{name} = {n}, it must be > 0")))
-        });
-        let (width, height, samples) = (width?, height?, samples?);
+        let (width, height) = (count("width", width, 1)?, count("height", height, 1)?);
+        let samples = count("samples", samples, 1)?;
         let camera = camera_with(Camera::following(scene.height()), camera)?;
-        let num_threads = num_threads.map(|n| usize::try_from(n).unwrap_or(0));
+        let num_threads = num_threads.map(|n| count("num_threads", n, 1)).transpose()?;
         let renderer = call(|| {
             let renderer = Renderer::new(scene, width, height, samples, camera)?;
             match num_threads {
@@ -133,7 +129,7 @@ impl PyRenderer {
             shown.extend(ends.chunks(6).map(|e| Arrow {
                 from: [e[0], e[1], e[2]].into(),
                 to: [e[3], e[4], e[5]].into(),
-                colour: srgb(0xe03131),
+                color: srgb(0xe03131),
             }));
         }
         let (width, height) = self.renderer.size();

@@ -2,6 +2,7 @@
 
 use crate::convert::{array, numbers, vector, vector_or};
 use crate::errors::{call, to_python};
+use crate::numbers::real;
 use crate::params::PyParams;
 use ballbot_core::{Contacts, Params, State, check_finite, unit_quaternion, wxyz};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
@@ -89,7 +90,7 @@ impl PyState {
     /// At rest on the floor at the origin: turned by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad).
     #[staticmethod]
     #[pyo3(signature = (params, tilt=None, yaw=0.0), text_signature = "(params, tilt=(0.0, 0.0), yaw=0.0)")]
-    fn at_rest(params: &PyParams, tilt: Argument<'_, '_>, yaw: f64) -> PyResult<Self> {
+    fn at_rest(params: &PyParams, tilt: Argument<'_, '_>, #[pyo3(from_py_with = real)] yaw: f64) -> PyResult<Self> {
         let tilt = tilt.map_or(Ok([0.0; 2]), |tilt| numbers::<2>("tilt", tilt))?;
         tilted(&params.0, tilt, yaw).map(Self)
     }
@@ -102,7 +103,7 @@ impl PyState {
         ball_velocity: &Bound<'_, PyAny>,
         body_quaternion: Argument<'_, '_>,
         body_angular_velocity: Argument<'_, '_>,
-        ball_spin: f64,
+        #[pyo3(from_py_with = real)] ball_spin: f64,
     ) -> PyResult<Self> {
         let velocity: Vector2<f64> = numbers::<2>("ball_velocity", ball_velocity)?.into();
         let attitude = quaternion("body_quaternion", body_quaternion)?;

@@ -77,9 +77,12 @@ def run(
 
     Raises:
         ValueError: a number out of range, or as `compare`.
+        TypeError: an argument of the wrong type.
     """
     if not 0.0 < seconds <= 3600.0:
         raise ValueError(f"seconds = {seconds} is out of range: it must be above 0 and at most 3600")
+    if push is not None and not isinstance(push, Push):
+        raise TypeError(f"push must be a Push, not {type(push).__name__}")
     if push is not None and not 0.0 <= push.time < seconds:
         raise ValueError(f"a push at {push.time} s is out of range: it must be from 0 to before the end, {seconds} s")
     found = find(controller, task=task, env_options=env_options)

@@ -42,7 +42,7 @@ class CommonOptions(TypedDict, total=False):
 class BalanceOptions(CommonOptions, total=False):
     """Options of the task `balance`."""
 
-    #: Where the ball should be. (m, finite)
+    #: Where the ball should be. (m, >= -10000 and <= 10000)
     setpoint: npt.ArrayLike
     #: Half angle of the cone from which the first tilt is drawn, evenly over its opening; below `fall_tilt`. (rad, >=
     #: 0)
@@ -55,11 +55,11 @@ class BalanceOptions(CommonOptions, total=False):
     reset_tilt_rate: float
     #: Tilt above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
-    #: The end of the episode over which success is judged. (s, >= 0)
+    #: The end of the episode over which success is judged. (s, >= 0 and <= 1e9)
     success_window: float
-    #: Largest tilt in that window. (rad, > 0)
+    #: Largest tilt in that window. (rad, > 0 and <= pi)
     success_tilt: float
-    #: Largest distance of the ball from the setpoint in that window. (m, > 0)
+    #: Largest distance of the ball from the setpoint in that window. (m, >= 1e-12 and <= 1e6)
     success_radius: float
 
 

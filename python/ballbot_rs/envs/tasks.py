@@ -83,16 +83,17 @@ class BalanceEnv(BallbotEnv):
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `reward`: Scales of reward terms, by name. (default see above; finite)
-    - `setpoint`: Where the ball should be. (default (0, 0) m; finite)
+    - `setpoint`: Where the ball should be. (default (0, 0) m; >= -10000 and <= 10000)
     - `reset_tilt`: Half angle of the cone from which the first tilt is drawn, evenly over its opening; below
       `fall_tilt`. (default 0.0872665 rad; >= 0)
     - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
     - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
     - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt above which the episode is terminated. (default 0.349066 rad; > 0 and <= pi)
-    - `success_window`: The end of the episode over which success is judged. (default 2 s; >= 0)
-    - `success_tilt`: Largest tilt in that window. (default 0.0174533 rad; > 0)
-    - `success_radius`: Largest distance of the ball from the setpoint in that window. (default 0.1 m; > 0)
+    - `success_window`: The end of the episode over which success is judged. (default 2 s; >= 0 and <= 1e9)
+    - `success_tilt`: Largest tilt in that window. (default 0.0174533 rad; > 0 and <= pi)
+    - `success_radius`: Largest distance of the ball from the setpoint in that window. (default 0.1 m; >= 1e-12 and <=
+      1e6)
 
     `reset(options={"state": State(...)})` starts an episode from a given state.
     """

@@ -9,9 +9,11 @@ use super::robots::Single;
 use super::task_step::TaskStep;
 use crate::actuator::{Actuator, Ideal};
 use crate::error::{Error, Result};
+use crate::interrupt::{Stop, Watch};
 use crate::lanes::EIGHT;
+use crate::memory::require_memory;
 use crate::params::Params;
-use crate::robot::{Ballbot, ModelKind};
+use crate::robot::{Ballbot, ModelKind, check_restored};
 use crate::sensor::{Exact, Sensor};
 use crate::sim::contact::ContactLanes;
 use crate::state::{Contacts, State};
@@ -19,17 +21,6 @@ use crate::task::{ACTION_LEN, Task, TaskDescription};
 use crate::thread_pool::{WorkerThreads, thread_count};
 use nalgebra::Vector3;
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// What [`Batch::reset_with`] does; each slice has one element an environment.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct ResetRequest<'a> {
-    /// Which environments to reset; all without one.
-    pub mask: Option<&'a [bool]>,
-    /// Seeds to start the random numbers from; `None` leaves them as they are.
-    pub seeds: Option<&'a [Option<u64>]>,
-    /// States to begin with; `None` draws one.
-    pub starts: Option<&'a [Option<State>]>,
-}
 
 /// Environments of one task that are stepped together, on as many threads as asked.
 ///
@@ -52,7 +43,12 @@ pub struct Batch {
     threads: usize,
     /// Worker threads.
     pub(super) helpers: WorkerThreads,
+    /// Whether a step ended before its end: some robots have moved, others have not.
+    pub(super) interrupted: bool,
 }
+
+/// Most environments of a batch.
+const MAX_ENVS: usize = 1 << 20;
 
 /// Minimum work for each worker thread, s.
 const WORK_PER_THREAD: f64 = 50e-6;
@@ -65,7 +61,9 @@ impl Batch {
     /// are environments (eights of them in the contact model), and fewer where waking one would not pay.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] for zero environments or threads; what [`EnvConfig::validate`] and [`Ballbot::new`] find.
+    /// [`Error::Inconsistent`] for zero environments or threads, or more than 2²⁰ or 256; what [`EnvConfig::validate`] and
+    /// [`Ballbot::new`] find; [`Error::Memory`] if there is not enough for the environments; [`Error::Interrupted`] in
+    /// [`crate::stoppable`].
     pub fn new<T: Task>(
         config: &EnvConfig<T>,
         num_envs: usize,
@@ -93,6 +91,9 @@ impl Batch {
         if num_envs == 0 {
             return Err(Error::Inconsistent("num_envs = 0, it must be at least 1".into()));
         }
+        if num_envs > MAX_ENVS {
+            return Err(Error::Inconsistent(format!("num_envs = {num_envs}, it must be at most {MAX_ENVS}")));
+        }
         config.validate()?;
         let threads = thread_count(num_threads)?;
         let config = Arc::new(config.clone());
@@ -105,9 +106,16 @@ impl Batch {
             config.scale_observations,
             config.control_dt,
         ));
+        require_memory(
+            format_args!("num_envs = {num_envs}"),
+            num_envs,
+            config.model.bytes() + step.sizes().numbers() * size_of::<f64>(),
+        )?;
         let params = Arc::new(config.params.clone());
         let width = if config.model == ModelKind::Contact { EIGHT } else { 1 };
+        let mut watch = Watch::new();
         let chunk = |first: usize| -> Result<Box<dyn Chunk>> {
+            watch.check()?;
             let seed = seed.wrapping_add(first as u64);
             let used = (num_envs - first).min(width);
             Ok(match config.model {
@@ -141,6 +149,7 @@ impl Batch {
             autoreset,
             threads,
             helpers: WorkerThreads::new(helpers),
+            interrupted: false,
         })
     }
 
@@ -296,10 +305,18 @@ impl Batch {
     /// its robot's parameters are part of them. What a controller keeps of the robot starts anew.
     ///
     /// # Errors
-    /// As [`Batch::state`]; [`Error::Decode`] if the bytes are not that.
+    /// As [`Batch::state`]; [`Error::Decode`] if the bytes are not that, or their numbers not finite. The environment is then
+    /// left as it was.
     pub fn load(&mut self, index: usize, bytes: &[u8]) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
-        self.chunks[chunk].load(i, bytes)
+        let chunk = &mut self.chunks[chunk];
+        let before = chunk.save(i);
+        chunk.load(i, bytes)?;
+        if let Err(error) = check_restored(&chunk.state(i), &chunk.contacts(i)) {
+            chunk.load(i, &before)?;
+            return Err(error);
+        }
+        Ok(())
     }
 
     /// The chunk of an environment, and its place there.
@@ -324,72 +341,9 @@ impl Batch {
     }
 
     /// All environments: their chunks and places.
-    fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+    pub(super) fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
         let width = self.width;
         (0..self.len).map(move |index| (index / width, index % width))
-    }
-
-    /// Seeds the environments, one number each; `None` leaves one as it is.
-    ///
-    /// # Errors
-    /// [`Error::Length`] unless there is one entry for each environment.
-    pub fn seed(&mut self, seeds: &[Option<u64>]) -> Result<()> {
-        self.expect_len("seeds", seeds.len(), self.len())?;
-        for ((chunk, i), seed) in self.places().zip(seeds) {
-            if let Some(seed) = seed {
-                self.chunks[chunk].seed(i, *seed);
-            }
-        }
-        Ok(())
-    }
-
-    /// Resets the environments whose `mask` is set (all without one) and writes the observations of all.
-    ///
-    /// # Errors
-    /// [`Error::Length`] for buffers of the wrong length.
-    pub fn reset(&mut self, mask: Option<&[bool]>, observations: &mut [f32]) -> Result<()> {
-        self.reset_with(&ResetRequest { mask, ..ResetRequest::default() }, observations)
-    }
-
-    /// Seeds environments, resets them from given states or from ones drawn at random, and writes the observations of
-    /// all. An environment that starts from a given state draws no random numbers.
-    ///
-    /// # Errors
-    /// [`Error::Length`] for anything of the wrong length, [`Error::Inconsistent`] for the start of an environment that
-    /// the mask leaves alone, and what [`crate::Ballbot::reset`] finds in a start. Nothing has changed then.
-    pub fn reset_with(&mut self, request: &ResetRequest<'_>, observations: &mut [f32]) -> Result<()> {
-        let n = self.len();
-        self.expect_len("observations", observations.len(), n * self.observation_len())?;
-        let masked = |i: usize| request.mask.is_none_or(|mask| mask[i]);
-        let start = |i: usize| request.starts.and_then(|starts| starts[i].as_ref());
-        if let Some(mask) = request.mask {
-            self.expect_len("reset mask", mask.len(), n)?;
-        }
-        if let Some(starts) = request.starts {
-            self.expect_len("starts", starts.len(), n)?;
-        }
-        for index in 0..n {
-            if let Some(start) = start(index) {
-                if !masked(index) {
-                    return Err(Error::Inconsistent(format!(
-                        "environment {index} has a start, but the mask leaves it alone"
-                    )));
-                }
-                self.chunks[index / self.width].accepts(index % self.width, start)?;
-            }
-        }
-        if let Some(seeds) = request.seeds {
-            self.seed(seeds)?;
-        }
-        let rows = observations.chunks_exact_mut(self.observation_len());
-        for (index, ((chunk, i), row)) in self.places().zip(rows).enumerate() {
-            if masked(index) {
-                self.chunks[chunk].reset(i, start(index), row)?;
-            } else {
-                self.chunks[chunk].observation(i, row);
-            }
-        }
-        Ok(())
     }
 
     /// Spreads the ends of the present episodes evenly over the length of an episode, so that environments reset
@@ -407,14 +361,16 @@ impl Batch {
     /// # Errors
     /// [`Error::Length`] for buffers of the wrong length, [`Error::OutOfRange`] for an action that is not finite,
     /// [`Error::Inconsistent`] with [`Autoreset::Disabled`] where an episode is over. Nothing has moved then.
+    /// [`Error::Interrupted`] in [`crate::stoppable`]: some environments have moved, and all must be reset.
     pub fn step(&mut self, actions: &[f32], buffers: &mut StepBuffers<'_>) -> Result<()> {
         self.check_actions(actions)?;
         self.check_buffers(buffers)?;
         self.check_running()?;
         let (autoreset, width) = (self.autoreset, self.width);
+        let stop = self.stop()?;
         if self.helpers.count() == 0 {
-            step_chunks(&mut self.chunks, width, autoreset, actions, buffers.reborrow());
-            return Ok(());
+            step_chunks(&mut self.chunks, width, autoreset, actions, buffers.reborrow(), &stop);
+            return self.finish(&stop);
         }
         let per_piece = self.chunks_per_piece();
         let shares = pieces(&mut self.chunks, per_piece, width, buffers.reborrow());
@@ -422,9 +378,29 @@ impl Batch {
         self.helpers.share(|| {
             let next = || work.lock().unwrap_or_else(PoisonError::into_inner).next();
             while let Some(((chunks, share), actions)) = next() {
-                step_chunks(chunks, width, autoreset, actions, share);
+                step_chunks(chunks, width, autoreset, actions, share, &stop);
             }
-        })
+        })?;
+        drop(work);
+        self.finish(&stop)
+    }
+
+    /// How the caller may stop a step that is about to begin.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] if it is to be stopped already; nothing has moved then.
+    pub(super) fn stop(&self) -> Result<Stop> {
+        Watch::new().check()?;
+        Ok(Stop::default())
+    }
+
+    /// Concludes a step.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] if it was stopped.
+    pub(super) fn finish(&mut self, stop: &Stop) -> Result<()> {
+        self.interrupted = stop.is_set();
+        if self.interrupted { Err(Error::Interrupted) } else { Ok(()) }
     }
 
     pub(super) fn chunks_per_piece(&self) -> usize {
@@ -455,6 +431,11 @@ impl Batch {
 
     /// Checks that every environment can be stepped.
     pub(super) fn check_running(&self) -> Result<()> {
+        if self.interrupted {
+            return Err(Error::Inconsistent(
+                "the last step was interrupted: reset all environments before they are stepped".into(),
+            ));
+        }
         if self.autoreset == Autoreset::NextStep && !self.chunks.iter().any(|chunk| chunk.begun()) {
             return Err(Error::Inconsistent("step before the first reset".into()));
         }
@@ -481,9 +462,14 @@ fn step_chunks(
     autoreset: Autoreset,
     actions: &[f32],
     buffers: StepBuffers<'_>,
+    stop: &Stop,
 ) {
+    let mut watch = Watch::new();
     let shares = pieces(chunks, 1, width, buffers);
     for ((chunk, share), actions) in shares.zip(actions.chunks(width * ACTION_LEN)) {
+        if stop.look(&mut watch) {
+            return;
+        }
         chunk[0].step(autoreset, actions, share);
     }
 }

@@ -5,6 +5,7 @@ use super::buffers::StepBuffers;
 use super::pieces::pieces;
 use crate::control::Controller;
 use crate::error::{Result, check};
+use crate::interrupt::Watch;
 use crate::setpoint::Setpoint;
 use crate::task::ACTION_LEN;
 use std::sync::{Mutex, PoisonError};
@@ -16,7 +17,7 @@ impl Batch {
     ///
     /// # Errors
     /// [`crate::Error::Length`] for slices of the wrong length; [`crate::Error::OutOfRange`] if the controller is sampled at another
-    /// rate than the batch.
+    /// rate than the batch; [`crate::Error::Interrupted`] as in [`Batch::step`].
     pub fn control(
         &mut self,
         controller: &dyn Controller,
@@ -25,8 +26,14 @@ impl Batch {
     ) -> Result<()> {
         self.check_control(controller, setpoints, actions.len())?;
         let setpoints = setpoints.unwrap_or_default();
+        let mut watch = Watch::new();
         let mut first = 0;
         for (chunk, actions) in self.chunks.iter_mut().zip(actions.chunks_mut(self.width * ACTION_LEN)) {
+            if let Err(stop) = watch.check() {
+                // What the controller keeps of some robots has advanced.
+                self.interrupted = true;
+                return Err(stop);
+            }
             let n = actions.len() / ACTION_LEN;
             chunk.control(controller, setpoints.get(first..first + n).unwrap_or_default(), actions);
             first += n;
@@ -51,9 +58,14 @@ impl Batch {
         self.check_running()?;
         let setpoints = setpoints.unwrap_or_default();
         let (autoreset, width) = (self.autoreset, self.width);
+        let stop = self.stop()?;
         let step = |chunks: &mut [Box<dyn super::chunk::Chunk>], actions: &mut [f32], first: usize, buffers| {
             let mut rest: StepBuffers<'_> = buffers;
+            let mut watch = Watch::new();
             for (k, (chunk, actions)) in chunks.iter_mut().zip(actions.chunks_mut(width * ACTION_LEN)).enumerate() {
+                if stop.look(&mut watch) {
+                    return;
+                }
                 let n = actions.len() / ACTION_LEN;
                 let from = first + k * width;
                 chunk.control(controller, setpoints.get(from..from + n).unwrap_or_default(), actions);
@@ -66,7 +78,7 @@ impl Batch {
         };
         if self.helpers.count() == 0 {
             step(&mut self.chunks, actions, 0, buffers.reborrow());
-            return Ok(());
+            return self.finish(&stop);
         }
         let per_piece = self.chunks_per_piece();
         let shares = pieces(&mut self.chunks, per_piece, width, buffers.reborrow());
@@ -77,7 +89,9 @@ impl Batch {
             while let Some((k, ((chunks, share), actions))) = next() {
                 step(chunks, actions, k * per_piece * width, share);
             }
-        })
+        })?;
+        drop(work);
+        self.finish(&stop)
     }
 
     fn check_control(&self, controller: &dyn Controller, setpoints: Option<&[Setpoint]>, actions: usize) -> Result<()> {

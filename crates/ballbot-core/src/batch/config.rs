@@ -6,6 +6,9 @@ use crate::params::Params;
 use crate::robot::{ModelKind, check_sim_dt};
 use crate::task::{Balance, RewardScales, Task, TaskDescription};
 
+/// Least torque of an action of 1, N·m.
+const LEAST_TORQUE: f64 = 1e-9;
+
 /// A robot, its model, the time steps, and a task. SI units and radians.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EnvConfig<T> {
@@ -102,6 +105,8 @@ impl<T: Task> EnvConfig<T> {
     /// [`Error::OutOfRange`] if an action exceeds the motors' limit.
     pub(super) fn validate_robot(&self, params: &Params) -> Result<()> {
         let torque = positive("max_wheel_torque", self.action_torque())?;
+        // Controllers divide by it.
+        check("max_wheel_torque", torque, format_args!("at least {LEAST_TORQUE:e} N·m"), |t| t >= LEAST_TORQUE)?;
         let motor = params.max_wheel_torque;
         check(
             "max_wheel_torque",

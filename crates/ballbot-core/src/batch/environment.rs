@@ -9,7 +9,7 @@ use super::task_step::TaskStep;
 use crate::actuator::Ideal;
 use crate::error::Result;
 use crate::params::Params;
-use crate::robot::Ballbot;
+use crate::robot::{Ballbot, check_restored};
 use crate::sensor::Exact;
 use crate::state::State;
 use crate::task::{ACTION_LEN, Balance, Task, TaskDescription};
@@ -144,8 +144,14 @@ impl<T: Task> Environment<T> {
     /// configuration.
     ///
     /// # Errors
-    /// [`crate::Error::Decode`] if the bytes are not that.
+    /// As [`super::Batch::load`].
     pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        self.inner.load(0, bytes)
+        let before = self.inner.save(0);
+        self.inner.load(0, bytes)?;
+        if let Err(error) = check_restored(&self.inner.state(0), &self.inner.contacts(0)) {
+            self.inner.load(0, &before)?;
+            return Err(error);
+        }
+        Ok(())
     }
 }

@@ -37,6 +37,9 @@ pub struct Ledger<C> {
     pub terms: Vec<C>,
 }
 
+/// Largest magnitude of a saved number; f32 holds it.
+const MAX_NUMBER: f64 = 1e30;
+
 /// How many numbers the parts of a [`Ledger`] have.
 #[derive(Clone, Copy, Debug)]
 pub struct Sizes {
@@ -45,6 +48,13 @@ pub struct Sizes {
     pub sensor: usize,
     pub observation: usize,
     pub terms: usize,
+}
+
+impl Sizes {
+    /// About how many numbers a ledger has, with the rows that a step writes and what is kept of the last episode.
+    pub fn numbers(&self) -> usize {
+        self.task + self.actuator + 2 * self.sensor + 3 * self.observation + self.terms
+    }
 }
 
 impl<C: Cell> Ledger<C> {
@@ -71,9 +81,13 @@ impl<C: Cell> Ledger<C> {
         [task, actuator, sensor, last_sensor, observation, terms]
     }
 
-    /// Whether two ledgers have the same sizes.
-    pub fn fits<D: Cell>(&self, other: &Ledger<D>) -> bool {
-        self.parts().map(<[C]>::len) == other.parts().map(<[D]>::len)
+    /// Whether a saved ledger may take the place of this one: the same sizes, and numbers that can be.
+    pub fn fits(&self, saved: &Ledger<f64>) -> bool {
+        let Episode { steps, limit, last_action, reward, .. } = saved.episode;
+        let mut numbers = saved.parts().into_iter().flatten().chain(&last_action).chain([&steps, &limit, &reward]);
+        // All of them are shown, or squared, as they are.
+        numbers.all(|number| number.abs() <= MAX_NUMBER)
+            && self.parts().map(<[C]>::len) == saved.parts().map(<[f64]>::len)
     }
 }
 

@@ -14,12 +14,14 @@ mod environment;
 mod kinds;
 mod ledger;
 mod pieces;
+mod resetting;
 mod robots;
 mod task_step;
 
 pub use autoreset::Autoreset;
-pub use batch::{Batch, ResetRequest};
+pub use batch::Batch;
 pub use buffers::{Outcome, StepBuffers};
 pub use config::{BalanceConfig, EnvConfig};
 pub use environment::Environment;
 pub use kinds::{TaskConfig, TaskKind, register_task, task_kind, task_kinds};
+pub use resetting::ResetRequest;

@@ -1,8 +1,11 @@
 //! A discrete linear-quadratic regulator of position, tilt and heading, for any robot.
 
 use super::riccati::{self, Regulator};
-use super::{LaneSetpoint, Law, Sampling, Setpoint, SetpointCells, check_max_torque, default_max_torque, saturate};
-use crate::error::{Error, Result, finite, positive};
+use super::{
+    LaneSetpoint, Law, Sampling, Setpoint, SetpointCells, check_control_dt, check_max_torque, default_max_torque,
+    saturate,
+};
+use crate::error::{Error, Result, check};
 use crate::fields::{Fields, Limit};
 use crate::lane_state::{LaneState, StateCells};
 use crate::lanes::{Heading, Lane, Memory, Scalar, wrapped_angle};
@@ -10,26 +13,26 @@ use crate::models::LinearModel;
 use crate::models::linear::{INPUTS, STATES};
 use crate::params::Params;
 use crate::state::State;
-use nalgebra::{DMatrix, SVector};
+use nalgebra::{DMatrix, SVector, SymmetricEigen};
 
 crate::fields! {
     /// Deviations of equal cost (Bryson's rule): each state and input is weighted by one over its square.
     #[derive(Copy)]
     pub struct LqrWeights {
         /// Deviation of the ball position.
-        pub position: f64 = 0.15, "m", Limit::POSITIVE;
+        pub position: f64 = 0.15, "m", Limit::from(1e-6).to(1e6);
         /// Deviation of the ball velocity.
-        pub velocity: f64 = 0.4, "m/s", Limit::POSITIVE;
+        pub velocity: f64 = 0.4, "m/s", Limit::from(1e-6).to(1e6);
         /// Tilt.
-        pub tilt: f64 = 0.1, "rad", Limit::POSITIVE;
+        pub tilt: f64 = 0.1, "rad", Limit::from(1e-6).to(1e6);
         /// Tilt rate.
-        pub tilt_rate: f64 = 1.0, "rad/s", Limit::POSITIVE;
+        pub tilt_rate: f64 = 1.0, "rad/s", Limit::from(1e-6).to(1e6);
         /// Deviation of the heading.
-        pub yaw: f64 = 0.5, "rad", Limit::POSITIVE;
+        pub yaw: f64 = 0.5, "rad", Limit::from(1e-6).to(1e6);
         /// Rate of the heading.
-        pub yaw_rate: f64 = 2.0, "rad/s", Limit::POSITIVE;
+        pub yaw_rate: f64 = 2.0, "rad/s", Limit::from(1e-6).to(1e6);
         /// Wheel torque.
-        pub torque: f64 = 0.2, "N·m", Limit::POSITIVE;
+        pub torque: f64 = 0.2, "N·m", Limit::from(1e-6).to(1e6);
     }
 }
 
@@ -88,7 +91,7 @@ impl Lqr {
         max_torque: f64,
     ) -> Result<Self> {
         params.validate()?;
-        positive("control_dt", control_dt)?;
+        check_control_dt(control_dt)?;
         check_max_torque(max_torque, params.max_wheel_torque)?;
         check_cost("Q", q, STATES)?;
         check_cost("R", r, INPUTS)?;
@@ -113,20 +116,36 @@ impl Lqr {
     }
 }
 
+/// Largest element of a cost matrix.
+const MAX_COST: f64 = 1e15;
+
+/// Most steps of the search for the eigenvalues of a cost matrix; about two an eigenvalue are needed.
+const MAX_EIGENVALUE_STEPS: usize = 1000;
+
 /// Checks the size and symmetry of a cost matrix, and that it is positive semidefinite.
 fn check_cost(name: &str, matrix: &DMatrix<f64>, size: usize) -> Result<()> {
     if matrix.shape() != (size, size) {
         return Err(Error::Inconsistent(format!("{name} has shape {:?}, expected ({size}, {size})", matrix.shape())));
     }
-    finite(name, matrix.as_slice())?;
+    for (i, j) in (0..size).flat_map(|i| (0..size).map(move |j| (i, j))) {
+        let limit = format_args!("within ±{MAX_COST:e}");
+        check(format_args!("{name}[{i}, {j}]"), matrix[(i, j)], limit, |cost| cost.abs() <= MAX_COST)?;
+    }
     let asymmetry = (matrix - matrix.transpose()).amax();
     if asymmetry > 1e-12 * matrix.amax() {
         return Err(Error::Inconsistent(format!(
             "{name} is not symmetric: it differs from its transpose by {asymmetry}"
         )));
     }
-    let smallest = matrix.symmetric_eigenvalues().min();
-    if smallest < -1e-12 * matrix.amax() {
+    let largest = matrix.amax();
+    if largest == 0.0 {
+        return Ok(());
+    }
+    let eigenvalues = SymmetricEigen::try_new(matrix / largest, f64::EPSILON, MAX_EIGENVALUE_STEPS)
+        .ok_or_else(|| Error::Inconsistent(format!("the eigenvalues of {name} were not found")))?
+        .eigenvalues;
+    let smallest = eigenvalues.min() * largest;
+    if smallest < -1e-12 * largest {
         return Err(Error::Inconsistent(format!(
             "{name} is not positive semidefinite: it has the eigenvalue {smallest}"
         )));

@@ -236,6 +236,18 @@ fn within<L: Lane>(torque: L, bound: L) -> L {
     L::select(bound.lt(torque.abs()), torque.min(bound).max(-bound), torque)
 }
 
+/// Longest time between two calls of a controller, s.
+const MAX_CONTROL_DT: f64 = 1e3;
+
+/// A time between two calls of a controller, if it is above 0 and at most 1000 s.
+///
+/// # Errors
+/// [`crate::Error::OutOfRange`] otherwise.
+pub fn check_control_dt(control_dt: f64) -> Result<f64> {
+    let limit = format_args!("> 0 and <= {MAX_CONTROL_DT} s");
+    check("control_dt", control_dt, limit, |dt| dt > 0.0 && dt <= MAX_CONTROL_DT)
+}
+
 /// A limit of wheel torques, if it is positive and within the motors'.
 ///
 /// # Errors

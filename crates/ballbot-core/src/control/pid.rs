@@ -1,7 +1,7 @@
 //! The paper's controller (section III-A): a PID with filtered derivative on each tilt component.
 
-use super::{LaneSetpoint, Law, Sampling, check_max_torque, default_max_torque, saturate};
-use crate::error::{Result, positive};
+use super::{LaneSetpoint, Law, Sampling, check_control_dt, check_max_torque, default_max_torque, saturate};
+use crate::error::Result;
 use crate::fields::{Fields, Limit};
 use crate::kinematics::{Omniwheels, TorqueMap};
 use crate::lane_state::LaneState;
@@ -15,13 +15,13 @@ crate::fields! {
     #[derive(Copy)]
     pub struct PidGains {
         /// k_p.
-        pub proportional: f64 = 20.39, "N·m/rad", Limit::NOT_NEGATIVE;
+        pub proportional: f64 = 20.39, "N·m/rad", Limit::from(0.0).to(1e9);
         /// k_i.
-        pub integral: f64 = 56.57, "N·m/(rad·s)", Limit::NOT_NEGATIVE;
+        pub integral: f64 = 56.57, "N·m/(rad·s)", Limit::from(0.0).to(1e9);
         /// k_d.
-        pub derivative: f64 = 1.34, "N·m·s/rad", Limit::NOT_NEGATIVE;
+        pub derivative: f64 = 1.34, "N·m·s/rad", Limit::from(0.0).to(1e9);
         /// N, the bandwidth of the derivative filter.
-        pub filter_coefficient: f64 = 327.0, "rad/s", Limit::POSITIVE;
+        pub filter_coefficient: f64 = 327.0, "rad/s", Limit::above(0.0).to(1e9);
     }
 }
 
@@ -56,7 +56,7 @@ impl Pid {
     /// [`crate::Error::OutOfRange`] for gains that are negative or not finite, or a `control_dt` that is not positive.
     pub fn new(params: &Params, control_dt: f64, gains: &PidGains, map: TorqueMap) -> Result<Self> {
         params.validate()?;
-        positive("control_dt", control_dt)?;
+        check_control_dt(control_dt)?;
         gains.check_limits()?;
         let wheels = Omniwheels::new(params);
         let column = |axis: Vector3<f64>| wheels.wheel_torques(&axis, map);

@@ -80,12 +80,18 @@ fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Conta
     }
 }
 
-/// Refuses a state that slips or is off the floor; the error names the first wrong quantity.
+/// Refuses a state that slips or is off the floor; the error names the first wrong quantity. The wheels turn as they do
+/// in space.
 fn require_rolling(params: &Params, wheels: &Omniwheels, state: &State) -> Result<()> {
+    let in_space =
+        wheels.wheel_speeds(&state.body_quaternion, &state.ball_angular_velocity, &state.body_angular_velocity);
+    require_rolling_with(params, state, &in_space)
+}
+
+/// [`require_rolling`] with wheels that turn at `wheel_speeds`.
+fn require_rolling_with(params: &Params, state: &State, wheel_speeds: &Vector3<f64>) -> Result<()> {
     state.validate()?;
     let rolling = rolling_rate(params, &state.ball_velocity);
-    let wheel_speeds =
-        wheels.wheel_speeds(&state.body_quaternion, &state.ball_angular_velocity, &state.body_angular_velocity);
     let (ball, body) = (&state.ball_velocity, &state.body_velocity);
     let required = [
         ("ball_position", 2, state.ball_position.z, params.ball_radius),

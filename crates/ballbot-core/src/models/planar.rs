@@ -116,7 +116,8 @@ impl PlanarModel {
     /// Matrices of ẋ = A x + B τ with x = (position, tilt, their rates) about rest upright.
     pub fn linearize(&self) -> (Matrix4<f64>, Vector4<f64>) {
         let p = &self.params;
-        let inverse = self.mass_matrix(0.0).try_inverse().expect("a mass matrix is positive definite");
+        let mass = self.mass_matrix(0.0);
+        let inverse = Matrix2::new(mass[(1, 1)], -mass[(0, 1)], -mass[(1, 0)], mass[(0, 0)]) / mass.determinant();
         let stiffness = Matrix2::new(0.0, 0.0, 0.0, p.body_mass * p.gravity * p.body_com_height);
         let damping = Matrix2::new(p.ball_viscous_friction, 0.0, 0.0, 0.0);
         let mut a = Matrix4::zeros();

@@ -2,7 +2,10 @@
 
 use super::planar::Plane;
 use super::rk4::rk4;
-use super::{Motion, PlanarModel, Saved, WheelInertia, contact_loads, require_rolling, shaft_torques, sound};
+use super::{
+    Motion, PlanarModel, Saved, WheelInertia, contact_loads, require_rolling, require_rolling_with, shaft_torques,
+    sound,
+};
 use crate::error::Result;
 use crate::kinematics::Omniwheels;
 use crate::model::{Model, same_geometry};
@@ -170,8 +173,12 @@ impl Model for PlanarMotion {
         self.healthy
     }
 
+    /// A state that rolls in space or, as the states of this model do, in the planes: at a tilt the two differ in the
+    /// wheels' speeds, of which motion in the planes has no need.
     fn accepts(&self, state: &State) -> Result<()> {
-        require_rolling(&self.params, &self.wheels, state)
+        let in_planes = self.wheel_speeds(&coordinates_of(state));
+        require_rolling_with(&self.params, state, &in_planes)
+            .or_else(|_| require_rolling(&self.params, &self.wheels, state))
     }
 
     fn state(&self) -> State {

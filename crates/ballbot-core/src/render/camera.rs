@@ -1,8 +1,11 @@
 //! The camera: position, direction and field of view.
 
-use crate::error::{Result, check, finite};
+use crate::error::{Result, check};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
+
+/// Largest coordinate of a target, m.
+const MAX_COORDINATE: f64 = 1e6;
 
 /// A pinhole camera. The z axis of the inertial frame is up in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,9 +44,12 @@ impl Camera {
     /// # Errors
     /// [`crate::Error::OutOfRange`] naming the number and its limit.
     pub fn validate(&self) -> Result<()> {
-        finite("camera target", self.target.as_slice())?;
+        for (i, &coordinate) in self.target.iter().enumerate() {
+            let limit = format_args!("within ±{MAX_COORDINATE} m");
+            check(format_args!("camera target[{i}]"), coordinate, limit, |c| c.abs() <= MAX_COORDINATE)?;
+        }
         check("camera distance", self.distance, "between 0.01 and 1000 m", |d| (0.01..=1e3).contains(&d))?;
-        check("camera azimuth", self.azimuth, "finite", f64::is_finite)?;
+        check("camera azimuth", self.azimuth, "within ±1000 rad", |a| a.abs() <= 1e3)?;
         check("camera elevation", self.elevation, "between -1.57 and 1.57 rad", |e| e.abs() <= 1.57)?;
         check("camera field of view", self.field_of_view, "between 0.01 and 3 rad", |f| (0.01..=3.0).contains(&f))?;
         let height = self.target.z + self.distance * self.elevation.sin();

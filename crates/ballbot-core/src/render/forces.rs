@@ -21,14 +21,14 @@ pub fn force_arrows(params: &Params, state: &State, contacts: &Contacts) -> Vec<
         // Load arrows end at the outside of the wheel, which would hide them otherwise.
         let top = contact + out(p) * (2.0 * params.wheel_radius);
         let load = out(p) * (contacts.wheel_normal_forces[i] * SCALE);
-        arrows.push(Arrow { from: top + load, to: top, colour: srgb(0x1971c2) });
+        arrows.push(Arrow { from: top + load, to: top, color: srgb(0x1971c2) });
         let traction = out(d) * (contacts.wheel_tractions[i] * SCALE);
-        arrows.push(Arrow { from: contact, to: contact + traction, colour: srgb(0x2f9e44) });
+        arrows.push(Arrow { from: contact, to: contact + traction, color: srgb(0x2f9e44) });
     }
     let lowest = state.ball_position - Vector3::z() * params.ball_radius;
     // The vertical part would be inside the ball.
     let force = contacts.floor_force.xy().push(0.0) * SCALE;
     let above = Vector3::z() * (0.02 * params.ball_radius);
-    arrows.push(Arrow { from: lowest + above, to: lowest + above + force, colour: srgb(0xe03131) });
+    arrows.push(Arrow { from: lowest + above, to: lowest + above + force, color: srgb(0xe03131) });
     arrows
 }

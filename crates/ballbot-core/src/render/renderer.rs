@@ -6,6 +6,7 @@ use super::scene::{Label, Link, Part, Placed, Scene};
 use super::shading::Light;
 use super::shape::Shape;
 use crate::error::{Error, Result, check, finite};
+use crate::interrupt::{Stop, Watch};
 use crate::state::State;
 use crate::thread_pool::{self, WorkerThreads, thread_count};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -26,7 +27,7 @@ pub struct Arrow {
     /// Tip, m.
     pub to: Vector3<f64>,
     /// Linear color.
-    pub colour: Color,
+    pub color: Color,
 }
 
 /// Output slices of [`Renderer::render`], row by row from the top: `height` × `width` × channels.
@@ -101,7 +102,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::Length`] for a slice of the wrong length, [`Error::OutOfRange`] for a state or an arrow that is
-    /// not finite.
+    /// not finite, [`Error::Interrupted`] in [`crate::stoppable`].
     pub fn render(&self, state: &State, arrows: &[Arrow], picture: Picture<'_>) -> Result<()> {
         state.validate()?;
         let mut arrow_parts = Vec::with_capacity(2 * arrows.len());
@@ -129,10 +130,13 @@ impl Renderer {
         let depth = split(picture.depth, band, bands);
         let labels = split(picture.labels, band, bands);
         let bands = Mutex::new(rgb.into_iter().zip(depth).zip(labels).enumerate());
+        Watch::new().check()?;
+        let stop = Stop::default();
         let work = || {
+            let mut watch = Watch::new();
             let next = || bands.lock().unwrap_or_else(PoisonError::into_inner).next();
             while let Some((i, ((rgb, depth), labels))) = next() {
-                frame.band(i * TILE, rgb, depth, labels);
+                frame.band(i * TILE, rgb, depth, labels, || stop.look(&mut watch));
             }
         };
         let helpers = self.helpers.lock().unwrap_or_else(PoisonError::into_inner).pool()?;
@@ -140,7 +144,7 @@ impl Renderer {
             None => work(),
             Some(pool) => thread_pool::share(&pool, work),
         }
-        Ok(())
+        if stop.is_set() { Err(Error::Interrupted) } else { Ok(()) }
     }
 }
 
@@ -154,7 +158,7 @@ fn split<T>(slice: Option<&mut [T]>, chunk: usize, chunks: usize) -> Vec<Option<
 
 impl Arrow {
     fn parts(&self, parts: &mut Vec<Part>) -> Result<()> {
-        finite("arrow", self.colour.as_slice())?;
+        finite("arrow", self.color.as_slice())?;
         for value in self.from.iter().chain(&self.to) {
             check("arrow", *value, format_args!("within ±{MAX_ARROW_COORDINATE} m"), |v| {
                 v.abs() <= MAX_ARROW_COORDINATE
@@ -170,7 +174,7 @@ impl Arrow {
         let head = (0.35 * length).min(0.05);
         let mut part = |from: f64, to: f64, shape: Shape| {
             let position = self.from + along * (0.5 * (from + to) / length);
-            parts.push(Part { link: Link::Inertial, position, attitude, shape, paint: Paint::Plain(self.colour) });
+            parts.push(Part { link: Link::Inertial, position, attitude, shape, paint: Paint::Plain(self.color) });
         };
         part(0.0, length - head, Shape::Cylinder { radius: 0.2 * head, half_length: 0.5 * (length - head) });
         part(length - head, length, Shape::Cone { radius: 0.5 * head, half_length: 0.5 * head });
@@ -198,18 +202,22 @@ struct PixelSample {
 }
 
 impl Frame<'_> {
-    /// Renders the tiles whose upper row is `top`.
+    /// Renders the tiles whose upper row is `top`, until it is stopped.
     fn band(
         &self,
         top: usize,
         mut rgb: Option<&mut [u8]>,
         mut depth: Option<&mut [f32]>,
         mut labels: Option<&mut [u8]>,
+        mut stopped: impl FnMut() -> bool,
     ) {
         let (width, height) = self.renderer.size();
         let rows = TILE.min(height - top);
         let mut near = Vec::with_capacity(self.parts.len());
         for left in (0..width).step_by(TILE) {
+            if stopped() {
+                return;
+            }
             let columns = TILE.min(width - left);
             self.parts_in_tile(left, top, columns, rows, &mut near);
             for row in 0..rows {

@@ -18,7 +18,7 @@ crate::fields! {
     /// Options of the balance task. SI units and radians.
     pub struct Balance {
         /// Where the ball should be.
-        pub setpoint: [f64; 2] = [0.0; 2], "m", Limit::FINITE;
+        pub setpoint: [f64; 2] = [0.0; 2], "m", Limit::from(-1e4).to(1e4);
         /// Half angle of the cone from which the first tilt is drawn, evenly over its opening; below `fall_tilt`.
         pub reset_tilt: f64 = 5.0_f64.to_radians(), "rad", Limit::NOT_NEGATIVE;
         /// The first yaw is drawn evenly within ± this.
@@ -30,11 +30,11 @@ crate::fields! {
         /// Tilt above which the episode is terminated.
         pub fall_tilt: f64 = 20.0_f64.to_radians(), "rad", Limit::above(0.0).to(PI);
         /// The end of the episode over which success is judged.
-        pub success_window: f64 = 2.0, "s", Limit::NOT_NEGATIVE;
+        pub success_window: f64 = 2.0, "s", Limit::from(0.0).to(1e9);
         /// Largest tilt in that window.
-        pub success_tilt: f64 = 1.0_f64.to_radians(), "rad", Limit::POSITIVE;
+        pub success_tilt: f64 = 1.0_f64.to_radians(), "rad", Limit::above(0.0).to(PI);
         /// Largest distance of the ball from the setpoint in that window.
-        pub success_radius: f64 = 0.1, "m", Limit::POSITIVE;
+        pub success_radius: f64 = 0.1, "m", Limit::from(1e-12).to(1e6);
     }
 }
 

@@ -36,7 +36,7 @@ impl Ball {
         let off_center = (body.center - center).norm();
         if !(..=TOLERANCE).contains(&off_center) {
             return Err(format!(
-                "the centre of mass of '{name}' is {off_center:.3e} m off the centre of its sphere: \
+                "the center of mass of '{name}' is {off_center:.3e} m off the center of its sphere: \
                  at most {TOLERANCE:e} m"
             ));
         }

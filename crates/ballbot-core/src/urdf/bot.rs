@@ -121,7 +121,7 @@ fn com_height(center: &Point3<f64>, ball_height: f64) -> Checked<f64> {
         return Ok(height);
     }
     Err(format!(
-        "the bot's centre of mass is {off_mast:.3e} m off the mast (x = {:.3e}, y = {:.3e}): \
+        "the bot's center of mass is {off_mast:.3e} m off the mast (x = {:.3e}, y = {:.3e}): \
          at most {TOLERANCE:e} of its height over the ball center, {height} m",
         center.x, center.y
     ))

@@ -35,7 +35,7 @@ impl Placement {
             let uneven = off_mast - mean_off_mast;
             if !(-TOLERANCE..=TOLERANCE).contains(&gap) || !(-TOLERANCE..=TOLERANCE).contains(&uneven) {
                 return Err(format!(
-                    "the wheels do not all touch one ball centred on the mast: {} is {off_mast} m off the mast, the \
+                    "the wheels do not all touch one ball centered on the mast: {} is {off_mast} m off the mast, the \
                      mean is {mean_off_mast} m, and {gap:.3e} m off the ball that fits best: \
                      at most {TOLERANCE:e} m each",
                     wheel.what
@@ -73,7 +73,7 @@ fn check_axle(wheel: &Wheel, zenith: f64, azimuth: f64) -> Checked<()> {
         format!("{what}: its axis points the wrong way, {expected}: flip the sign of <axis>")
     } else if along_contact.abs() > TOLERANCE {
         format!(
-            "{what}: its axle is not perpendicular to the line from the ball centre to the contact: their cosine is \
+            "{what}: its axle is not perpendicular to the line from the ball center to the contact: their cosine is \
              {along_contact:.3e}, at most {TOLERANCE:e}; {expected}"
         )
     } else {

@@ -1,0 +1,92 @@
+//! Episodes of a batch begin.
+
+use super::batch::Batch;
+use crate::error::{Error, Result};
+use crate::interrupt::Watch;
+use crate::state::State;
+
+/// What [`Batch::reset_with`] does; each slice has one element an environment.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ResetRequest<'a> {
+    /// Which environments to reset; all without one.
+    pub mask: Option<&'a [bool]>,
+    /// Seeds to start the random numbers from; `None` leaves them as they are.
+    pub seeds: Option<&'a [Option<u64>]>,
+    /// States to begin with; `None` draws one.
+    pub starts: Option<&'a [Option<State>]>,
+}
+
+impl Batch {
+    /// Seeds the environments, one number each; `None` leaves one as it is.
+    ///
+    /// # Errors
+    /// [`Error::Length`] unless there is one entry for each environment.
+    pub fn seed(&mut self, seeds: &[Option<u64>]) -> Result<()> {
+        self.expect_len("seeds", seeds.len(), self.len())?;
+        for ((chunk, i), seed) in self.places().zip(seeds) {
+            if let Some(seed) = seed {
+                self.chunks[chunk].seed(i, *seed);
+            }
+        }
+        Ok(())
+    }
+
+    /// Resets the environments whose `mask` is set (all without one) and writes the observations of all.
+    ///
+    /// # Errors
+    /// [`Error::Length`] for buffers of the wrong length.
+    pub fn reset(&mut self, mask: Option<&[bool]>, observations: &mut [f32]) -> Result<()> {
+        self.reset_with(&ResetRequest { mask, ..ResetRequest::default() }, observations)
+    }
+
+    /// Seeds environments, resets them from given states or from ones drawn at random, and writes the observations of
+    /// all. An environment that starts from a given state draws no random numbers.
+    ///
+    /// # Errors
+    /// [`Error::Length`] for anything of the wrong length, [`Error::Inconsistent`] for the start of an environment that
+    /// the mask leaves alone, and what [`crate::Ballbot::reset`] finds in a start. Nothing has changed then.
+    /// [`Error::Interrupted`] in [`crate::stoppable`]; all environments must be reset then.
+    pub fn reset_with(&mut self, request: &ResetRequest<'_>, observations: &mut [f32]) -> Result<()> {
+        let n = self.len();
+        self.expect_len("observations", observations.len(), n * self.observation_len())?;
+        let masked = |i: usize| request.mask.is_none_or(|mask| mask[i]);
+        let start = |i: usize| request.starts.and_then(|starts| starts[i].as_ref());
+        if let Some(mask) = request.mask {
+            self.expect_len("reset mask", mask.len(), n)?;
+        }
+        if let Some(starts) = request.starts {
+            self.expect_len("starts", starts.len(), n)?;
+        }
+        let mut watch = Watch::new();
+        for index in 0..n {
+            watch.check()?;
+            if let Some(start) = start(index) {
+                if !masked(index) {
+                    return Err(Error::Inconsistent(format!(
+                        "environment {index} has a start, but the mask leaves it alone"
+                    )));
+                }
+                self.chunks[index / self.width].accepts(index % self.width, start)?;
+            }
+        }
+        if let Some(seeds) = request.seeds {
+            self.seed(seeds)?;
+        }
+        let rows = observations.chunks_exact_mut(self.observation_len());
+        for (index, ((chunk, i), row)) in self.places().zip(rows).enumerate() {
+            if let Err(stop) = watch.check() {
+                self.interrupted = true;
+                return Err(stop);
+            }
+            if masked(index) {
+                self.chunks[chunk].reset(i, start(index), row)?;
+            } else {
+                self.chunks[chunk].observation(i, row);
+            }
+        }
+        if (0..n).all(masked) {
+            self.interrupted = false;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,119 @@
+//! Work that its caller may stop.
+
+use crate::error::{Error, Result};
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Least time between two questions to the caller.
+const INTERVAL: Duration = Duration::from_millis(50);
+
+/// About how long is worked between two looks at the clock.
+const WORK_PER_LOOK: Duration = Duration::from_millis(5);
+
+/// A caller that wants to be asked, and when it was last.
+struct Caller {
+    stop: Rc<dyn Fn() -> bool>,
+    asked: Instant,
+}
+
+thread_local! {
+    static CALLER: RefCell<Option<Caller>> = const { RefCell::new(None) };
+}
+
+/// Runs `work`. Where it takes long, `stop` is asked on this thread, about every 50 ms, whether to end it; the work then
+/// returns [`Error::Interrupted`].
+pub fn stoppable<T>(stop: impl Fn() -> bool + 'static, work: impl FnOnce() -> T) -> T {
+    struct Restore(Option<Caller>);
+    impl Drop for Restore {
+        fn drop(&mut self) {
+            CALLER.set(self.0.take());
+        }
+    }
+    let _restore = Restore(CALLER.replace(Some(Caller { stop: Rc::new(stop), asked: Instant::now() })));
+    work()
+}
+
+/// Asks the caller, if it wants to be asked and the time has come.
+fn stopped(now: Instant) -> bool {
+    let stop = CALLER.with_borrow_mut(|caller| {
+        let caller = caller.as_mut()?;
+        if now.duration_since(caller.asked) < INTERVAL {
+            return None;
+        }
+        caller.asked = now;
+        Some(Rc::clone(&caller.stop))
+    });
+    // Not while the caller is borrowed: what it does may come back here.
+    stop.is_some_and(|stop| stop())
+}
+
+/// Looks now and then whether the caller wants its work stopped.
+pub(crate) struct Watch {
+    /// The last look at the clock; None if nobody wants to stop the work.
+    looked: Option<Instant>,
+    /// Calls of [`Watch::check`] between two looks at the clock; it follows how long they take.
+    every: u64,
+    left: u64,
+}
+
+impl Watch {
+    pub(crate) fn new() -> Self {
+        let watched = CALLER.with_borrow(Option::is_some);
+        Self { looked: watched.then(Instant::now), every: 0, left: 0 }
+    }
+
+    /// # Errors
+    /// [`Error::Interrupted`] if the caller wants its work stopped.
+    #[inline]
+    pub(crate) fn check(&mut self) -> Result<()> {
+        if self.left > 0 {
+            self.left -= 1;
+            return Ok(());
+        }
+        self.look()
+    }
+
+    fn look(&mut self) -> Result<()> {
+        let Some(looked) = &mut self.looked else {
+            self.left = u64::MAX;
+            return Ok(());
+        };
+        let now = Instant::now();
+        let worked = now.duration_since(*looked);
+        *looked = now;
+        if worked < WORK_PER_LOOK / 2 {
+            self.every = 2 * self.every + 1;
+        } else if worked > WORK_PER_LOOK * 2 {
+            self.every /= 4;
+        }
+        self.left = self.every;
+        if stopped(now) { Err(Error::Interrupted) } else { Ok(()) }
+    }
+}
+
+/// Stops work on several threads: the calling thread looks, all threads end.
+#[derive(Default)]
+pub(crate) struct Stop {
+    set: AtomicBool,
+}
+
+impl Stop {
+    /// Whether this thread's work is to end.
+    #[inline]
+    pub(crate) fn look(&self, watch: &mut Watch) -> bool {
+        if watch.check().is_err() {
+            self.set.store(true, Ordering::Relaxed);
+        }
+        self.is_set()
+    }
+
+    /// Whether the work was stopped.
+    pub(crate) fn is_set(&self) -> bool {
+        self.set.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests;

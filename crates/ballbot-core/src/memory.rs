@@ -1,0 +1,71 @@
+//! Memory is asked for before it is used: an allocation that fails ends the process.
+
+use crate::error::{Error, Result};
+use std::fmt;
+
+/// A number of bytes, in words.
+struct Bytes(u64);
+
+impl fmt::Display for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            small if small < 1_000_000 => write!(f, "{small} bytes"),
+            medium if medium < 1_000_000_000 => write!(f, "{:.0} MB", medium as f64 / 1e6),
+            large => write!(f, "{:.1} GB", large as f64 / 1e9),
+        }
+    }
+}
+
+/// Need below which nobody is asked.
+const SMALL: u64 = 16 << 20;
+
+/// Checks that `items` of `bytes` each can be had; `what` they are for is the start of the message.
+///
+/// # Errors
+/// [`Error::Memory`] with the need and the limit.
+pub fn require_memory(what: impl fmt::Display, items: usize, bytes: usize) -> Result<()> {
+    let need = (items as u64).saturating_mul(bytes as u64);
+    if need < SMALL {
+        return Ok(());
+    }
+    let refuse =
+        |limit: String| Err(Error::Memory { what: what.to_string(), need: format!("about {}", Bytes(need)), limit });
+    if let Some(free) = available()
+        && need > free
+    {
+        return refuse(format!("{} are available", Bytes(free)));
+    }
+    // What the system would refuse, as by a limit of the process.
+    let reserved = usize::try_from(need).map(|need| Vec::<u8>::new().try_reserve_exact(need));
+    if !matches!(reserved, Ok(Ok(()))) {
+        return refuse("the system does not give that much to this process".to_owned());
+    }
+    Ok(())
+}
+
+/// Zeros, if there is memory for them.
+///
+/// # Errors
+/// As [`require_memory`].
+pub fn try_zeros<T: Clone + Default>(what: impl fmt::Display, shape: &[usize]) -> Result<Vec<T>> {
+    let len = shape.iter().fold(1_usize, |len, &n| len.saturating_mul(n));
+    require_memory(what, len, size_of::<T>())?;
+    Ok(vec![T::default(); len])
+}
+
+/// Memory that can be had without swapping, if the system says: the least of the machine's and the container's.
+fn available() -> Option<u64> {
+    let read = |path: &str| std::fs::read_to_string(path).ok();
+    let machine = read("/proc/meminfo").and_then(|text| {
+        let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+        line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
+    });
+    let number = |path: &str| read(path)?.trim().parse::<u64>().ok();
+    let container = number("/sys/fs/cgroup/memory.max")
+        .zip(number("/sys/fs/cgroup/memory.current"))
+        .map(|(limit, used)| limit.saturating_sub(used));
+    machine.into_iter().chain(container).min()
+}
+
+#[cfg(test)]
+mod tests;

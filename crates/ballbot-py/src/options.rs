@@ -1,0 +1,69 @@
+//! Options of a task and of its environments, from and to Python.
+
+use crate::errors::to_python;
+use crate::numbers::one_or_more;
+use crate::params::or_paper;
+use ballbot_core::batch::TaskConfig;
+use ballbot_core::task::TaskDescription;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Sets the option of `config` that a keyword argument names.
+pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+    let wrong = |what: &str| {
+        let found = value.get_type().name().map_or_else(|_| "this".to_owned(), |n| n.to_string());
+        PyTypeError::new_err(format!("{name} must be {what}, not {found}"))
+    };
+    match name {
+        // `params=None` is rejected: omit the option to get the default robot.
+        "params" => config.set_params(or_paper(Some(value))?),
+        "model" => {
+            let model: String = value.extract().map_err(|_| wrong("the name of a model"))?;
+            config.set_model(model.parse().map_err(to_python)?);
+        }
+        "reward" => {
+            let scales = value.cast::<PyDict>().map_err(|_| wrong("a dict of scales by reward term"))?;
+            for (term, scale) in scales {
+                let term: String = term.extract()?;
+                let scale =
+                    scale.extract().map_err(|_| PyTypeError::new_err(format!("reward.{term} must be a number")))?;
+                config.set_reward(&term, scale).map_err(to_python)?;
+            }
+        }
+        "max_wheel_torque" if value.is_none() => (),
+        _ if config.get(name).is_none() => {
+            return Err(PyTypeError::new_err(format!("Batch got an unexpected keyword argument '{name}'")));
+        }
+        _ => {
+            let values = one_or_more(name, value).map_err(|_| wrong("a number, or an array of numbers"))?;
+            config.set(name, &values).map_err(to_python)?;
+        }
+    }
+    Ok(())
+}
+
+/// All options as they are used, but for `params` and `model`.
+pub(crate) fn resolved<'py>(
+    py: Python<'py>,
+    config: &dyn TaskConfig,
+    task: &TaskDescription,
+) -> PyResult<Bound<'py, PyDict>> {
+    let resolved = PyDict::new(py);
+    let own = task.options.iter().map(|option| option.name);
+    let common = ["sim_dt", "control_dt", "max_episode_steps", "max_wheel_torque", "scale_observations"];
+    for name in common.into_iter().chain(own) {
+        match config.get(name).unwrap_or_default().as_slice() {
+            [flag] if name == "scale_observations" => resolved.set_item(name, *flag != 0.0)?,
+            [steps] if name == "max_episode_steps" => resolved.set_item(name, *steps as u64)?,
+            [number] => resolved.set_item(name, number)?,
+            numbers => resolved.set_item(name, numbers)?,
+        }
+    }
+    let reward = PyDict::new(py);
+    for (name, scale) in config.reward() {
+        reward.set_item(name, scale)?;
+    }
+    resolved.set_item("reward", reward)?;
+    Ok(resolved)
+}

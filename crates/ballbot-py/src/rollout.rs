@@ -1,0 +1,246 @@
+//! A closed loop on a batch, recorded without Python in it.
+
+use crate::errors::to_python;
+use crate::signals::interruptible;
+use ballbot_core::batch::{Batch, Outcome, StepBuffers};
+use ballbot_core::control::{Controller, Setpoint};
+use ballbot_core::task::ACTION_LEN;
+use ballbot_core::{Contacts, State, try_zeros};
+use numpy::{PyArray1, PyArray3, PyArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::intern;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Three numbers of a robot's contacts, by their name.
+pub(crate) struct ContactPart {
+    pub(crate) name: &'static str,
+    pub(crate) of: fn(&Contacts) -> [f64; 3],
+}
+
+/// The parts of [`Contacts`] that have three numbers.
+pub(crate) static CONTACT_PARTS: [ContactPart; 4] = [
+    ContactPart { name: "wheel_normal_forces", of: |c| c.wheel_normal_forces },
+    ContactPart { name: "wheel_tractions", of: |c| c.wheel_tractions },
+    ContactPart { name: "wheel_slip_speeds", of: |c| c.wheel_slip_speeds },
+    ContactPart { name: "floor_force", of: |c| [c.floor_force.x, c.floor_force.y, c.floor_force.z] },
+];
+
+/// Where the numbers of a [`Record`] come from.
+enum Source {
+    /// Anything: writes the row of a robot.
+    Row(fn(&Batch, &Last<'_>, usize, &mut [f64])),
+    /// A flag of the last outcome, as 0 or 1.
+    Flag(fn(&Outcome) -> bool),
+    /// The contacts.
+    Contact(fn(&Contacts) -> [f64; 3]),
+}
+
+/// A quantity that a rollout can record.
+struct Record {
+    name: &'static str,
+    width: fn(&Batch) -> usize,
+    /// Whether there is a row before the first step.
+    at_start: bool,
+    source: Source,
+}
+
+/// What the last step of a rollout wrote.
+struct Last<'a> {
+    actions: &'a [f32],
+    observations: &'a [f32],
+    outcomes: &'a [Outcome],
+}
+
+const fn flag(name: &'static str, of: fn(&Outcome) -> bool) -> Record {
+    Record { name, width: |_| 1, at_start: false, source: Source::Flag(of) }
+}
+
+const fn contact(part: &ContactPart) -> Record {
+    Record { name: part.name, width: |_| 3, at_start: true, source: Source::Contact(part.of) }
+}
+
+/// All quantities that can be recorded.
+static RECORDS: [Record; 12] = [
+    Record {
+        name: "states",
+        width: |_| State::LEN,
+        at_start: true,
+        source: Source::Row(|batch, _, i, out| {
+            if let Ok(state) = batch.state(i) {
+                out.copy_from_slice(&state.to_array());
+            }
+        }),
+    },
+    Record {
+        name: "observations",
+        width: Batch::observation_len,
+        at_start: true,
+        source: Source::Row(|_, last, i, out| {
+            let row = &last.observations[i * out.len()..];
+            out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value));
+        }),
+    },
+    Record {
+        name: "actions",
+        width: |_| ACTION_LEN,
+        at_start: false,
+        source: Source::Row(|_, last, i, out| {
+            let row = &last.actions[i * ACTION_LEN..];
+            out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value));
+        }),
+    },
+    Record {
+        name: "torques",
+        width: |_| ACTION_LEN,
+        at_start: false,
+        source: Source::Row(|batch, last, i, out| {
+            let row = &last.actions[i * ACTION_LEN..];
+            let scale = batch.max_wheel_torque();
+            out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value).clamp(-1.0, 1.0) * scale);
+        }),
+    },
+    Record {
+        name: "rewards",
+        width: |_| 1,
+        at_start: false,
+        source: Source::Row(|_, last, i, out| out[0] = last.outcomes[i].reward),
+    },
+    flag("terminated", |outcome| outcome.terminated.is_some()),
+    flag("truncated", |outcome| outcome.truncated),
+    flag("success", |outcome| outcome.success),
+    contact(&CONTACT_PARTS[0]),
+    contact(&CONTACT_PARTS[1]),
+    contact(&CONTACT_PARTS[2]),
+    contact(&CONTACT_PARTS[3]),
+];
+
+impl Record {
+    fn named(name: &String) -> PyResult<&'static Self> {
+        RECORDS.iter().find(|record| record.name == name).ok_or_else(|| {
+            let known: Vec<_> = RECORDS.iter().map(|record| record.name).collect();
+            PyValueError::new_err(format!("unknown record '{name}': expected one of {}", known.join(", ")))
+        })
+    }
+
+    fn rows(&self, steps: usize) -> usize {
+        steps + usize::from(self.at_start)
+    }
+
+    /// Writes the numbers of robot `i`.
+    fn write(&self, batch: &Batch, last: &Last<'_>, i: usize, out: &mut [f64]) {
+        match self.source {
+            Source::Row(write) => write(batch, last, i, out),
+            Source::Flag(of) => out[0] = f64::from(u8::from(of(&last.outcomes[i]))),
+            Source::Contact(of) => {
+                if let Ok(contacts) = batch.contacts(i) {
+                    out.copy_from_slice(&of(&contacts));
+                }
+            }
+        }
+    }
+
+    /// The recorded numbers as an array, with an axis for the width where it is not 1.
+    fn array<'py>(&self, py: Python<'py>, values: Vec<f64>, shape: [usize; 3]) -> PyResult<Bound<'py, PyAny>> {
+        let [rows, n, width] = shape;
+        let array = PyArray1::from_vec(py, values);
+        Ok(match (&self.source, width) {
+            (Source::Flag(_), _) => {
+                array.reshape([rows, n])?.into_any().call_method1(intern!(py, "astype"), ("bool",))?
+            }
+            (_, 1) => array.reshape([rows, n])?.into_any(),
+            _ => {
+                let array: Bound<'py, PyArray3<f64>> = array.reshape(shape)?;
+                array.into_any()
+            }
+        })
+    }
+}
+
+/// A batch, and where its steps write what the Python object keeps.
+pub(crate) struct Stepped<'a> {
+    pub(crate) batch: &'a mut Batch,
+    pub(crate) outcomes: &'a mut [Outcome],
+    pub(crate) final_observations: &'a mut [f32],
+}
+
+impl Stepped<'_> {
+    /// Runs `steps` control steps under a law and returns the records by name.
+    pub(crate) fn rollout<'py>(
+        mut self,
+        py: Python<'py>,
+        law: &dyn Controller,
+        setpoints: Option<&[Setpoint]>,
+        steps: usize,
+        names: &[String],
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let records = names.iter().map(Record::named).collect::<PyResult<Vec<_>>>()?;
+        let n = self.batch.len();
+        let shape = |record: &Record, batch: &Batch| [record.rows(steps), n, (record.width)(batch)];
+        let mut recorded = Vec::with_capacity(records.len());
+        for record in &records {
+            let shape = shape(record, self.batch);
+            let what = format!("the record '{}' of shape {shape:?}", record.name);
+            recorded.push(try_zeros(what, &shape).map_err(to_python)?);
+        }
+        self.run(py, law, setpoints, steps, &records, &mut recorded)?;
+        let dict = PyDict::new(py);
+        for (record, values) in records.iter().zip(recorded) {
+            dict.set_item(record.name, record.array(py, values, shape(record, self.batch))?)?;
+        }
+        Ok(dict)
+    }
+
+    /// Runs the closed loop; Python can interrupt it.
+    fn run(
+        &mut self,
+        py: Python<'_>,
+        law: &dyn Controller,
+        setpoints: Option<&[Setpoint]>,
+        steps: usize,
+        records: &[&Record],
+        recorded: &mut [Vec<f64>],
+    ) -> PyResult<()> {
+        let n = self.batch.len();
+        let width = self.batch.observation_len();
+        let mut actions = vec![0.0; n * ACTION_LEN];
+        let mut observations = vec![0.0; n * width];
+        let (mut rewards, mut terminated, mut truncated) = (vec![0.0; n], vec![false; n], vec![false; n]);
+        for (i, row) in observations.chunks_exact_mut(width).enumerate() {
+            self.batch.observation(i, row).map_err(to_python)?;
+        }
+        interruptible(py, || {
+            for step in 0..=steps {
+                if step > 0 {
+                    let mut buffers = StepBuffers {
+                        observations: &mut observations,
+                        rewards: &mut rewards,
+                        terminated: &mut terminated,
+                        truncated: &mut truncated,
+                        final_observations: self.final_observations,
+                        outcomes: self.outcomes,
+                    };
+                    self.batch.step_under(law, setpoints, &mut actions, &mut buffers)?;
+                }
+                let last = Last { actions: &actions, observations: &observations, outcomes: self.outcomes };
+                write_records(self.batch, &last, step, records, recorded);
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Writes what is recorded after `step` steps.
+fn write_records(batch: &Batch, last: &Last<'_>, step: usize, records: &[&Record], recorded: &mut [Vec<f64>]) {
+    let n = batch.len();
+    for (record, out) in records.iter().zip(recorded) {
+        if step == 0 && !record.at_start {
+            continue;
+        }
+        let width = (record.width)(batch);
+        let row = if record.at_start { step } else { step - 1 };
+        for (i, out) in out[row * n * width..(row + 1) * n * width].chunks_exact_mut(width).enumerate() {
+            record.write(batch, last, i, out);
+        }
+    }
+}
