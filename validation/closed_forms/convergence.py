@@ -6,8 +6,7 @@ fast each model approaches its limit; that the limits are right is what the othe
 From a tilted start the robot topples for 0.4 s under constant torques, with no slip. The error is the distance between
 the masts' tips at unit length, plus that between the balls in radii, from the reference: for `planar` by itself, for
 all others by `spatial`, at 0.1 ms. The classical Runge-Kutta method of `planar` and `spatial` is of order 4, the
-semi-implicit Euler method of `contact` and `rigid` of order 1; `rigid` ends where rapier's soft contacts yield by some
-micrometres.
+semi-implicit Euler method of `contact` and `rigid` of order 1.
 """
 
 from typing import TYPE_CHECKING

@@ -5,7 +5,7 @@ velocity at its end, so the fall runs ahead of the closed form by $\tfrac12 g t\
 time. No contact gives energy back: within a few steps the robot's momentum $M v$ is gone, and it stays. At any time
 the floor must have given $\int F_z\ dt = M g t + p_z$, with $p_z$ the momentum of ball and bot. Over the whole run,
 which ends at rest, that is $M g T$. In the first 10 ms on the floor it is $M v$ and the weight's. What rises again is
-no bounce but overlap that is being removed, in `rigid` at up to 2 mm/s.
+no bounce but overlap that is being removed.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -28,7 +28,7 @@ _LANDING, _LEFT = 0.01, 0.01
 #: length (s), and the speed back up over that of the touchdown.
 _LIMITS = {
     "contact": (5e-14, 5e-15, 1e-12, 1e-12, 1e-5, 0.003, 1e-4),
-    "rigid": (5e-9, 2e-9, 1e-9, 1e-9, 5e-3, 0.006, 5e-3),
+    "rigid": (5e-14, 5e-15, 1e-12, 1e-12, 1e-5, 0.003, 1e-4),
 }
 
 

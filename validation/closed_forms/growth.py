@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _TILT = 1e-6
 _SAMPLE, _SECONDS = 0.01, 1.0
-_LIMITS = {"spatial": 1e-7, "contact": 2e-6, "rigid": 2e-5}
+_LIMITS = {"spatial": 1e-7, "contact": 2e-6, "rigid": 2e-6}
 
 
 def run() -> Findings:

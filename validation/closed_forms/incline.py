@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _TILT = np.radians(5.0)
-_LIMITS = {"planar": 1e-12, "spatial": 1e-12, "contact": 2e-6, "rigid": 3e-3}
+_LIMITS = {"planar": 1e-12, "spatial": 1e-12, "contact": 2e-6, "rigid": 1e-7}
 _STEPS = 500
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _MU, _SPEED, _SECONDS = 0.2, 2.0, 0.6
 _HEIGHT = 15.0
 #: Of the speed when it rolls, relative; of the speed at any time, m/s.
-_LIMITS = {"contact": (1e-12, 1e-12), "rigid": (1e-4, 4e-4)}
+_LIMITS = {"contact": (1e-12, 1e-12), "rigid": (1e-9, 5e-9)}
 
 
 def run() -> Findings:

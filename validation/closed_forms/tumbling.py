@@ -4,8 +4,8 @@ With wheels of no inertia the bot is a symmetric top: its angular momentum $L$ i
 turn about $L$ at $|L|/J_b$ after a turn about its own mast at $\Omega_z (1 - J_z/J_b)$. With the wheels of Table II,
 which are free to spin up, angular momentum and energy must still be kept: the wheels' own are part of them. A step
 turns the body by the rate at its end, so momentum is read with the attitude half a step back: what is left of it in
-`contact` is of second order. `rigid` integrates the gyroscopic torque explicitly, is off by some 2 % after a second of
-tumbling at 10 rad/s, and is right in the limit: its errors halve with the step.
+both simulations is of second order. Both take the gyroscopic torque of the middle of a step; `rigid` finds the middle
+to rounding, and keeps the energy to rounding.
 """
 
 from typing import TYPE_CHECKING
@@ -26,7 +26,10 @@ _RATE = np.array([4.0, 1.0, 9.0])
 _HEIGHT, _SECONDS = 20.0, 1.0
 #: Of the mast's direction (deg) against the closed form, of angular momentum and of energy, at 1 kHz; and by what half
 #: the step multiplies the last two.
-_LIMITS = {"contact": (0.6, 1e-4, 1e-6, (0.25, 0.125)), "rigid": (8.0, 6e-2, 6e-2, (0.5, 0.5))}
+_LIMITS: dict[str, tuple[float, float, float, tuple[float, float | None]]] = {
+    "contact": (0.6, 1e-4, 1e-6, (0.25, 0.125)),
+    "rigid": (0.6, 1e-4, 1e-10, (0.25, None)),
+}
 
 
 def run() -> Findings:
@@ -48,6 +51,8 @@ def run() -> Findings:
             Claim(f"energy, share lost or gained, `{model}`", drift[1], 0.0, energy, "", absolute=True),
         ]
         for name, whole, half, ratio in zip(("angular momentum", "energy"), drift, halved, orders, strict=True):
+            if ratio is None:
+                continue
             what = f"error of the {name} at 2 kHz over that at 1 kHz, `{model}`"
             claims.append(Claim(what, half / whole, ratio, 5e-2))
 

@@ -74,20 +74,22 @@ fn tumbling(simulation: Simulation, sim_dt: f64) -> [f64; 3] {
     worst
 }
 
-/// `contact` alone, whose gyroscopic term is that of the middle of the step; rapier's is explicit.
+/// The gyroscopic term is that of the middle of the step.
 ///
 /// A step turns the body by the rate at its end (semi-implicit Euler), so that rates are those of half a step before the
 /// attitude: seen so, momentum is kept to second order; read off one state, it is off by up to the turn of half a step.
-#[test]
-fn tumbling_bot_keeps_its_angular_momentum_and_energy() {
-    let [coarse, usual] = [2e-3, 1e-3].map(|dt| tumbling(Simulation::Contact, dt));
-    println!("{usual:?} at 1 kHz, {coarse:?} at 500 Hz; rigid {:?}", tumbling(Simulation::Rigid, 1e-3));
+fn tumbling_bot_keeps_its_angular_momentum_and_energy(simulation: Simulation) {
+    let [coarse, usual] = [2e-3, 1e-3].map(|dt| tumbling(simulation, dt));
+    println!("{usual:?} at 1 kHz, {coarse:?} at 500 Hz");
     let [momentum, of_one_state, energy] = usual;
     assert!(momentum <= 5e-5, "angular momentum off by {momentum:e}");
     assert!(of_one_state <= 0.5 * 10.0 * 1e-3, "angular momentum of a state off by {of_one_state:e}");
-    assert!(energy <= 3e-5, "energy off by {energy:e}");
+    // The midpoint rule of `rigid` is solved to rounding.
+    let limit = simulation.pick(1e-10, 3e-5);
+    assert!(energy <= limit, "energy off by {energy:e}");
     // Second order.
-    assert!(momentum < 0.3 * coarse[0] && energy < 0.3 * coarse[2], "no convergence: {usual:?}, {coarse:?}");
+    assert!(momentum < 0.3 * coarse[0], "no convergence: {usual:?}, {coarse:?}");
+    assert!(energy < (0.3 * coarse[2]).max(1e-10), "no convergence: {usual:?}, {coarse:?}");
 }
 
-for_both!(lifted_robot_falls_freely_and_lands);
+for_both!(lifted_robot_falls_freely_and_lands, tumbling_bot_keeps_its_angular_momentum_and_energy);

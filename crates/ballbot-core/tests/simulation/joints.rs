@@ -1,6 +1,6 @@
 //! Friction of the wheel joints.
 
-use super::{Motion, Simulation, for_both, run};
+use super::{Motion, Simulation, for_both, leaning, run};
 use ballbot_core::models::SpatialMotion;
 use ballbot_core::{Model, Params, State, attitude};
 use nalgebra::{Vector2, Vector3};
@@ -88,7 +88,24 @@ fn dry_friction_holds_a_wheel_at_rest(simulation: Simulation) {
     assert!(speed > 0.1, "held beyond its friction: {speed} rad/s");
 }
 
+/// Wheels that dry friction holds do not turn, whatever the robot does: it tips over with its ball as one.
+fn dry_friction_does_not_creep(simulation: Simulation) {
+    for sim_dt in [2e-3, 1e-3] {
+        let params = with_friction(0.0, 0.4);
+        let mut robot = simulation.robot(&params, sim_dt);
+        robot.reset(&leaning(&params, 1.0)).unwrap();
+        let steps = (0.2 / sim_dt).round() as usize;
+        run(robot.as_mut(), [0.05, -0.03, 0.02], steps);
+        let state = robot.state();
+        let turned = state.wheel_angles.into_iter().fold(0.0, |most: f64, angle| most.max(angle.abs()));
+        println!("{sim_dt} s: turned by {turned:e} rad, tilt {}", state.tilt());
+        assert!(turned <= simulation.pick(1e-9, 1e-4), "{sim_dt} s: the wheels turn by {turned:e} rad");
+        assert!(state.tilt() > 1.2_f64.to_radians(), "does not tip over");
+    }
+}
+
 for_both!(
+    dry_friction_does_not_creep,
     joint_friction_slows_wheels_that_turn_in_the_air,
     joint_friction_of_a_rolling_robot_is_that_of_the_spatial_model,
     dry_friction_holds_a_wheel_at_rest,

@@ -45,8 +45,7 @@ fn apart([rigid, contact]: &[Slipped; 2]) -> [f64; 6] {
 
 /// Asserts that the two are as near as `usual` at 1 kHz and as `fine` at 10 kHz: the largest share, and force.
 ///
-/// They differ by the step by which rapier's friction limit lags behind its load, a share of a step in 40, and by what
-/// its ball needs to sink 16 µm into the floor, 0.03 N in the mean.
+/// They differ by terms of first order in the step: `rigid` counts how the directions of its rows turn within a step.
 #[track_caller]
 fn agree(label: &str, params: &Params, torques: [f64; 3], usual: Option<[f64; 2]>, fine: [f64; 2]) {
     for (sim_dt, limits) in [(1e-3, usual), (1e-4, Some(fine))] {
@@ -67,7 +66,7 @@ fn agree(label: &str, params: &Params, torques: [f64; 3], usual: Option<[f64; 2]
 fn slipping_wheels_agree() {
     let params = Params { wheel_static_friction: 0.4, wheel_dynamic_friction: 0.4, ..Params::paper() };
     for torques in [[0.6, 0.6, 0.6], [0.7, -0.5, 0.1], [-0.6, 0.05, -0.02]] {
-        agree(&format!("{torques:?}"), &params, torques, Some([0.1, 0.1]), [0.01, 0.1]);
+        agree(&format!("{torques:?}"), &params, torques, Some([2e-3, 0.015]), [2e-4, 1.5e-3]);
     }
 }
 
@@ -76,10 +75,10 @@ fn wheels_slipping_with_stribeck_friction_agree() {
     let params = Params { wheel_static_friction: 0.5, wheel_dynamic_friction: 0.3, ..Params::paper() };
     // Friction that falls with slip lets small differences grow.
     for torques in [[0.6, 0.6, 0.6], [-0.6, 0.05, -0.02]] {
-        agree(&format!("{torques:?}"), &params, torques, Some([0.08, 0.1]), [0.08, 0.1]);
+        agree(&format!("{torques:?}"), &params, torques, Some([4e-3, 1e-3]), [4e-4, 1e-4]);
     }
     // One wheel hardly touches here, and friction falls with slip: which wheel breaks loose first hangs on the step.
-    agree("a wheel almost off", &params, [0.7, -0.5, 0.1], None, [0.4, 0.2]);
+    agree("a wheel almost off", &params, [0.7, -0.5, 0.1], None, [0.01, 0.03]);
 }
 
 #[test]
@@ -87,11 +86,10 @@ fn slipping_balls_agree() {
     for friction in [0.05, 0.1] {
         let params = Params { floor_static_friction: friction, floor_dynamic_friction: friction, ..Params::paper() };
         let wheels = Omniwheels::new(&params);
-        // At 160 deg a wheel lifts off and another is at its limit, over which rapier's late limit takes it at 1 kHz.
-        for (degrees, usual) in [(0.0_f64, Some([0.08, 0.1])), (50.0, Some([0.08, 0.2])), (160.0, None)] {
+        for degrees in [0.0_f64, 50.0, 160.0] {
             let torque = Vector3::new(degrees.to_radians().cos(), degrees.to_radians().sin(), 0.0) * 0.8;
             let torques = wheels.wheel_torques(&torque, TorqueMap::Consistent).into();
-            agree(&format!("floor {friction}, {degrees} deg"), &params, torques, usual, [0.01, 0.08]);
+            agree(&format!("floor {friction}, {degrees} deg"), &params, torques, Some([2e-3, 0.03]), [2e-4, 3e-3]);
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Simulation of the robot as rigid bodies.
 
 use super::bodies::BodyLink;
+use super::bot::{Bot, Coordinates};
 use super::convert::{from_rapier, rotation_from_rapier, rotation_to_rapier, to_rapier};
-use super::rows::WheelForce;
-use super::wheel_contact::{self, Contact};
+use super::rows::{Parts, Velocities, WheelContact};
+use super::solve::{ROWS, TRACTION};
 use super::world::{Handles, World, integration_parameters, new_pipeline};
 use crate::energy::mechanical_energy;
 use crate::error::{Error, Result};
@@ -13,12 +14,9 @@ use crate::params::Params;
 use crate::sim::collision_shape::CollisionShape;
 use crate::snapshot;
 use crate::state::{Contacts, State};
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
-
-/// Largest gap at which a contact of a new state starts with its static load, m.
-const CONTACT_TOLERANCE: f64 = 1e-4;
 
 /// A ballbot of rigid bodies on a flat floor.
 pub struct RigidMotion {
@@ -27,6 +25,8 @@ pub struct RigidMotion {
     /// CoM of the body without its wheels, body frame, m: the root of the multibody.
     pub(super) root: Vector3<f64>,
     pub(super) collision_shape: CollisionShape,
+    pub(super) bot: Bot,
+    pub(super) parts: Parts,
     pub(super) template: World,
     pub(super) handles: Handles,
     pub(super) settings: IntegrationParameters,
@@ -40,8 +40,10 @@ pub struct RigidMotion {
 pub(super) struct SimulationState {
     /// Steps since the reset.
     pub(super) steps: u64,
-    /// Forces between wheels and ball in the last step; warm start and friction bounds of the next.
-    pub(super) wheel_forces: [WheelForce; 3],
+    /// Impulses of the rows in the last step.
+    pub(super) impulses: [f64; ROWS],
+    /// What rapier's contacts of the bot did to the velocities in the last step: bot, then ball.
+    pub(super) blow: [f64; 15],
     /// Force of the floor on the ball in the last step, inertial frame, N.
     pub(super) floor_force: [f64; 3],
     /// Pending impulse on the body at its root and angular impulse about the root, N·s and N·m·s.
@@ -51,8 +53,21 @@ pub(super) struct SimulationState {
 }
 
 impl SimulationState {
-    fn at_rest(wheel_forces: [WheelForce; 3]) -> Self {
-        Self { steps: 0, wheel_forces, floor_force: [0.0; 3], push: [0.0; 6], healthy: true }
+    fn new() -> Self {
+        Self { steps: 0, impulses: [0.0; ROWS], blow: [0.0; 15], floor_force: [0.0; 3], push: [0.0; 6], healthy: true }
+    }
+}
+
+impl SimulationState {
+    pub(super) fn blow(&self) -> Velocities {
+        let vector = |i: usize| Vector3::from_column_slice(&self.blow[i..i + 3]);
+        Velocities { bot: Coordinates::from_column_slice(&self.blow[..9]), ball: [vector(9), vector(12)] }
+    }
+
+    pub(super) fn set_blow(&mut self, blow: &Velocities) {
+        self.blow[..9].copy_from_slice(blow.bot.as_slice());
+        self.blow[9..12].copy_from_slice(blow.ball[0].as_slice());
+        self.blow[12..].copy_from_slice(blow.ball[1].as_slice());
     }
 }
 
@@ -64,68 +79,54 @@ impl RigidMotion {
     pub fn new(params: &Params, sim_dt: f64) -> Result<Self> {
         let wheels = Omniwheels::new(params);
         let (template, handles) = World::new(params, &wheels)?;
-        let sim_state = SimulationState::at_rest([WheelForce::default(); 3]);
+        let link = BodyLink::new(params, &wheels)?;
+        let mass = template.upright_mass(&handles);
         let mut motion = Self {
-            root: BodyLink::new(params, &wheels)?.com,
+            root: link.com,
             collision_shape: CollisionShape::new(params, &wheels),
+            bot: Bot::new(params, &wheels, &link, &mass, sim_dt),
+            parts: Parts {
+                ball_radius: params.ball_radius,
+                wheel_radius: params.wheel_radius,
+                ball_mass: params.ball_mass,
+                ball_inertia: params.ball_inertia,
+            },
             wheels,
             world: template.clone(),
             template,
             handles,
             settings: integration_parameters(sim_dt),
             pipeline: new_pipeline(),
-            sim_state,
+            sim_state: SimulationState::new(),
             params: params.clone(),
         };
         motion.place(&State::upright(params));
         Ok(motion)
     }
 
-    pub(super) fn axle(&self, i: usize) -> Vector3<f64> {
-        let body = rotation_from_rapier(*self.world.bodies[self.handles.body].rotation());
-        -(body * self.wheels.u.row(i).transpose())
-    }
-
-    pub(super) fn contact(&self, i: usize) -> Contact {
-        let ball = from_rapier(self.world.bodies[self.handles.ball].translation());
-        let wheel = from_rapier(self.world.bodies[self.handles.wheels[i]].translation());
-        Contact::new(ball, self.params.ball_radius, wheel, self.params.wheel_radius, &self.axle(i))
-    }
-
-    fn bot(&self) -> &Multibody {
+    pub(super) fn multibody(&self) -> &Multibody {
         self.world.multibody_joints.get_multibody(self.handles.bot).expect("the bot is never removed")
     }
 
     /// Linear velocity of the root and angular velocity of the body, inertial frame. After a step the multibody has the
     /// new velocities; its rigid bodies are updated only at the start of the next step.
     pub(super) fn root_velocity(&self) -> (Vector3<f64>, Vector3<f64>) {
-        let velocities = self.bot().generalized_velocity();
+        let velocities = self.multibody().generalized_velocity();
         (velocities.fixed_rows::<3>(0).into_owned(), velocities.fixed_rows::<3>(3).into_owned())
     }
 
-    /// Velocity of the wheel surface relative to the ball surface along the drive direction, m/s.
-    pub(super) fn slip_speed(&self, i: usize, contact: &Contact) -> f64 {
-        let (velocity, rate) = self.root_velocity();
-        let root = from_rapier(self.world.bodies[self.handles.body].translation());
-        let of_body = velocity + rate.cross(&(contact.point - root));
-        // The rim moves along the drive direction relative to the body.
-        let rim = self.params.wheel_radius * self.bot().generalized_velocity()[6 + i];
-        let ball = wheel_contact::point_velocity(&self.world.bodies[self.handles.ball], &contact.point);
-        (of_body - ball).dot(&contact.drive) + rim
-    }
-
-    pub(super) fn floor_slip(&self) -> Vector3<f64> {
+    pub(super) fn floor_slip(&self) -> Vector2<f64> {
         let ball = &self.world.bodies[self.handles.ball];
-        let lowest = from_rapier(ball.translation()) - Vector3::z() * self.params.ball_radius;
-        let velocity = wheel_contact::point_velocity(ball, &lowest);
-        Vector3::new(velocity.x, velocity.y, 0.0)
+        let (velocity, rate) = (ball.linvel(), ball.angvel());
+        let radius = self.params.ball_radius;
+        Vector2::new(velocity.x - rate.y * radius, velocity.y + rate.x * radius)
     }
 
+    /// Rapier's part of the joint friction: viscous friction acts within its step; dry friction is a row of ours.
     fn apply_joint_friction(&mut self) {
         let bot = self.world.multibody_joints.get_multibody_mut(self.handles.bot).expect("the bot is never removed");
-        for (i, _) in self.handles.wheels.iter().enumerate() {
+        for i in 0..3 {
             bot.damping_mut()[6 + i] = self.params.wheel_viscous_friction;
-            bot.frictions_mut()[6 + i] = self.params.wheel_coulomb_friction;
         }
     }
 
@@ -156,17 +157,6 @@ impl RigidMotion {
         bot.forward_kinematics(&world.bodies, true);
         bot.update_rigid_bodies(&mut world.bodies, true);
     }
-
-    /// Wheel forces before the first step: the static load for each wheel in contact.
-    fn first_forces(&self) -> [WheelForce; 3] {
-        let usual = self.params.static_wheel_load();
-        let ball = self.world.bodies[self.handles.ball].translation();
-        let on_floor = ball.z - self.params.ball_radius <= CONTACT_TOLERANCE;
-        [0, 1, 2].map(|i| {
-            let load = if self.contact(i).gap <= CONTACT_TOLERANCE { usual } else { 0.0 };
-            WheelForce { load, normal_estimate: load, traction: 0.0, steady: load > 0.0 && on_floor }
-        })
-    }
 }
 
 impl Model for RigidMotion {
@@ -181,6 +171,8 @@ impl Model for RigidMotion {
     fn set_params(&mut self, params: &Params) -> Result<()> {
         if same_bodies(&self.params, params) {
             self.params = params.clone();
+            let link = BodyLink::new(params, &self.wheels)?;
+            self.bot = Bot::new(params, &self.wheels, &link, &self.bot.undamped, self.settings.dt);
         } else {
             let mut robot = Self::new(params, self.settings.dt)?;
             if same_geometry(&self.params, params) {
@@ -197,7 +189,7 @@ impl Model for RigidMotion {
         self.world = self.template.clone();
         self.pipeline = new_pipeline();
         self.set_motion(state);
-        self.sim_state = SimulationState::at_rest(self.first_forces());
+        self.sim_state = SimulationState::new();
         self.apply_joint_friction();
     }
 
@@ -223,7 +215,7 @@ impl Model for RigidMotion {
     fn state(&self) -> State {
         let ball = &self.world.bodies[self.handles.ball];
         let body = &self.world.bodies[self.handles.body];
-        let bot = self.bot();
+        let bot = self.multibody();
         let velocities = bot.generalized_velocity();
         let body_quaternion = rotation_from_rapier(*body.rotation());
         let (velocity, rate) = self.root_velocity();
@@ -244,14 +236,15 @@ impl Model for RigidMotion {
     }
 
     fn contacts(&self) -> Contacts {
-        let forces = &self.sim_state.wheel_forces;
+        let motion = self.motion();
+        let force = |row: usize| self.sim_state.impulses[row] / self.settings.dt;
         Contacts {
-            // Before the first step the loads are only the initial friction bounds.
-            wheel_normal_forces: if self.sim_state.steps > 0 { forces.map(|f| f.load) } else { [0.0; 3] },
-            wheel_tractions: forces.map(|f| f.traction),
-            wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(i, &self.contact(i))),
+            wheel_normal_forces: [0, 1, 2].map(force),
+            // The rows act on the wheels; the force on the ball is the opposite.
+            wheel_tractions: [0, 1, 2].map(|i| -force(TRACTION + i)),
+            wheel_slip_speeds: [0, 1, 2].map(|i| WheelContact::new(&self.parts, &self.bot, &motion, i).slip),
             floor_force: self.sim_state.floor_force.into(),
-            floor_slip_velocity: self.floor_slip().xy(),
+            floor_slip_velocity: self.floor_slip(),
             bot_on_floor: self.bot_on_floor(),
         }
     }
@@ -274,11 +267,6 @@ impl Model for RigidMotion {
             self.sim_state.push[i] += impulse[i];
             self.sim_state.push[3 + i] += angular_impulse[i];
         }
-        if *impulse == Vector3::zeros() {
-            return;
-        }
-        // A push changes the loads, so the last step is no warm start.
-        self.sim_state.wheel_forces.iter_mut().for_each(|force| force.steady = false);
     }
 
     fn save(&self) -> Vec<u8> {

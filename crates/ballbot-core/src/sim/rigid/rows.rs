@@ -1,125 +1,210 @@
-//! The two constraint rows of an ideal omniwheel on the ball: normal force and friction along the drive direction.
+//! The contacts of the ball as rows: wheels, floor, and the dry friction of the wheel joints.
 //!
-//! They are the rows of one joint, along z and x of a frame at the contact. A rapier contact would have more rows, for
-//! friction that an omniwheel does not have. Joint rows have no warm start in rapier and would need many sweeps. The
-//! force of the last step is therefore applied to both bodies as an external force (`WarmStart`), and the rows compute
-//! the difference.
+//! Vectors are in body axes, where the mass matrix of the bot is constant. A row has a velocity J ν that its impulse
+//! changes: a gap's rate, a slip, a joint's rate.
 
-use super::convert::to_rapier;
-use super::wheel_contact::Contact;
-use rapier3d_f64::prelude::*;
-use serde::{Deserialize, Serialize};
+use super::bot::{Bot, Coordinates, join, split};
+use super::solve::{Coupling, FLOOR, JOINT, ROWS, TRACTION};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-/// Damping of a motor row, N/(m/s). The slip under 10 N is 1e-7 m/s.
-const MOTOR_DAMPING: f64 = 1e8;
+/// Smallest sine of the angle between axle and contact normal at which a wheel drives the ball.
+const MIN_AXLE_SINE: f64 = 1e-3;
 
-/// Largest gap at which the normal row is active, m.
-const CONTACT_PREDICTION: f64 = 0.002;
-
-/// Margin that keeps the joint limit active in spite of rounding, m.
-const LIMIT_MARGIN: f64 = 1e-9;
-
-/// Gain per step of the low-pass filter from load to friction bound. Friction of slipping wheels changes the loads of
-/// the other wheels; with the unfiltered load as bound the forces oscillate with growing amplitude. Chosen by
-/// experiment.
-const LOAD_FILTER: f64 = 0.5;
-
-/// Force between a wheel and the ball in the last step.
-#[derive(Clone, Copy, Default, Serialize, Deserialize)]
-pub struct WheelForce {
-    /// Normal force, N.
-    pub load: f64,
-    /// Filtered normal force that bounds the friction of the next step ([`LOAD_FILTER`]), N.
-    pub normal_estimate: f64,
-    /// Friction on the ball along the drive direction, N.
-    pub traction: f64,
-    /// Whether the load is steady enough for a warm start of the next step.
-    pub steady: bool,
+/// Radii of ball and wheels, m, and mass and inertia of the ball.
+pub struct Parts {
+    pub ball_radius: f64,
+    pub wheel_radius: f64,
+    pub ball_mass: f64,
+    pub ball_inertia: f64,
 }
 
-/// External force at the start of a step; zero unless the last force was steady.
-#[derive(Clone, Copy, Default)]
-pub struct WarmStart {
-    /// Normal force, N.
-    pub load: f64,
-    /// Friction on the ball along the drive direction, N.
-    pub traction: f64,
+/// The moving parts at the start of a step, in body axes.
+pub struct Motion {
+    /// Ball center from the root, m.
+    pub ball: Vector3<f64>,
+    pub velocities: Velocities,
+    /// Gap between ball and floor, m.
+    pub floor_gap: f64,
+    /// From the inertial frame to body axes.
+    pub to_body: Matrix3<f64>,
 }
 
-/// A joint between a wheel and the ball, without force until [`anchor`] is called.
-pub fn joint() -> GenericJoint {
-    let mut joint = GenericJoint::new(JointAxesMask::empty());
-    for axis in [JointAxis::LinX, JointAxis::LinZ] {
-        joint.set_motor_model(axis, MotorModel::ForceBased);
-        joint.set_motor_velocity(axis, 0.0, MOTOR_DAMPING);
-        joint.set_motor_max_force(axis, 0.0);
+/// Velocities, or changes of velocity: of the bot, and velocity and angular velocity of the ball, body axes.
+#[derive(Clone, Copy)]
+pub struct Velocities {
+    pub bot: Coordinates,
+    pub ball: [Vector3<f64>; 2],
+}
+
+impl Velocities {
+    pub fn zeros() -> Self {
+        Self { bot: Coordinates::zeros(), ball: [Vector3::zeros(); 2] }
     }
-    // The row along z replaces the contact of the colliders.
-    joint.set_contacts_enabled(false);
-    joint
-}
 
-/// Recovery from overlap: a spring of 200 Hz natural frequency and damping ratio 5, chosen by experiment.
-pub fn softness() -> SpringCoefficients<Real> {
-    SpringCoefficients::new(200.0, 5.0)
-}
-
-/// Places the rows at the contact of a wheel and the ball at the given poses, with a friction limit of `grip` (N).
-pub fn anchor(
-    joint: &mut GenericJoint,
-    contact: &Contact,
-    poses: [&Pose; 2],
-    last: &WheelForce,
-    grip: f64,
-    dt: f64,
-) -> WarmStart {
-    let frame = Pose::from_parts(
-        to_rapier(&contact.point),
-        Rotation::from_mat3(&Matrix::from_cols(
-            to_rapier(&contact.drive),
-            to_rapier(&contact.normal.cross(&contact.drive)),
-            to_rapier(&contact.normal),
-        )),
-    );
-    joint.local_frame1 = poses[0].inverse() * frame;
-    joint.local_frame2 = poses[1].inverse() * frame;
-    joint.motor_axes = JointAxesMask::LIN_X;
-    joint.limit_axes = JointAxesMask::empty();
-    joint.motors[0].impulse = 0.0;
-    joint.motors[2].impulse = 0.0;
-    joint.limits[2].impulse = 0.0;
-    let mut start = WarmStart::default();
-    if last.steady {
-        // At most half the grip, so that friction can reverse to the full grip within two steps.
-        start = WarmStart { load: last.load, traction: last.traction.clamp(-0.5 * grip, 0.5 * grip) };
-        // A motor limit equal to the warm start allows the load to vanish or double, but not to pull.
-        joint.motor_axes |= JointAxesMask::LIN_Z;
-        joint.motors[2].max_force = start.load;
-        joint.motors[2].target_vel = contact.gap * softness().erp_inv_dt(dt);
-    } else if contact.gap < CONTACT_PREDICTION {
-        joint.limit_axes = JointAxesMask::LIN_Z;
-        joint.limits[2].min = -Real::MAX;
-        joint.limits[2].max = -contact.gap.abs() - LIMIT_MARGIN;
-        joint.softness = if contact.gap > 0.0 { closing(dt) } else { softness() };
+    /// The sum with `share` times another.
+    pub fn plus(&self, other: &Self, share: f64) -> Self {
+        Self { bot: self.bot + other.bot * share, ball: [0, 1].map(|i| self.ball[i] + other.ball[i] * share) }
     }
-    joint.motors[0].max_force = grip - start.traction.abs();
-    start
 }
 
-/// Softness with which a gap may close within the step but no further: the rule for overlaps at the rate −1/dt.
-fn closing(dt: f64) -> SpringCoefficients<Real> {
-    SpringCoefficients::new((std::f64::consts::TAU * dt).recip(), -1.0)
+/// Contact of a wheel and the ball, body axes.
+pub struct WheelContact {
+    /// Unit vector from the ball center to the wheel center.
+    pub normal: Vector3<f64>,
+    /// Drive direction in the plane of contact, unit vector.
+    pub drive: Vector3<f64>,
+    /// Gap between the surfaces, m; negative for an overlap.
+    pub gap: f64,
+    /// Velocity of the wheel's surface relative to the ball's along the drive direction, m/s.
+    pub slip: f64,
+    /// Acceleration of the gap and of the slip at constant velocities: J̇ ν, m/s².
+    curvature: [f64; 2],
+    /// Rate of the drive row per joint rate, m.
+    rim: f64,
 }
 
-/// Mean force over a step of `dt` with the warm start `start`, after a step with the force `last`; `usual` is the
-/// static load of a wheel (N).
-pub fn wheel_force(joint: &GenericJoint, start: &WarmStart, last: &WheelForce, usual: f64, dt: f64) -> WheelForce {
-    let load = start.load + (joint.motors[2].impulse + joint.limits[2].impulse) / dt;
-    // The rows act on the wheel, their first body; the force on the ball is the opposite.
-    let traction = start.traction - joint.motors[0].impulse / dt;
-    // The row along z is limited to twice the warm start, so a load that halved or nearly doubled is not steady.
-    let lasting = load > 0.5 * last.load && load < 1.9 * last.load;
-    let normal_estimate =
-        if last.steady { last.normal_estimate + LOAD_FILTER * (load - last.normal_estimate) } else { load };
-    WheelForce { load, normal_estimate, traction, steady: load > 0.01 * usual && load < 10.0 * usual && lasting }
+impl WheelContact {
+    pub fn new(parts: &Parts, bot: &Bot, motion: &Motion, i: usize) -> Self {
+        let (center, axle) = (&bot.centers[i], &bot.axles[i]);
+        let [velocity, rate, joints] = split(&motion.velocities.bot);
+        let [ball_velocity, ball_rate] = &motion.velocities.ball;
+        let apart = center - motion.ball;
+        let distance = apart.norm();
+        let normal = apart / distance;
+        // u × p = d with the axle along −u.
+        let across = normal.cross(axle);
+        let sine = across.norm();
+        let drives = sine > MIN_AXLE_SINE;
+        let drive = if drives { across / sine } else { Vector3::zeros() };
+
+        let spin = axle * joints[i];
+        let wheel_rate = rate + spin;
+        let relative = velocity + rate.cross(center) - ball_velocity;
+        let surface =
+            relative - wheel_rate.cross(&normal) * parts.wheel_radius - ball_rate.cross(&normal) * parts.ball_radius;
+        let normal_rate = (relative - normal * normal.dot(&relative)) / distance;
+        let turning = normal_rate.cross(axle) + normal.cross(&rate.cross(axle));
+        let drive_rate = if drives { (turning - drive * drive.dot(&turning)) / sine } else { Vector3::zeros() };
+        let centripetal = rate.cross(&rate.cross(center));
+        let of_wheel = wheel_rate.cross(&normal_rate) + rate.cross(&spin).cross(&normal);
+        let of_surface =
+            centripetal - of_wheel * parts.wheel_radius - ball_rate.cross(&normal_rate) * parts.ball_radius;
+        Self {
+            slip: drive.dot(&surface),
+            curvature: [
+                normal_rate.dot(&relative) + normal.dot(&centripetal),
+                drive_rate.dot(&surface) + drive.dot(&of_surface),
+            ],
+            rim: parts.wheel_radius * sine,
+            gap: distance - parts.ball_radius - parts.wheel_radius,
+            normal,
+            drive,
+        }
+    }
+
+    /// Force on root and torque on root and joint of unit impulses along normal and drive direction, and the arm of the
+    /// latter on the ball.
+    fn wrenches(&self, parts: &Parts, bot: &Bot, i: usize) -> [(Coordinates, Vector3<f64>); 2] {
+        let center = &bot.centers[i];
+        let mut joints = Vector3::zeros();
+        joints[i] = self.rim;
+        let point = center - self.normal * parts.wheel_radius;
+        [
+            (join(&[self.normal, center.cross(&self.normal), Vector3::zeros()]), Vector3::zeros()),
+            (join(&[self.drive, point.cross(&self.drive), joints]), self.normal.cross(&self.drive) * parts.ball_radius),
+        ]
+    }
+}
+
+/// The rows of a step: force directions on bot and ball.
+pub struct Rows {
+    bot: SMatrix<f64, 9, ROWS>,
+    ball_force: SMatrix<f64, 3, ROWS>,
+    ball_torque: SMatrix<f64, 3, ROWS>,
+    active: usize,
+}
+
+impl Rows {
+    /// The rows of the contacts; those of the joints too if `joints`.
+    pub fn new(parts: &Parts, bot: &Bot, motion: &Motion, contacts: &[WheelContact; 3], joints: bool) -> Self {
+        let mut rows = Self {
+            bot: SMatrix::zeros(),
+            ball_force: SMatrix::zeros(),
+            ball_torque: SMatrix::zeros(),
+            active: if joints { ROWS } else { JOINT },
+        };
+        for (i, contact) in contacts.iter().enumerate() {
+            let [(normal, _), (drive, arm)] = contact.wrenches(parts, bot, i);
+            rows.bot.set_column(i, &normal);
+            rows.bot.set_column(TRACTION + i, &drive);
+            rows.ball_force.set_column(i, &-contact.normal);
+            rows.ball_force.set_column(TRACTION + i, &-contact.drive);
+            rows.ball_torque.set_column(TRACTION + i, &-arm);
+            rows.bot[(6 + i, JOINT + i)] = 1.0;
+        }
+        let [x, y, z] = [0, 1, 2].map(|i| motion.to_body.column(i).into_owned());
+        for (k, direction) in [z, x, y].into_iter().enumerate() {
+            rows.ball_force.set_column(FLOOR + k, &direction);
+            rows.ball_torque.set_column(FLOOR + k, &(z.cross(&direction) * -parts.ball_radius));
+        }
+        rows
+    }
+
+    /// Velocity of each row.
+    pub fn speeds(&self, velocities: &Velocities) -> SVector<f64, ROWS> {
+        let [ball_velocity, ball_rate] = &velocities.ball;
+        self.bot.tr_mul(&velocities.bot) + self.ball_force.tr_mul(ball_velocity) + self.ball_torque.tr_mul(ball_rate)
+    }
+
+    /// Change of the velocity of each row per impulse of each: J M⁻¹ Jᵀ.
+    pub fn coupling(&self, parts: &Parts, bot: &Bot) -> Coupling {
+        let mut coupling = Coupling::zeros();
+        for a in 0..self.active {
+            // The floor acts on the ball alone.
+            let of_bot = !(FLOOR..JOINT).contains(&a);
+            let moved = if of_bot { bot.mass_inverse * self.bot.column(a) } else { Coordinates::zeros() };
+            let push = self.ball_force.column(a) / parts.ball_mass;
+            let turn = self.ball_torque.column(a) / parts.ball_inertia;
+            for b in a..self.active {
+                let mut sum = self.ball_force.column(b).dot(&push) + self.ball_torque.column(b).dot(&turn);
+                if of_bot && !(FLOOR..JOINT).contains(&b) {
+                    sum += self.bot.column(b).dot(&moved);
+                }
+                coupling[(a, b)] = sum;
+                coupling[(b, a)] = sum;
+            }
+        }
+        coupling
+    }
+
+    /// Rows from this one on are absent.
+    pub fn active(&self) -> usize {
+        self.active
+    }
+
+    /// Generalized impulse on the bot.
+    pub fn on_bot(&self, impulses: &SVector<f64, ROWS>) -> Coordinates {
+        self.bot * impulses
+    }
+
+    /// Impulse and angular impulse of the wheels on the ball, body axes.
+    pub fn on_ball(&self, impulses: &SVector<f64, ROWS>) -> [Vector3<f64>; 2] {
+        let wheels = impulses.fixed_rows::<FLOOR>(0);
+        [self.ball_force, self.ball_torque].map(|arms| arms.fixed_columns::<FLOOR>(0) * wheels)
+    }
+}
+
+/// Velocities that the rows have to make up for over a step of `dt` besides those of the parts.
+///
+/// A gap may close within the step, an overlap recovers at the rate `erp`. J̇ ν makes the velocities meet the constraints
+/// at the end of the step, so that the loads have their centripetal part from the first step on.
+pub fn biases(contacts: &[WheelContact; 3], floor_gap: f64, erp: f64, fastest: f64, dt: f64) -> SVector<f64, ROWS> {
+    let closing = |gap: f64| if gap > 0.0 { gap / dt } else { (gap * erp).max(-fastest) };
+    let mut biases = SVector::zeros();
+    for (i, contact) in contacts.iter().enumerate() {
+        biases[i] = closing(contact.gap) + contact.curvature[0] * dt;
+        biases[TRACTION + i] = contact.curvature[1] * dt;
+    }
+    biases[FLOOR] = closing(floor_gap);
+    biases
 }

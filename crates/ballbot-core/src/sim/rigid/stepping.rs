@@ -1,110 +1,222 @@
 //! One time step of the rigid-body robot.
 
+use super::bot::{Coordinates, join, split};
 use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
 use super::motion::RigidMotion;
-use super::rows::{self, WarmStart};
-use super::wheel_contact::Contact;
+use super::rows::{Motion, Rows, Velocities, WheelContact, biases};
+use super::solve::{Coupling, FLOOR, Impulses, Limits, Problem};
+use super::world::{MAX_RECOVERY_SPEED, new_pipeline};
 use crate::sim::friction::stribeck;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use rapier3d_f64::prelude::*;
 
-/// Clearance between bot and floor below which the colliders of the bot stay enabled, m.
+/// Clearance between bot and floor below which the colliders of the bot are enabled, m.
 const FLOOR_CLEARANCE: f64 = 0.01;
 
-/// Sweeps over all rows before and after the bodies are moved, with a warm start from steady forces. Chosen by
-/// experiment.
-const STEADY_SWEEPS: [usize; 2] = [3, 0];
+/// Clearance between body and ball below which they are enabled, and beyond which a wheel is apart from the ball, as a
+/// share of the ball's radius.
+const BALL_CLEARANCE: f64 = 0.01;
 
-/// Sweeps without warm start: in the first step, after a push, and at a landing. Chosen by experiment.
-const TRANSIENT_SWEEPS: [usize; 2] = [8, 1];
+/// Rapier's sweeps before and after the bodies are moved, for the ball on the floor: one is exact for the normal force,
+/// the next for the friction.
+const BALL_SWEEPS: [usize; 2] = [2, 0];
+
+/// Rapier's sweeps with the colliders of the bot. Chosen by experiment.
+const BOT_SWEEPS: [usize; 2] = [8, 4];
+
+/// Largest number of passes over a step in which the bot touches the floor or its body the ball. Chosen by experiment.
+const PASSES: usize = 8;
+
+/// Change of the velocities of the rows between passes at which they end, as a share of what gravity does in a step.
+const SETTLED: f64 = 0.01;
+
+/// What is known of a step before the forces of its contacts.
+struct Plan {
+    motion: Motion,
+    rows: Rows,
+    coupling: Coupling,
+    biases: Impulses,
+    limits: Limits,
+    /// Acceleration of the bot without contacts.
+    acceleration: Coordinates,
+    /// Drag on the ball, inertial frame, N.
+    drag: Vector3<f64>,
+    /// Velocities at the end of the step without contacts.
+    free: Velocities,
+    /// Whether no wheel can touch the ball.
+    apart: bool,
+}
 
 impl RigidMotion {
     pub(super) fn step(&mut self, wheel_torques: &[f64; 3]) {
-        let contacts = [0, 1, 2].map(|i| self.contact(i));
-        let starts = [0, 1, 2].map(|i| self.anchor(i, &contacts[i]));
-        self.world.set_bot_colliders(&self.handles, !self.far_from_floor());
-        self.set_sweeps();
-        self.set_floor_friction();
-        self.apply_forces(wheel_torques, &contacts, &starts);
-        self.sim_state.healthy &= self.world.step(&mut self.pipeline, self.params.gravity, &self.settings);
-        let dt = self.settings.dt;
-        let usual = self.params.static_wheel_load();
-        for (i, start) in starts.iter().enumerate() {
-            let last = self.sim_state.wheel_forces[i];
-            self.sim_state.wheel_forces[i] =
-                rows::wheel_force(self.world.drive(&self.handles, i), start, &last, usual, dt);
+        let plan = self.plan(wheel_torques);
+        let alone = self.only_wheels_and_ball_touch(&plan.motion);
+        self.world.set_bot_colliders(&self.handles, !alone);
+        let [solving, stabilizing] = if alone { BALL_SWEEPS } else { BOT_SWEEPS };
+        self.settings.num_internal_pgs_iterations = solving;
+        self.settings.num_internal_stabilization_iterations = stabilizing;
+        if alone || plan.apart {
+            self.pass(&plan, &Velocities::zeros());
+            self.sim_state.set_blow(&Velocities::zeros());
+        } else {
+            self.pass_until_settled(&plan);
         }
-        self.sim_state.floor_force = self.world.floor_force(&self.handles, dt).into();
         self.sim_state.steps += 1;
     }
 
-    fn anchor(&mut self, i: usize, contact: &Contact) -> WarmStart {
+    /// Repeats a step until what rapier's contacts of the bot do to the velocities is what the wheels' forces were solved
+    /// for: Gauss-Seidel between the two.
+    fn pass_until_settled(&mut self, plan: &Plan) {
+        let before = self.world.clone();
+        let mut blow = self.sim_state.blow();
+        for pass in 1.. {
+            let found = self.pass(plan, &blow);
+            let change = plan.rows.speeds(&found.plus(&blow, -1.0)).fixed_rows::<FLOOR>(0).amax();
+            blow = found;
+            let settled = change <= SETTLED * self.params.gravity * self.settings.dt;
+            if settled || pass == PASSES || change.is_nan() {
+                break;
+            }
+            self.world = before.clone();
+            self.pipeline = new_pipeline();
+        }
+        self.sim_state.set_blow(&blow);
+    }
+
+    /// Solves for the forces of the wheels while rapier's contacts of the bot change the velocities by `blow`, applies
+    /// them, and advances rapier's world. Returns what its contacts of the bot did.
+    fn pass(&mut self, plan: &Plan, blow: &Velocities) -> Velocities {
+        let dt = self.settings.dt;
+        let residual = plan.rows.speeds(&plan.free.plus(blow, 1.0)) + plan.biases;
+        let problem = Problem { coupling: &plan.coupling, residual, active: plan.rows.active() };
+        let impulses = problem.solve(&plan.limits, &Impulses::from(self.sim_state.impulses));
+        self.sim_state.impulses = impulses.into();
+        let acceleration = plan.acceleration + self.bot.mass_inverse * plan.rows.on_bot(&impulses) / dt;
+        let wheels_on_ball = plan.rows.on_ball(&impulses);
+        self.apply(plan, &acceleration, &wheels_on_ball);
+        self.sim_state.healthy &= self.world.step(&mut self.pipeline, self.params.gravity, &self.settings);
+        let floor_force = self.world.floor_force(&self.handles, dt);
+        self.sim_state.floor_force = floor_force.into();
+
+        let [push, turn] = wheels_on_ball;
+        let floor = plan.motion.to_body * floor_force * dt;
+        let up = plan.motion.to_body.column(2).into_owned();
+        let expected = Velocities {
+            bot: plan.motion.velocities.bot + acceleration * dt,
+            ball: [
+                plan.free.ball[0] + (push + floor) / self.params.ball_mass,
+                plan.free.ball[1] + (turn - up.cross(&floor) * self.params.ball_radius) / self.params.ball_inertia,
+            ],
+        };
+        self.velocities(&plan.motion.to_body).plus(&expected, -1.0)
+    }
+
+    fn plan(&mut self, wheel_torques: &[f64; 3]) -> Plan {
+        let dt = self.settings.dt;
         let p = &self.params;
-        let slip = self.slip_speed(i, contact);
-        let slip = (slip / p.friction_critical_velocity).powi(2);
-        let friction = stribeck(p.wheel_static_friction, p.wheel_dynamic_friction, slip);
-        let last = self.sim_state.wheel_forces[i];
-        let (joint, poses) = self.world.drive_mut(&self.handles, i);
-        rows::anchor(joint, contact, poses, &last, friction * last.normal_estimate, self.settings.dt)
+        let motion = self.motion();
+        let contacts = [0, 1, 2].map(|i| WheelContact::new(&self.parts, &self.bot, &motion, i));
+        let down = motion.to_body.column(2) * -p.gravity;
+        let velocity = from_rapier(self.world.bodies[self.handles.ball].linvel());
+        let drag = Vector3::new(velocity.x, velocity.y, 0.0) * -p.ball_viscous_friction;
+        let [fx, fy, fz, tx, ty, tz] = std::mem::take(&mut self.sim_state.push).map(|v| v / dt);
+        let [force, torque] = [Vector3::new(fx, fy, fz), Vector3::new(tx, ty, tz)].map(|v| motion.to_body * v);
+        let applied = self.bot.weight(&down) + join(&[force, torque, Vector3::from(*wheel_torques)]);
+        let acceleration = self.bot.free_acceleration(&motion.velocities.bot, &applied);
+        let of_ball = down + motion.to_body * drag / p.ball_mass;
+        let free = Velocities { bot: acceleration, ball: [of_ball, Vector3::zeros()] };
+        let erp = self.settings.contact_softness.erp_inv_dt(dt);
+        let clearance = self.ball_clearance(&motion);
+        let rows = Rows::new(&self.parts, &self.bot, &motion, &contacts, p.wheel_coulomb_friction > 0.0);
+        Plan {
+            coupling: rows.coupling(&self.parts, &self.bot),
+            rows,
+            biases: biases(&contacts, motion.floor_gap, erp, MAX_RECOVERY_SPEED, dt),
+            free: motion.velocities.plus(&free, dt),
+            apart: contacts.iter().all(|contact| contact.gap > clearance),
+            limits: self.limits(&contacts),
+            motion,
+            acceleration,
+            drag,
+        }
     }
 
-    fn set_sweeps(&mut self) {
-        let steady = self.sim_state.steps > 0 && self.all_steady();
-        let [solving, stabilizing] = if steady { STEADY_SWEEPS } else { TRANSIENT_SWEEPS };
-        self.settings.num_internal_pgs_iterations = solving;
-        self.settings.num_internal_stabilization_iterations = stabilizing;
+    /// Positions and velocities in body axes.
+    pub(super) fn motion(&self) -> Motion {
+        let root = self.world.bodies[self.handles.body].position();
+        let to_body = rotation_from_rapier(root.rotation).to_rotation_matrix().into_inner().transpose();
+        let ball = &self.world.bodies[self.handles.ball];
+        Motion {
+            ball: to_body * from_rapier(ball.translation() - root.translation),
+            velocities: self.velocities(&to_body),
+            floor_gap: ball.translation().z - self.params.ball_radius,
+            to_body,
+        }
     }
 
-    fn all_steady(&self) -> bool {
-        self.sim_state.wheel_forces.iter().all(|force| force.steady)
+    fn velocities(&self, to_body: &Matrix3<f64>) -> Velocities {
+        let [velocity, rate, joints] = split(&self.multibody().generalized_velocity().fixed_rows::<9>(0).into_owned());
+        let ball = &self.world.bodies[self.handles.ball];
+        Velocities {
+            bot: join(&[to_body * velocity, to_body * rate, joints]),
+            ball: [ball.linvel(), ball.angvel()].map(|v| to_body * from_rapier(v)),
+        }
     }
 
-    /// Whether the bot cannot touch the floor within the step, nor its body the ball. The colliders of the bot are
-    /// disabled then.
-    fn far_from_floor(&self) -> bool {
-        if !self.all_steady() {
+    /// Distance of the ball from which the bot cannot come to touch it within the step, m.
+    fn ball_clearance(&self, motion: &Motion) -> f64 {
+        let [velocity, rate, _] = split(&motion.velocities.bot);
+        let reach = self.collision_shape.body.bottom + self.collision_shape.body.radius;
+        let closing = (velocity - motion.velocities.ball[0]).norm() + rate.norm() * reach;
+        BALL_CLEARANCE * self.params.ball_radius + 2.0 * closing * self.settings.dt
+    }
+
+    /// Whether the bot cannot touch the floor within the step, nor its body the ball.
+    fn only_wheels_and_ball_touch(&self, motion: &Motion) -> bool {
+        let shape = &self.collision_shape;
+        let above = shape.body.bottom - (motion.ball.z + self.root.z) - self.params.ball_radius;
+        if above <= self.ball_clearance(motion) {
             return false;
         }
         let pose = self.world.bodies[self.handles.body].position();
         let attitude = rotation_from_rapier(pose.rotation);
         let position = from_rapier(pose.translation) - attitude * self.root;
-        let (velocity, rate) = self.root_velocity();
-        let reach = self.collision_shape.body.top + self.collision_shape.body.radius;
-        let fastest = velocity.norm() + rate.norm() * reach;
-        self.collision_shape.lowest_point(&position, &attitude).1 > FLOOR_CLEARANCE + 2.0 * fastest * self.settings.dt
+        let [velocity, rate, _] = split(&motion.velocities.bot);
+        let fastest = velocity.norm() + rate.norm() * (shape.body.top + shape.body.radius);
+        shape.lowest_point(&position, &attitude).1 > FLOOR_CLEARANCE + 2.0 * fastest * self.settings.dt
     }
 
-    fn set_floor_friction(&mut self) {
+    /// Friction limits by the slip at the start of the step. Sets that of rapier's floor, too.
+    fn limits(&mut self, contacts: &[WheelContact; 3]) -> Limits {
         let p = &self.params;
-        if p.floor_static_friction > p.floor_dynamic_friction {
-            let slip = (self.floor_slip() / p.friction_critical_velocity).norm_squared();
-            let friction = stribeck(p.floor_static_friction, p.floor_dynamic_friction, slip);
-            self.world.set_floor_friction(&self.handles, friction);
-        }
+        let ratio = |slip: f64| (slip / p.friction_critical_velocity).powi(2);
+        let of_wheel =
+            |contact: &WheelContact| stribeck(p.wheel_static_friction, p.wheel_dynamic_friction, ratio(contact.slip));
+        let limits = Limits {
+            wheels: [0, 1, 2].map(|i| of_wheel(&contacts[i])),
+            floor: stribeck(p.floor_static_friction, p.floor_dynamic_friction, ratio(self.floor_slip().norm())),
+            joint: p.wheel_coulomb_friction * self.settings.dt,
+        };
+        self.world.set_floor_friction(&self.handles, limits.floor);
+        limits
     }
 
-    /// Applies motor torques, pushes, drag and the warm-start forces.
-    fn apply_forces(&mut self, wheel_torques: &[f64; 3], contacts: &[Contact; 3], starts: &[WarmStart; 3]) {
-        let axles = [0, 1, 2].map(|i| self.axle(i));
+    /// Sets the forces that accelerate the bot, and the forces on the ball.
+    fn apply(&mut self, plan: &Plan, acceleration: &Coordinates, wheels_on_ball: &[Vector3<f64>; 2]) {
+        let down = plan.motion.to_body.column(2) * -self.params.gravity;
+        let needed = self.bot.force(&plan.motion.velocities.bot, acceleration, &self.bot.weight(&down));
+        let [force, torque, joints] = split(&needed);
+        let to_world = plan.motion.to_body.transpose();
+        let mut reaction = torque;
         let bodies = &mut self.world.bodies;
-        let [fx, fy, fz, tx, ty, tz] = std::mem::take(&mut self.sim_state.push).map(|v| v / self.settings.dt);
-        let mut torque_on_body = Vector3::new(tx, ty, tz);
-        let velocity = from_rapier(bodies[self.handles.ball].linvel());
-        let mut force_on_ball = Vector3::new(velocity.x, velocity.y, 0.0) * -self.params.ball_viscous_friction;
-        let mut torque_on_ball = Vector3::zeros();
         for i in 0..3 {
-            let (contact, start) = (&contacts[i], &starts[i]);
-            let traction = contact.drive * start.traction;
-            let force = contact.normal * start.load - traction;
-            let arm = contact.normal.cross(&traction);
-            let torque = axles[i] * wheel_torques[i];
-            set_loads(&mut bodies[self.handles.wheels[i]], &force, &(torque + arm * self.params.wheel_radius));
-            force_on_ball -= force;
-            torque_on_ball += arm * self.params.ball_radius;
-            torque_on_body -= torque;
+            let torque = self.bot.axles[i] * joints[i];
+            reaction -= torque;
+            set_loads(&mut bodies[self.handles.wheels[i]], &Vector3::zeros(), &(to_world * torque));
         }
-        set_loads(&mut bodies[self.handles.body], &Vector3::new(fx, fy, fz), &torque_on_body);
-        set_loads(&mut bodies[self.handles.ball], &force_on_ball, &torque_on_ball);
+        set_loads(&mut bodies[self.handles.body], &(to_world * force), &(to_world * reaction));
+        let [push, turn] = wheels_on_ball.map(|impulse| to_world * impulse / self.settings.dt);
+        set_loads(&mut bodies[self.handles.ball], &(push + plan.drag), &turn);
     }
 }
 

@@ -1,8 +1,8 @@
 //! The rapier world of one robot: its bodies, colliders and joints.
 
 use super::bodies::{BodyLink, wheel_transverse_inertia};
+use super::bot::{DOFS, Mass};
 use super::convert::to_rapier;
-use super::rows;
 use crate::error::Result;
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
@@ -32,17 +32,29 @@ pub struct Handles {
     pub body: RigidBodyHandle,
     pub wheels: [RigidBodyHandle; 3],
     pub bot: MultibodyIndex,
-    pub drives: [ImpulseJointHandle; 3],
     pub floor_collider: ColliderHandle,
     pub ball_collider: ColliderHandle,
     pub body_collider: ColliderHandle,
     pub wheel_colliders: [ColliderHandle; 3],
 }
 
+/// Largest speed of recovery from an overlap, m/s.
+pub const MAX_RECOVERY_SPEED: f64 = 1.0;
+
+/// Colliders of the ball, and of the wheels, whose contact with the ball is not rapier's.
+const BALL: Group = Group::GROUP_1;
+const WHEEL: Group = Group::GROUP_2;
+
+/// Recovery from overlap: the rate of a spring of 200 Hz natural frequency and damping ratio 5, without the compliance of
+/// that spring, so that a contact carries its load from the first step on.
+fn softness() -> SpringCoefficients<Real> {
+    SpringCoefficients::new(2e5, 5e3)
+}
+
 /// Solver settings, validated by growth rate, traction and loads of the robot. The number of sweeps is set in each
 /// step.
 pub fn integration_parameters(sim_dt: f64) -> IntegrationParameters {
-    let softness = rows::softness();
+    let softness = softness();
     IntegrationParameters {
         dt: sim_dt,
         contact_softness: softness,
@@ -54,6 +66,7 @@ pub fn integration_parameters(sim_dt: f64) -> IntegrationParameters {
         friction_in_bias_pass: true,
         max_ccd_substeps: 0,
         friction_model: FrictionModel::Coulomb,
+        normalized_max_corrective_velocity: MAX_RECOVERY_SPEED,
         normalized_prediction_distance: 0.002,
         normalized_max_linear_velocity: Real::MAX,
         ..IntegrationParameters::default()
@@ -96,13 +109,11 @@ impl World {
         multibody.set_self_contacts_enabled(false);
         // Rapier damps all angular degrees of freedom by default, those of the free root included.
         multibody.damping_mut().fill(0.0);
-        let drives = wheel_handles.map(|wheel| world.impulse_joints.insert(wheel, ball, rows::joint(), true));
         let handles = Handles {
             ball,
             body,
             wheels: wheel_handles,
             bot,
-            drives,
             floor_collider,
             ball_collider,
             body_collider,
@@ -117,8 +128,22 @@ impl World {
             RigidBodyBuilder::dynamic()
                 .translation(Vector::Z * params.ball_radius)
                 .additional_mass_properties(MassProperties::new(Vector::ZERO, params.ball_mass, inertia)),
-            ColliderBuilder::ball(params.ball_radius),
+            ColliderBuilder::ball(params.ball_radius).collision_groups(InteractionGroups::new(
+                BALL,
+                !WHEEL,
+                InteractionTestMode::And,
+            )),
         )
+    }
+
+    /// Mass matrix of the multibody of a robot at rest upright.
+    pub fn upright_mass(&self, handles: &Handles) -> Mass {
+        let mut world = self.clone();
+        // Rapier computes it in a step.
+        world.step(&mut new_pipeline(), 0.0, &integration_parameters(1e-9));
+        let multibody = world.multibody_joints.get_multibody(handles.bot).expect("just built");
+        let inverse = multibody.inv_augmented_mass().try_inverse().expect("a mass matrix is regular");
+        inverse.fixed_view::<DOFS, DOFS>(0, 0).into_owned().try_inverse().expect("a mass matrix is regular")
     }
 
     /// Inserts the root of the multibody. Its frame is at its CoM, because rapier integrates a root with an offset CoM
@@ -169,8 +194,11 @@ impl World {
         let start = self.bodies[body].translation() + center;
         let inserted = self.insert(
             RigidBodyBuilder::dynamic().translation(start).additional_mass_properties(mass),
-            // Collider for the floor only; the contact with the ball is the rows of the joint.
-            ColliderBuilder::ball(params.wheel_radius),
+            ColliderBuilder::ball(params.wheel_radius).collision_groups(InteractionGroups::new(
+                WHEEL,
+                !BALL,
+                InteractionTestMode::And,
+            )),
         );
         let mut joint = GenericJoint::new(JointAxesMask::LOCKED_REVOLUTE_AXES);
         joint.set_local_frame1(Pose::from_parts(center, axle));
@@ -218,23 +246,10 @@ impl World {
             .chain(handles.wheel_colliders);
         bodies.into_iter().all(|body| self.bodies.contains(body))
             && colliders.into_iter().all(|collider| self.colliders.get(collider).is_some())
-            && handles.drives.iter().all(|&drive| self.impulse_joints.contains(drive))
             && self
                 .multibody_joints
                 .get_multibody(handles.bot)
                 .is_some_and(|bot| bot.ndofs() == 9 && bot.num_links() == 4)
-    }
-
-    /// The joint between wheel `i` and the ball.
-    pub fn drive(&self, handles: &Handles, i: usize) -> &GenericJoint {
-        &self.impulse_joints.get(handles.drives[i]).expect("drives are never removed").data
-    }
-
-    /// The joint between wheel `i` and the ball, for the next step, and the poses of both.
-    pub fn drive_mut(&mut self, handles: &Handles, i: usize) -> (&mut GenericJoint, [&Pose; 2]) {
-        let poses = [handles.wheels[i], handles.ball].map(|body| self.bodies[body].position());
-        let joint = self.impulse_joints.get_mut(handles.drives[i], false).expect("drives are never removed");
-        (&mut joint.data, poses)
     }
 
     /// Enables or disables the colliders of the bot.
@@ -276,8 +291,8 @@ impl World {
         impulse / sim_dt
     }
 
-    /// Whether two colliders touch.
+    /// Whether two colliders carried each other in the last step.
     pub fn touch(&self, a: ColliderHandle, b: ColliderHandle) -> bool {
-        self.points(a, b).any(|point| point.dist <= 0.0)
+        self.points(a, b).any(|point| point.data.impulse > 0.0)
     }
 }
