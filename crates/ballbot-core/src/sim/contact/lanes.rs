@@ -93,8 +93,8 @@ impl ContactLanes {
         self.state.set_lane(i, state);
     }
 
-    /// Advances all by `steps` time steps under commands in [-1, 1]; `one` is
-    /// workspace for the actuator memory of one robot.
+    /// Advances all by `steps` time steps under commands in [-1, 1]; `one` is workspace for the actuator memory of one
+    /// robot.
     pub fn drive_lanes<A: Actuator>(
         &mut self,
         actuator: &A,
@@ -103,13 +103,29 @@ impl ContactLanes {
         one: &mut [f64],
         steps: usize,
     ) {
+        let (calls, steps) = if A::HELD { (1, steps) } else { (steps, 1) };
+        for _ in 0..calls {
+            let mut torques = Torques::default();
+            let state = &self.state;
+            match &self.constants {
+                LaneConstants::Shared(constants) => {
+                    run_eight(Actuate { constants, state, actuator, commands, memory, one, torques: &mut torques });
+                }
+                LaneConstants::PerLane(constants) => {
+                    run_eight(Actuate { constants, state, actuator, commands, memory, one, torques: &mut torques });
+                }
+            }
+            self.advance(&torques, steps);
+        }
+    }
+
+    /// Advances all by `steps` time steps under constant torques. Not generic, so that it is compiled once for all
+    /// actuators.
+    fn advance(&mut self, torques: &Torques<Eight>, steps: usize) {
+        let state = &mut self.state;
         match &self.constants {
-            LaneConstants::Shared(constants) => {
-                run_eight(Drive { constants, state: &mut self.state, actuator, commands, memory, one, steps });
-            }
-            LaneConstants::PerLane(constants) => {
-                run_eight(Drive { constants, state: &mut self.state, actuator, commands, memory, one, steps });
-            }
+            LaneConstants::Shared(constants) => run_eight(Advance { constants, state, torques, steps }),
+            LaneConstants::PerLane(constants) => run_eight(Advance { constants, state, torques, steps }),
         }
     }
 
@@ -122,55 +138,69 @@ impl ContactLanes {
     }
 }
 
-struct Drive<'a, V, A> {
+struct Actuate<'a, V, A> {
     constants: &'a Constants<V>,
-    state: &'a mut ContactState<Eight>,
+    state: &'a ContactState<Eight>,
     actuator: &'a A,
     commands: &'a Torques<Eight>,
     memory: &'a mut [Eight],
     one: &'a mut [f64],
-    steps: usize,
+    torques: &'a mut Torques<Eight>,
 }
 
-impl<V: InLanes, A: Actuator> Kernel for Drive<'_, V, A> {
+impl<V: InLanes, A: Actuator> Kernel for Actuate<'_, V, A> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Self { constants, state, actuator, commands, memory, steps, .. } = self;
+        let Self { constants, state, actuator, commands, memory, torques, .. } = self;
         let mut memory = Memory::<Wide<S>>::new(simd, memory);
         let [a, b, c] = commands;
         let commands = [Wide::load(simd, a), Wide::load(simd, b), Wide::load(simd, c)];
-        let mut torques = [Eight::default(); 3];
-        let (calls, steps) = if A::HELD { (1, steps) } else { (steps, 1) };
-        for _ in 0..calls {
-            let speeds = if A::HELD {
-                [commands[0].zero(); 3]
-            } else {
-                V::with(
-                    constants,
-                    simd,
-                    #[inline(always)]
-                    |c| state.wheel_speeds::<Wide<S>, V::Wide<S>>(simd, c),
-                )
-            };
-            for (torque, cell) in actuator.torques(commands, speeds, &mut memory).into_iter().zip(&mut torques) {
-                torque.store(cell);
-            }
-            advance_wide(simd, constants, state, &torques, steps);
+        let speeds = if A::HELD {
+            [commands[0].zero(); 3]
+        } else {
+            V::with(
+                constants,
+                simd,
+                #[inline(always)]
+                |c| state.wheel_speeds::<Wide<S>, V::Wide<S>>(simd, c),
+            )
+        };
+        for (torque, cell) in actuator.torques(commands, speeds, &mut memory).into_iter().zip(torques) {
+            torque.store(cell);
         }
     }
 
     fn run_one_by_one(self) {
         for i in 0..EIGHT {
             let c = self.constants.map(|value| value.lane(i));
-            let mut state = self.state.lane(i);
             self.one.iter_mut().zip(&*self.memory).for_each(|(one, all)| *one = all.0[i]);
             let commands = self.commands.map(|eight| eight.0[i]);
-            for _ in 0..self.steps {
-                let speeds = state.wheel_speeds::<f64, f64>(Scalar, &c);
-                let torques = self.actuator.torques(commands, speeds, &mut Memory::new(Scalar, self.one));
-                advance(&c, &mut state, &torques, 1);
-            }
+            let speeds = self.state.lane(i).wheel_speeds::<f64, f64>(Scalar, &c);
+            let torques = self.actuator.torques(commands, speeds, &mut Memory::new(Scalar, self.one));
             self.one.iter().zip(&mut *self.memory).for_each(|(one, all)| all.0[i] = *one);
+            self.torques.iter_mut().zip(torques).for_each(|(all, torque)| all.0[i] = torque);
+        }
+    }
+}
+
+struct Advance<'a, V> {
+    constants: &'a Constants<V>,
+    state: &'a mut ContactState<Eight>,
+    torques: &'a Torques<Eight>,
+    steps: usize,
+}
+
+impl<V: InLanes> Kernel for Advance<'_, V> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        advance_wide(simd, self.constants, self.state, self.torques, self.steps);
+    }
+
+    fn run_one_by_one(self) {
+        for i in 0..EIGHT {
+            let c = self.constants.map(|value| value.lane(i));
+            let mut state = self.state.lane(i);
+            advance(&c, &mut state, &self.torques.map(|eight| eight.0[i]), self.steps);
             self.state.set_lane(i, &state);
         }
     }

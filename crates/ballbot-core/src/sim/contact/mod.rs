@@ -2,9 +2,9 @@
 //!
 //! The coordinates are those of ball, body and the absolute spins of three wheels. Nine contact rows couple them: the
 //! normal force of each wheel and of the floor, the floor friction (in a disc) and the drive friction of each wheel (in
-//! an interval along its drive direction). A step evaluates the rows, solves for the impulses by projected Gauss-Seidel
-//! sweeps with a warm start from the last step, and integrates with the new velocities (semi-implicit Euler). `step`
-//! has the algorithm. Contacts of bot and floor and of ball and body are solved by further sweeps (`body_contacts`).
+//! an interval along its drive direction). A step evaluates the rows, finds the impulses that meet the conditions of
+//! these contacts (`active_set`), and integrates with the new velocities (semi-implicit Euler). `step` has the
+//! algorithm. Contacts of bot and floor and of ball and body are solved by sweeps (`body_contacts`).
 
 mod active_set;
 mod body_contacts;

@@ -2,14 +2,15 @@
 //!
 //! ```text
 //! rows(pose)                              gaps, normals, drive directions, arms               (Rows)
-//! if a rare contact is near: body_contacts::step, with the same parts and further sweeps      (Rare contacts)
+//! if a rare contact is near: further sweeps with it, by body_contacts                         (Rare contacts)
 //! mu   = stribeck(slip(velocities))       friction coefficients at the start of the step      (Friction law)
 //! free = velocities + dt M^-1 forces      gravity, motors, push, drag, gyroscopic torque      (Free velocities)
 //! W    = J M^-1 J^T                       change of row velocities per impulse                (Delassus matrix)
-//! r    = J free + b(gap) + W impulses     residuals with the impulses of the last step        (Warm start)
-//! repeat 4 to 60 times, until the wheel impulses change little:                               (Sweeps)
-//!     for each row k: impulse_k = project(impulse_k - r_k / W_kk); r += W_k change
-//! velocities = free + M^-1 J^T impulses   velocities at the end of the step                   (Sweeps)
+//! r    = J free + b(gap)                  residuals without impulses                          (Rows)
+//! repeat until the modes of the contacts stay:                                                (Active set)
+//!     impulses = solution of the linear equations of these modes
+//!     modes    = open, sticking or slipping, from the impulses and r + W impulses
+//! velocities = free + M^-1 J^T impulses   velocities at the end of the step                   (Active set)
 //! pose       = pose + dt velocities       attitudes by rotation vectors                       (Semi-implicit Euler)
 //! ```
 

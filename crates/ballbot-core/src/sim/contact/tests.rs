@@ -186,7 +186,7 @@ fn assert_same(label: &str, found: &ContactState<f64>, expected: &ContactState<f
 
 #[test]
 fn robots_in_lanes_equal_single_robots() {
-    // Near the floor all eight are stepped one by one, so once with a fall and once without.
+    // Near the floor all eight take another kind of step, so once with a fall and once without.
     for falling in [true, false] {
         let mut calm = [false; EIGHT];
         calm[FALLING] = !falling;
