@@ -19,11 +19,11 @@ use floor_point::{FloorPoint, POINTS, floor_points};
 const SWEEPS: usize = 3;
 
 /// Largest number of sweeps. Chosen by experiment.
-const MOST_SWEEPS: usize = 8;
+const MOST_SWEEPS: usize = 20;
 
 /// Change of an impulse in a sweep above which the sweeps continue, as a share of the impulse of a wheel's static load.
 /// Chosen by experiment.
-const SETTLED_SHARE: f64 = 1e-2;
+const SETTLED_SHARE: f64 = 1e-4;
 
 /// Distance in addition to the motion within a step at which a contact of bot and floor is considered, m.
 const FLOOR_MARGIN: f64 = 2e-3;

@@ -1,6 +1,7 @@
 //! Elimination of floor and wheel joints from the equations of the wheels' rows, and the solution of these.
 
-use super::{Conditions, FloorMode, JointModes, WheelModes};
+use super::conditions::Conditions;
+use super::modes::{FloorMode, JointModes, WheelModes};
 use crate::lanes::{Lane, Mat3, Value, Vec3};
 use crate::sim::contact::delassus::Delassus;
 

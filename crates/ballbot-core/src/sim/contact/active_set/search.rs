@@ -1,6 +1,7 @@
 //! Search through all modes of the wheels, for robots whose modes do not repeat.
 
-use super::{Conditions, FloorMode, JointModes, Modes, Solution, WheelModes};
+use super::conditions::{Conditions, Solution};
+use super::modes::{FloorMode, JointModes, Modes, WheelModes};
 use crate::lanes::{Cell, Lane, Value, run_one};
 use crate::sim::contact::delassus::Delassus;
 use crate::sim::contact::friction::{Friction, JointFriction};
@@ -108,7 +109,11 @@ fn best<const JOINTS: bool>(conditions: &Conditions<f64, f64>, last: PerRow<f64>
             let mut modes = Modes {
                 wheels: WheelModes { closed: [c0, c1, c2], slips: [s0, s1, s2], slopes: [d0 * m0, d1 * m1, d2 * m2] },
                 floor: FloorMode { closed: true, slips: false, direction: [0.0; 2], share: 1.0 },
-                joints: JointModes { sticks: [true; 3], dry: [conditions.joint_friction.dry; 3] },
+                // Without dry friction a joint cannot stick.
+                joints: JointModes {
+                    sticks: [0.0 < conditions.joint_friction.dry; 3],
+                    dry: [conditions.joint_friction.dry; 3],
+                },
             };
             for _ in 0..most_steps {
                 let attempt = conditions.solve::<JOINTS>(&floor, &modes, 1.0);

@@ -1,21 +1,34 @@
 //! The impulses meet the contact conditions, and are those of a search with other means.
 
-use super::*;
 use crate::lanes::Scalar;
 use crate::model::Model;
 use crate::params::Params;
 use crate::sim::contact::ContactMotion;
 use crate::sim::contact::constants::Constants;
+use crate::sim::contact::delassus::Delassus;
+use crate::sim::contact::friction::Friction;
 use crate::sim::contact::phases::{Start, free_velocities};
 use crate::sim::contact::state::ContactState;
 use crate::sim::contact::step::advance;
-use crate::sim::contact::types::Velocities;
+use crate::sim::contact::types::{PerRow, Velocities};
 use crate::state::State;
 use nalgebra::{DMatrix, DVector, Vector2};
-use rand::rngs::SmallRng;
-use rand::{Rng, RngExt, SeedableRng};
 
 const DT: f64 = 0.002;
+
+/// Evenly distributed numbers: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014, fig. 17).
+struct Random(u64);
+
+impl Random {
+    fn within(&mut self, size: f64) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^= z >> 31;
+        size * ((z >> 11) as f64 / (1_u64 << 52) as f64 - 1.0)
+    }
+}
 
 /// A step of a robot: where it starts, and what its contacts must do.
 struct Step {
@@ -66,22 +79,22 @@ fn impulses_of(state: &ContactState<f64>) -> PerRow<f64> {
     state.impulses::<f64>(Scalar)
 }
 
-fn random_start(params: &Params, rng: &mut impl Rng) -> ContactState<f64> {
+fn random_start(params: &Params, rng: &mut Random) -> ContactState<f64> {
     let mut robot = ContactMotion::new(params, DT);
-    let tilt = Vector2::new(rng.random_range(-0.1..0.1), rng.random_range(-0.1..0.1));
-    robot.place(&State::tilted(params, tilt, rng.random_range(-3.0..3.0)));
+    let tilt = Vector2::new(rng.within(0.1), rng.within(0.1));
+    robot.place(&State::tilted(params, tilt, rng.within(3.0)));
     robot.memory().clone()
 }
 
 /// Steps under random torques of the given size, with what ends an episode of the balance task.
 fn random_steps(params: &Params, size: f64, steps: usize, seed: u64, mut check: impl FnMut(&Step, &ContactState<f64>)) {
-    let mut rng = SmallRng::seed_from_u64(seed);
+    let mut rng = Random(seed);
     let c = Constants::new(params, DT);
     let mut state = random_start(params, &mut rng);
     let mut torques = [0.0; 3];
     for k in 0..steps {
         if k % 5 == 0 {
-            torques = [0; 3].map(|_| rng.random_range(-size..=size));
+            torques = [0; 3].map(|_| rng.within(size));
         }
         let step = Step::new(&c, &state, &torques);
         let near = crate::sim::contact::body_contacts::Near::<f64>::new(&c, &step.start, Scalar, &state.push).mask;
