@@ -6,10 +6,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-from validation.benchmarks import chart, comparability, machine, memory, report, scaling, throughput
+from validation.benchmarks import actions, chart, comparability, machine, memory, report, scaling, throughput
 
 _PARTS = {
     "throughput": throughput.measure,
+    "actions": actions.measure,
     "accuracy": comparability.measure,
     "scaling": scaling.measure,
     "memory": memory.measure,
