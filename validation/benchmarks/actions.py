@@ -14,8 +14,6 @@ TORQUES = (task.HEADLINE_TORQUE, 0.3, 0.6, 1.0)
 #: The peers that one process steps, and how many robots of each; a robot of PyBullet takes 35 MiB.
 _PEERS = {"mujoco-batch": 256, "mujoco-dummy": 8, "pybullet-dummy": 8}
 _OURS = 256
-#: Control steps before the first round, for falls and starts to come into balance; more where few robots count falls.
-_SETTLING = {256: 100, 8: 800}
 
 
 def measure(quick: bool) -> list[dict[str, Any]]:
@@ -44,7 +42,7 @@ def measure_here(plan: list[tuple[str, int]], rounds: int, seconds: float) -> li
     try:
         for name, robots in plan:
             cases = [("driven", torque) for torque in TORQUES]
-            # Only this model and `rigid` have a floor to lie on, and `rigid` does nothing else there.
+            # On the floor this model leaves its fast path.
             cases += [("fallen", task.MAX_TORQUE)] if name == f"ours:{fallen.MODEL}" else []
             for case, torque in cases:
                 row = {"simulator": name, "case": case, "torque": torque, "robots": robots}
@@ -53,7 +51,7 @@ def measure_here(plan: list[tuple[str, int]], rounds: int, seconds: float) -> li
                     if case == "fallen":
                         one = fallen.thrashing(robots)
                     else:
-                        one = simulators.environment(name, robots, 1, torque=torque, settling=_SETTLING[robots])
+                        one = simulators.environment(name, robots, 1, torque=torque, settling=settling(robots))
                     running.append((row, one))
                 except Exception as error:
                     rows.append(row | {"reason": str(error)})
@@ -64,3 +62,8 @@ def measure_here(plan: list[tuple[str, int]], rounds: int, seconds: float) -> li
         for _, one in running:
             one.close()
     return rows
+
+
+def settling(robots: int) -> int:
+    """Control steps before the first round, so that falls are in balance with starts; more if few robots count falls."""
+    return max(100, 6400 // robots)
