@@ -1,8 +1,11 @@
 """The benchmark's action sizes, its worst case and their table."""
 
+import itertools
+
 import numpy as np
 import pytest
 
+import ballbot_rs as bb
 from validation.benchmarks import actions, task
 from validation.benchmarks.fallen import Thrashing
 from validation.benchmarks.report import markdown
@@ -17,6 +20,31 @@ def test_actions_are_as_large_as_asked_and_otherwise_the_same() -> None:
     assert 0.09 < np.abs(small).max() * task.MAX_TORQUE <= 0.1
     np.testing.assert_allclose(small * 10.0, large, rtol=1e-6)
     np.testing.assert_array_equal(task.make_actions(50, 8), task.make_actions(50, 8, task.HEADLINE_TORQUE))
+
+
+@pytest.mark.parametrize(
+    ("signs", "slips_from"), [((1.0, 0.0, 0.0), 0.57), ((1.0, -1.0, -1.0), 0.20), ((-1.0, 1.0, 1.0), 0.20)]
+)
+def test_the_upright_robot_slips_at_the_torques_that_the_report_names(
+    signs: tuple[float, float, float], slips_from: float
+) -> None:
+    def slip(torque: float) -> float:
+        robot = bb.Ballbot(model="contact", sim_dt=SIM_DT)
+        robot.reset(bb.State.at_rest(robot.params))
+        robot.step(np.multiply(signs, torque))
+        return float(np.abs(robot.contacts.wheel_slip_speeds).max())
+
+    stick = 1e-5  # m/s; what the solver leaves without slip
+    assert slip(slips_from - 0.005) < stick
+    assert slip(slips_from + 0.005) > 10.0 * stick
+
+
+def test_no_wheel_of_the_upright_robot_slips_at_the_headline() -> None:
+    robot = bb.Ballbot(model="contact", sim_dt=SIM_DT)
+    for signs in itertools.product((-1.0, 0.0, 1.0), repeat=3):
+        robot.reset(bb.State.at_rest(robot.params))
+        robot.step(np.multiply(signs, task.HEADLINE_TORQUE))
+        assert np.abs(robot.contacts.wheel_slip_speeds).max() < 1e-5, signs
 
 
 def test_robots_fall_more_often_under_larger_actions() -> None:

@@ -11,10 +11,10 @@ _METHOD = """\
 
 The robot of `Params.paper()` in every engine, at time steps of 2 ms, five of them an action; the task of
 `ballbot/Balance-v0` (16 numbers, reward, fall at 20 deg, 1000 steps, reset within the step); the same actions, drawn
-evenly from ±0.1 N·m unless a table has other sizes. That is a fifth of what slips, and a robot falls about twice a
-second. Episodes start at yaw 0 everywhere: there MuJoCo's robot works. Rates are medians over rounds in which all
-simulators take turns, with the smallest and the largest. One core means a process pinned to one core; linear algebra
-has one thread throughout.
+evenly from ±0.1 N·m unless a table has other sizes; a robot falls about twice a second. A wheel of the upright robot
+slips from 0.57 N·m if it is driven alone, from 0.20 N·m at the worst signs of all three. Episodes start at yaw 0
+everywhere: there MuJoCo's robot works. Rates are medians over rounds in which all simulators take turns, with the
+smallest and the largest. One core means a process pinned to one core; linear algebra has one thread throughout.
 
 - **MuJoCo batch**: `mujoco.batch`, MuJoCo's own thread pool, under a `VecEnv` in NumPy that reads the state rows in
   place. Newton solver from the last step's forces with tolerance 1e-4, elliptic cones, four contact pairs and nothing
@@ -206,7 +206,7 @@ def _accuracy(rows: Rows) -> str:
         "beyond some degrees of yaw the wheels hold where they should roll and roll where they should drive. Bullet "
         "splits a wheel's friction over two rows, both along its drive, which together slip at a limit that varies "
         "with the heading. MuJoCo's convex contacts let the load grow with the slip, so that slipping wheels hop. The "
-        "falls here and all rates but those of the larger actions have torques of at most a fifth of what slips.\n\n"
+        "falls here, and all rates but those of the larger actions, are of at most half of the least torques that slip.\n\n"
     )
     return text + note + _absent(rows, "engine")
 
