@@ -105,10 +105,11 @@ def _actions(rows: Rows) -> str:
         if r is None:
             return "—"
         text = f"{r['median']:,.0f}"
-        if r["torque"] not in peer:
+        # The peers' robots have not all fallen.
+        if r["case"] == "fallen" or r["torque"] not in peer:
             return text
         ratio = r["median"] / peer[r["torque"]]
-        return f"{text} ({ratio:.{0 if ratio >= 100.0 else 1}f})"
+        return f"{text} ({ratio:.{0 if ratio >= 100.0 else 1 if ratio >= 10.0 else 2}f})"
 
     body = []
     for name in dict.fromkeys(r["simulator"] for r in driven):
