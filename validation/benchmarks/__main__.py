@@ -6,10 +6,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-from validation.benchmarks import chart, comparability, machine, memory, report, scaling, throughput
+from validation.benchmarks import actions, chart, comparability, machine, memory, report, scaling, throughput
 
 _PARTS = {
     "throughput": throughput.measure,
+    "actions": actions.measure,
     "accuracy": comparability.measure,
     "scaling": scaling.measure,
     "memory": memory.measure,
@@ -19,7 +20,7 @@ _PARTS = {
 def main() -> None:
     """Does what the arguments say."""
     parser = argparse.ArgumentParser(prog="python -m validation.benchmarks", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="fewer and shorter rounds: about two minutes")
+    parser.add_argument("--quick", action="store_true", help="fewer and shorter rounds: about three minutes")
     parser.add_argument("--only", choices=_PARTS, help="one part; the others stay as the JSON has them")
     parser.add_argument("--report", action="store_true", help="measure nothing: report and chart from the JSON")
     parser.add_argument("--output", type=Path, default=Path(__file__).parents[2] / "docs", help="folder (docs)")

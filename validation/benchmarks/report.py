@@ -11,9 +11,10 @@ _METHOD = """\
 
 The robot of `Params.paper()` in every engine, at time steps of 2 ms, five of them an action; the task of
 `ballbot/Balance-v0` (16 numbers, reward, fall at 20 deg, 1000 steps, reset within the step); the same actions, drawn
-evenly from ±0.1 N·m, under which a robot falls about twice a second. Episodes start at yaw 0 everywhere: there MuJoCo's
-robot works. Rates are medians over rounds in which all simulators take turns, with the smallest and the largest.
-One core means a process pinned to one core; linear algebra has one thread throughout.
+evenly from ±0.1 N·m unless a table has other sizes; a robot falls about twice a second. A wheel of the upright robot
+slips from 0.57 N·m if it is driven alone, from 0.20 N·m at the worst signs of all three. Episodes start at yaw 0
+everywhere: there MuJoCo's robot works. Rates are medians over rounds in which all simulators take turns, with the
+smallest and the largest. One core means a process pinned to one core; linear algebra has one thread throughout.
 
 - **MuJoCo batch**: `mujoco.batch`, MuJoCo's own thread pool, under a `VecEnv` in NumPy that reads the state rows in
   place. Newton solver from the last step's forces with tolerance 1e-4, elliptic cones, four contact pairs and nothing
@@ -43,6 +44,7 @@ def markdown(found: dict[str, Any]) -> str:
         parts.insert(2, "".join(f"- {name}: {when}\n" for name, when in found["measured"].items()))
     for name, section in (
         ("throughput", _throughput),
+        ("actions", _actions),
         ("accuracy", _accuracy),
         ("scaling", _scaling),
         ("memory", _memory),
@@ -89,6 +91,60 @@ def _throughput(rows: Rows) -> str:
             head = ["simulator", "robots", "median", "min", "max", "× MuJoCo batch"]
             text += f"### {title}, {where}\n\n{_table(head, body)}\n"
     return text + _absent(rows)
+
+
+def _actions(rows: Rows) -> str:
+    """One table: a row a simulator, a column an action size; in parentheses what it is beside the MuJoCo batch."""
+    at = [r for r in rows if "median" in r]
+    driven = [r for r in at if r["case"] == "driven"]
+    torques = sorted({r["torque"] for r in driven})
+    headline = {r["torque"] for r in driven if r["headline"]}
+    peer = {r["torque"]: r["median"] for r in driven if r["simulator"] == "mujoco-batch"}
+
+    def cell(r: dict[str, Any] | None) -> str:
+        if r is None:
+            return "—"
+        text = f"{r['median']:,.0f}"
+        # The peers' robots have not all fallen.
+        if r["case"] == "fallen" or r["torque"] not in peer:
+            return text
+        ratio = r["median"] / peer[r["torque"]]
+        return f"{text} ({ratio:.{0 if ratio >= 100.0 else 1 if ratio >= 10.0 else 2}f})"
+
+    body = []
+    for name in dict.fromkeys(r["simulator"] for r in driven):
+        of = {r["torque"]: r for r in driven if r["simulator"] == name}
+        falls = ", ".join(f"{of[t]['falls_per_second']:.1f}" if t in of else "—" for t in torques)
+        robots = str(next(iter(of.values()))["robots"])
+        body.append([label(name), robots, *(cell(of.get(t)) for t in torques), falls])
+    fallen = [r for r in at if r["case"] == "fallen"]
+    for r in fallen:
+        cells = [cell(r if r["torque"] == t else None) for t in torques]
+        body.append([f"{label(r['simulator'])}: everybody fallen and thrashing", str(r["robots"]), *cells, "—"])
+    head = [f"±{t} N·m" + (" (headline)" if t in headline else "") for t in torques]
+    text = (
+        "## What larger actions cost\n\nEnvironment steps per second, through the `VecEnv`, one core: medians, in "
+        "parentheses times the MuJoCo batch at the same size. All runs take turns. "
+        + "".join(
+            f"The headline, and the size of all other tables and of the chart, is ±{t} N·m, at which no wheel of an "
+            "upright robot slips. "
+            for t in sorted(headline)
+        )
+        + "Falls are those of one robot in a second, size by size. `spatial` and `planar` do not slip at any size. "
+        "MuJoCo's slipping wheels hop: fewer contacts, hence more steps.\n\n"
+        + _table(["simulator", "robots", *head, "falls (1/s)"], body)
+    )
+    if at:
+        spread = max(max(r["max"] / r["median"], r["median"] / r["min"]) for r in at) - 1.0
+        text += f"\nThe slowest or fastest round of a run is up to {spread:.0%} off its median.\n"
+    for r in fallen:
+        text += (
+            f"\nEverybody fallen: all robots have fallen before the first round, and {r['lying_mean']:.1%} of them "
+            f"(never less than {r['lying_min']:.1%}) touch the floor with body or wheels at the end of a step. Through "
+            "`Batch`, without the `VecEnv`. The balance task ends an episode at the fall, so each step begins one, "
+            "outside the time, where the last step ended; it finds the contact forces anew.\n"
+        )
+    return text + "\n" + _absent(rows)
 
 
 def _rate(row: dict[str, Any]) -> list[str]:
@@ -151,7 +207,8 @@ def _accuracy(rows: Rows) -> str:
         "beyond some degrees of yaw the wheels hold where they should roll and roll where they should drive. Bullet "
         "splits a wheel's friction over two rows, both along its drive, which together slip at a limit that varies "
         "with the heading. MuJoCo's convex contacts let the load grow with the slip, so that slipping wheels hop. The "
-        "throughput's torques are at most a fifth of what slips.\n\n"
+        "falls here, and all rates but those of the larger actions, are of at most half of the least torques that "
+        "slip.\n\n"
     )
     return text + note + _absent(rows, "engine")
 

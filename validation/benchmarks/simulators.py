@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from validation.benchmarks import ours, task
 from validation.benchmarks.timing import Run, timed
-from validation.engines.geometry import SIM_DT
+from validation.engines.geometry import SIM_DT, SUBSTEPS
 
 #: Time steps in one call of a raw run, and calls before its robots are put upright again: 0.2 s, none falls.
 RAW_SUBSTEPS, RAW_CALLS = 25, 4
@@ -21,22 +21,32 @@ RAW_SUBSTEPS, RAW_CALLS = 25, 4
 
 @dataclasses.dataclass
 class Running:
-    """A simulator that was built: `run` advances it, `close` ends it."""
+    """A simulator that was built: `run` advances it, `close` ends it, `found` is what else it tells of itself."""
 
     run: Run
     close: Callable[[], None]
+    found: Callable[[], dict[str, Any]] = dict
 
 
-def environment(simulator: str, num_envs: int, num_threads: int) -> Running:
-    """A `VecEnv` of the balance task under the common actions; a run is one step of all environments."""
+def environment(
+    simulator: str, num_envs: int, num_threads: int, torque: float = task.HEADLINE_TORQUE, settling: int = 0
+) -> Running:
+    """A `VecEnv` of the balance task under the common actions of ±`torque`; a run is one step of all environments.
+
+    Before, there are `settling` steps; the second half of them tells how often a robot falls.
+    """
     env = vec_env(simulator, num_envs, num_threads)
+    actions = itertools.cycle(task.make_actions(64, num_envs, torque))
+    found = {}
     try:
         env.reset()
+        ended = [np.sum(env.step(next(actions))[2]) for _ in range(settling)][settling // 2 :]
+        if ended:
+            found["falls_per_second"] = float(np.sum(ended)) / (num_envs * len(ended) * SUBSTEPS * SIM_DT)
     except BaseException:
         env.close()
         raise
-    actions = itertools.cycle(task.make_actions(64, num_envs))
-    return Running(timed(lambda: env.step(next(actions)), num_envs), env.close)
+    return Running(timed(lambda: env.step(next(actions)), num_envs), env.close, lambda: found)
 
 
 def vec_env(simulator: str, num_envs: int, num_threads: int) -> Any:

@@ -15,7 +15,8 @@ from validation.engines.rotations import attitude, to_body
 
 Floats = npt.NDArray[np.float32]
 
-MAX_TORQUE = 1.0  # N·m
+MAX_TORQUE = 1.0  # of an action of 1, N·m
+HEADLINE_TORQUE = 0.1  # largest of the actions unless something else is said, N·m
 MAX_EPISODE_STEPS = 1000
 FALL_TILT = np.radians(20.0)
 RESET_TILT, RESET_SPEED, RESET_RATE = np.radians(5.0), 0.1, 0.2  # rad, m/s, rad/s
@@ -113,6 +114,7 @@ def reward_and_fall(sensed: Sensed, action: Floats, last_action: Floats) -> tupl
     return reward.astype(np.float32), fallen
 
 
-def make_actions(steps: int, num_envs: int) -> Floats:
-    """The same small random actions for every simulator, (steps, num_envs, 3), of ±0.1."""
-    return np.random.default_rng(0).uniform(-0.1, 0.1, (steps, num_envs, 3)).astype(np.float32)
+def make_actions(steps: int, num_envs: int, torque: float = HEADLINE_TORQUE) -> Floats:
+    """The same random actions for every simulator, (steps, num_envs, 3), of ±`torque` (N·m)."""
+    largest = torque / MAX_TORQUE
+    return np.random.default_rng(0).uniform(-largest, largest, (steps, num_envs, 3)).astype(np.float32)
