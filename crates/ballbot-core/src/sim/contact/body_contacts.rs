@@ -9,9 +9,8 @@ mod floor_point;
 use super::active_set::Conditions;
 use super::constants::Constants;
 use super::phases::Start;
-use super::state::ContactState;
 use super::types::{PerRow, Velocities, select3};
-use crate::lanes::{Lane, Value, Vec3, load3, store3};
+use crate::lanes::{Lane, Value, Vec3};
 use ball_on_body::BallOnBody;
 use floor_point::{FloorPoint, POINTS, floor_points};
 
@@ -21,15 +20,15 @@ const SWEEPS: usize = 3;
 /// Largest number of sweeps. Chosen by experiment.
 const MOST_SWEEPS: usize = 20;
 
-/// Change of an impulse in a sweep above which the sweeps continue, as a share of the impulse of a wheel's static load.
+/// Root of the squared changes of the impulses in a sweep above which the sweeps continue, as a share of the impulse of a wheel's static load.
 /// Chosen by experiment.
 const SETTLED_SHARE: f64 = 1e-4;
 
 /// Distance in addition to the motion within a step at which a contact of bot and floor is considered, m.
 const FLOOR_MARGIN: f64 = 2e-3;
 
-/// The same of ball and body, m.
-const BALL_MARGIN: f64 = 5e-4;
+/// The same of ball and body, in ball radii.
+const BALL_MARGIN: f64 = 5e-3;
 
 /// Offset of the ball's center from the origin of the body frame, in ball radii, from which on the distance of ball and
 /// cylinder is computed. The distance at rest is more than twice this.
@@ -76,7 +75,7 @@ impl<L: Lane> Near<L> {
         if L::any(displaced) {
             // Motion of the ball's center in the body frame, along the mast and across it.
             let drift = start.rotation.apply_transposed(v.ball - v.body) - v.body_rate.cross(ball);
-            let margin = pushed.mul_add(dt, zero.splat(BALL_MARGIN));
+            let margin = pushed.mul_add(dt, c.ball_radius.at(zero) * BALL_MARGIN);
             let along = drift.z.abs().mul_add(dt, margin);
             let across = (drift.x.abs() + drift.y.abs()).mul_add(dt, margin);
             let above = (c.body_bottom.at(zero) - ball.z).max(ball.z - c.body_top.at(zero)) - along;
@@ -97,14 +96,12 @@ impl<L: Lane> Near<L> {
     pub fn solve<V: Value<L>, const JOINTS: bool>(
         &self,
         c: &Constants<V>,
-        token: L::Token,
-        state: &mut ContactState<L::Cell>,
         start: &Start<L>,
         conditions: &Conditions<L, V>,
         (impulses, velocities): (&mut PerRow<L>, &mut Velocities<L>),
     ) -> L {
-        let mut contacts = Contacts::new(c, token, state, start, self, (*impulses, *velocities));
-        let threshold = conditions.static_impulse * SETTLED_SHARE;
+        let mut contacts = Contacts::new(c, start, self, (*impulses, *velocities));
+        let threshold = (conditions.static_impulse * SETTLED_SHARE).squared();
         let mut open = self.mask;
         for sweep in 0..MOST_SWEEPS {
             let change = contacts.sweep::<V, JOINTS>(c, start, conditions, self, open);
@@ -115,7 +112,6 @@ impl<L: Lane> Near<L> {
                 }
             }
         }
-        contacts.store(token, state, self.mask & state.sound(token, &contacts.velocities));
         // A contact that is skipped adds nothing, one beside a neighbor's adds zero, which changes the sign of −0 only.
         *impulses = PerRow::select(self.mask, &contacts.impulses.with_positive_zeros(), impulses);
         *velocities = Velocities::select(self.mask, &contacts.velocities.with_positive_zeros(), velocities);
@@ -144,32 +140,21 @@ impl<L: Lane> Contacts<L> {
     #[inline(always)]
     fn new<V: Value<L>>(
         c: &Constants<V>,
-        token: L::Token,
-        state: &ContactState<L::Cell>,
         start: &Start<L>,
         near: &Near<L>,
-        (impulses, mut velocities): (PerRow<L>, Velocities<L>),
+        (impulses, velocities): (PerRow<L>, Velocities<L>),
     ) -> Self {
-        let mut points = floor_points(c, start, near.floor_limit);
-        // Impulses of an earlier step than the last are of another contact.
-        let (steps, kept) = (L::load(token, &state.steps), L::load(token, &state.body_contact_step));
-        let last = kept.le(steps) & steps.le(kept);
-        let zero = steps.zero();
+        let points = floor_points(c, start, near.floor_limit);
         let mut used = [false; POINTS];
-        for (k, point) in points.iter_mut().enumerate() {
-            used[k] = point.may_touch(near.mask);
-            if used[k] {
-                let stored = load3(token, &state.floor_point_impulses[k]);
-                point.warm(c, select3(last, stored, [zero; 3]), &mut velocities);
-            }
+        for (used, point) in used.iter_mut().zip(&points) {
+            *used = point.may_touch(near.mask);
         }
-        let mut ball = BallOnBody::new(c, start);
-        let stored = L::load(token, &state.ball_on_body_impulse);
-        ball.warm(c, L::select(last & near.ball_on_body, stored, zero), &mut velocities);
+        let ball = BallOnBody::new(c, start);
         Self { points, used, ball, normal_estimate: impulses.normals, impulses, velocities }
     }
 
-    /// One sweep over all contacts of the robots in `open`. Returns the largest change of an impulse.
+    /// One sweep over all contacts of the robots in `open`. Returns the sum of the squared changes of the impulses, which
+    /// does not depend on the directions of the axes.
     #[inline(always)]
     fn sweep<V: Value<L>, const JOINTS: bool>(
         &mut self,
@@ -181,19 +166,18 @@ impl<L: Lane> Contacts<L> {
     ) -> L {
         let mut v = self.velocities;
         let zero = v.ball.x.zero();
-        let mut largest = zero;
+        let mut change = zero;
         for (point, used) in self.points.iter_mut().zip(self.used) {
             if used {
                 let before = point.impulses;
-                largest = largest.max(point.sweep(c, conditions.friction.floor, &mut v));
+                change += point.sweep(c, conditions.friction.floor, &mut v);
                 point.impulses = select3(open, point.impulses, before);
             }
         }
         let coupled = open & near.coupled;
         if L::any(open & near.ball_on_body) {
             let before = self.ball.impulse;
-            let change = self.ball.sweep(c, near.ball_on_body, &mut v);
-            largest = largest.max(change);
+            change += self.ball.sweep(c, near.ball_on_body, &mut v).squared();
             self.ball.impulse = L::select(open, self.ball.impulse, before);
         }
         if L::any(coupled) {
@@ -206,38 +190,17 @@ impl<L: Lane> Contacts<L> {
                 &mut impulses,
                 &mut residuals,
             );
-            let change = impulses.minus(&self.impulses);
+            let step = impulses.minus(&self.impulses);
             let mut moved = v;
-            start.rows.apply::<JOINTS, V>(c, &change, &mut moved);
+            start.rows.apply::<JOINTS, V>(c, &step, &mut moved);
             v = Velocities::select(coupled, &moved, &v);
-            for i in 0..3 {
-                let row = change.floor[i].abs().max(change.normals[i].abs()).max(change.drives[i].abs());
-                largest = largest.max(L::select(coupled, row, zero));
-            }
+            let size = |row: [L; 3]| Vec3::from(row).norm_squared();
+            change += L::select(coupled, size(step.floor) + size(step.normals) + size(step.drives), zero);
             self.impulses = PerRow::select(coupled, &impulses, &self.impulses);
             self.normal_estimate = select3(coupled, estimate, self.normal_estimate);
         }
         self.velocities = Velocities::select(open, &v, &self.velocities);
-        largest
-    }
-
-    /// Keeps the impulses of the robots in `mask` for the next step.
-    #[inline(always)]
-    fn store(&self, token: L::Token, state: &mut ContactState<L::Cell>, mask: L::Mask) {
-        let zero = self.ball.impulse.zero();
-        for (k, point) in self.points.iter().enumerate() {
-            let before = load3(token, &state.floor_point_impulses[k]);
-            let impulses = if self.used[k] { point.impulses } else { [zero; 3] };
-            let [n, x, y] = impulses.map(
-                #[inline(always)]
-                |impulse| impulse + 0.0,
-            );
-            store3(select3(mask, [n, x, y], before), &mut state.floor_point_impulses[k]);
-        }
-        let before = L::load(token, &state.ball_on_body_impulse);
-        L::select(mask, self.ball.impulse + 0.0, before).store(&mut state.ball_on_body_impulse);
-        let next = L::load(token, &state.steps) + 1.0;
-        L::select(mask, next, L::load(token, &state.body_contact_step)).store(&mut state.body_contact_step);
+        change
     }
 
     #[inline(always)]

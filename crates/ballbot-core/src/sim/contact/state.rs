@@ -51,12 +51,6 @@ cells! {
         pub searched_steps: T,
         /// Steps since the reset without impulses that meet the contact conditions.
         pub unsolved_steps: T,
-        /// Number of the step after which the impulses below were kept.
-        pub body_contact_step: T,
-        /// Impulses of the floor on the bot at each contact point: normal, x, y.
-        pub floor_point_impulses: [[T; 3]; 6],
-        /// Normal impulse of the body's cylinder on the ball.
-        pub ball_on_body_impulse: T,
     }
 }
 

@@ -140,7 +140,7 @@ fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const NEAR: bool>(
     }
     start.rows.apply::<JOINTS, V>(c, &impulses, &mut velocities);
     let on_floor = if NEAR {
-        near.solve::<V, JOINTS>(c, token, state, start, &conditions, (&mut impulses, &mut velocities))
+        near.solve::<V, JOINTS>(c, start, &conditions, (&mut impulses, &mut velocities))
     } else {
         like.zero()
     };

@@ -49,13 +49,6 @@ impl<L: Lane> BallOnBody<L> {
         }
     }
 
-    /// Starts from the impulse of the last step.
-    #[inline(always)]
-    pub fn warm<V: Value<L>>(&mut self, c: &Constants<V>, impulse: L, v: &mut Velocities<L>) {
-        self.impulse = impulse;
-        self.push(c, impulse, v);
-    }
-
     /// Updates the impulse of the robots in `mask`; the others have none. Returns the change.
     #[inline(always)]
     pub fn sweep<V: Value<L>>(&mut self, c: &Constants<V>, mask: L::Mask, v: &mut Velocities<L>) -> L {
@@ -65,7 +58,7 @@ impl<L: Lane> BallOnBody<L> {
         let change = pressed - self.impulse;
         self.push(c, change, v);
         self.impulse = pressed;
-        change.abs()
+        change
     }
 
     #[inline(always)]

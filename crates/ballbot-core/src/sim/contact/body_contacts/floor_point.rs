@@ -182,16 +182,7 @@ impl<L: Lane> FloorPoint<L> {
         L::any(self.candidate & mask)
     }
 
-    /// Starts from impulses of the last step.
-    #[inline(always)]
-    pub fn warm<V: Value<L>>(&mut self, c: &Constants<V>, impulses: [L; 3], v: &mut Velocities<L>) {
-        let zero = self.gap.zero();
-        let only = |impulse: L| L::select(self.candidate, impulse, zero);
-        self.impulses = [only(impulses[0]), only(impulses[1]), only(impulses[2])];
-        self.push(c, self.impulses, v);
-    }
-
-    /// One Gauss-Seidel sweep over the rows of this point. Returns the largest change of an impulse.
+    /// One Gauss-Seidel sweep over the rows of this point. Returns the sum of the squared changes of its impulses.
     #[inline(always)]
     pub fn sweep<V: Value<L>>(&mut self, c: &Constants<V>, friction: L, v: &mut Velocities<L>) -> L {
         let zero = friction.zero();
@@ -208,9 +199,10 @@ impl<L: Lane> FloorPoint<L> {
             self.couplings[1].mul_add(dn, sy).neg_mul_add(self.tangent_inverse, ty),
         ];
         let held = in_disc(stick, friction * pressed);
-        self.push(c, [dn, held[0] - tx, held[1] - ty], v);
+        let change = Vec3::new(dn, held[0] - tx, held[1] - ty);
+        self.push(c, [change.x, change.y, change.z], v);
         self.impulses = [pressed, held[0], held[1]];
-        (pressed - n).abs().max((held[0] - tx).abs()).max((held[1] - ty).abs())
+        change.norm_squared()
     }
 
     #[inline(always)]
