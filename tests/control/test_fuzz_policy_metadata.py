@@ -80,4 +80,4 @@ def test_a_session_runs_with_any_options_or_says_why_not():
         ran.append(True)
 
     feed()
-    assert len(ran) > 10
+    assert len(ran) >= 5
