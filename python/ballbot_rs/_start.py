@@ -7,8 +7,6 @@ nothing happens here.
 import os
 import sys
 
-from ballbot_rs import _interrupts
-
 #: Names of the console script, and how the command is run as a module.
 SCRIPTS = ("ballbot", "ballbot.exe")
 MODULE = ["-m", "ballbot_rs.cli"]
@@ -22,4 +20,6 @@ def is_command() -> bool:
 
 
 if is_command():
+    from ballbot_rs import _interrupts
+
     _interrupts.install()

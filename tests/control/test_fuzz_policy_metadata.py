@@ -65,7 +65,7 @@ def test_edited_metadata_give_a_policy_or_an_error(tmp_path):
 def test_a_session_runs_with_any_options_or_says_why_not():
     act, ran = OnnxPolicy(SHIPPED).act, []
 
-    @budget(150)
+    @budget(300)
     @given(changes=edited_options)
     def feed(changes):
         session = Session()
@@ -80,4 +80,4 @@ def test_a_session_runs_with_any_options_or_says_why_not():
         ran.append(True)
 
     feed()
-    assert len(ran) >= 5
+    assert len(ran) > 10

@@ -97,7 +97,7 @@ def test_unreadable_urdf_files(assets, tmp_path):
     ball = assets / "ball.urdf"
     with pytest.raises(FileNotFoundError, match="nowhere"):
         Params.from_urdf(tmp_path / "nowhere.urdf", ball)
-    with pytest.raises(OSError, match="not a regular file"):
+    with pytest.raises(IsADirectoryError, match="not a regular file"):
         Params.from_urdf(tmp_path, ball)
     (tmp_path / "binary.urdf").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(OSError, match=r"binary\.urdf"):

@@ -13,8 +13,10 @@ pub(crate) fn read(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let refuse = |source| Error::Io { path: path.into(), source };
     let other = |reason: String| refuse(io::Error::other(reason));
     // Before it is opened: opening a pipe waits for whoever writes to it.
-    if !fs::metadata(path).map_err(refuse)?.is_file() {
-        return Err(other("not a regular file".into()));
+    let found = fs::metadata(path).map_err(refuse)?;
+    if !found.is_file() {
+        let kind = if found.is_dir() { io::ErrorKind::IsADirectory } else { io::ErrorKind::Other };
+        return Err(refuse(io::Error::new(kind, "not a regular file")));
     }
     let mut contents = Vec::new();
     File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut contents)).map_err(refuse)?;

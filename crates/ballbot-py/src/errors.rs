@@ -1,7 +1,7 @@
 //! Core errors and panics as Python exceptions.
 
 use ballbot_core::Error;
-use pyo3::exceptions::{PyMemoryError, PyOSError, PyRuntimeError};
+use pyo3::exceptions::{PyIsADirectoryError, PyMemoryError, PyOSError, PyRuntimeError};
 use pyo3::{PyErr, PyResult, import_exception};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -18,6 +18,7 @@ pub(crate) fn to_python(error: Error) -> PyErr {
         Error::Io { path, source } => match source.raw_os_error() {
             // With an errno, OSError becomes FileNotFoundError, PermissionError, ... by itself.
             Some(code) => PyOSError::new_err((code, source.to_string(), path.display().to_string())),
+            None if source.kind() == std::io::ErrorKind::IsADirectory => PyIsADirectoryError::new_err(message),
             None => PyOSError::new_err(message),
         },
         Error::Memory { .. } => PyMemoryError::new_err(message),

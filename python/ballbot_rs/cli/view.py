@@ -3,7 +3,6 @@
 import argparse
 import atexit
 import dataclasses
-import gc
 import os
 import sys
 import threading
@@ -18,7 +17,7 @@ from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import real, whole
 from ballbot_rs.control.resolve import common_options
 from ballbot_rs.viewer.session import MAX_ROBOTS, Session
-from ballbot_rs.viewer.watch import Watch, is_any_left
+from ballbot_rs.viewer.watch import is_any_left
 
 if TYPE_CHECKING:
     from ballbot_rs.viewer.view import View
@@ -52,14 +51,7 @@ def add_to(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out; ends with the real-time factor."""
-    # Python frees all modules one by one at its end, which takes longer than a user waits after Ctrl-C.
-    atexit.register(gc.freeze)
-    try:
-        # In another thread, because what loads policies and meshes cannot be interrupted from the keyboard.
-        view = Watch().call("ballbot view", lambda: _start(arguments), threading.TIMEOUT_MAX, Watch.cancel_all)
-    except KeyboardInterrupt:
-        _end_without(130)
-        raise
+    view = _start(arguments)
     try:
         print(f"{view.url} shows the robot; Ctrl-C ends it", flush=True)
         if not arguments.no_open:

@@ -8,7 +8,7 @@ import queue
 import threading
 import weakref
 from collections.abc import Callable
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -40,13 +40,10 @@ class _Job:
 class Watch:
     """One thread for calls, one at a time; a new one after a call that did not return."""
 
-    _all: ClassVar["weakref.WeakSet[Watch]"] = weakref.WeakSet()
-
     def __init__(self) -> None:
         self._jobs: queue.SimpleQueue[_Job | None] | None = None
         self._current: _Job | None = None
         self._cancelled = False
-        self._all.add(self)
 
     def call(
         self, what: str, function: Callable[[], T], seconds: float, interrupt: Callable[[], None] | None = None
@@ -99,12 +96,6 @@ class Watch:
         job = self._current
         if job is not None:
             job.wake.set()
-
-    @classmethod
-    def cancel_all(cls) -> None:
-        """`cancel` of all that there are."""
-        for watch in list(cls._all):
-            watch.cancel()
 
     def __del__(self) -> None:
         if self._jobs is not None:

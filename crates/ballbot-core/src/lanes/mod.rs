@@ -142,4 +142,4 @@ pub fn store3<L: Lane>([a, b, c]: [L; 3], cells: &mut [L::Cell; 3]) {
 /// Marks the branch that calls it as rare: the compiler does not inline what else is called there.
 #[cold]
 #[inline(never)]
-pub fn rare_branch() {}
+fn rare_branch() {}

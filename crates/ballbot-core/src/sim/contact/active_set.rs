@@ -20,7 +20,6 @@ pub use conditions::Conditions;
 
 use super::types::PerRow;
 use crate::lanes::{Lane, Value};
-
 use conditions::Solution;
 use modes::Modes;
 use search::search;
@@ -97,8 +96,13 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         self.delassus.add_effect::<JOINTS>(impulses, &mut residuals);
         let (mut swept, mut estimate) = (*impulses, impulses.normals);
         for _ in 0..SWEEPS {
-            let friction = (self.friction, self.joint_friction);
-            self.delassus.sweep::<JOINTS>(friction.0, friction.1, &mut estimate, &mut swept, &mut residuals);
+            self.delassus.sweep::<JOINTS>(
+                self.friction,
+                self.joint_friction,
+                &mut estimate,
+                &mut swept,
+                &mut residuals,
+            );
         }
         *impulses = PerRow::select(open, &swept, impulses);
         self.trial::<JOINTS>(&swept, &residuals)

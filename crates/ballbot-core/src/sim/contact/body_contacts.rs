@@ -20,8 +20,8 @@ const SWEEPS: usize = 3;
 /// Largest number of sweeps. Chosen by experiment.
 const MOST_SWEEPS: usize = 20;
 
-/// Root of the squared changes of the impulses in a sweep above which the sweeps continue, as a share of the impulse of a wheel's static load.
-/// Chosen by experiment.
+/// Root of the squared changes of the impulses in a sweep above which the sweeps continue, as a share of the impulse of a
+/// wheel's static load. Chosen by experiment.
 const SETTLED_SHARE: f64 = 1e-4;
 
 /// Distance in addition to the motion within a step at which a contact of bot and floor is considered, m.

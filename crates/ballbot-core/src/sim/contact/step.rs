@@ -75,32 +75,31 @@ fn step<L: Lane, V: Value<L>>(
         L::rarely(
             token,
             #[inline(always)]
-            || step_with_rare_contacts(c, token, state, torques),
+            || {
+                let start = Start::new(c, token, state);
+                let near = Near::new(c, &start, token, &state.push);
+                step_from::<L, V, true>(c, token, state, torques, &start, &near);
+            },
         );
-        return;
-    }
-    let joints = JointFriction::new(c, start.rows.floor_gap);
-    if joints.any() {
-        step_with::<L, V, true, false>(c, token, state, torques, &start, &joints, &near);
     } else {
-        step_with::<L, V, false, false>(c, token, state, torques, &start, &joints, &near);
+        step_from::<L, V, false>(c, token, state, torques, &start, &near);
     }
 }
 
 #[inline(always)]
-fn step_with_rare_contacts<L: Lane, V: Value<L>>(
+fn step_from<L: Lane, V: Value<L>, const NEAR: bool>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
     torques: &Torques<L::Cell>,
+    start: &Start<L>,
+    near: &Near<L>,
 ) {
-    let start = Start::new(c, token, state);
-    let near = Near::new(c, &start, token, &state.push);
     let joints = JointFriction::new(c, start.rows.floor_gap);
     if joints.any() {
-        step_with::<L, V, true, true>(c, token, state, torques, &start, &joints, &near);
+        step_with::<L, V, true, NEAR>(c, token, state, torques, start, &joints, near);
     } else {
-        step_with::<L, V, false, true>(c, token, state, torques, &start, &joints, &near);
+        step_with::<L, V, false, NEAR>(c, token, state, torques, start, &joints, near);
     }
 }
 

@@ -105,7 +105,8 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         let WheelModes { closed, slips, slopes } = &modes.wheels;
         let (normals, drives) = ([normals.x, normals.y, normals.z], [drives.x, drives.y, drives.z]);
 
-        let mut trial = PerRow { floor: floor_trial, normals, drives, joints: [joints.x, joints.y, joints.z] };
+        let solution = PerRow { floor: floor_trial, normals, drives, joints: [joints.x, joints.y, joints.z] };
+        let mut trial = solution;
         // Rows that stick or are closed have no residual.
         if L::any(slips[0] | slips[1] | slips[2]) {
             let (normal_residuals, drive_residuals) = system.residuals(normals.into(), drives.into());
@@ -130,8 +131,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
             violation = violation.max(normal).max(L::select(closed[i], drive, normal));
         }
         if JOINTS {
-            let impulses = PerRow { floor: floor_trial, normals, drives, joints: [joints.x, joints.y, joints.z] };
-            violation = violation.max(self.joint_violation(&modes.joints, &mut trial, &impulses));
+            violation = violation.max(self.joint_violation(&modes.joints, &mut trial, &solution));
         }
         let tolerance = (self.static_impulse + size) * TOLERANCE;
         let bounded = |i: usize| {
