@@ -82,10 +82,6 @@ cells! {
         pub static_wheel_load: T,
         /// Load of the floor at rest.
         pub static_floor_load: T,
-        /// Root of the ball's mass.
-        pub ball_mass_root: T,
-        /// Root of the inverse of `floor_compliance`.
-        pub floor_mass_root: T,
     }
 }
 
@@ -150,8 +146,6 @@ impl Constants<f64> {
             wheel_surface_compliance: params.wheel_radius * params.wheel_radius / params.wheel_inertia,
             static_wheel_load,
             static_floor_load: (params.body_mass + params.ball_mass) * params.gravity,
-            ball_mass_root: params.ball_mass.sqrt(),
-            floor_mass_root: floor_compliance.recip().sqrt(),
         }
     }
 }
@@ -206,8 +200,6 @@ impl<V> Constants<V> {
             wheel_surface_compliance: one(&self.wheel_surface_compliance),
             static_wheel_load: one(&self.static_wheel_load),
             static_floor_load: one(&self.static_floor_load),
-            ball_mass_root: one(&self.ball_mass_root),
-            floor_mass_root: one(&self.floor_mass_root),
         }
     }
 }

@@ -25,10 +25,6 @@ pub struct Delassus<L, V> {
     ball_mass_inverse: V,
     floor_compliance: V,
     pub floor_compliance_inverse: V,
-    /// Root of the mass of the floor's normal row.
-    pub ball_mass_root: V,
-    /// Root of the mass of the floor's friction rows.
-    pub floor_mass_root: V,
 }
 
 impl<L: Lane, V: Value<L>> Delassus<L, V> {
@@ -110,8 +106,6 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
             ball_mass_inverse: c.ball_mass_inverse,
             floor_compliance: c.floor_compliance,
             floor_compliance_inverse: c.floor_compliance_inverse,
-            ball_mass_root: c.ball_mass_root,
-            floor_mass_root: c.floor_mass_root,
         }
     }
 
@@ -199,8 +193,6 @@ impl<L: Copy, V: Copy> Delassus<L, V> {
             ball_mass_inverse: constant(self.ball_mass_inverse),
             floor_compliance: constant(self.floor_compliance),
             floor_compliance_inverse: constant(self.floor_compliance_inverse),
-            ball_mass_root: constant(self.ball_mass_root),
-            floor_mass_root: constant(self.floor_mass_root),
         }
     }
 }

@@ -78,8 +78,7 @@ fn block_solution<L: Lane>([a, b, c, d]: [&Mat3<L>; 4], [p, q]: [Vec3<L>; 2]) ->
     (alone - effect.times(y), y)
 }
 
-/// Couplings of one floor row with the wheels' rows, times the root of the floor row's mass, so that the elimination of
-/// a sticking floor is symmetric to the last bit.
+/// Couplings of one floor row with the wheels' rows.
 #[derive(Clone, Copy)]
 struct Coupling<L> {
     normals: Vec3<L>,
@@ -88,7 +87,7 @@ struct Coupling<L> {
 }
 
 impl<L: Lane> Coupling<L> {
-    /// Impulse that brings the row to rest, over the root of its mass.
+    /// Impulse that brings the row to rest, over its mass.
     #[inline(always)]
     fn at_rest(&self, normals: Vec3<L>, drives: Vec3<L>) -> L {
         -(self.residual + self.normals.dot(normals) + self.drives.dot(drives))
@@ -132,22 +131,23 @@ pub struct Floor<L> {
 impl<L: Lane> Floor<L> {
     #[inline(always)]
     pub fn new<V: Value<L>>(conditions: &Conditions<L, V>, wheels: System<L>) -> Self {
-        let Delassus { floor_normal, floor_drive, ball_mass_root, floor_mass_root, .. } = conditions.delassus;
+        let Delassus { floor_normal, floor_drive, ball_mass, floor_compliance_inverse, .. } = conditions.delassus;
         let like = conditions.friction.floor;
-        let (normal, tangent) = (ball_mass_root.at(like), floor_mass_root.at(like));
-        let row = |k: usize, root: L| Coupling {
-            normals: Vec3::from(floor_normal[k]) * root,
-            drives: Vec3::from(floor_drive[k]) * root,
-            residual: conditions.residuals.floor[k] * root,
+        let (normal, tangent) = (ball_mass.at(like), floor_compliance_inverse.at(like));
+        let row = |k: usize| Coupling {
+            normals: Vec3::from(floor_normal[k]),
+            drives: Vec3::from(floor_drive[k]),
+            residual: conditions.residuals.floor[k],
         };
-        let rows = [row(0, normal), row(1, tangent), row(2, tangent)];
-        Self { sticking: eliminated(&wheels, &rows, &rows), rows, wheels }
+        let rows = [row(0), row(1), row(2)];
+        let effects = [rows[0].times(normal), rows[1].times(tangent), rows[2].times(tangent)];
+        Self { sticking: eliminated(&wheels, &effects, &rows), rows, wheels }
     }
 
     /// The equations of the wheels' rows with a floor of that mode.
     #[inline(always)]
     pub fn eliminated<V: Value<L>>(&self, conditions: &Conditions<L, V>, mode: &FloorMode<L>) -> System<L> {
-        // Lanes that stick have the same bits in both branches: their effects are the couplings themselves.
+        // Lanes that stick have the same bits in both branches: their effects are the couplings times the masses.
         if !L::any(mode.slips | !mode.closed) {
             return self.sticking;
         }
@@ -155,12 +155,12 @@ impl<L: Lane> Floor<L> {
         let [z, x, y] = self.rows;
         let [dx, dy] = mode.direction;
         let along = x.times(dx).plus(&y, dy);
-        let ratio = conditions.delassus.ball_mass_root.at(like) / conditions.delassus.floor_mass_root.at(like);
-        let slope = L::select(mode.slips, like * ratio, like.zero());
+        let slope = L::select(mode.slips, like, like.zero());
+        let tangent = conditions.delassus.floor_compliance_inverse.at(like) * mode.share;
         let effects = [
-            z.plus(&along, slope).only(mode.closed),
-            x.plus(&along, -dx).times(mode.share).only(mode.closed),
-            y.plus(&along, -dy).times(mode.share).only(mode.closed),
+            z.plus(&along, slope).times(conditions.delassus.ball_mass.at(like)).only(mode.closed),
+            x.plus(&along, -dx).times(tangent).only(mode.closed),
+            y.plus(&along, -dy).times(tangent).only(mode.closed),
         ];
         eliminated(&self.wheels, &effects, &self.rows)
     }
@@ -169,7 +169,7 @@ impl<L: Lane> Floor<L> {
     #[inline(always)]
     pub fn trial<V: Value<L>>(&self, delassus: &Delassus<L, V>, normals: Vec3<L>, drives: Vec3<L>) -> [L; 3] {
         let like = normals.x;
-        let (normal, tangent) = (delassus.ball_mass_root.at(like), delassus.floor_mass_root.at(like));
+        let (normal, tangent) = (delassus.ball_mass.at(like), delassus.floor_compliance_inverse.at(like));
         let [z, x, y] = &self.rows;
         [
             z.at_rest(normals, drives) * normal,
