@@ -99,7 +99,7 @@ proptest! {
     #[test]
     fn landings_add_little_energy(params in any_robot(), start in any_start(0.3, 0.5), slip in any_slip()) {
         let state = slip.of(&params, &start);
-        for (kind, limit) in [(ModelKind::Contact, 0.01), (ModelKind::Rigid, 0.05)] {
+        for (kind, limit) in [(ModelKind::Contact, 0.01), (ModelKind::Rigid, 0.02)] {
             let rise = rise(kind, &params, &state, 0.005).unwrap_or(0.0);
             prop_assert!(rise <= limit, "{kind}: rises by {rise:e}");
         }
