@@ -383,15 +383,15 @@ class Ballbot:
 
     Args:
         params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
-        model: "rigid" (rapier3d), "contact" (contacts and friction on a flat floor, specialized), "spatial" (coupled
-            3D without slip) or "planar" (eqs. (1)-(7) of the paper).
+        model: "contact" (contacts and friction on a flat floor, specialized), "rigid" (the same by rapier3d), "spatial"
+            (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
         sim_dt: time step, s.
 
     Raises:
         ValueError: an unknown model, or a number out of range.
     """
 
-    def __new__(cls, params: _Robot | None = None, model: _Model | str = "rigid", sim_dt: float = 0.001) -> Self: ...
+    def __new__(cls, params: _Robot | None = None, model: _Model | str = "contact", sim_dt: float = 0.001) -> Self: ...
     def reset(self, state: State | None = None) -> None:
         """Starts anew from `state`; None is at rest upright.
 

@@ -12,7 +12,7 @@ from tests.support.paths import ROOT
 #: What is made, and the call that would take minutes.
 CALLS = {
     "step": ("robot = bb.Ballbot(model='contact')", "robot.step([0, 0, 0], 10**12)"),
-    "step of a rigid robot": ("robot = bb.Ballbot()", "robot.step([0, 0, 0], 10**9)"),
+    "step of a rigid robot": ("robot = bb.Ballbot(model='rigid')", "robot.step([0, 0, 0], 10**9)"),
     "batch": ("", "[bb.Batch(200_000, 'balance', model='planar', num_threads=1) for _ in range(100)]"),
     "step of a batch": ("batch = slow(3000)", "batch.step(np.zeros((3000, 3)))"),
     "step of a batch on two threads": ("batch = slow(3000, 2)", "batch.step(np.zeros((3000, 3)))"),

@@ -24,10 +24,9 @@ pub enum ModelKind {
     /// Coupled 3D motion without slip.
     Spatial,
     /// Ball, body and wheels with unilateral contacts and Coulomb friction on a flat floor, by a solver of its own.
-    #[cfg_attr(not(feature = "rigid"), default)]
+    #[default]
     Contact,
     /// Rigid bodies with contacts and Coulomb friction, by rapier3d; needs the cargo feature `rigid`.
-    #[cfg_attr(feature = "rigid", default)]
     Rigid,
 }
 

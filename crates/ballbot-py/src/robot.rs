@@ -18,8 +18,8 @@ const SHORT_RUN: usize = 1000;
 ///
 /// Args:
 ///     params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
-///     model: "rigid" (rapier3d), "contact" (contacts and friction on a flat floor, specialized), "spatial" (coupled
-///         3D without slip) or "planar" (eqs. (1)-(7) of the paper).
+///     model: "contact" (contacts and friction on a flat floor, specialized), "rigid" (the same by rapier3d), "spatial"
+///         (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
 ///     sim_dt: time step, s.
 ///
 /// Raises:
@@ -30,7 +30,7 @@ pub(crate) struct PyBallbot(Exclusive<Ballbot>);
 #[pymethods]
 impl PyBallbot {
     #[new]
-    #[pyo3(signature = (params=None, model="rigid", sim_dt=0.001))]
+    #[pyo3(signature = (params=None, model="contact", sim_dt=0.001))]
     fn new(params: Option<&Bound<'_, PyAny>>, model: &str, #[pyo3(from_py_with = real)] sim_dt: f64) -> PyResult<Self> {
         let kind = model.parse().map_err(to_python)?;
         let params = or_paper(params)?;

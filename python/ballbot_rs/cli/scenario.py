@@ -51,7 +51,7 @@ def add_controller(command: Any, *, several: bool = False) -> None:
 
 def add_robot(command: Any, *, otherwise: str = "the policy's own, else") -> None:
     """Adds the model, the robot and other options of the environment."""
-    command.add_argument("--model", help=f"{', '.join(MODELS)} (default: {otherwise} rigid)")
+    command.add_argument("--model", help=f"{', '.join(MODELS)} (default: {otherwise} contact)")
     command.add_argument(
         "--robot",
         metavar="NAME|FILE.toml",

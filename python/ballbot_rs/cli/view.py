@@ -82,7 +82,7 @@ def _start(arguments: argparse.Namespace) -> "View":
     trained = {name: value for name, value in controller.env_options.items() if name == "params"}
     kept = {name: value for name, value in options.items() if name != "params"}
     controller = dataclasses.replace(controller, env_options={**kept, **trained})
-    session = Session(options.get("model", "rigid"), robot, controller, arguments.batch, params)
+    session = Session(options.get("model", "contact"), robot, controller, arguments.batch, params)
     with require("the page", "view"):
         from ballbot_rs.viewer.view import View
     try:

@@ -74,7 +74,7 @@ class BalanceEnv(BallbotEnv):
 
     - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
       asroballet, kugle, rezero, or FILE.toml)
-    - `model`: Model of the robot. (default rigid; planar, spatial, contact, rigid)
+    - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
     - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)

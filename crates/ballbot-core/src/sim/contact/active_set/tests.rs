@@ -123,7 +123,7 @@ fn impulses_meet_the_contact_conditions() {
         for (seed, size) in [0.1, 0.3, 0.6, 1.0].into_iter().enumerate() {
             let (mut worst, mut slips, mut open, mut searched, mut checked) = (0.0_f64, 0, 0, 0.0, 0);
             let mut last = 0.0;
-            random_steps(&params, size, 40_000, seed as u64, |step, state| {
+            random_steps(&params, size, 100_000, seed as u64, |step, state| {
                 let impulses = impulses_of(state);
                 worst = worst.max(step.error(&c, &impulses) / unit);
                 slips += usize::from((0..3).any(|i| impulses.drives[i].abs() >= friction * impulses.normals[i]));
