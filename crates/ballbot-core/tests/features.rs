@@ -14,8 +14,3 @@ fn models_run_or_name_their_missing_feature() {
         }
     }
 }
-
-#[test]
-fn default_model_is_compiled() {
-    Ballbot::new(&Params::paper(), ModelKind::default(), 0.001).unwrap();
-}
