@@ -60,8 +60,9 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", actuat
     if actuators:
         command.add_argument(
             "--actuators",
-            metavar="NAME|FILE.toml",
-            help=f"motors: {', '.join(ACTUATORS)}, or a file with a table [actuators] (default: {otherwise} ideal)",
+            metavar="NAME|FILE",
+            help=f"motors: {', '.join(ACTUATORS)}, a TOML file with a table [actuators], or the URDF of the bot "
+            f"(default: {otherwise} ideal)",
         )
     command.add_argument(
         "--env-option",
@@ -112,14 +113,14 @@ def robot_option(name: str) -> Any:
 
 
 def actuators_option(name: str) -> Any:
-    """The option `actuators` of an environment for a name, or for a TOML file, whose numbers it holds.
+    """The option `actuators` of an environment for a name, or for a TOML file or a URDF, whose numbers it holds.
 
     Raises:
         ValueError: a malformed file, or an option that is not known.
         OSError: the file cannot be read.
     """
     options = load_actuators(name)
-    return options if Path(name).suffix == ".toml" else name
+    return options if Path(name).suffix in (".toml", ".urdf") else name
 
 
 def value_of(text: str) -> Any:
