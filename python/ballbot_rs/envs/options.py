@@ -57,8 +57,8 @@ class CommonOptions(TypedDict, total=False):
     #: Torque of an action of 1; None follows from the traction of the upright robot. (N·m, > 0 and <=
     #: `params.max_wheel_torque`)
     max_wheel_torque: float | None
-    #: The motors: options, a name, or the path of a TOML file; None: ideal ones. docs/actuators.md. (ideal, kugle, or
-    #: FILE.toml)
+    #: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md. (ideal,
+    #: kugle, FILE.toml, or FILE.urdf)
     actuators: Actuators | str | PathLike[str] | None
     #: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
     scale_observations: bool
