@@ -8,9 +8,11 @@ import numpy as np
 import numpy.typing as npt
 from typing_extensions import Self, Unpack, disjoint_base
 
-from ballbot_rs.envs.options import TaskOptions
+from ballbot_rs.envs.options import Actuators, TaskOptions
 
 __all__ = [
+    "ACTUATORS",
+    "ACTUATOR_OPTIONS",
     "CONTROLLERS",
     "LABELS",
     "MODELS",
@@ -31,6 +33,7 @@ __all__ = [
     "SpatialModel",
     "State",
     "__version__",
+    "load_actuators",
     "virtual_to_wheel_torques",
     "wheel_to_virtual_torques",
 ]
@@ -77,6 +80,8 @@ PAPER_BALL_VISCOUS_FRICTION: float
 MODELS: list[str]
 ROBOTS: list[str]
 LABELS: list[str]
+ACTUATORS: list[str]
+ACTUATOR_OPTIONS: list[_Option]
 TASKS: dict[str, _Task]
 CONTROLLERS: dict[str, _Controller]
 SCALED_BOUND: float
@@ -535,6 +540,15 @@ class LinearModel:
     def discretize(self, dt: float) -> tuple[_Array, _Array]:
         """Matrices A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact."""
 
+def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
+    """Motors by name (`ACTUATORS` has them), or from the table `[actuators]` of a robot's TOML file: every option with its
+    value, as `actuators=` of an environment takes them. A string that ends in ".toml" is a path.
+
+    Raises:
+        ValueError: an unknown name or option, malformed TOML, or a number out of range; the message has the value and the
+            limit.
+        OSError: the file cannot be read.
+    """
 def virtual_to_wheel_torques(
     params: Params,
     virtual_torques: npt.ArrayLike,
@@ -694,8 +708,8 @@ class Batch:
         num_threads: threads that step the robots, at most 256; None takes all cores.
         seed: of the first environment.
         options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
-            `max_wheel_torque` (N·m; None follows from traction), `scale_observations`, `reward` (scales by term), and the
-            options of the task.
+            `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file; None is
+            ideal motors), `scale_observations`, `reward` (scales by term), and the options of the task.
 
     Raises:
         ValueError: an unknown name, or a number out of range; the message has the value and the limit.
@@ -861,7 +875,7 @@ class Batch:
             setpoints: as in `control`, the same at all steps.
             record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
                 `wheel_slip_speeds`, `floor_force`, each with steps + 1 rows of which the first is before the first step,
-                and `actions`, `torques`, `rewards`, `terminated`, `truncated`, `success` with one row a step.
+                and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
 
         Returns:
             Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number a robot. Where an

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import ballbot_rs as bb
-from tests.support.paths import ASSETS
+from tests.support.paths import ASSETS, ROBOTS
 
 #: What is not called here, and why.
 LEFT_OUT = {
@@ -262,6 +262,8 @@ RIGHT: dict[str, list[Any]] = {
     "options": [None],
     "render_mode": [None, "rgb_array"],
     "reward": [{"tilt": 2.0}],
+    "actuators": [None, "ideal", {"delay": 0.004, "lag": 0.01}, {"stall_torque": 0.5, "no_load_speed": 50.0}],
+    "name_or_path": ["ideal", "kugle", ROBOTS / "kugle.toml"],
     "setpoint": [(0.1, 0.0)],
     "max_episode_steps": [10, None],
     "scale_observations": [True, False],
@@ -281,6 +283,7 @@ _ENVIRONMENT = [
     "control_dt",
     "max_wheel_torque",
     "max_episode_steps",
+    "actuators",
     "reward",
     *_FLOATING,
 ]

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from ballbot_rs._core import CONTROLLERS, MODELS, ROBOTS, SCALED_BOUND, TASKS, Batch
+from ballbot_rs._core import ACTUATOR_OPTIONS, ACTUATORS, CONTROLLERS, MODELS, ROBOTS, SCALED_BOUND, TASKS, Batch
 
 #: Options that every task has: name, type, unit, limit, what it is. Defaults are those of a batch.
 COMMON = (
@@ -16,6 +16,8 @@ COMMON = (
     ("max_episode_steps", "int | None", "", ">= 1", "Steps after which an episode is truncated; None: never."),
     ("max_wheel_torque", "float | None", "N·m", "> 0 and <= `params.max_wheel_torque`",
      "Torque of an action of 1; None follows from the traction of the upright robot."),
+    ("actuators", "Actuators | str | PathLike[str] | None", "", f"{', '.join(ACTUATORS)}, FILE.toml, or FILE.urdf",
+     "The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md."),
     ("scale_observations", "bool", "", "",
      f"Whether each row, less its value at rest, is divided by its typical magnitude, within ±{SCALED_BOUND:g}."),
     ("reward", "Mapping[str, float]", "", "finite", "Scales of reward terms, by name."),
@@ -52,6 +54,14 @@ def option_rows(task: str) -> list[list[str]]:
         default = values(option["default"])
         rows.append([f"`{option['name']}`", option["unit"], default, option["limit"], option["doc"].replace("\n", " ")])
     return rows
+
+
+def actuator_rows() -> list[list[str]]:
+    """Name, unit, default, limit and meaning of every option of motors."""
+    return [
+        [f"`{option['name']}`", option["unit"], values(option["default"]), option["limit"], option["doc"]]
+        for option in ACTUATOR_OPTIONS
+    ]
 
 
 def observation_rows(task: str) -> list[list[str]]:

@@ -8,6 +8,7 @@
 mod runner;
 
 use ballbot_core::ModelKind;
+use ballbot_core::actuator::MotorOptions;
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, f64x8};
@@ -32,6 +33,27 @@ fn batches(criterion: &mut Criterion) {
                 group.bench_function(format!("{model}/{n} envs/{threads} threads"), |b| b.iter(|| runner.step()));
             }
         }
+    }
+    group.finish();
+}
+
+/// Every effect of the motors at once, beside ideal ones.
+fn motors(criterion: &mut Criterion) {
+    let all = MotorOptions {
+        delay: 0.026,
+        strength: [0.9, 1.0, 1.1],
+        lag: 0.007,
+        stall_torque: 0.6,
+        no_load_speed: 40.0,
+        speed_limit: 20.0,
+        peak_torque: 0.4,
+    };
+    let mut group = criterion.benchmark_group("motors");
+    group.sampling_mode(SamplingMode::Flat);
+    for (name, actuators) in [("ideal", MotorOptions::default()), ("all effects", all)] {
+        group.throughput(Throughput::Elements(1024));
+        let mut runner = Runner::with_actuators(ModelKind::Contact, actuators, 1024, Some(1));
+        group.bench_function(format!("contact/1024 envs/1 threads/{name}"), |b| b.iter(|| runner.step()));
     }
     group.finish();
 }
@@ -108,6 +130,6 @@ criterion_group! {
         .sample_size(20)
         .warm_up_time(Duration::from_secs(1))
         .measurement_time(Duration::from_secs(3));
-    targets = peak, batches
+    targets = peak, batches, motors
 }
 criterion_main!(benches);

@@ -1,6 +1,7 @@
 //! Physical parameters of a ballbot, their validation and the published presets.
 
 mod presets;
+pub(crate) mod robot_file;
 
 use crate::error::{Error, Result, check, finite, positive};
 use crate::fields::Limit;

@@ -2,6 +2,7 @@
 //! without a controller.
 
 use ballbot_core::ModelKind;
+use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Outcome, StepBuffers};
 use ballbot_core::control::{Controller, Lqr, Pid, PidGains};
 use ballbot_core::kinematics::TorqueMap;
@@ -90,6 +91,11 @@ fn steps_allocate_nothing() {
     // Resets included.
     let brief = BalanceConfig { max_episode_steps: 2, ..endless(ModelKind::Contact) };
     assert_eq!(allocations(&brief, None), 0, "contact");
+    let actuators = MotorOptions { delay: 0.026, lag: 0.01, speed_limit: 20.0, ..MotorOptions::default() };
+    for config in [endless(ModelKind::Planar), endless(ModelKind::Spatial), brief] {
+        let config = BalanceConfig { actuators: actuators.clone(), ..config };
+        assert_eq!(allocations(&config, None), 0, "{} with motors", config.model);
+    }
     // For the record: a reset may allocate, and so does rapier.
     let brief = BalanceConfig { max_episode_steps: 2, ..endless(ModelKind::Spatial) };
     println!("spatial, a reset: {}", allocations(&brief, None) as f64 / (ENVS * STEPS / 2) as f64);

@@ -33,7 +33,7 @@ const LAYERS: [(&str, &[&str]); 10] = [
     ("sensor", &[]),
     ("models", &[]),
     ("sim", &["actuator"]),
-    ("urdf", &[]),
+    ("urdf", &["actuator"]),
     ("render", &["urdf"]),
     ("control", &["models::LinearModel", "models::linear", "models::traction_torque"]),
     ("robot", &["models", "sim"]),

@@ -1,6 +1,8 @@
 //! The URDF loader: the shipped robot is Table II of the paper, other ballbots load, anything else is refused.
 
-use ballbot_core::urdf::{params_from_urdf, params_from_urdf_text, visuals_from_urdf, visuals_from_urdf_text};
+use ballbot_core::urdf::{
+    motors_from_urdf_text, params_from_urdf, params_from_urdf_text, visuals_from_urdf, visuals_from_urdf_text,
+};
 use ballbot_core::{Error, Params};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
@@ -107,6 +109,31 @@ fn joint_dynamics_and_limits_are_read() {
     assert_eq!(params.wheel_viscous_friction, 0.02);
     assert_eq!(params.wheel_coulomb_friction, 0.003);
     assert_eq!(params.max_wheel_torque, 2.5);
+}
+
+#[test]
+fn velocity_limit_is_the_speed_limit_of_the_motors() {
+    let limit = |bot: &str| motors_from_urdf_text(bot).map(|motors| motors.speed_limit);
+    assert_eq!(limit(BOT).unwrap(), 100.0);
+    for none in
+        ["<limit effort=\"5\" velocity=\"0\"/>", "<limit effort=\"5\" velocity=\"inf\"/>", "<limit effort=\"5\"/>", ""]
+    {
+        let bot = BOT.replace("<limit effort=\"5\" velocity=\"100\"/>", none);
+        assert!(motors_from_urdf_text(&bot).unwrap().is_ideal(), "{none}");
+    }
+    for (velocity, parts) in [
+        ("-1", &["actuators.speed_limit = -1", "bot URDF"][..]),
+        ("1e-9", &["at least 0.001 rad/s"]),
+        ("1e9", &["<= 1e6"]),
+        ("NaN", &["the wheels differ"]),
+    ] {
+        let error =
+            limit(&BOT.replace("velocity=\"100\"", &format!("velocity=\"{velocity}\""))).unwrap_err().to_string();
+        assert!(parts.iter().all(|part| error.contains(part)), "{velocity}: {error}");
+    }
+    let error = limit(&BOT.replacen("velocity=\"100\"", "velocity=\"90\"", 1)).unwrap_err().to_string();
+    assert!(error.contains("joint velocity limit = 100") && error.contains("90 of joint"), "{error}");
+    assert!(limit(BALL).unwrap_err().to_string().contains("0 joints are continuous or revolute"));
 }
 
 #[test]

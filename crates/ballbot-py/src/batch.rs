@@ -31,8 +31,8 @@ use pyo3::{PyTraverseError, PyVisit};
 ///     num_threads: threads that step the robots, at most 256; None takes all cores.
 ///     seed: of the first environment.
 ///     options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
-///         `max_wheel_torque` (N·m; None follows from traction), `scale_observations`, `reward` (scales by term), and the
-///         options of the task.
+///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file; None is
+///         ideal motors), `scale_observations`, `reward` (scales by term), and the options of the task.
 ///
 /// Raises:
 ///     ValueError: an unknown name, or a number out of range; the message has the value and the limit.
@@ -161,6 +161,9 @@ impl PyBatch {
         let options = self.options.bind(py).copy()?;
         if let Some(reward) = options.get_item("reward")? {
             options.set_item("reward", reward.cast::<PyDict>()?.copy()?)?;
+        }
+        if let Some(Ok(actuators)) = options.get_item("actuators")?.map(|found| found.cast_into::<PyDict>()) {
+            options.set_item("actuators", actuators.copy()?)?;
         }
         Ok(options)
     }
@@ -501,7 +504,7 @@ impl PyBatch {
     ///     setpoints: as in `control`, the same at all steps.
     ///     record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
     ///         `wheel_slip_speeds`, `floor_force`, each with steps + 1 rows of which the first is before the first step,
-    ///         and `actions`, `torques`, `rewards`, `terminated`, `truncated`, `success` with one row a step.
+    ///         and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
     ///
     /// Returns:
     ///     Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number a robot. Where an

@@ -4,6 +4,7 @@
 
 #![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
 
+mod actuators;
 mod batch;
 mod control;
 mod convert;
@@ -51,6 +52,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<control::PyLqr>()?;
     module.add_class::<batch::PyBatch>()?;
     module.add_class::<render::PyRenderer>()?;
+    module.add_function(wrap_pyfunction!(actuators::load_actuators, module)?)?;
     module.add_function(wrap_pyfunction!(models::virtual_to_wheel_torques, module)?)?;
     module.add_function(wrap_pyfunction!(models::wheel_to_virtual_torques, module)?)?;
     Ok(())

@@ -1,5 +1,6 @@
 //! Options of a task and of its environments, from and to Python.
 
+use crate::actuators::{actuators, to_object};
 use crate::errors::to_python;
 use crate::numbers::one_or_more;
 use crate::params::or_paper;
@@ -22,6 +23,7 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
             let model: String = value.extract().map_err(|_| wrong("the name of a model"))?;
             config.set_model(model.parse().map_err(to_python)?);
         }
+        "actuators" => config.set_actuators(actuators(value)?),
         "reward" => {
             let scales = value.cast::<PyDict>().map_err(|_| wrong("a dict of scales by reward term"))?;
             for (term, scale) in scales {
@@ -60,6 +62,7 @@ pub(crate) fn resolved<'py>(
             numbers => resolved.set_item(name, numbers)?,
         }
     }
+    resolved.set_item("actuators", to_object(py, config.actuators())?)?;
     let reward = PyDict::new(py);
     for (name, scale) in config.reward() {
         reward.set_item(name, scale)?;

@@ -267,7 +267,7 @@ impl PyParams {
 }
 
 /// Path of a TOML file: a path object, or a one-line string that ends in ".toml".
-fn toml_path(value: &Bound<'_, PyAny>) -> Option<PathBuf> {
+pub(crate) fn toml_path(value: &Bound<'_, PyAny>) -> Option<PathBuf> {
     match value.extract::<String>() {
         Ok(text) if !text.ends_with(".toml") || text.contains('\n') => None,
         _ => value.extract().ok(),

@@ -1,8 +1,9 @@
 //! Descriptions of tasks and controllers as plain Python data.
 
+use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::task_kinds;
 use ballbot_core::control::controller_kinds;
-use ballbot_core::fields::OptionDescription;
+use ballbot_core::fields::{OptionDescription, describe_options};
 use ballbot_core::task::SCALED_BOUND;
 use ballbot_core::{ModelKind, Params};
 use pyo3::prelude::*;
@@ -85,5 +86,7 @@ pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("CONTROLLERS", controllers(py)?)?;
     module.add("MODELS", ModelKind::ALL.map(ModelKind::name))?;
     module.add("ROBOTS", Params::preset_names())?;
+    module.add("ACTUATORS", MotorOptions::preset_names())?;
+    module.add("ACTUATOR_OPTIONS", options(py, &describe_options::<MotorOptions>())?)?;
     module.add("SCALED_BOUND", SCALED_BOUND)
 }

@@ -9,7 +9,7 @@ from typing import Any
 
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
-from ballbot_rs._core import MODELS, ROBOTS, TASKS, Params
+from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS, TASKS, Params, load_actuators
 from ballbot_rs._reading import read_regular
 from ballbot_rs.analysis.trajectory import Push, Trajectory, run
 from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
@@ -49,14 +49,21 @@ def add_controller(command: Any, *, several: bool = False) -> None:
         command.add_argument("--controller", default="lqr", metavar=CONTROLLER_METAVAR, help=f"{what} (default lqr)")
 
 
-def add_robot(command: Any, *, otherwise: str = "the policy's own, else") -> None:
-    """Adds the model, the robot and other options of the environment."""
+def add_robot(command: Any, *, otherwise: str = "the policy's own, else", actuators: bool = True) -> None:
+    """Adds the model, the robot, its motors (unless `actuators` is off) and other options of the environment."""
     command.add_argument("--model", help=f"{', '.join(MODELS)} (default: {otherwise} contact)")
     command.add_argument(
         "--robot",
         metavar="NAME|FILE.toml",
         help=f"{', '.join(ROBOTS)}, or a file with parameters (default: {otherwise} paper)",
     )
+    if actuators:
+        command.add_argument(
+            "--actuators",
+            metavar="NAME|FILE",
+            help=f"motors: {', '.join(ACTUATORS)}, a TOML file with a table [actuators], or the URDF of the bot "
+            f"(default: {otherwise} ideal)",
+        )
     command.add_argument(
         "--env-option",
         action="append",
@@ -96,9 +103,24 @@ def robot_option(name: str) -> Any:
             raise ValueError(f"unknown robot '{name}': expected one of {', '.join(known)}, or FILE.toml{hint}")
         return name
     try:
-        return Params(**_toml.loads(read_regular(Path(name), MAX_ROBOT_FILE).decode())).to_dict()
+        table = _toml.loads(read_regular(Path(name), MAX_ROBOT_FILE).decode())
+        # What --actuators reads.
+        if isinstance(table.get("actuators"), dict):
+            del table["actuators"]
+        return Params(**table).to_dict()
     except (ValueError, TypeError) as error:
         raise ValueError(f"{name}: {error}") from error
+
+
+def actuators_option(name: str) -> Any:
+    """The option `actuators` of an environment for a name, or for a TOML file or a URDF, whose numbers it holds.
+
+    Raises:
+        ValueError: a malformed file, or an option that is not known.
+        OSError: the file cannot be read.
+    """
+    options = load_actuators(name)
+    return options if Path(name).suffix in (".toml", ".urdf") else name
 
 
 def value_of(text: str) -> Any:
@@ -127,6 +149,8 @@ def env_options(arguments: argparse.Namespace) -> dict[str, Any]:
         options["model"] = arguments.model
     if arguments.robot is not None:
         options["params"] = robot_option(arguments.robot)
+    if getattr(arguments, "actuators", None) is not None:
+        options["actuators"] = actuators_option(arguments.actuators)
     return options
 
 

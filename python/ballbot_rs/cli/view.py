@@ -30,7 +30,7 @@ def add_to(commands: Any) -> None:
     command = commands.add_parser("view", help="show the robot in the browser, push it, plot it")
     scenario.add_task(command)
     scenario.add_controller(command)
-    scenario.add_robot(command)
+    scenario.add_robot(command, actuators=False)
     command.add_argument(
         "--urdf", type=Path, nargs=2, metavar=("BOT", "BALL"), help="a robot as two URDFs, instead of --robot"
     )
@@ -75,7 +75,12 @@ def _end_without(code: int) -> None:
 
 def _start(arguments: argparse.Namespace) -> "View":
     (controller,) = scenario.controllers(arguments)
-    options = common_options([controller], scenario.env_options(arguments))
+    given = scenario.env_options(arguments)
+    if "actuators" in given:
+        raise ValueError("the page's robots have ideal motors: --env-option actuators=... has no place here")
+    options = common_options([controller], given)
+    if options.get("actuators") is not None:
+        print("the page's robots have ideal motors, unlike those of the policy's training", file=sys.stderr)
     robot, params = _robot(arguments, options.get("params", "paper"))
     urdfs = {} if arguments.urdf is None else {robot: tuple(arguments.urdf)}
     # The robot of the policy's training remains: a session tries the policy on any other.

@@ -16,6 +16,30 @@ if TYPE_CHECKING:
 Model = Literal["planar", "spatial", "contact", "rigid"]
 
 
+class Actuators(TypedDict, total=False):
+    """Options of motors; docs/actuators.md."""
+
+    #: Dead time between a command and its torque, a whole number of model steps; at most 10000 of them. (s, >= 0 and <=
+    #: 1)
+    delay: float
+    #: Torque of each motor as a share of the commanded one; one number is that of all three. (>= 0 and <= 10)
+    strength: npt.ArrayLike
+    #: Time constant with which the torque follows its command, a first-order lag; 0: none. (s, >= 0 and <= 10)
+    lag: float
+    #: Torque at standstill under the full supply voltage, given with `no_load_speed`; 0: no torque-speed curve. (N·m,
+    #: >= 0 and <= 1e6)
+    stall_torque: float
+    #: Wheel speed at which the full supply voltage gives no torque, given with `stall_torque`; 0: no curve. (rad/s, >=
+    #: 0 and <= 1e6)
+    no_load_speed: float
+    #: Wheel speed above which no torque acts in the direction of motion; it fades over the last tenth. 0: no limit.
+    #: (rad/s, >= 0 and <= 1e6)
+    speed_limit: float
+    #: Largest torque, that of the current limit; 0: `params.max_wheel_torque`, which it may not exceed. (N·m, >= 0 and
+    #: <= 1e9)
+    peak_torque: float
+
+
 class CommonOptions(TypedDict, total=False):
     """Options of every task."""
 
@@ -33,6 +57,9 @@ class CommonOptions(TypedDict, total=False):
     #: Torque of an action of 1; None follows from the traction of the upright robot. (N·m, > 0 and <=
     #: `params.max_wheel_torque`)
     max_wheel_torque: float | None
+    #: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md. (ideal,
+    #: kugle, FILE.toml, or FILE.urdf)
+    actuators: Actuators | str | PathLike[str] | None
     #: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
     scale_observations: bool
     #: Scales of reward terms, by name. (finite)

@@ -80,6 +80,8 @@ class BalanceEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+      docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `reward`: Scales of reward terms, by name. (default see above; finite)

@@ -1,8 +1,12 @@
 //! Actuators: from the commands of a control step to the torques of each model step.
 
 mod ideal;
+mod motors;
+mod options;
 
 pub use ideal::Ideal;
+pub use motors::Motors;
+pub use options::MotorOptions;
 
 use crate::lanes::{Lane, Memory};
 
@@ -14,6 +18,12 @@ pub trait Actuator: Clone + Send + Sync + 'static {
     /// How many numbers the stage keeps from one model step to the next; zeros at the start of an episode.
     const MEMORY: usize;
 
-    /// Torques of the next model step, N·m. `wheel_speeds` are those of the encoders, rad/s.
+    /// [`Actuator::MEMORY`], or another number where it follows from the options of the stage.
+    fn memory_len(&self) -> usize {
+        Self::MEMORY
+    }
+
+    /// Torques of the next model step, N·m. `wheel_speeds` are those of the encoders, rad/s. An episode begins with the
+    /// first model step of a control step; the commands are the same in all model steps of a control step.
     fn torques<L: Lane>(&self, commands: [L; 3], wheel_speeds: [L; 3], memory: &mut Memory<'_, L>) -> [L; 3];
 }

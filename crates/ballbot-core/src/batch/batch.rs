@@ -71,11 +71,16 @@ impl Batch {
         num_threads: Option<usize>,
         seed: u64,
     ) -> Result<Self> {
-        let actuator = Ideal { max_torque: config.action_torque() };
-        Self::with_stages(config, &actuator, &Exact, num_envs, autoreset, num_threads, seed)
+        if config.actuators.is_ideal() {
+            let actuator = Ideal { max_torque: config.action_torque() };
+            return Self::with_stages(config, &actuator, &Exact, num_envs, autoreset, num_threads, seed);
+        }
+        config.validate()?;
+        Self::with_stages(config, &config.motors()?, &Exact, num_envs, autoreset, num_threads, seed)
     }
 
-    /// [`Batch::new`] with stages of one's own between action and torque, and between state and observation.
+    /// [`Batch::new`] with stages of one's own between action and torque, in place of [`EnvConfig::actuators`], and between
+    /// state and observation.
     ///
     /// # Errors
     /// As [`Batch::new`].
@@ -98,8 +103,9 @@ impl Batch {
         let threads = thread_count(num_threads)?;
         let config = Arc::new(config.clone());
         let description = TaskDescription::of::<T>();
-        let step = Arc::new(TaskStep::new::<A>(
+        let step = Arc::new(TaskStep::new(
             &config.task,
+            actuator,
             sensor.clone(),
             &description,
             &config.reward,

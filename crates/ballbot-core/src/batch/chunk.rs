@@ -174,11 +174,6 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         Ok(())
     }
 
-    /// Whether the episode has ended, or none has begun.
-    pub fn over(&self, i: usize) -> bool {
-        self.over[i]
-    }
-
     /// Places robot `i` in an accepted state and begins an episode.
     fn begin(&mut self, i: usize, start: &State, observation: &mut [f32]) {
         self.robots.place(i, start);
@@ -200,11 +195,6 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         );
         R::Cell::put(&mut self.ledger, i, &self.one);
         self.write_observation(i, observation);
-    }
-
-    /// Begins an episode of the first environment from a start drawn at random.
-    pub fn reset_at_random(&mut self, observation: &mut [f32]) {
-        self.begin_at_random(0, observation);
     }
 
     fn begin_at_random(&mut self, i: usize, observation: &mut [f32]) {

@@ -1,5 +1,6 @@
 //! Everything that defines an environment.
 
+use crate::actuator::{MotorOptions, Motors};
 use crate::control::default_max_torque;
 use crate::error::{Error, Result, check, positive};
 use crate::params::Params;
@@ -25,6 +26,8 @@ pub struct EnvConfig<T> {
     /// Torque of an action of 1, N·m; at most the motors' limit. `None` is [`default_max_torque`], at which no wheel of
     /// the upright robot slips: an untrained policy then explores torques that balance a robot, not ones that throw it.
     pub max_wheel_torque: Option<f64>,
+    /// The motors between actions and torques.
+    pub actuators: MotorOptions,
     /// Whether observations are scaled: each row less its value at rest upright, over its typical magnitude, within ±10.
     pub scale_observations: bool,
     /// Scales of the reward's terms.
@@ -45,6 +48,7 @@ impl<T: Task> Default for EnvConfig<T> {
             control_dt: 0.01,
             max_episode_steps: T::MAX_EPISODE_STEPS,
             max_wheel_torque: None,
+            actuators: MotorOptions::default(),
             scale_observations: true,
             reward: RewardScales::of(&TaskDescription::of::<T>().terms),
             task: T::default(),
@@ -63,7 +67,17 @@ impl<T: Task> EnvConfig<T> {
         let scaled = f64::from(u8::from(self.scale_observations));
         let own = [self.sim_dt, self.control_dt, self.max_episode_steps as f64, self.action_torque(), scaled];
         let options = (0..T::FIELDS.len()).flat_map(|index| self.task.values(index));
-        own.into_iter().chain(self.reward.values()).chain(options.copied()).collect()
+        // Snapshots of environments with ideal motors are those of versions without others.
+        let actuators = (!self.actuators.is_ideal()).then(|| self.actuators.numbers()).into_iter().flatten();
+        own.into_iter().chain(self.reward.values()).chain(options.copied()).chain(actuators).collect()
+    }
+
+    /// The motors of [`EnvConfig::actuators`] in the time steps of this environment.
+    ///
+    /// # Errors
+    /// Those of [`Motors::new`] and [`EnvConfig::substeps`].
+    pub fn motors(&self) -> Result<Motors> {
+        Motors::new(&self.actuators, &self.params, self.action_torque(), self.sim_dt, self.substeps()?)
     }
 
     /// Model steps in one control step.
@@ -114,6 +128,9 @@ impl<T: Task> EnvConfig<T> {
             format_args!("at most the motors' limit, params.max_wheel_torque = {motor} N·m"),
             |t| t <= motor,
         )?;
-        Ok(())
+        if self.actuators.is_ideal() {
+            return Ok(());
+        }
+        self.motors()?.check_robot(params, self.sim_dt)
     }
 }

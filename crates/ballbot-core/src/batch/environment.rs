@@ -6,21 +6,40 @@ use super::chunk::{Chunk, Environments};
 use super::config::EnvConfig;
 use super::robots::Single;
 use super::task_step::TaskStep;
-use crate::actuator::Ideal;
+use crate::actuator::{Actuator, Ideal};
 use crate::error::Result;
 use crate::params::Params;
 use crate::robot::{Ballbot, check_restored};
-use crate::sensor::Exact;
+use crate::sensor::{Exact, Sensor};
 use crate::state::State;
 use crate::task::{ACTION_LEN, Balance, Task, TaskDescription};
 use std::sync::Arc;
 
-/// An environment of task `T` with an ideal actuator and exact sensors.
+/// The environment of a single robot, whichever its stages.
+trait SingleChunk: Chunk {
+    /// The robot.
+    fn robot(&self) -> &Ballbot;
+
+    /// The robot, to change it.
+    fn robot_mut(&mut self) -> &mut Ballbot;
+}
+
+impl<T: Task, A: Actuator, S: Sensor> SingleChunk for Environments<Single, T, A, S> {
+    fn robot(&self) -> &Ballbot {
+        &self.robots.robot
+    }
+
+    fn robot_mut(&mut self) -> &mut Ballbot {
+        &mut self.robots.robot
+    }
+}
+
+/// An environment of task `T` with the actuators of its configuration and exact sensors.
 ///
 /// Random numbers come from ChaCha8 (stream 0), seeded by `seed_from_u64`; other streams are left to other uses.
 pub struct Environment<T: Task = Balance> {
     config: Arc<EnvConfig<T>>,
-    inner: Environments<Single, T, Ideal, Exact>,
+    inner: Box<dyn SingleChunk>,
     terms: Vec<&'static str>,
     observation: Vec<f32>,
 }
@@ -32,10 +51,18 @@ impl<T: Task> Environment<T> {
     /// What [`EnvConfig::validate`] and [`Ballbot::new`] find.
     pub fn new(config: &EnvConfig<T>, seed: u64) -> Result<Self> {
         config.validate()?;
+        if config.actuators.is_ideal() {
+            return Self::with_actuator(config, Ideal { max_torque: config.action_torque() }, seed);
+        }
+        Self::with_actuator(config, config.motors()?, seed)
+    }
+
+    fn with_actuator(config: &EnvConfig<T>, actuator: impl Actuator, seed: u64) -> Result<Self> {
         let config = Arc::new(config.clone());
         let description = TaskDescription::of::<T>();
-        let step = Arc::new(TaskStep::new::<Ideal>(
+        let step = Arc::new(TaskStep::new(
             &config.task,
+            &actuator,
             Exact,
             &description,
             &config.reward,
@@ -43,9 +70,8 @@ impl<T: Task> Environment<T> {
             config.control_dt,
         ));
         let robot = Single::new(Ballbot::new(&config.params, config.model, config.sim_dt)?);
-        let actuator = Ideal { max_torque: config.action_torque() };
         Ok(Self {
-            inner: Environments::new(&config, &step, actuator, robot, 1, seed)?,
+            inner: Box::new(Environments::new(&config, &step, actuator, robot, 1, seed)?),
             terms: description.terms.iter().map(|term| term.name).collect(),
             observation: vec![0.0; description.rows.len()],
             config,
@@ -73,7 +99,7 @@ impl<T: Task> Environment<T> {
     /// If `observation` is not of length [`Environment::observation_len`].
     pub fn reset(&mut self, observation: &mut [f32]) {
         assert_eq!(observation.len(), self.observation_len(), "observation buffer");
-        self.inner.reset_at_random(observation);
+        self.inner.reset(0, None, observation).expect("a start that the task draws was accepted when it was made");
     }
 
     /// Begins an episode from a given state, without drawing random numbers for it.
@@ -86,7 +112,7 @@ impl<T: Task> Environment<T> {
 
     /// Whether the episode has ended, or none has begun.
     pub fn over(&self) -> bool {
-        self.inner.over(0)
+        self.inner.first_over().is_some()
     }
 
     /// Applies an action for one control step and writes the observation that follows. Actions beyond ±1 are clipped;
@@ -119,7 +145,7 @@ impl<T: Task> Environment<T> {
 
     /// The robot.
     pub fn robot(&self) -> &Ballbot {
-        &self.inner.robots.robot
+        self.inner.robot()
     }
 
     /// Replaces the robot's parameters; see [`super::Batch::set_params`].
@@ -132,7 +158,7 @@ impl<T: Task> Environment<T> {
 
     /// The robot, to push it or to place it. [`Environment::set_params`] changes its parameters.
     pub fn robot_mut(&mut self) -> &mut Ballbot {
-        &mut self.inner.robots.robot
+        self.inner.robot_mut()
     }
 
     /// Everything that the future depends on, as bytes for [`Environment::load`].

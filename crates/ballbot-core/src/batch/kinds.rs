@@ -3,6 +3,7 @@
 use super::autoreset::Autoreset;
 use super::batch::Batch;
 use super::config::EnvConfig;
+use crate::actuator::MotorOptions;
 use crate::error::{Error, Result};
 use crate::params::Params;
 use crate::robot::ModelKind;
@@ -16,6 +17,10 @@ pub trait TaskConfig: Send {
     fn set_params(&mut self, params: Params);
     /// Replaces the model.
     fn set_model(&mut self, model: ModelKind);
+    /// Replaces the motors.
+    fn set_actuators(&mut self, actuators: MotorOptions);
+    /// The motors.
+    fn actuators(&self) -> &MotorOptions;
     /// Sets an option by its name: a time step, a torque, a switch (0 or 1), or an option of the task.
     ///
     /// # Errors
@@ -100,6 +105,14 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
 
     fn set_model(&mut self, model: ModelKind) {
         self.model = model;
+    }
+
+    fn set_actuators(&mut self, actuators: MotorOptions) {
+        self.actuators = actuators;
+    }
+
+    fn actuators(&self) -> &MotorOptions {
+        &self.actuators
     }
 
     fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {

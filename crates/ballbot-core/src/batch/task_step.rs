@@ -18,8 +18,9 @@ pub struct TaskStep<T, S> {
 }
 
 impl<T: Task, S: Sensor> TaskStep<T, S> {
-    pub fn new<A: Actuator>(
+    pub fn new(
         task: &T,
+        actuator: &impl Actuator,
         sensor: S,
         description: &TaskDescription,
         scales: &RewardScales,
@@ -34,7 +35,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             control_dt,
             sizes: Sizes {
                 task: T::MEMORY,
-                actuator: A::MEMORY,
+                actuator: actuator.memory_len(),
                 sensor: S::MEMORY,
                 observation: description.rows.len(),
                 terms: description.terms.len(),

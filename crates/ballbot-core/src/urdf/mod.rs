@@ -7,7 +7,8 @@
 //! axle, of collision shapes if there is one, else of visual shapes.
 //!
 //! Gravity, friction coefficients and the friction of the ball on the floor are not in a URDF and keep the defaults of
-//! [`Params`]. Position and velocity limits of the wheel joints are not read.
+//! [`Params`]. Position limits of the wheel joints are not read; their velocity limit is that of
+//! [`motors_from_urdf`].
 //!
 //! The models assume a robot that is symmetric about its mast. These deviations are refused with value and limit: a
 //! center of mass off the mast, principal axes of inertia that are not the axes of the root frame, unequal wheels, an
@@ -17,6 +18,7 @@ mod ball;
 mod bot;
 mod checked;
 mod mass;
+mod motors;
 mod numbers;
 mod placement;
 mod shape;
@@ -24,6 +26,7 @@ mod tree;
 mod visual;
 mod wheel;
 
+pub use motors::{motors_from_urdf, motors_from_urdf_text};
 pub use visual::{Visual, VisualLink, VisualShape, visuals_from_urdf, visuals_from_urdf_text};
 
 use crate::error::Result;
