@@ -43,15 +43,12 @@ pub struct Omniwheels {
 impl Omniwheels {
     /// The wheels of `params`.
     pub fn new(params: &Params) -> Self {
-        let (sin_zenith, cos_zenith) = params.wheel_zenith.sin_cos();
-        let contact_directions = params
-            .wheel_azimuths
-            .map(|azimuth| Vector3::new(sin_zenith * azimuth.cos(), sin_zenith * azimuth.sin(), cos_zenith));
-        let drive_directions = params.wheel_azimuths.map(|azimuth| Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0));
-        let row = |i: usize| contact_directions[i].cross(&drive_directions[i]).transpose();
-        let u = Matrix3::from_rows(&[row(0), row(1), row(2)]);
-        let u_inverse_transposed =
-            u.try_inverse().expect("validated azimuths are apart, so the drive map has an inverse").transpose();
+        let (contact_directions, drive_directions) = (params.contact_directions(), params.drive_directions());
+        let u = params.drive_matrix();
+        let u_inverse_transposed = u
+            .try_inverse()
+            .expect("the wheels of validated parameters drive the ball about every axis, so the map has an inverse")
+            .transpose();
         Self { contact_directions, drive_directions, u, u_inverse_transposed, gear_ratio: params.gear_ratio() }
     }
 

@@ -151,7 +151,7 @@ impl PyParams {
         self.0.body_mass
     }
 
-    /// Principal moments of inertia (J_b, J_b, J_z) of the body about its CoM, kg·m².
+    /// Moments of inertia (J_b, J_b, J_z) of the body about its CoM along the body axes, kg·m².
     #[getter]
     fn body_inertia(&self) -> (f64, f64, f64) {
         self.0.body_inertia.into()
@@ -191,6 +191,24 @@ impl PyParams {
     #[getter]
     fn wheel_azimuths(&self) -> (f64, f64, f64) {
         self.0.wheel_azimuths.into()
+    }
+
+    /// Zenith of each wheel contact less `wheel_zenith`, rad.
+    #[getter]
+    fn wheel_zenith_offsets(&self) -> (f64, f64, f64) {
+        self.0.wheel_zenith_offsets.into()
+    }
+
+    /// Place (x, y) of the CoM of the body off the mast, m.
+    #[getter]
+    fn body_com_offset(&self) -> (f64, f64) {
+        self.0.body_com_offset.into()
+    }
+
+    /// Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m².
+    #[getter]
+    fn body_products_of_inertia(&self) -> (f64, f64, f64) {
+        self.0.body_products_of_inertia.into()
     }
 
     /// Largest torque of one motor, N·m.
