@@ -26,12 +26,13 @@ pub struct BodyShape {
 
 impl BodyShape {
     /// Cylinder from the mass properties, as the parameters contain no outline. Its radius is that of the circle of the
-    /// wheel centers. It extends from just above the ball to the top of a slender mast with the inertia of the body.
+    /// wheel centers, of the outermost one. It extends from just above the ball to the top of a slender mast with the inertia of the body.
     pub fn new(params: &Params) -> Self {
         let half_height = (3.0 * params.body_inertia[0].max(params.body_inertia[1]) / params.body_mass).sqrt();
         let bottom = 1.05 * params.ball_radius;
+        let outermost = params.wheel_zeniths().into_iter().fold(0.0, f64::max);
         Self {
-            radius: (params.ball_radius + params.wheel_radius) * params.wheel_zenith.sin(),
+            radius: (params.ball_radius + params.wheel_radius) * outermost.sin(),
             bottom,
             top: (params.body_com_height + half_height).max(bottom + params.wheel_radius),
         }
