@@ -5,7 +5,7 @@ mod presets;
 
 use crate::error::{Error, Result, check, finite, positive};
 use crate::fields::Limit;
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, SymmetricEigen};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::slice;
 
@@ -109,6 +109,8 @@ const MASS: Limit = Limit::from(1e-6).to(1e6);
 const INERTIA: Limit = Limit::from(1e-18).to(1e9);
 /// m.
 const LENGTH: Limit = Limit::from(1e-6).to(1e3);
+/// rad.
+const ZENITH: Limit = Limit::from(1e-3).to(FRAC_PI_2 - 1e-3);
 /// Of a friction coefficient.
 const FRICTION: Limit = Limit::from(0.0).to(1e3);
 
@@ -117,6 +119,9 @@ const LEAST_DRIVE_VOLUME: f64 = 1e-6;
 
 /// Least load of a wheel in equilibrium, as a share of the body's weight.
 const LEAST_LOAD_SHARE: f64 = 1e-3;
+
+/// Most steps of the search for the principal moments of inertia; about six are needed.
+const MAX_EIGENVALUE_STEPS: usize = 1000;
 
 /// Largest ratio of the wheels' inertia, as a mass at their rims, to the mass of the robot.
 const MAX_RIM_RATIO: f64 = 1e9;
@@ -143,14 +148,14 @@ parameters! {
         wheel_radius: f64, LENGTH;
         /// Zenith angle α: angle at the ball center between the mast and a wheel contact, rad; nominal where
         /// `wheel_zenith_offsets` are not zero.
-        wheel_zenith: f64, Limit::from(1e-3).to(FRAC_PI_2 - 1e-3);
+        wheel_zenith: f64, ZENITH;
     }
     optional {
         /// Azimuth β_i of each wheel contact about the mast, rad. Default 0, 120, 240 deg.
         wheel_azimuths: [f64; 3] = [0.0, TAU / 3.0, 2.0 * TAU / 3.0], Limit::from(-1e3).to(1e3);
         /// Zenith of each wheel contact less `wheel_zenith`, rad. Default 0.
         wheel_zenith_offsets: [f64; 3] = [0.0; 3], Limit::from(-FRAC_PI_2).to(FRAC_PI_2);
-        /// Place (x, y) of the CoM of the body off the mast, m. Default 0.
+        /// Place (x, y) of the CoM of the body off the mast, body axes, m. Default 0.
         body_com_offset: [f64; 2] = [0.0; 2], Limit::from(-1e3).to(1e3);
         /// Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m²; with the sign of a URDF's
         /// `ixy`, `ixz`, `iyz`. Default 0.
@@ -257,10 +262,7 @@ impl Params {
         for (i, &moment) in self.body_inertia.iter().enumerate() {
             positive(format_args!("body_inertia[{i}]"), moment)?;
         }
-        for (i, &zenith) in self.wheel_zeniths().iter().enumerate() {
-            let name = format_args!("wheel_zenith + wheel_zenith_offsets[{i}]");
-            check(name, zenith, "between 0 and pi/2 rad, exclusive", |a| a > 0.0 && a < FRAC_PI_2)?;
-        }
+        check("wheel_zenith", self.wheel_zenith, "between 0 and pi/2 rad, exclusive", |a| a > 0.0 && a < FRAC_PI_2)?;
         for (name, value) in [
             ("ball_viscous_friction", self.ball_viscous_friction),
             ("wheel_viscous_friction", self.wheel_viscous_friction),
@@ -292,13 +294,24 @@ impl Params {
     }
 
     fn validate_masses(&self) -> Result<()> {
-        // A diagonal matrix keeps the names of its entries in the errors.
-        let (name, moments) = if self.body_products_of_inertia == [0.0; 3] {
-            ("body_inertia", self.body_inertia)
+        // Without products of inertia the principal moments have names of their own.
+        if self.body_products_of_inertia == [0.0; 3] {
+            self.validate_moments(&self.body_inertia, "body_inertia")?;
         } else {
-            let name = "principal moment of body_inertia and body_products_of_inertia ";
-            (name, self.body_inertia_matrix().symmetric_eigenvalues().into())
-        };
+            let moments = self.principal_moments()?;
+            self.validate_moments(&moments, "principal moments of body_inertia with body_products_of_inertia, ")?;
+        }
+        check(
+            "wheel_mass",
+            self.wheel_mass,
+            format_args!("below a third of body_mass = {}, which contains the wheels", self.body_mass),
+            |m| 3.0 * m < self.body_mass,
+        )?;
+        Ok(())
+    }
+
+    /// Checks that principal moments of inertia are those of a body; `name` is put before their index.
+    fn validate_moments(&self, moments: &[f64; 3], name: &str) -> Result<()> {
         for (i, &moment) in moments.iter().enumerate() {
             positive(format_args!("{name}[{i}]"), moment)?;
             let others = moments.iter().sum::<f64>() - moment;
@@ -310,13 +323,19 @@ impl Params {
                 |m| m <= others * (1.0 + 1e-9),
             )?;
         }
-        check(
-            "wheel_mass",
-            self.wheel_mass,
-            format_args!("below a third of body_mass = {}, which contains the wheels", self.body_mass),
-            |m| 3.0 * m < self.body_mass,
-        )?;
         Ok(())
+    }
+
+    /// Principal moments of inertia of the body about its CoM, ascending, kg·m².
+    fn principal_moments(&self) -> Result<[f64; 3]> {
+        let matrix = self.body_inertia_matrix();
+        let largest = matrix.amax();
+        let mut moments: [f64; 3] = SymmetricEigen::try_new(matrix / largest, f64::EPSILON, MAX_EIGENVALUE_STEPS)
+            .ok_or_else(|| Error::Inconsistent("the principal axes of body_inertia with body_products_of_inertia were not found".into()))?
+            .eigenvalues
+            .into();
+        moments.sort_by(f64::total_cmp);
+        Ok(moments.map(|moment| moment * largest))
     }
 
     fn validate_geometry(&self) -> Result<()> {
@@ -328,6 +347,10 @@ impl Params {
             format_args!("at most 2/3 ball_mass ball_radius^2 = {shell}, that of a thin shell"),
             |j| j <= 1.01 * shell,
         )?;
+        for (i, &zenith) in self.wheel_zeniths().iter().enumerate() {
+            let name = format_args!("wheel_zenith + wheel_zenith_offsets[{i}]");
+            check(name, zenith, ZENITH, |a| ZENITH.contains(a))?;
+        }
         let drive = self.drive_matrix().determinant().abs();
         check(
             "the volume spanned by the axles of the wheels",
@@ -341,7 +364,8 @@ impl Params {
                 format_args!("the load of wheel {i} in equilibrium"),
                 load,
                 format_args!(
-                    "at least {} N, {LEAST_LOAD_SHARE} of the body's weight: its CoM must be above the triangle of the wheels",
+                    "at least {} N, {LEAST_LOAD_SHARE} of the body's weight: the line from the ball's center to the \
+                     body's CoM must pass between the wheels",
                     LEAST_LOAD_SHARE * weight
                 ),
                 |load| load >= LEAST_LOAD_SHARE * weight,

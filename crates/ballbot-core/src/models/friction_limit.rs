@@ -1,26 +1,28 @@
 //! Limit of the motor torques from the friction between wheels and ball.
 
 use super::{BallSpin, SpatialModel, WheelSpin};
+use crate::kinematics::TorqueMap;
 use crate::params::Params;
 use crate::state::Contacts;
-use nalgebra::{UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Vector3, Vector6};
 use std::f64::consts::TAU;
 
 /// Number of tested directions of a tilt torque. The limit changes by less than 2 % between neighbors.
 const DIRECTIONS: u32 = 48;
 
-/// Largest torque of any wheel for a tilt torque in the worst direction, N·m, at which no wheel of the upright robot at
-/// rest slips; at most the limit of the motors. The reaction of the motors unloads some wheels, so the result is well
+/// Largest torque of any wheel for a tilt torque in the worst direction, N·m, at which no wheel of the robot in
+/// equilibrium slips; at most the limit of the motors. The reaction of the motors unloads some wheels, so the result is well
 /// below μ N r_w with the loads N at rest. Derived in `docs/derivations.md`, "Largest torque".
 pub fn traction_torque(params: &Params) -> f64 {
     let model = SpatialModel::new(params, WheelSpin::Absolute, BallSpin::Free);
-    let contacts = |torques: &Vector3<f64>| model.contacts(&UnitQuaternion::identity(), &Vector6::zeros(), torques);
+    let attitude = params.to_balance_frame();
+    let contacts = |torques: &Vector3<f64>| model.contacts(&attitude, &Vector6::zeros(), torques);
     let at_rest = contacts(&Vector3::zeros());
     (0..DIRECTIONS)
         .map(|k| {
             let angle = TAU * f64::from(k) / f64::from(DIRECTIONS);
-            let tilting = Vector3::new(angle.cos(), angle.sin(), 0.0);
-            let torques = model.wheels().wheel_torques(&tilting, crate::kinematics::TorqueMap::Consistent);
+            let tilting = attitude.inverse_transform_vector(&Vector3::new(angle.cos(), angle.sin(), 0.0));
+            let torques = model.wheels().torques_on_body(&tilting, TorqueMap::Consistent);
             let torques = torques / torques.amax();
             slip_scale(params, &at_rest, &contacts(&torques))
         })
