@@ -102,10 +102,14 @@ cells! {
 impl Constants<f64> {
     /// Constants of valid `params` and a time step `sim_dt`.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
+        Self::in_axes(params, sim_dt, &PrincipalAxes::new(params))
+    }
+
+    /// [`Constants::new`] with principal axes given.
+    pub fn in_axes(params: &Params, sim_dt: f64, principal: &PrincipalAxes) -> Self {
         let wheels = Omniwheels::new(params);
         let shape = BodyShape::new(params);
         let com = params.body_com();
-        let principal = PrincipalAxes::new(params);
         let of_body = |vector: Vector3<f64>| <[f64; 3]>::from(principal.of_body(&vector));
         let centers = wheel_centers(params, &wheels).map(|center| center - com);
         let row = |i: usize| of_body(wheels.u.row(i).transpose());

@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 pub struct PrincipalAxes {
     /// Rotation from the principal frame to the body frame; none where the body axes are principal axes, whose vectors
     /// keep every bit.
-    rotation: Option<UnitQuaternion<f64>>,
+    pub rotation: Option<UnitQuaternion<f64>>,
     /// Principal moments of inertia, kg·m².
     pub moments: [f64; 3],
 }
