@@ -331,7 +331,11 @@ impl Params {
         let matrix = self.body_inertia_matrix();
         let largest = matrix.amax();
         let mut moments: [f64; 3] = SymmetricEigen::try_new(matrix / largest, f64::EPSILON, MAX_EIGENVALUE_STEPS)
-            .ok_or_else(|| Error::Inconsistent("the principal axes of body_inertia with body_products_of_inertia were not found".into()))?
+            .ok_or_else(|| {
+                Error::Inconsistent(
+                    "the principal axes of body_inertia with body_products_of_inertia were not found".into(),
+                )
+            })?
             .eigenvalues
             .into();
         moments.sort_by(f64::total_cmp);

@@ -159,11 +159,7 @@ fn check_cost(name: &str, matrix: &DMatrix<f64>, size: usize) -> Result<()> {
 
 /// Deviation from the setpoint in the linear model's coordinates.
 #[inline(always)]
-fn deviation<L: Lane>(
-    frame: &BalanceFrame,
-    state: &LaneState<L>,
-    setpoint: &LaneSetpoint<L>,
-) -> [L; STATES] {
+fn deviation<L: Lane>(frame: &BalanceFrame, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> [L; STATES] {
     let attitude = frame.attitude(state.body_quaternion);
     let heading = Heading::new(attitude);
     let (p, v) = (state.ball_position, state.ball_velocity);

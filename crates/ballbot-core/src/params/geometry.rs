@@ -65,7 +65,10 @@ impl Params {
             return Some(format!("wheel_zenith_offsets = {:?}, but it requires zeros", self.wheel_zenith_offsets));
         }
         (!(even(0, 1) && even(0, 2) && even(1, 2))).then(|| {
-            format!("wheel_azimuths = {:?}, but it requires 2 pi / 3 rad between them, within {EVEN}", self.wheel_azimuths)
+            format!(
+                "wheel_azimuths = {:?}, but it requires 2 pi / 3 rad between them, within {EVEN}",
+                self.wheel_azimuths
+            )
         })
     }
 

@@ -93,7 +93,14 @@ impl Task for Balance {
         let rate = in_disc(rng, self.reset_tilt_rate);
         let attitude = tilted_from_equilibrium(params, tilt, yaw);
         let rate = Vector3::new(rate.x, rate.y, 0.0);
-        State::rolling_on(params, wheels, velocity, 0.0, attitude, params.to_balance_frame().inverse_transform_vector(&rate))
+        State::rolling_on(
+            params,
+            wheels,
+            velocity,
+            0.0,
+            attitude,
+            params.to_balance_frame().inverse_transform_vector(&rate),
+        )
     }
 
     fn setpoint(&self, _: &[f64]) -> Setpoint {

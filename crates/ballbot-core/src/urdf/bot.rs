@@ -72,17 +72,13 @@ impl Bot {
         ];
         // Without an effort limit the parameter keeps its default.
         let effort = (self.wheel.effort > 0.0).then_some(("max_wheel_torque", &self.wheel.effort));
-        scalars
-            .into_iter()
-            .chain(effort)
-            .map(|(name, value)| (name, slice::from_ref(value)))
-            .chain([
-                ("body_inertia", &self.inertia[..]),
-                ("body_products_of_inertia", &self.products_of_inertia[..]),
-                ("body_com_offset", &self.com_offset[..]),
-                ("wheel_azimuths", &self.azimuths[..]),
-                ("wheel_zenith_offsets", &self.zenith_offsets[..]),
-            ])
+        scalars.into_iter().chain(effort).map(|(name, value)| (name, slice::from_ref(value))).chain([
+            ("body_inertia", &self.inertia[..]),
+            ("body_products_of_inertia", &self.products_of_inertia[..]),
+            ("body_com_offset", &self.com_offset[..]),
+            ("wheel_azimuths", &self.azimuths[..]),
+            ("wheel_zenith_offsets", &self.zenith_offsets[..]),
+        ])
     }
 }
 
