@@ -18,6 +18,14 @@ def mast_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=-1)
 
 
+def body_axes_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Rotations from the body frame to the inertial one: shape (..., 3, 3) for states (..., 32)."""
+    w, x, y, z = np.moveaxis(states[..., BODY_QUATERNION], -1, 0)
+    first = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=-1)
+    second = np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], axis=-1)
+    return np.stack([first, second, mast_of(states)], axis=-1)
+
+
 def tilt_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Angles between the mast and the vertical, rad: shape (...) for states (..., 32)."""
     mast = mast_of(states)

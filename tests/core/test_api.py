@@ -134,6 +134,44 @@ class TestParams:
         for name, value in found.to_dict().items():
             np.testing.assert_allclose(value, expected[name], rtol=1e-12, atol=1e-12, err_msg=name)
 
+    def test_a_general_body(self, paper):
+        assert paper.is_symmetric
+        assert paper.body_com == (0.0, 0.0, 0.142)
+        assert paper.wheel_zeniths == (paper.wheel_zenith,) * 3
+        np.testing.assert_allclose(paper.equilibrium_wheel_loads, 2.228 * 9.81 / (3 * np.cos(np.pi / 4)), rtol=1e-15)
+        general = paper.replace(
+            body_com_offset=[3e-3, -4e-3],
+            body_products_of_inertia=(1e-3, -2e-3, 5e-4),
+            wheel_zenith_offsets=np.array([0.01, 0.0, -0.02]),
+            wheel_azimuths=[0.02, 2.1, 4.1],
+        )
+        assert not general.is_symmetric
+        assert general.body_com == (3e-3, -4e-3, 0.142)
+        assert general.wheel_zeniths == tuple(paper.wheel_zenith + offset for offset in (0.01, 0.0, -0.02))
+        assert general.body_products_of_inertia == (1e-3, -2e-3, 5e-4)
+        assert Params(**general.to_dict()) == general == Params.from_toml(general.to_toml())
+        # The wheels hold the weight along the line to the CoM.
+        com = np.array(general.body_com)
+        sin, cos = np.sin(general.wheel_zeniths), np.cos(general.wheel_zeniths)
+        contacts = np.array([sin * np.cos(general.wheel_azimuths), sin * np.sin(general.wheel_azimuths), cos])
+        weight = general.body_mass * general.gravity * com / np.linalg.norm(com)
+        np.testing.assert_allclose(contacts @ general.equilibrium_wheel_loads, weight, atol=1e-12)
+
+    @pytest.mark.parametrize("change", [{"body_com_offset": [1e-3, 0.0]}, {"wheel_azimuths": [0.01, 2.1, 4.2]}])
+    def test_the_planar_model_is_of_symmetric_robots(self, paper, change):
+        general, words = paper.replace(**change), f"'spatial', 'contact' and 'rigid' take any: {next(iter(change))} = "
+        for make in (lambda: PlanarModel(general), lambda: Ballbot(general, model="planar")):
+            with pytest.raises(ValueError, match=words):
+                make()
+        Ballbot(general, model="spatial")
+
+    def test_the_printed_map_is_of_even_wheels(self, paper):
+        uneven = paper.replace(wheel_zenith_offsets=[0.01, 0.0, 0.0])
+        for make in (lambda: virtual_to_wheel_torques(uneven, [0, 0, 1], "as_printed"), lambda: Pid(uneven, mapping="as_printed")):
+            with pytest.raises(ValueError, match=r"eq\. \(8\) as printed .*: wheel_zenith_offsets = "):
+                make()
+        assert virtual_to_wheel_torques(uneven, [0, 0, 1]).shape == (3,)
+
     def test_values_survive_every_way_of_copying(self, paper):
         heavy = paper.replace(body_mass=4.0, body_inertia=[0.1, 0.1, 0.02])
         for again in (
@@ -189,6 +227,20 @@ class TestState:
         assert state.yaw == pytest.approx(0.5, abs=1e-12)
         assert state.ball_position[2] == paper.ball_radius
         assert np.linalg.norm(state.body_quaternion) == pytest.approx(1.0, abs=1e-15)
+
+    def test_equilibrium_has_the_center_of_mass_above_the_ball(self, paper):
+        assert State.at_equilibrium(paper) == State.at_rest(paper)
+        off = paper.replace(body_com_offset=[3e-3, -4e-3])
+        state = State.at_equilibrium(off, yaw=0.5)
+        assert state.tilt == pytest.approx(np.arctan(5e-3 / 0.142), abs=1e-15)
+        assert state.yaw == pytest.approx(0.5, abs=1e-15)
+        robot = Ballbot(off, model="spatial")
+        robot.reset(state)
+        np.testing.assert_allclose(robot.contacts.wheel_normal_forces, off.equilibrium_wheel_loads, rtol=1e-12)
+        robot.step([0.0, 0.0, 0.0], steps=100)
+        assert abs(robot.state.tilt - state.tilt) < 1e-13
+        with pytest.raises(ValueError, match="yaw"):
+            State.at_equilibrium(off, yaw=np.nan)
 
     def test_rolling_has_no_slip(self, paper):
         state = State.rolling(paper, (0.3, -0.2), ball_spin=0.7)

@@ -211,6 +211,7 @@ RIGHT: dict[str, list[Any]] = {
     "Params.max_wheel_torque": [5.0],
     "State.rolling.params": [bb.Params.paper()],
     "State.at_rest.params": [bb.Params.paper()],
+    "State.at_equilibrium.params": [bb.Params.paper()],
     "SpatialModel.params": [bb.Params.paper()],
     "PlanarModel.params": [bb.Params.paper()],
     "virtual_to_wheel_torques.params": [bb.Params.paper()],

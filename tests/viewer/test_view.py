@@ -204,6 +204,19 @@ def test_the_urdf_and_the_parameters_put_the_wheels_in_the_same_places():
     assert 0.5 < max(piece.vertices[:, 2].max() for piece in described.body) < 0.7
 
 
+def test_uneven_wheels_are_shown_where_they_are():
+    params = Params.paper().replace(wheel_azimuths=[0.3, 2.0, 4.0], wheel_zenith_offsets=[0.0, 0.15, -0.1])
+    reach = params.ball_radius + params.wheel_radius
+    for wheel, zenith, azimuth in zip(
+        shapes.from_params(params).wheels, params.wheel_zeniths, params.wheel_azimuths, strict=True
+    ):
+        sin, cos = np.sin(zenith), np.cos(zenith)
+        contact = np.array([sin * np.cos(azimuth), sin * np.sin(azimuth), cos])
+        np.testing.assert_allclose(wheel.mount[:3, 3], reach * contact, atol=1e-15)
+        axle = np.cross([-np.sin(azimuth), np.cos(azimuth), 0.0], contact)
+        np.testing.assert_allclose(wheel.mount[:3, :3] @ wheel.axle, axle, atol=1e-15)
+
+
 def test_the_command_stops_by_itself_and_says_how_fast_it_was():
     command = [sys.executable, "-m", "ballbot_rs.cli", "view", "--model", "contact", "--batch", "16"]
     done = subprocess.run(

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 /// Kinetic energy of ball, body and wheels (absolute wheel spin) plus potential energy, J. The potential energy is zero
 /// with the ball resting on the floor and the body's CoM at the height of the ball center.
 pub fn mechanical_energy(params: &Params, wheels: &Omniwheels, state: &State) -> f64 {
-    let arm = Vector3::z() * params.body_com_height;
+    let arm = params.body_com();
     let rate = state.body_angular_velocity;
     let com_velocity = state.body_velocity + state.body_quaternion * rate.cross(&arm);
     let com_height = (state.body_position + state.body_quaternion * arm).z - params.ball_radius;
@@ -17,7 +17,7 @@ pub fn mechanical_energy(params: &Params, wheels: &Omniwheels, state: &State) ->
     let twice_kinetic = params.ball_mass * state.ball_velocity.norm_squared()
         + params.ball_inertia * state.ball_angular_velocity.norm_squared()
         + params.body_mass * com_velocity.norm_squared()
-        + rate.dot(&Vector3::from(params.body_inertia).component_mul(&rate))
+        + rate.dot(&(params.body_inertia_matrix() * rate))
         + params.wheel_inertia * spin.norm_squared();
     let ball_height = state.ball_position.z - params.ball_radius;
     0.5 * twice_kinetic + params.gravity * (params.body_mass * com_height + params.ball_mass * ball_height)

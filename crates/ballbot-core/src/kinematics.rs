@@ -15,6 +15,21 @@ pub enum TorqueMap {
     AsPrinted,
 }
 
+impl TorqueMap {
+    /// Checks that the map is defined for the robot of `params`.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for [`TorqueMap::AsPrinted`] with wheels that are not even; the parameter is named.
+    pub fn require(self, params: &Params) -> Result<()> {
+        match self {
+            Self::Consistent => Ok(()),
+            Self::AsPrinted => params.require_even_wheels(
+                "eq. (8) as printed is for wheels of one zenith, 120 deg apart; the consistent map takes any",
+            ),
+        }
+    }
+}
+
 impl std::str::FromStr for TorqueMap {
     type Err = Error;
 
@@ -43,15 +58,12 @@ pub struct Omniwheels {
 impl Omniwheels {
     /// The wheels of `params`.
     pub fn new(params: &Params) -> Self {
-        let (sin_zenith, cos_zenith) = params.wheel_zenith.sin_cos();
-        let contact_directions = params
-            .wheel_azimuths
-            .map(|azimuth| Vector3::new(sin_zenith * azimuth.cos(), sin_zenith * azimuth.sin(), cos_zenith));
-        let drive_directions = params.wheel_azimuths.map(|azimuth| Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0));
-        let row = |i: usize| contact_directions[i].cross(&drive_directions[i]).transpose();
-        let u = Matrix3::from_rows(&[row(0), row(1), row(2)]);
-        let u_inverse_transposed =
-            u.try_inverse().expect("validated azimuths are apart, so the drive map has an inverse").transpose();
+        let (contact_directions, drive_directions) = (params.contact_directions(), params.drive_directions());
+        let u = params.drive_matrix();
+        let u_inverse_transposed = u
+            .try_inverse()
+            .expect("the wheels of validated parameters drive the ball about every axis, so the map has an inverse")
+            .transpose();
         Self { contact_directions, drive_directions, u, u_inverse_transposed, gear_ratio: params.gear_ratio() }
     }
 
@@ -84,15 +96,21 @@ impl Omniwheels {
     /// Wheel torques of given virtual torques, N·m.
     ///
     /// Virtual torques are in the body frame, in the sign of eq. (8): positive τ_x and τ_y turn the *body* about +x and
-    /// +y, a positive τ_z turns the *ball* about +z (all wheels forward). With wheels 120° apart the consistent map is
-    /// τ_i = ⅓ (τ_z / sin α + (2 / cos α)(τ_x cos β_i + τ_y sin β_i)).
+    /// +y, a positive τ_z turns the *ball* about +z (all wheels forward). With even wheels the consistent map is
+    /// τ_i = ⅓ (τ_z / sin α + (2 / cos α)(τ_x cos β_i + τ_y sin β_i)). [`TorqueMap::AsPrinted`] is that of the paper for
+    /// even wheels only ([`TorqueMap::require`]).
     pub fn wheel_torques(&self, virtual_torques: &Vector3<f64>, map: TorqueMap) -> Vector3<f64> {
         match map {
             TorqueMap::Consistent => self.u_inverse_transposed * on_body(virtual_torques),
-            // The printed matrix is the inverse of the matrix used here: rows (2/3 cos β_i, 2/3 sin β_i)/(k cos α),
+            // For even wheels the printed matrix is the inverse of the matrix used here: rows (2/3 cos β_i, 2/3 sin β_i)/(k cos α),
             // 1/(3 k sin α).
             TorqueMap::AsPrinted => self.u * on_body(virtual_torques) * self.gear_ratio,
         }
+    }
+
+    /// Wheel torques of a torque on the body, body frame, as a torque at the virtual wheels, N·m.
+    pub fn torques_on_body(&self, torque: &Vector3<f64>, map: TorqueMap) -> Vector3<f64> {
+        self.wheel_torques(&Vector3::new(torque.x, torque.y, -torque.z), map)
     }
 }
 

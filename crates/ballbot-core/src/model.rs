@@ -73,5 +73,7 @@ pub fn same_geometry(a: &Params, b: &Params) -> bool {
         && a.wheel_radius == b.wheel_radius
         && a.wheel_zenith == b.wheel_zenith
         && a.wheel_azimuths == b.wheel_azimuths
+        && a.wheel_zenith_offsets == b.wheel_zenith_offsets
         && a.body_com_height == b.body_com_height
+        && a.body_com_offset == b.body_com_offset
 }

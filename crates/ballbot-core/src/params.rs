@@ -1,11 +1,12 @@
 //! Physical parameters of a ballbot, their validation and the published presets.
 
+mod geometry;
 mod presets;
 pub(crate) mod robot_file;
 
 use crate::error::{Error, Result, check, finite, positive};
 use crate::fields::Limit;
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, SymmetricEigen};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::slice;
 
@@ -26,8 +27,8 @@ impl Value for f64 {
     }
 }
 
-impl Value for [f64; 3] {
-    const UNSET: Self = [f64::NAN; 3];
+impl<const N: usize> Value for [f64; N] {
+    const UNSET: Self = [f64::NAN; N];
     fn as_slice(&self) -> &[f64] {
         self
     }
@@ -46,8 +47,9 @@ macro_rules! parameters {
         ///
         /// `body_*` describe everything above the ball as one rigid body. They include the **mass** of the wheels and
         /// exclude the inertia of the wheels about their own axles, which eq. (2) of the paper adds separately. The
-        /// body frame has its origin at the ball center and z along the mast. The center of mass (CoM) of the body is
-        /// on that axis.
+        /// body frame has its origin at the ball center and z along the mast. The defaults of the optional parameters are
+        /// a symmetric robot: the center of mass (CoM) of the body on the mast, the body axes its principal axes, the
+        /// wheels alike and 120 deg apart.
         #[derive(Clone, Debug, PartialEq)]
         pub struct Params {
             $($(#[$required_doc])* pub $required: $required_type,)*
@@ -108,8 +110,19 @@ const MASS: Limit = Limit::from(1e-6).to(1e6);
 const INERTIA: Limit = Limit::from(1e-18).to(1e9);
 /// m.
 const LENGTH: Limit = Limit::from(1e-6).to(1e3);
+/// rad.
+const ZENITH: Limit = Limit::from(1e-3).to(FRAC_PI_2 - 1e-3);
 /// Of a friction coefficient.
 const FRICTION: Limit = Limit::from(0.0).to(1e3);
+
+/// Least volume that the unit vectors along the axles of the wheels span; 0.92 for the wheels of the paper.
+const LEAST_DRIVE_VOLUME: f64 = 1e-6;
+
+/// Least load of a wheel in equilibrium, as a share of the body's weight.
+const LEAST_LOAD_SHARE: f64 = 1e-3;
+
+/// Most steps of the search for the principal moments of inertia; about six are needed.
+const MAX_EIGENVALUE_STEPS: usize = 1000;
 
 /// Largest ratio of the wheels' inertia, as a mass at their rims, to the mass of the robot.
 const MAX_RIM_RATIO: f64 = 1e9;
@@ -124,7 +137,7 @@ parameters! {
         ball_radius: f64, LENGTH;
         /// Mass M_b of body and wheels, kg.
         body_mass: f64, MASS;
-        /// Principal moments (J_b, J_b, J_z) of the body about its CoM along the body axes, kg·m².
+        /// Moments of inertia (J_b, J_b, J_z) of the body about its CoM along the body axes, kg·m².
         body_inertia: [f64; 3], INERTIA;
         /// Height l of the CoM of the body above the ball center, m.
         body_com_height: f64, LENGTH;
@@ -134,12 +147,20 @@ parameters! {
         wheel_inertia: f64, INERTIA;
         /// Radius r_w of a wheel, m.
         wheel_radius: f64, LENGTH;
-        /// Zenith angle α: angle at the ball center between the mast and a wheel contact, rad.
-        wheel_zenith: f64, Limit::from(1e-3).to(FRAC_PI_2 - 1e-3);
+        /// Zenith angle α: angle at the ball center between the mast and a wheel contact, rad; nominal where
+        /// `wheel_zenith_offsets` are not zero.
+        wheel_zenith: f64, ZENITH;
     }
     optional {
-        /// Azimuth β_i of each wheel contact about the mast, rad; 120 deg apart. Default 0, 120, 240 deg.
+        /// Azimuth β_i of each wheel contact about the mast, rad. Default 0, 120, 240 deg.
         wheel_azimuths: [f64; 3] = [0.0, TAU / 3.0, 2.0 * TAU / 3.0], Limit::from(-1e3).to(1e3);
+        /// Zenith of each wheel contact less `wheel_zenith`, rad. Default 0.
+        wheel_zenith_offsets: [f64; 3] = [0.0; 3], Limit::from(-FRAC_PI_2).to(FRAC_PI_2);
+        /// Place (x, y) of the CoM of the body off the mast, body axes, m. Default 0.
+        body_com_offset: [f64; 2] = [0.0; 2], Limit::from(-1e3).to(1e3);
+        /// Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m²; with the sign of a URDF's
+        /// `ixy`, `ixz`, `iyz`. Default 0.
+        body_products_of_inertia: [f64; 3] = [0.0; 3], Limit::from(-1e9).to(1e9);
         /// Largest torque of one motor, N·m. Default 5, where the torques of the paper's Fig. 6c settle.
         max_wheel_torque: f64 = 5.0, Limit::from(1e-9).to(1e9);
         /// Gravitational acceleration g, m/s². Default 9.81.
@@ -274,15 +295,12 @@ impl Params {
     }
 
     fn validate_masses(&self) -> Result<()> {
-        for (i, &moment) in self.body_inertia.iter().enumerate() {
-            let others = self.body_inertia.iter().sum::<f64>() - moment;
-            // A flat body meets the bound exactly; the margin is for rounding.
-            check(
-                format_args!("body_inertia[{i}]"),
-                moment,
-                format_args!("at most {others}, the sum of the other two (triangle inequality)"),
-                |m| m <= others * (1.0 + 1e-9),
-            )?;
+        // Without products of inertia the principal moments have names of their own.
+        if self.body_products_of_inertia == [0.0; 3] {
+            self.validate_moments(&self.body_inertia, "body_inertia")?;
+        } else {
+            let moments = self.principal_moments()?;
+            self.validate_moments(&moments, "principal moments of body_inertia with body_products_of_inertia, ")?;
         }
         check(
             "wheel_mass",
@@ -291,6 +309,38 @@ impl Params {
             |m| 3.0 * m < self.body_mass,
         )?;
         Ok(())
+    }
+
+    /// Checks that principal moments of inertia are those of a body; `name` is put before their index.
+    fn validate_moments(&self, moments: &[f64; 3], name: &str) -> Result<()> {
+        for (i, &moment) in moments.iter().enumerate() {
+            positive(format_args!("{name}[{i}]"), moment)?;
+            let others = moments.iter().sum::<f64>() - moment;
+            // A flat body meets the bound exactly; the margin is for rounding.
+            check(
+                format_args!("{name}[{i}]"),
+                moment,
+                format_args!("at most {others}, the sum of the other two (triangle inequality)"),
+                |m| m <= others * (1.0 + 1e-9),
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Principal moments of inertia of the body about its CoM, ascending, kg·m².
+    fn principal_moments(&self) -> Result<[f64; 3]> {
+        let matrix = self.body_inertia_matrix();
+        let largest = matrix.amax();
+        let mut moments: [f64; 3] = SymmetricEigen::try_new(matrix / largest, f64::EPSILON, MAX_EIGENVALUE_STEPS)
+            .ok_or_else(|| {
+                Error::Inconsistent(
+                    "the principal axes of body_inertia with body_products_of_inertia were not found".into(),
+                )
+            })?
+            .eigenvalues
+            .into();
+        moments.sort_by(f64::total_cmp);
+        Ok(moments.map(|moment| moment * largest))
     }
 
     fn validate_geometry(&self) -> Result<()> {
@@ -302,16 +352,29 @@ impl Params {
             format_args!("at most 2/3 ball_mass ball_radius^2 = {shell}, that of a thin shell"),
             |j| j <= 1.01 * shell,
         )?;
-        for (i, a) in self.wheel_azimuths.iter().enumerate() {
-            for (j, b) in self.wheel_azimuths.iter().enumerate().skip(i + 1) {
-                let apart = (a - b).rem_euclid(TAU);
-                check(
-                    format_args!("the angle between wheel_azimuths[{i}] and wheel_azimuths[{j}]"),
-                    apart.min(TAU - apart),
-                    "2 pi / 3 rad within 1e-6: three wheels share the load evenly",
-                    |gap| (gap - TAU / 3.0).abs() <= 1e-6,
-                )?;
-            }
+        for (i, &zenith) in self.wheel_zeniths().iter().enumerate() {
+            let name = format_args!("wheel_zenith + wheel_zenith_offsets[{i}]");
+            check(name, zenith, ZENITH, |a| ZENITH.contains(a))?;
+        }
+        let drive = self.drive_matrix().determinant().abs();
+        check(
+            "the volume spanned by the axles of the wheels",
+            drive,
+            format_args!("at least {LEAST_DRIVE_VOLUME}: three wheels must turn the ball about every axis"),
+            |volume| volume >= LEAST_DRIVE_VOLUME,
+        )?;
+        let weight = self.body_mass * self.gravity;
+        for (i, &load) in self.equilibrium_wheel_loads().iter().enumerate() {
+            check(
+                format_args!("the load of wheel {i} in equilibrium"),
+                load,
+                format_args!(
+                    "at least {} N, {LEAST_LOAD_SHARE} of the body's weight: the line from the ball's center to the \
+                     body's CoM must pass between the wheels",
+                    LEAST_LOAD_SHARE * weight
+                ),
+                |load| load >= LEAST_LOAD_SHARE * weight,
+            )?;
         }
         Ok(())
     }
@@ -328,7 +391,9 @@ impl Params {
 
     /// Body inertia about its CoM as a matrix in the body frame, kg·m².
     pub fn body_inertia_matrix(&self) -> Matrix3<f64> {
-        Matrix3::from_diagonal(&self.body_inertia.into())
+        let [xx, yy, zz] = self.body_inertia;
+        let [xy, xz, yz] = self.body_products_of_inertia;
+        Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
     }
 
     /// Gear ratio k = r_k / r_w: wheel turns per turn of the ball.
@@ -336,7 +401,7 @@ impl Params {
         self.ball_radius / self.wheel_radius
     }
 
-    /// Load of one wheel on the ball at rest upright, M_b g / (3 cos α), N.
+    /// Load of one wheel of a symmetric robot at rest upright, M_b g / (3 cos α), N.
     pub fn static_wheel_load(&self) -> f64 {
         self.body_mass * self.gravity / (3.0 * self.wheel_zenith.cos())
     }

@@ -19,7 +19,7 @@ use std::str::FromStr;
 /// Rungs of the ladder of models, from the simplest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ModelKind {
-    /// Three decoupled planes, eqs. (1)-(7) of the paper.
+    /// Three decoupled planes, eqs. (1)-(7) of the paper; of robots that are symmetric about their mast.
     Planar,
     /// Coupled 3D motion without slip.
     Spatial,
@@ -65,7 +65,7 @@ impl ModelKind {
     /// A robot of this kind, at rest upright.
     fn build(self, params: &Params, sim_dt: f64) -> Result<Box<dyn Model>> {
         Ok(match self {
-            Self::Planar => Box::new(PlanarMotion::new(params, sim_dt)),
+            Self::Planar => Box::new(PlanarMotion::new(params, sim_dt)?),
             Self::Spatial => Box::new(SpatialMotion::new(params, sim_dt)),
             Self::Contact => Box::new(ContactMotion::new(params, sim_dt)),
             #[cfg(feature = "rigid")]
@@ -115,7 +115,8 @@ impl Ballbot {
     /// A robot at rest upright, its model advanced in steps of `sim_dt` seconds.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for parameters or a time step that cannot be; [`Error::Inconsistent`] likewise;
+    /// [`Error::OutOfRange`] for parameters or a time step that cannot be; [`Error::Inconsistent`] likewise, and for a robot
+    /// that the model does not simulate: [`ModelKind::Planar`] takes symmetric robots only ([`Params::is_symmetric`]);
     /// [`Error::MissingFeature`] for a model that was not compiled.
     pub fn new(params: &Params, kind: ModelKind, sim_dt: f64) -> Result<Self> {
         params.validate()?;
@@ -164,7 +165,7 @@ impl Ballbot {
         self.model.accepts(state)
     }
 
-    /// Replaces the robot's parameters. If the geometry (radii, wheel angles, height of the CoM) is the same, the motion
+    /// Replaces the robot's parameters. If the geometry (radii, wheel angles, place of the CoM) is the same, the motion
     /// goes on, its next step with the new parameters; otherwise the robot starts anew, at rest upright. It outlives a
     /// reset. Returns whether the motion goes on.
     ///
@@ -277,7 +278,7 @@ impl Ballbot {
     /// [`Error::OutOfRange`] for an impulse above 1e4 N·s or a point farther than 100 m.
     pub fn push(&mut self, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
         check_push(impulse, point)?;
-        let com = Vector3::z() * self.params().body_com_height;
+        let com = self.params().body_com();
         self.model.push(impulse, point.unwrap_or(&com));
         Ok(())
     }

@@ -60,6 +60,12 @@ impl State {
         }
     }
 
+    /// State of rest in equilibrium, with the ball on the floor at the origin and the heading `yaw`, rad: the body's center
+    /// of mass is above the center of the ball. [`State::upright`] for a robot whose center of mass is on the mast.
+    pub fn at_equilibrium(params: &Params, yaw: f64) -> Self {
+        Self { body_quaternion: params.equilibrium_attitude(yaw), ..Self::upright(params) }
+    }
+
     /// State of rolling without slip. Ball and wheel rates follow from the velocity (x, y) of the ball, its spin about
     /// the vertical, the attitude of the body and its angular velocity in the body frame.
     pub fn rolling(

@@ -239,21 +239,23 @@ fn lqr_reaches_setpoint_and_heading() {
 #[test]
 fn yaw_deviation_is_the_short_way_round() {
     let params = Params::paper();
+    let lqr = Lqr::new(&params, CONTROL_DT).unwrap();
     for (yaw, setpoint, expected) in
         [(3.0, -3.0, 6.0 - TAU), (-3.0, 3.0, TAU - 6.0), (0.5, 0.2, 0.3), (0.1, 0.1 + 2.0 * TAU, 0.0)]
     {
         let state = State::tilted(&params, Vector2::zeros(), yaw);
-        let found = Lqr::deviation(&state, &Setpoint { yaw: setpoint, ..Setpoint::default() })[4];
+        let found = lqr.deviation(&state, &Setpoint { yaw: setpoint, ..Setpoint::default() })[4];
         assert!((found - expected).abs() < 1e-12, "from {yaw} to {setpoint}: {found}, expected {expected}");
     }
     let state = State::tilted(&params, Vector2::zeros(), 1.0);
-    let opposite = Lqr::deviation(&state, &Setpoint { yaw: 1.0 - PI, ..Setpoint::default() })[4];
+    let opposite = lqr.deviation(&state, &Setpoint { yaw: 1.0 - PI, ..Setpoint::default() })[4];
     assert!((opposite.abs() - PI).abs() < 1e-12, "{opposite}");
 }
 
 #[test]
 fn deviation_is_invariant_under_position_and_heading() {
     let params = Params::paper();
+    let lqr = Lqr::new(&params, CONTROL_DT).unwrap();
     let deviation = |yaw: f64, offset: Vector2<f64>| {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
         let turned = |x: f64, y: f64| (turn * Vector3::new(x, y, 0.0)).xy();
@@ -261,7 +263,7 @@ fn deviation_is_invariant_under_position_and_heading() {
         let mut state = State::rolling(&params, turned(0.2, 0.4), 0.0, body, Vector3::new(0.3, -0.1, 0.2));
         state.ball_position += offset.push(0.0);
         let position = offset + turned(-0.2, 0.1);
-        Lqr::deviation(&state, &Setpoint { position, velocity: turned(0.1, 0.0), yaw, ..Setpoint::default() })
+        lqr.deviation(&state, &Setpoint { position, velocity: turned(0.1, 0.0), yaw, ..Setpoint::default() })
     };
     let expected = deviation(0.0, Vector2::zeros());
     for (yaw, offset) in [(2.0, Vector2::new(3.0, -1.0)), (-3.0, Vector2::new(0.0, 7.0))] {

@@ -63,10 +63,34 @@ fn mixed(config: &BalanceConfig, robots: &[Params], mode: Autoreset, threads: us
     Run::new(batch)
 }
 
+/// The same, every other one without symmetry.
+fn general_robots() -> Vec<Params> {
+    let mut robots = robots();
+    for (i, params) in robots.iter_mut().enumerate().skip(1).step_by(2) {
+        let share = 0.1 * i as f64;
+        params.body_com_offset = [8e-3 * share, -5e-3];
+        // One with its CoM off the mast alone, and one whose body axes alone are not principal.
+        if i != 3 {
+            params.body_products_of_inertia = [1e-3, -2e-3 * share, 1.5e-3];
+        }
+        if i != 5 {
+            params.wheel_azimuths[i % 3] += 0.1 * share;
+            params.wheel_zenith_offsets[(i + 1) % 3] -= 0.08 * share;
+        } else {
+            params.body_com_offset = [0.0; 2];
+        }
+        params.validate().unwrap();
+    }
+    robots
+}
+
+/// Models that simulate every robot.
+const GENERAL: [ModelKind; 3] = [ModelKind::Spatial, ModelKind::Contact, ModelKind::Rigid];
+
 #[test]
 fn robots_of_a_mixed_batch_equal_batches_of_one() {
-    let robots = robots();
-    for model in ModelKind::ALL {
+    let cases = ModelKind::ALL.map(|model| (model, robots())).into_iter();
+    for (model, robots) in cases.chain(GENERAL.map(|model| (model, general_robots()))) {
         for mode in [Autoreset::NextStep, Autoreset::SameStep] {
             let mut alone: Vec<Run> = (0..robots.len())
                 .map(|i| Run::new(batch(&config(model, &robots[i]), 1, mode, SEED + i as u64)))
@@ -217,6 +241,40 @@ fn parameters_change_in_mid_motion_and_neighbors_keep_their_bits() {
     }
 }
 
+/// Products of inertia turn the principal axes, in which `contact` keeps the motion.
+#[test]
+fn inertia_changes_in_mid_motion() {
+    let paper = Params::paper();
+    let turned = |products| Params { body_products_of_inertia: products, ..Params::paper() };
+    let (one, other) = (turned([4e-3, -6e-3, 3e-3]), turned([-2e-3, 1e-3, 5e-3]));
+    for kind in GENERAL {
+        let mut robot = Ballbot::new(&paper, kind, 0.002).unwrap();
+        robot.reset(&moving(&paper)).unwrap();
+        let mut batch = batch(&config(kind, &paper), 3, Autoreset::Disabled, SEED);
+        let request = ResetRequest { starts: Some(&vec![Some(moving(&paper)); 3]), ..ResetRequest::default() };
+        batch.reset_with(&request, &mut vec![0.0; 3 * batch.observation_len()]).unwrap();
+        for params in [&one, &other, &paper] {
+            trace(&mut robot);
+            let before = [robot.state(), batch.state(1).unwrap()];
+            assert!(robot.set_params(params).unwrap(), "{kind}: the motion did not go on");
+            batch.set_params(1, params).unwrap();
+            for (before, after) in before.iter().zip([robot.state(), batch.state(1).unwrap()]) {
+                let moved = before.to_array().iter().zip(after.to_array()).map(|(b, a)| (b - a).abs());
+                let moved = moved.fold(0.0, f64::max);
+                assert!(moved <= if kind == ModelKind::Rigid { 1e-9 } else { 1e-14 }, "{kind}: moved by {moved}");
+            }
+        }
+        // And it goes on as that of a robot which has had these parameters all along.
+        let mut built = Ballbot::new(&one, kind, 0.002).unwrap();
+        built.reset(&robot.state()).unwrap();
+        robot.set_params(&one).unwrap();
+        for (k, (found, expected)) in trace(&mut robot).iter().zip(trace(&mut built)).enumerate() {
+            let apart = found.iter().zip(expected).map(|(f, e)| (f - e).abs()).fold(0.0, f64::max);
+            assert!(apart <= 1e-8, "{kind}: {apart} apart after step {k}");
+        }
+    }
+}
+
 #[test]
 fn another_geometry_requires_a_reset() {
     let robots = robots();
@@ -303,8 +361,8 @@ fn refused_parameters_change_nothing() {
 
 #[test]
 fn snapshots_carry_the_parameters() {
-    let robots = robots();
-    for model in ModelKind::ALL {
+    let cases = ModelKind::ALL.map(|model| (model, robots())).into_iter();
+    for (model, robots) in cases.chain(GENERAL.map(|model| (model, general_robots()))) {
         let config = config(model, &robots[0]);
         let mut run = mixed(&config, &robots, Autoreset::SameStep, 1);
         let mut other = Run::new(batch(&config, 11, Autoreset::SameStep, SEED + 100));

@@ -9,6 +9,7 @@ mod support;
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::{Error, Params, attitude, rolling_rate};
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
+use proptest::array::uniform3;
 use proptest::prelude::*;
 use std::f64::consts::TAU;
 use support::{any_attitude, any_robot, vector};
@@ -20,9 +21,15 @@ fn high_wheels() -> (Params, Omniwheels) {
     (params, wheels)
 }
 
-/// Any robot, its wheels anywhere that they are allowed.
+/// Any robot, its wheels anywhere that they are allowed; even ones in half of the robots.
 fn any_wheels() -> impl Strategy<Value = Params> {
-    (any_robot(), 0.2..1.3).prop_map(|(params, zenith)| Params { wheel_zenith: zenith, ..params })
+    let uneven = || prop_oneof![Just([0.0; 3]), uniform3(-0.15..0.15)];
+    (any_robot(), 0.2..1.3, uneven(), uneven()).prop_map(|(params, zenith, offsets, turns)| Params {
+        wheel_zenith: zenith,
+        wheel_zenith_offsets: offsets,
+        wheel_azimuths: std::array::from_fn(|i| params.wheel_azimuths[i] + turns[i]),
+        ..params
+    })
 }
 
 fn close(found: f64, expected: f64, scale: f64) -> bool {

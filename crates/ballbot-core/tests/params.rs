@@ -1,7 +1,7 @@
 //! Parameters: what is refused and in which words, and that no way in or out of them loses a value.
 
 use ballbot_core::{Error, Params};
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -133,26 +133,73 @@ fn wheels_must_be_on_the_upper_half_of_the_ball_and_apart() {
     for zenith in [0.0, FRAC_PI_2, -0.3, 2.0] {
         assert_refused(&[("wheel_zenith", &[zenith], ["wheel_zenith = ", "between 0 and pi/2"])]);
     }
+    for (offset, zenith) in [(FRAC_PI_4, FRAC_PI_2), (-FRAC_PI_4, 0.0), (FRAC_PI_4 - 5e-4, FRAC_PI_2 - 5e-4)] {
+        let error = Params::paper().replace([("wheel_zenith_offsets", &[0.0, offset, 0.0][..])]).unwrap_err();
+        let expected = format!("wheel_zenith + wheel_zenith_offsets[1] = {zenith} is out of range");
+        assert!(error.to_string().starts_with(&expected), "{error}");
+    }
     assert_refused(&[
-        (
-            "wheel_azimuths",
-            &[0.125, 0.0, PI],
-            ["wheel_azimuths[0] and wheel_azimuths[1] = 0.125 ", "2 pi / 3 rad within 1e-6"],
-        ),
-        (
-            "wheel_azimuths",
-            &[TAU, PI, 0.0],
-            ["wheel_azimuths[0] and wheel_azimuths[1] = 3.14", "2 pi / 3 rad within 1e-6"],
-        ),
-        // Even, but not to the tolerance; across the turn of the angle.
-        (
-            "wheel_azimuths",
-            &[3.1, 1.0, -3.1],
-            ["wheel_azimuths[0] and wheel_azimuths[1] = 2.1", "2 pi / 3 rad within 1e-6"],
-        ),
+        // Two wheels at one place turn the ball about no axis but theirs.
+        ("wheel_azimuths", &[0.0, 0.0, PI], ["volume spanned by the axles of the wheels = 0 ", "at least 0.000001"]),
+        ("wheel_azimuths", &[0.0, TAU, 4.0], ["volume spanned by the axles", "turn the ball about every axis"]),
+        // Apart, but all on one side of the mast: the body topples over wheel 1.
+        ("wheel_azimuths", &[-0.5, 0.0, 0.5], ["load of wheel 1 in equilibrium = -", "pass between the wheels"]),
     ]);
-    assert!(Params::paper().replace([("wheel_azimuths", &[0.5 + TAU / 3.0, 0.5 - TAU / 3.0, 0.5][..])]).is_ok());
-    assert!(Params::paper().replace([("wheel_azimuths", &[0.0, 2.0, 4.0][..])]).is_err());
+    for azimuths in [[0.5 + TAU / 3.0, 0.5 - TAU / 3.0, 0.5], [3.1, 1.0, -3.1], [0.0, 2.0, 4.0]] {
+        let params = Params::paper().replace([("wheel_azimuths", &azimuths[..])]).unwrap();
+        let even = azimuths[2] == 0.5;
+        assert_eq!((params.has_even_wheels(), params.is_symmetric()), (even, even), "{azimuths:?}");
+    }
+}
+
+#[test]
+fn the_center_of_mass_must_be_between_the_wheels() {
+    let height = Params::paper().body_com_height;
+    // Between wheels 1 and 2 the edge of their triangle is at half the tangent of the zenith, 1.
+    for (share, load) in [(0.49, Ok(())), (0.51, Err(()))] {
+        let result = Params::paper().replace([("body_com_offset", &[-share * height, 0.0][..])]);
+        assert_eq!(result.as_ref().map(|_| ()).map_err(|_| ()), load, "{share}: {result:?}");
+        if let Err(error) = result {
+            assert!(matches!(error, Error::OutOfRange { .. }), "{error:?}");
+            let (text, limit) = (error.to_string(), 1e-3 * (2.228 * 9.81));
+            assert!(text.starts_with("the load of wheel 0 in equilibrium = -"), "{text}");
+            assert!(text.contains(&format!("at least {limit} N")), "{text}");
+        }
+    }
+    let leaning = Params::paper().replace([("body_com_offset", &[0.03, -0.04][..])]).unwrap();
+    assert_eq!(leaning.body_com().as_slice(), [0.03, -0.04, height]);
+    assert!(!leaning.is_symmetric() && leaning.has_even_wheels());
+}
+
+/// Products of inertia turn the principal axes; the moments about them decide.
+#[test]
+fn impossible_products_of_inertia_are_refused() {
+    let with = |products: [f64; 3]| Params::paper().replace([("body_products_of_inertia", &products[..])]);
+    for (products, words) in [
+        // Principal moments 0.0583 ± 0.06 and 0.0137.
+        ([0.06, 0.0, 0.0], ["[0] = -0.0017", "> 0"]),
+        // 0.0883, above 0.0283 + 0.0137.
+        ([0.03, 0.0, 0.0], ["[2] = 0.088", "triangle inequality"]),
+        ([0.0, 0.0, 0.03], ["principal moments of body_inertia with body_products_of_inertia, [0] = -0.001", "> 0"]),
+    ] {
+        let error = with(products).unwrap_err();
+        assert!(matches!(error, Error::OutOfRange { .. }), "{error:?}");
+        for word in words {
+            assert!(error.to_string().contains(word), "{products:?}: '{error}' does not say '{word}'");
+        }
+    }
+    let params = with([6e-3, -2e-3, 1e-3]).unwrap();
+    let expected = [[0.0583, 6e-3, -2e-3], [6e-3, 0.0583, 1e-3], [-2e-3, 1e-3, 0.0137]];
+    for (i, row) in expected.iter().enumerate() {
+        assert_eq!(params.body_inertia_matrix().row(i).iter().copied().collect::<Vec<_>>(), row);
+    }
+    assert!(!params.is_symmetric());
+    // From the smallest to the largest numbers that are allowed.
+    for scale in [1e-15, 1e8] {
+        let (moments, products) = ([scale, 1.1 * scale, 0.9 * scale], [0.1 * scale, -0.05 * scale, 0.0]);
+        let result = Params::paper().replace([("body_inertia", &moments[..]), ("body_products_of_inertia", &products)]);
+        assert!(result.is_ok(), "{scale}: {result:?}");
+    }
 }
 
 #[test]
@@ -222,7 +269,7 @@ fn unlike_any_other() -> Params {
         }
     }
     let turned = fields.iter_mut().find(|(name, _)| *name == "wheel_azimuths").unwrap();
-    turned.1 = [0.1, 0.1 + TAU / 3.0, 0.1 + 2.0 * TAU / 3.0].to_vec();
+    turned.1 = [0.1, 0.2 + TAU / 3.0, 0.15 + 2.0 * TAU / 3.0].to_vec();
     from_fields(&fields).unwrap()
 }
 
@@ -231,7 +278,8 @@ fn fields_round_trip() {
     let params = unlike_any_other();
     let names: Vec<_> = params.fields().map(|(name, _)| name).collect();
     assert_eq!(names, Params::NAMES);
-    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::NAMES.len() + 2 + 2);
+    // Four vectors of three and one of two.
+    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::NAMES.len() + 4 * 2 + 1);
     for ((name, changed), (_, default)) in params.fields().zip(Params::paper().fields()) {
         assert!(changed.iter().zip(default).all(|(a, b)| a != b), "{name} is as before");
     }

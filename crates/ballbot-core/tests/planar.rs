@@ -39,7 +39,7 @@ fn accelerations_satisfy_eq_1_entry_by_entry() {
     // Table II in the paper's own symbols.
     let (m_k, j_k, r_k, m_b, j_b, l) = (1.437, 0.0112, 0.112, 2.228, 0.0583, 0.142);
     let (j_w, r_w, g, b_vk) = (0.000149, 0.05, 9.81, 49.849);
-    let model = PlanarModel::new(&damped(b_vk), WheelInertia::AsPrinted);
+    let model = PlanarModel::new(&damped(b_vk), WheelInertia::AsPrinted).unwrap();
     for (tilt, speed, tilt_rate, torque) in
         [(0.0, 0.0, 0.0, 1.0), (0.3, 0.2, -0.7, 0.0), (-0.8, -1.1, 2.5, 0.4), (1.4, 0.0, 3.0, -2.0)]
     {
@@ -62,13 +62,13 @@ fn accelerations_satisfy_eq_1_entry_by_entry() {
 #[test]
 fn each_plane_has_its_moment_of_inertia() {
     let params = Params { body_inertia: [0.05, 0.06, 0.02], ..Params::paper() };
-    let m22 = |plane| PlanarModel::in_plane(&params, WheelInertia::AsPrinted, plane).mass_matrix(0.0)[(1, 1)];
+    let m22 = |plane| PlanarModel::in_plane(&params, WheelInertia::AsPrinted, plane).unwrap().mass_matrix(0.0)[(1, 1)];
     assert!((m22(Plane::Xz) - m22(Plane::Yz) - 0.01).abs() < 1e-15);
 }
 
 #[test]
 fn linearization_is_the_derivative_of_the_equations() {
-    let model = PlanarModel::new(&damped(4.0), WheelInertia::AsPrinted);
+    let model = PlanarModel::new(&damped(4.0), WheelInertia::AsPrinted).unwrap();
     let slope = |x: &Vector4<f64>, torque: f64| {
         let h = 1e-6;
         let at = |s: f64| model.accelerations(&(x.xy() * s), &Vector2::new(x[2] * s, x[3] * s), torque * s);
@@ -96,7 +96,7 @@ fn spatial_yaw_gain(params: &Params, ball_spins: bool) -> f64 {
 
 #[test]
 fn yaw_gain_is_that_of_eq_7() {
-    let gain = |params: &Params| PlanarModel::new(params, WheelInertia::AsPrinted).yaw_gain();
+    let gain = |params: &Params| PlanarModel::new(params, WheelInertia::AsPrinted).unwrap().yaw_gain();
     let paper = Params::paper();
     for (found, expected) in [
         (gain(&paper), 138.329_778_6),
@@ -107,7 +107,7 @@ fn yaw_gain_is_that_of_eq_7() {
     ] {
         assert!((found - expected).abs() < 1e-6, "{found}, expected {expected}");
     }
-    let model = PlanarModel::new(&paper, WheelInertia::AsPrinted);
+    let model = PlanarModel::new(&paper, WheelInertia::AsPrinted).unwrap();
     assert_eq!(model.yaw_acceleration(0.5), 0.5 * model.yaw_gain());
 }
 
@@ -120,7 +120,7 @@ fn lively(params: &Params) -> State {
 #[test]
 fn energy_is_conserved_without_friction() {
     let params = Params { ball_viscous_friction: 0.0, ..high_wheels() };
-    let mut motion = PlanarMotion::new(&params, 1e-3);
+    let mut motion = PlanarMotion::new(&params, 1e-3).unwrap();
     motion.reset(&lively(&params)).unwrap();
     let before = motion.energy();
     let mut largest = 0.0_f64;
@@ -142,7 +142,7 @@ fn work_of_motors_less_friction_is_the_change_of_energy() {
             - params.wheel_viscous_friction * speeds.norm_squared()
             - params.ball_viscous_friction * state.ball_velocity.norm_squared()
     };
-    let mut motion = PlanarMotion::new(&params, 1e-4);
+    let mut motion = PlanarMotion::new(&params, 1e-4).unwrap();
     motion.reset(&lively(&params)).unwrap();
     let (before, mut work) = (motion.energy(), 0.0);
     for _ in 0..5000 {
@@ -159,7 +159,7 @@ fn work_of_motors_less_friction_is_the_change_of_energy() {
 fn integration_is_of_fourth_order() {
     let params = Params::paper();
     let end = |dt: f64| {
-        let mut motion = PlanarMotion::new(&params, dt);
+        let mut motion = PlanarMotion::new(&params, dt).unwrap();
         motion.reset(&lively(&params)).unwrap();
         for _ in 0..(0.4 / dt).round() as usize {
             motion.step(&[0.1, -0.05, 0.02]);
@@ -216,7 +216,7 @@ fn motion_in_one_plane_is_that_of_the_spatial_model_at_any_yaw() {
         for along in [Vector2::x(), Vector2::y()] {
             let (_, heading, start) = in_plane(&params, along, yaw);
             let torques = wheels.wheel_torques(&(heading * 0.1), TorqueMap::Consistent);
-            let mut motion = PlanarMotion::new(&params, 1e-3);
+            let mut motion = PlanarMotion::new(&params, 1e-3).unwrap();
             motion.reset(&start).unwrap();
             for _ in 0..300 {
                 motion.step(&torques.into());
@@ -237,7 +237,7 @@ fn contact_forces_and_pushes_in_one_plane_are_those_of_the_spatial_model() {
     for (along, yaw) in [(Vector2::x(), 0.4), (Vector2::y(), -2.6)] {
         let (across, heading, start) = in_plane(&params, along, yaw);
         let torques = model.wheels().wheel_torques(&(heading * 0.1), TorqueMap::Consistent);
-        let mut motion = PlanarMotion::new(&params, 1e-6);
+        let mut motion = PlanarMotion::new(&params, 1e-6).unwrap();
         motion.reset(&start).unwrap();
         motion.step(&torques.into());
         let state = motion.state();
@@ -259,7 +259,7 @@ fn contact_forces_and_pushes_in_one_plane_are_those_of_the_spatial_model() {
         assert!((jump - expected).norm() < 1e-10, "{jump}, expected {expected}, turning about {across}");
     }
     // Off the mast, about the vertical: the upright robot's yaw and the ball's spin.
-    let mut motion = PlanarMotion::new(&params, 1e-3);
+    let mut motion = PlanarMotion::new(&params, 1e-3).unwrap();
     let (impulse, point) = (Vector3::new(0.0, 0.1, 0.0), Vector3::new(0.1, 0.0, 0.2));
     motion.push(&impulse, &point);
     let expected = model.velocity_jump(&UnitQuaternion::identity(), &impulse, &point);
@@ -297,7 +297,7 @@ impl Step {
 
 /// q̈ of the nonlinear or the linearised equations (1)-(6), J_w as printed.
 fn plant(friction: f64, linear: bool) -> impl Fn(&Vector4<f64>, f64) -> Vector4<f64> {
-    let model = PlanarModel::new(&damped(friction), WheelInertia::AsPrinted);
+    let model = PlanarModel::new(&damped(friction), WheelInertia::AsPrinted).unwrap();
     let (a, b) = model.linearize();
     move |x, torque| {
         if linear {

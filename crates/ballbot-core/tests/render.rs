@@ -6,6 +6,7 @@ use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::Ray;
 use parry3d_f64::shape::SharedShape;
+use std::f64::consts::TAU;
 use std::path::Path;
 
 const WIDTH: usize = 160;
@@ -83,6 +84,35 @@ fn depth_is_the_distance_along_the_axis_to_floor_and_sphere() {
     let expected = height / (looking.elevation + slope).sin() * slope.cos();
     let floor = f64::from(shot.depth[HEIGHT * (WIDTH + 1) + WIDTH / 2]);
     assert!((floor - expected).abs() < 1e-5, "{floor}, expected {expected}");
+}
+
+#[test]
+fn uneven_wheels_are_drawn_where_they_are() {
+    let even = Params::paper();
+    let uneven = Params {
+        wheel_azimuths: [0.3, TAU / 3.0, 2.0 * TAU / 3.0 - 0.2],
+        wheel_zenith_offsets: [0.0, 0.15, -0.1],
+        ..Params::paper()
+    };
+    uneven.validate().unwrap();
+    let middle_of = |params: &Params, looking: Camera| {
+        let renderer = Renderer::new(Scene::of(params), WIDTH, HEIGHT, 1, looking).unwrap();
+        Shot::of(&renderer, &State::upright(params), &[])
+    };
+    for (i, label) in [Label::Wheel0, Label::Wheel1, Label::Wheel2].into_iter().enumerate() {
+        let (zenith, azimuth) = (uneven.wheel_zenith + uneven.wheel_zenith_offsets[i], uneven.wheel_azimuths[i]);
+        let reach = uneven.ball_radius + uneven.wheel_radius;
+        let out = reach * zenith.sin();
+        let target = Vector3::new(out * azimuth.cos(), out * azimuth.sin(), uneven.ball_radius + reach * zenith.cos());
+        // Level and from outside, the wheel is symmetric about the middle of the picture.
+        let looking = Camera { target, azimuth, elevation: 0.0, distance: 0.5, follows: false, ..camera(0.0) };
+        let shot = middle_of(&uneven, looking);
+        assert_eq!(shot.labels[HEIGHT / 2 * WIDTH + WIDTH / 2], label as u8, "wheel {i}");
+        let column = shot.column(label) - 0.5 * (WIDTH - 1) as f64;
+        assert!(column.abs() < 0.6, "wheel {i} is {column} pixels off");
+        let elsewhere = middle_of(&even, looking).changed(&shot);
+        assert!(elsewhere.len() > 100, "wheel {i} of the even robot is at the same place");
+    }
 }
 
 #[test]

@@ -230,7 +230,7 @@ fn massless_wheels_leave_the_momenta_of_translation_and_rotation() {
 #[test]
 fn motion_in_a_plane_is_the_planar_model_with_three_wheels() {
     let params = Params { ball_viscous_friction: 4.0, ..Params::paper() };
-    let planar = PlanarModel::new(&params, WheelInertia::ThreeWheels);
+    let planar = PlanarModel::new(&params, WheelInertia::ThreeWheels).unwrap();
     let spatial = SpatialModel::new(&params, false, false);
     for (tilt, tilt_rate, speed, torque) in [(0.3, 0.0, 0.0, 0.0), (-0.5, 1.2, 0.4, 0.3), (1.0, -2.0, -1.0, -0.7)] {
         let expected = planar.accelerations(&Vector2::new(0.0, tilt), &Vector2::new(speed, tilt_rate), torque);
@@ -260,7 +260,7 @@ fn upright_poles_are_exact() {
     assert!((found[0] + 6.091_744_51).abs() < 1e-6, "{found:?}");
     // The planar readings, without and with the paper's viscous friction.
     let planar = |params: &Params, inertia| {
-        let (a, _) = PlanarModel::new(params, inertia).linearize();
+        let (a, _) = PlanarModel::new(params, inertia).unwrap().linearize();
         poles(nalgebra::DMatrix::from_column_slice(4, 4, a.as_slice()))
     };
     let damped = Params { ball_viscous_friction: 49.849, ..Params::paper() };

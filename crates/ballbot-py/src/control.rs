@@ -201,7 +201,8 @@ impl PyController {
     }
 }
 
-/// The paper's PID with filtered derivative, on both tilt components; it holds neither position nor heading.
+/// The paper's PID with filtered derivative, on both components of the tilt from the equilibrium; it holds neither position
+/// nor heading.
 ///
 /// Args:
 ///     params: the robot; None is the paper's.
@@ -214,7 +215,7 @@ impl PyController {
 ///     max_torque: as in `Controller`.
 ///
 /// Raises:
-///     ValueError: a number out of range.
+///     ValueError: a number out of range; "as_printed" for wheels that are uneven.
 #[pyclass(name = "Pid", module = "ballbot_rs", subclass, frozen, extends = PyController)]
 pub(crate) struct PyPid;
 
@@ -328,7 +329,7 @@ impl PyLqr {
 
     /// Deviation x that the gain multiplies, shape (10,), in the heading frame: m, rad, m/s, rad/s.
     ///
-    /// Position error (x, y), tilt (x, y), yaw error, then their rates.
+    /// Position error (x, y), tilt (x, y) from the equilibrium, yaw error, then their rates.
     #[pyo3(signature = (state, *, position=None, velocity=None, yaw=0.0))]
     fn deviation<'py>(
         &self,
@@ -346,7 +347,7 @@ impl PyLqr {
             ..Setpoint::default()
         };
         setpoint.validate().map_err(to_python)?;
-        Ok(array(py, Lqr::deviation(&state.0, &setpoint).as_slice()))
+        Ok(array(py, self.0.deviation(&state.0, &setpoint).as_slice()))
     }
 
     /// K (3×10): the torques are −K x of the deviation x, before they are limited.

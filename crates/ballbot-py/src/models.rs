@@ -5,7 +5,7 @@ use crate::errors::{InvalidInputError, to_python};
 use crate::numbers::real;
 use crate::params::{PyParams, or_paper};
 use crate::state::PyContacts;
-use ballbot_core::kinematics::Omniwheels;
+use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel};
 use ballbot_core::{check_bounded, unit_quaternion};
 use nalgebra::{DMatrix, SMatrix, UnitQuaternion, Vector2, Vector3, Vector6};
@@ -99,6 +99,9 @@ impl PySpatialModel {
 ///     params: the robot.
 ///     wheel_inertia: "as_printed" (J_w of one wheel) or "three_wheels" ((3/2) cos² α J_w, equivalent to three wheels).
 ///     plane: "yz" or "xz".
+///
+/// Raises:
+///     ValueError: an unknown name, or a robot that is not symmetric about its mast.
 #[pyclass(name = "PlanarModel", module = "ballbot_rs", frozen)]
 pub(crate) struct PyPlanarModel(PlanarModel);
 
@@ -109,7 +112,7 @@ impl PyPlanarModel {
     fn new(params: &PyParams, wheel_inertia: &str, plane: &str) -> PyResult<Self> {
         let wheel_inertia = wheel_inertia.parse().map_err(to_python)?;
         let plane = plane.parse().map_err(to_python)?;
-        Ok(Self(PlanarModel::in_plane(&params.0, wheel_inertia, plane)))
+        PlanarModel::in_plane(&params.0, wheel_inertia, plane).map(Self).map_err(to_python)
     }
 
     /// Accelerations q̈ under a virtual torque (N·m), eq. (1), shape (2,).
@@ -237,7 +240,8 @@ fn finite_vector(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>>
 
 /// Wheel torques (N·m) of virtual torques (τ_x, τ_y, τ_z) in the body frame, in the sign of the paper's eq. (8).
 ///
-/// `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large.
+/// `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large, and which is
+/// a ValueError for wheels that do not have one zenith and 120 deg between them.
 #[pyfunction]
 #[pyo3(signature = (params, virtual_torques, mapping="consistent"))]
 pub(crate) fn virtual_to_wheel_torques<'py>(
@@ -246,7 +250,8 @@ pub(crate) fn virtual_to_wheel_torques<'py>(
     virtual_torques: &Bound<'py, PyAny>,
     mapping: &str,
 ) -> PyResult<Array<'py>> {
-    let map = mapping.parse().map_err(to_python)?;
+    let map: TorqueMap = mapping.parse().map_err(to_python)?;
+    map.require(&params.0).map_err(to_python)?;
     let torques = finite_vector("virtual_torques", virtual_torques)?;
     Ok(array(py, Omniwheels::new(&params.0).wheel_torques(&torques, map).as_slice()))
 }

@@ -8,17 +8,19 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::path::PathBuf;
 
-/// Physical parameters of a ballbot. Immutable; scalars are floats, vectors tuples of three.
+/// Physical parameters of a ballbot. Immutable; scalars are floats, vectors tuples.
 ///
 /// `body_*` describe everything above the ball: they include the mass of the wheels and exclude the inertia of the
 /// wheels about their own axles.
 /// Without default: `ball_mass` (kg), `ball_inertia` (about a diameter, kg·m²), `ball_radius` (m), `body_mass` (kg),
-/// `body_inertia` (three moments about the body's CoM, kg·m²), `body_com_height` (above the ball center, m),
+/// `body_inertia` (J_xx, J_yy, J_zz about the body's CoM, kg·m²), `body_com_height` (above the ball center, m),
 /// `wheel_mass` (kg), `wheel_inertia` (about the axle, kg·m²), `wheel_radius` (m), `wheel_zenith` (rad).
-/// With default: `wheel_azimuths` (0, 120, 240 deg), `max_wheel_torque` (5 N·m), `gravity` (9.81 m/s²),
-/// `ball_viscous_friction` (0 N/(m/s)), `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m),
-/// `wheel_static_friction` (1.1), `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1),
-/// `floor_dynamic_friction` (1.05), `friction_critical_velocity` (0.1 m/s).
+/// With default: `wheel_azimuths` (0, 120, 240 deg), `wheel_zenith_offsets` (of each wheel from `wheel_zenith`, 0 rad),
+/// `body_com_offset` (x, y off the mast, 0 m), `body_products_of_inertia` (J_xy, J_xz, J_yz, signs as in a URDF,
+/// 0 kg·m²), `max_wheel_torque` (5 N·m), `gravity` (9.81 m/s²), `ball_viscous_friction` (0 N/(m/s)),
+/// `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m), `wheel_static_friction` (1.1),
+/// `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1), `floor_dynamic_friction` (1.05),
+/// `friction_critical_velocity` (0.1 m/s).
 /// Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
 /// `docs/conventions.md` has all ranges.
 ///
@@ -151,7 +153,7 @@ impl PyParams {
         self.0.body_mass
     }
 
-    /// Principal moments of inertia (J_b, J_b, J_z) of the body about its CoM, kg·m².
+    /// Moments of inertia (J_xx, J_yy, J_zz) of the body about its CoM along the body axes, kg·m².
     #[getter]
     fn body_inertia(&self) -> (f64, f64, f64) {
         self.0.body_inertia.into()
@@ -191,6 +193,24 @@ impl PyParams {
     #[getter]
     fn wheel_azimuths(&self) -> (f64, f64, f64) {
         self.0.wheel_azimuths.into()
+    }
+
+    /// Zenith of each wheel contact less `wheel_zenith`, rad.
+    #[getter]
+    fn wheel_zenith_offsets(&self) -> (f64, f64, f64) {
+        self.0.wheel_zenith_offsets.into()
+    }
+
+    /// Place (x, y) of the CoM of the body off the mast, m.
+    #[getter]
+    fn body_com_offset(&self) -> (f64, f64) {
+        self.0.body_com_offset.into()
+    }
+
+    /// Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m².
+    #[getter]
+    fn body_products_of_inertia(&self) -> (f64, f64, f64) {
+        self.0.body_products_of_inertia.into()
     }
 
     /// Largest torque of one motor, N·m.
@@ -251,6 +271,31 @@ impl PyParams {
     #[getter]
     fn friction_critical_velocity(&self) -> f64 {
         self.0.friction_critical_velocity
+    }
+
+    /// CoM of the body in the body frame, m: `body_com_offset` and `body_com_height`.
+    #[getter]
+    fn body_com(&self) -> (f64, f64, f64) {
+        <[f64; 3]>::from(self.0.body_com()).into()
+    }
+
+    /// Zenith angle of each wheel contact, rad: `wheel_zenith` plus `wheel_zenith_offsets`.
+    #[getter]
+    fn wheel_zeniths(&self) -> (f64, f64, f64) {
+        self.0.wheel_zeniths().into()
+    }
+
+    /// Load of each wheel on the ball in equilibrium, where the CoM is above the ball's center and no motor drives, N.
+    #[getter]
+    fn equilibrium_wheel_loads(&self) -> (f64, f64, f64) {
+        self.0.equilibrium_wheel_loads().into()
+    }
+
+    /// Whether the CoM is on the mast, the body axes are principal axes, and the wheels have one zenith and are 120 deg
+    /// apart. The model `planar` takes only such robots.
+    #[getter]
+    fn is_symmetric(&self) -> bool {
+        self.0.is_symmetric()
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {

@@ -95,6 +95,18 @@ impl PyState {
         tilted(&params.0, tilt, yaw).map(Self)
     }
 
+    /// At rest in equilibrium on the floor at the origin, with the heading `yaw` (rad): the body's center of mass is above
+    /// the center of the ball. Equal to `at_rest` for a robot whose center of mass is on the mast.
+    #[staticmethod]
+    #[pyo3(signature = (params, yaw=0.0))]
+    fn at_equilibrium(params: &PyParams, #[pyo3(from_py_with = real)] yaw: f64) -> PyResult<Self> {
+        call(|| {
+            check_finite("yaw", &[yaw])?;
+            Ok(State::at_equilibrium(&params.0, yaw))
+        })
+        .map(Self)
+    }
+
     /// Rolling without slip with the ball's velocity (x, y): ball and wheel rates follow from it.
     #[staticmethod]
     #[pyo3(signature = (params, ball_velocity, body_quaternion=None, body_angular_velocity=None, ball_spin=0.0))]

@@ -62,7 +62,7 @@ class Rendered:
 
 
 def _check_geometry(params: Params, shown: Params) -> None:
-    for name in ("ball_radius", "wheel_radius", "wheel_zenith", "wheel_azimuths"):
+    for name in ("ball_radius", "wheel_radius", "wheel_zeniths", "wheel_azimuths"):
         ours, theirs = getattr(params, name), getattr(shown, name)
         if not np.allclose(ours, theirs, rtol=1e-3):
             raise ValueError(f"the URDFs to be shown are of another robot: {name} = {theirs}, simulated is {ours}")

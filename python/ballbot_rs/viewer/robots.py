@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import Ballbot, Params, State
 from ballbot_rs._errors import DivergedError
-from ballbot_rs._state_rows import mast_of
+from ballbot_rs._state_rows import body_axes_of
 from ballbot_rs.viewer.recording import Frame
 
 FloatArray = npt.NDArray[np.float64]
@@ -100,8 +100,7 @@ class Robots:
     def com(self) -> FloatArray:
         """Where the centre of mass of robot 0's body is, m."""
         state = self._robots[0].state
-        com: FloatArray = state.body_position + self.params.body_com_height * mast_of(state.to_array())
-        return com
+        return state.body_position + body_axes_of(state.to_array()) @ np.asarray(self.params.body_com)
 
     def step(self, torques: FloatArray, steps: int) -> list[int]:
         """Advances all robots; those that left the range of the numbers start anew, and are returned."""

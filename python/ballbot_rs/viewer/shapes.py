@@ -83,9 +83,9 @@ def ball_of(radius: float) -> list[Piece]:
 def from_params(params: Params) -> Look:
     """A robot made from its parameters alone; they carry no outlines, so it is as tall as its inertia asks for."""
     reach = params.ball_radius + params.wheel_radius
-    width = reach * math.sin(params.wheel_zenith)
+    width = reach * math.sin(max(params.wheel_zeniths))
     half_height = math.sqrt(3.0 * max(params.body_inertia[:2]) / params.body_mass)
-    deck = reach * math.cos(params.wheel_zenith) + params.wheel_radius
+    deck = reach * math.cos(min(params.wheel_zeniths)) + params.wheel_radius
     top = max(params.body_com_height + half_height, deck + params.wheel_radius)
     body = [
         _cylinder(width, deck, deck + 0.02, PLATE),
@@ -93,17 +93,18 @@ def from_params(params: Params) -> Look:
         _cylinder(0.8 * width, 0.5 * (deck + top), 0.5 * (deck + top) + 0.02, PLATE),
         _cylinder(0.6 * width, top - 0.02, top, HUB),
     ]
+    places = zip(params.wheel_zeniths, params.wheel_azimuths, strict=True)
     return Look(
-        ball_of(params.ball_radius), by_color(body), [_wheel(params, azimuth) for azimuth in params.wheel_azimuths]
+        ball_of(params.ball_radius), by_color(body), [_wheel(params, zenith, azimuth) for zenith, azimuth in places]
     )
 
 
-def wheel_heights(params: Params) -> float:
-    """How high the wheel centres are in the body frame, m."""
-    return (params.ball_radius + params.wheel_radius) * math.cos(params.wheel_zenith)
+def wheel_heights(params: Params) -> list[float]:
+    """How high each wheel centre is in the body frame, m."""
+    return [(params.ball_radius + params.wheel_radius) * math.cos(zenith) for zenith in params.wheel_zeniths]
 
 
-def _wheel(params: Params, azimuth: float) -> Wheel:
+def _wheel(params: Params, zenith: float, azimuth: float) -> Wheel:
     radius, half_width = params.wheel_radius, 0.24 * params.wheel_radius
     spoke = np.array([1.6 * radius, 0.2 * radius, 2.2 * half_width])
     pieces = [
@@ -111,7 +112,7 @@ def _wheel(params: Params, azimuth: float) -> Wheel:
         _cylinder(0.35 * radius, -1.3 * half_width, 1.3 * half_width, MAST),
         piece(trimesh.creation.box(spoke), HUB),
     ]
-    sin_zenith, cos_zenith = math.sin(params.wheel_zenith), math.cos(params.wheel_zenith)
+    sin_zenith, cos_zenith = math.sin(zenith), math.cos(zenith)
     sin_azimuth, cos_azimuth = math.sin(azimuth), math.cos(azimuth)
     outwards = np.array([sin_zenith * cos_azimuth, sin_zenith * sin_azimuth, cos_zenith])
     drive = np.array([-sin_azimuth, cos_azimuth, 0.0])

@@ -45,7 +45,7 @@ def from_urdf(params: Params, bot_path: Path, ball_path: Path) -> Look:
     # The root frame may be at any height on the mast; ours is at the ball centre.
     mounts = [np.asarray(bot.get_transform(joint.child)) for joint in wheels]
     lift = np.eye(4)
-    lift[2, 3] = wheel_heights(params) - mounts[0][2, 3]
+    lift[2, 3] = wheel_heights(params)[0] - mounts[0][2, 3]
     body = [Piece(one.vertices + lift[:3, 3], one.faces, one.color) for one in body]
     return Look(
         _ball(ball, params),

@@ -109,6 +109,8 @@ pub struct Environments<R: Robots, T, A, S> {
     /// How many robots are environments; the others stand still.
     used: usize,
     pub(super) robots: R,
+    /// As in [`TaskStep::run`].
+    com_directions: [R::Cell; 3],
     ledger: Ledger<R::Cell>,
     /// Room for the ledger of one robot.
     one: Ledger<f64>,
@@ -146,8 +148,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         used: usize,
         seed: u64,
     ) -> Result<Self> {
-        let environments = Self {
+        let mut environments = Self {
             step: Arc::clone(step),
+            com_directions: [R::Cell::default(); 3],
             actuator,
             substeps: config.substeps()?,
             action_torque: config.action_torque(),
@@ -161,8 +164,17 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             robots,
             config: Arc::clone(config),
         };
+        (0..R::Cell::WIDTH).for_each(|i| environments.note_com(i));
         environments.check_starts(0)?;
         Ok(environments)
+    }
+
+    /// Takes the direction of the center of mass from the parameters of robot `i`.
+    fn note_com(&mut self, i: usize) {
+        let direction = self.robots.params(i).com_direction();
+        for (cells, component) in self.com_directions.iter_mut().zip(direction.iter()) {
+            cells.set(i, *component);
+        }
     }
 
     fn check_starts(&self, i: usize) -> Result<()> {
@@ -256,7 +268,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             }
             let (ledger, one) = (&mut self.ledger, &mut self.one);
             self.robots.drive(&self.actuator, &commands, &mut ledger.actuator, &mut one.actuator, self.substeps);
-            self.robots.conclude(&self.step, &commands, ledger, one);
+            self.robots.conclude(&self.step, &commands, &self.com_directions, ledger, one);
         }
         for i in 0..self.used {
             let row = i * width..(i + 1) * width;
@@ -355,6 +367,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             self.robots.load(i, &motion)?;
             return Err(error);
         }
+        self.note_com(i);
         self.over[i] |= !goes_on;
         Ok(())
     }
@@ -421,6 +434,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         if let Err(error) = self.robots.load(i, &snapshot.robot) {
             if changed {
                 self.robots.set_params(i, &old)?;
+                self.note_com(i);
                 self.robots.load(i, &motion)?;
                 self.over[i] = over;
             }

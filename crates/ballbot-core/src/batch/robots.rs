@@ -35,11 +35,12 @@ pub trait Robots: Send + Sync {
         steps: usize,
     );
 
-    /// Concludes a control step; `one` is room for the ledger of one robot.
+    /// Concludes a control step; `one` is room for the ledger of one robot, `com_directions` are as in [`TaskStep::run`].
     fn conclude<T: Task, S: Sensor>(
         &self,
         step: &TaskStep<T, S>,
         commands: &[Self::Cell; ACTION_LEN],
+        com_directions: &[Self::Cell; 3],
         ledger: &mut Ledger<Self::Cell>,
         one: &mut Ledger<f64>,
     );
@@ -135,6 +136,7 @@ impl Robots for Single {
         &self,
         step: &TaskStep<T, S>,
         commands: &[f64; ACTION_LEN],
+        com_directions: &[f64; 3],
         ledger: &mut Ledger<f64>,
         _: &mut Ledger<f64>,
     ) {
@@ -145,7 +147,7 @@ impl Robots for Single {
         };
         run_one(
             #[inline(always)]
-            || step.run::<f64>(Scalar, &robot, commands, ledger),
+            || step.run::<f64>(Scalar, &robot, commands, com_directions, ledger),
         );
     }
 
@@ -220,10 +222,11 @@ impl Robots for ContactLanes {
         &self,
         step: &TaskStep<T, S>,
         commands: &[Eight; ACTION_LEN],
+        com_directions: &[Eight; 3],
         ledger: &mut Ledger<Eight>,
         one: &mut Ledger<f64>,
     ) {
-        self.read_lanes(Conclude { step, commands, ledger, one });
+        self.read_lanes(Conclude { step, commands, com_directions, ledger, one });
     }
 
     fn read(&self, states: &mut StateCells<Eight>) {
@@ -278,7 +281,7 @@ impl Robots for ContactLanes {
 
     fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
         check_push(impulse, point)?;
-        let com = Vector3::z() * self.lane_params(i).body_com_height;
+        let com = self.lane_params(i).body_com();
         let mut state = self.lane(i);
         state.push(&self.constants(i), impulse, point.unwrap_or(&com));
         self.set_lane(i, &state);
@@ -300,6 +303,7 @@ impl Robots for ContactLanes {
 struct Conclude<'a, T, S> {
     step: &'a TaskStep<T, S>,
     commands: &'a [Eight; ACTION_LEN],
+    com_directions: &'a [Eight; 3],
     ledger: &'a mut Ledger<Eight>,
     one: &'a mut Ledger<f64>,
 }
@@ -307,13 +311,13 @@ struct Conclude<'a, T, S> {
 impl<T: Task, S: Sensor> RobotsKernel for Conclude<'_, T, S> {
     #[inline(always)]
     fn run<L: Lane<Cell = Eight>>(self, token: L::Token, robots: &LaneRobot<L>) {
-        self.step.run(token, robots, self.commands, self.ledger);
+        self.step.run(token, robots, self.commands, self.com_directions, self.ledger);
     }
 
     fn run_lane(&mut self, i: usize, robot: &LaneRobot<f64>) {
-        let commands = self.commands.map(|eight| eight.0[i]);
+        let [commands, com_direction] = [self.commands, self.com_directions].map(|part| part.map(|eight| eight.0[i]));
         Eight::take(self.ledger, i, self.one);
-        self.step.run::<f64>(Scalar, robot, &commands, self.one);
+        self.step.run::<f64>(Scalar, robot, &commands, &com_direction, self.one);
         Eight::put(self.ledger, i, self.one);
     }
 }

@@ -3,7 +3,7 @@
 use super::ledger::{Ledger, Sizes};
 use crate::actuator::Actuator;
 use crate::lane_state::{LaneRobot, LaneState};
-use crate::lanes::{Lane, Memory, atan2_positive, load3};
+use crate::lanes::{Lane, Memory, Vec3, atan2_positive, load3};
 use crate::sensor::Sensor;
 use crate::task::{ACTION_LEN, RewardScales, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
 
@@ -47,13 +47,15 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         self.sizes
     }
 
-    /// Counts the step, and computes reward, termination, truncation, success and observation.
+    /// Counts the step, and computes reward, termination, truncation, success and observation. `com_direction` is the unit
+    /// vector from the ball's center to the body's center of mass, body frame.
     #[inline(always)]
     pub fn run<L: Lane>(
         &self,
         token: L::Token,
         robot: &LaneRobot<L>,
         actions: &[L::Cell; ACTION_LEN],
+        com_direction: &[L::Cell; 3],
         ledger: &mut Ledger<L::Cell>,
     ) {
         let Ledger { episode, task: memory, sensor: sensor_memory, last_sensor, observation, terms, .. } = ledger;
@@ -63,7 +65,11 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         let action = load3(token, actions);
 
         let up = state.body_quaternion.rotation().rows[2];
-        let tilt = atan2_positive(up.x.mul_add(up.x, up.y.squared()).sqrt(), up.z);
+        let com = Vec3::load(token, com_direction);
+        let across = up.cross(com);
+        // With the CoM on the mast these are the terms of up alone, to the last bit.
+        let sine = across.z.mul_add(across.z, across.y.mul_add(across.y, across.x.squared())).sqrt();
+        let tilt = atan2_positive(sine, up.dot(com));
         let step = Step {
             state,
             up,

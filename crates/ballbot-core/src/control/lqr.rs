@@ -1,5 +1,6 @@
 //! A discrete linear-quadratic regulator of position, tilt and heading, for any robot.
 
+use super::balance_frame::BalanceFrame;
 use super::riccati::{self, Regulator};
 use super::{
     LaneSetpoint, Law, Sampling, Setpoint, SetpointCells, check_control_dt, check_max_torque, default_max_torque,
@@ -48,12 +49,14 @@ impl LqrWeights {
     }
 }
 
-/// τ = −K x in the heading frame, scaled down together where a wheel would slip.
+/// τ = −K x in the heading frame, scaled down together where a wheel would slip. The tilt is that from the equilibrium: of
+/// the line from the ball's center to the body's center of mass.
 #[derive(Clone, Debug)]
 pub struct Lqr {
     regulator: Regulator,
     /// K, row by row.
     gain: [[f64; STATES]; INPUTS],
+    frame: BalanceFrame,
     sampling: Sampling,
     max_torque: f64,
 }
@@ -100,7 +103,8 @@ impl Lqr {
         let b = DMatrix::from_column_slice(STATES, INPUTS, b.as_slice());
         let regulator = riccati::solve(&a, &b, q, r)?;
         let gain = std::array::from_fn(|i| std::array::from_fn(|j| regulator.gain[(i, j)]));
-        Ok(Self { gain, regulator, sampling: Sampling::new(control_dt, <Self as Law>::MEMORY), max_torque })
+        let frame = BalanceFrame::new(params);
+        Ok(Self { gain, frame, regulator, sampling: Sampling::new(control_dt, <Self as Law>::MEMORY), max_torque })
     }
 
     /// The Riccati solution behind the gains.
@@ -109,10 +113,10 @@ impl Lqr {
     }
 
     /// Deviation from the setpoint in the linear model's coordinates.
-    pub fn deviation(state: &State, setpoint: &Setpoint) -> SVector<f64, STATES> {
+    pub fn deviation(&self, state: &State, setpoint: &Setpoint) -> SVector<f64, STATES> {
         let mut cells = StateCells::default();
         LaneState::from(state).store(&mut cells);
-        SVector::from(deviation(&cells.load(Scalar), &SetpointCells::from(setpoint).load(Scalar)))
+        SVector::from(deviation(&self.frame, &cells.load(Scalar), &SetpointCells::from(setpoint).load(Scalar)))
     }
 }
 
@@ -155,15 +159,16 @@ fn check_cost(name: &str, matrix: &DMatrix<f64>, size: usize) -> Result<()> {
 
 /// Deviation from the setpoint in the linear model's coordinates.
 #[inline(always)]
-fn deviation<L: Lane>(state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> [L; STATES] {
-    let heading = Heading::new(state.body_quaternion);
+fn deviation<L: Lane>(frame: &BalanceFrame, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> [L; STATES] {
+    let attitude = frame.attitude(state.body_quaternion);
+    let heading = Heading::new(attitude);
     let (p, v) = (state.ball_position, state.ball_velocity);
     let [x, y] = heading.of(p.x - setpoint.position[0], p.y - setpoint.position[1]);
     let [vx, vy] = heading.of(v.x - setpoint.velocity[0], v.y - setpoint.velocity[1]);
-    let [inertial_x, inertial_y] = state.body_quaternion.tilt_components();
+    let [inertial_x, inertial_y] = attitude.tilt_components();
     let [tilt_x, tilt_y] = heading.of(inertial_x, inertial_y);
-    let yaw = wrapped_angle(state.body_quaternion.yaw() - setpoint.yaw);
-    let rate = state.body_angular_velocity;
+    let yaw = wrapped_angle(attitude.yaw() - setpoint.yaw);
+    let rate = frame.of_body(state.body_angular_velocity);
     [x, y, tilt_x, tilt_y, yaw, vx, vy, rate.x, rate.y, rate.z]
 }
 
@@ -181,7 +186,7 @@ impl Law for Lqr {
 
     #[inline(always)]
     fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, _: &mut Memory<'_, L>) -> [L; 3] {
-        let x = deviation(state, setpoint);
+        let x = deviation(&self.frame, state, setpoint);
         saturate([product(&self.gain[0], &x), product(&self.gain[1], &x), product(&self.gain[2], &x)], self.max_torque)
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! A feedback law is written once over lanes ([`Law`]); [`Controller`] is any law, for one robot or for eight.
 
+mod balance_frame;
 mod kinds;
 mod lqr;
 mod pid;

@@ -1,5 +1,6 @@
 //! The paper's controller (section III-A): a PID with filtered derivative on each tilt component.
 
+use super::balance_frame::BalanceFrame;
 use super::{LaneSetpoint, Law, Sampling, check_control_dt, check_max_torque, default_max_torque, saturate};
 use crate::error::Result;
 use crate::fields::{Fields, Limit};
@@ -26,11 +27,13 @@ crate::fields! {
 }
 
 /// Two PID controllers, about the x and y axes of the heading frame. It controls tilt alone: nothing holds the ball's
-/// position or the heading.
+/// position or the heading. The tilt is that from the equilibrium: of the line from the ball's center to the body's center
+/// of mass.
 #[derive(Clone, Debug)]
 pub struct Pid {
     /// Wheel torques per virtual torque about x and y.
     map: [[f64; 2]; 3],
+    frame: BalanceFrame,
     gains: PidGains,
     /// Share of the distance to the error that the derivative filter goes in a sample; exact for a held error.
     filter_share: f64,
@@ -53,16 +56,20 @@ impl Pid {
     /// A PID for `params`, sampled every `control_dt` seconds, its wheel torques within [`default_max_torque`].
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for gains that are negative or not finite, or a `control_dt` that is not positive.
+    /// [`crate::Error::OutOfRange`] for gains that are negative or not finite, or a `control_dt` that is not positive; those of
+    /// [`TorqueMap::require`].
     pub fn new(params: &Params, control_dt: f64, gains: &PidGains, map: TorqueMap) -> Result<Self> {
         params.validate()?;
         check_control_dt(control_dt)?;
         gains.check_limits()?;
+        map.require(params)?;
         let wheels = Omniwheels::new(params);
-        let column = |axis: Vector3<f64>| wheels.wheel_torques(&axis, map);
+        let frame = BalanceFrame::new(params);
+        let column = |axis: Vector3<f64>| wheels.torques_on_body(&frame.in_body(&axis), map);
         let (about_x, about_y) = (column(Vector3::x()), column(Vector3::y()));
         Ok(Self {
             map: std::array::from_fn(|i| [about_x[i], about_y[i]]),
+            frame,
             filter_share: 1.0 - (-gains.filter_coefficient * control_dt).exp(),
             gains: *gains,
             sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
@@ -106,8 +113,9 @@ impl Law for Pid {
 
     #[inline(always)]
     fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, memory: &mut Memory<'_, L>) -> [L; 3] {
-        let heading = Heading::new(state.body_quaternion);
-        let [tilt_x, tilt_y] = state.body_quaternion.tilt_components();
+        let attitude = self.frame.attitude(state.body_quaternion);
+        let heading = Heading::new(attitude);
+        let [tilt_x, tilt_y] = attitude.tilt_components();
         let [tilt_x, tilt_y] = heading.of(tilt_x, tilt_y);
         let errors = [setpoint.tilt[0] - tilt_x, setpoint.tilt[1] - tilt_y];
         let zero = tilt_x.zero();

@@ -199,12 +199,19 @@ impl<L: Lane> Quat<L> {
         [L::select(tilted, -(y * ratio), tilt), L::select(tilted, x * ratio, zero)]
     }
 
+    /// Product: the rotation `other`, then this one.
     #[inline(always)]
-    fn times(self, other: Self) -> Self {
+    pub fn times(self, other: Self) -> Self {
         Self {
             w: self.w.mul_add(other.w, -self.v.dot(other.v)),
             v: self.v.cross(other.v).plus(other.v, self.w).plus(self.v, other.w),
         }
+    }
+
+    /// The inverse rotation.
+    #[inline(always)]
+    pub fn conjugated(self) -> Self {
+        Self { w: self.w, v: -self.v }
     }
 
     /// Rotated in its own frame by the rotation vector 2 · `half`, rad: multiplication from the right.

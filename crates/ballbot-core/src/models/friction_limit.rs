@@ -1,30 +1,54 @@
 //! Limit of the motor torques from the friction between wheels and ball.
 
 use super::{BallSpin, SpatialModel, WheelSpin};
+use crate::kinematics::TorqueMap;
 use crate::params::Params;
 use crate::state::Contacts;
-use nalgebra::{UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix2, Vector2, Vector3, Vector6};
 use std::f64::consts::TAU;
 
-/// Number of tested directions of a tilt torque. The limit changes by less than 2 % between neighbors.
+/// Number of tested directions of a tilt torque on a symmetric robot. The limit changes by less than 2 % between neighbors.
 const DIRECTIONS: u32 = 48;
 
-/// Largest torque of any wheel for a tilt torque in the worst direction, N·m, at which no wheel of the upright robot at
-/// rest slips; at most the limit of the motors. The reaction of the motors unloads some wheels, so the result is well
+/// Largest torque of any wheel for a tilt torque in the worst direction, N·m, at which no wheel of the robot in
+/// equilibrium slips; at most the limit of the motors. The reaction of the motors unloads some wheels, so the result is well
 /// below μ N r_w with the loads N at rest. Derived in `docs/derivations.md`, "Largest torque".
 pub fn traction_torque(params: &Params) -> f64 {
     let model = SpatialModel::new(params, WheelSpin::Absolute, BallSpin::Free);
-    let contacts = |torques: &Vector3<f64>| model.contacts(&UnitQuaternion::identity(), &Vector6::zeros(), torques);
+    let attitude = params.to_balance_frame();
+    let contacts = |torques: &Vector3<f64>| model.contacts(&attitude, &Vector6::zeros(), torques);
     let at_rest = contacts(&Vector3::zeros());
+    let tilting = |x: f64, y: f64| {
+        let axis = attitude.inverse_transform_vector(&Vector3::new(x, y, 0.0));
+        model.wheels().torques_on_body(&axis, TorqueMap::Consistent)
+    };
+    let limit = |torques: Vector3<f64>| {
+        let torques = torques / torques.amax();
+        slip_scale(params, &at_rest, &contacts(&torques))
+    };
+    if !params.is_symmetric() {
+        let worst = extreme_torques(&tilting(1.0, 0.0), &tilting(0.0, 1.0));
+        return worst.into_iter().flatten().map(limit).fold(params.max_wheel_torque, f64::min);
+    }
     (0..DIRECTIONS)
         .map(|k| {
             let angle = TAU * f64::from(k) / f64::from(DIRECTIONS);
-            let tilting = Vector3::new(angle.cos(), angle.sin(), 0.0);
-            let torques = model.wheels().wheel_torques(&tilting, crate::kinematics::TorqueMap::Consistent);
-            let torques = torques / torques.amax();
-            slip_scale(params, &at_rest, &contacts(&torques))
+            limit(tilting(angle.cos(), angle.sin()))
         })
         .fold(params.max_wheel_torque, f64::min)
+}
+
+/// The corners of the set of torques x s + y t of which none exceeds 1: two of the wheels are at ±1 there. Slip is a linear
+/// condition on the torques, so the first wheel slips at a corner.
+fn extreme_torques(x: &Vector3<f64>, y: &Vector3<f64>) -> [Option<Vector3<f64>>; 12] {
+    std::array::from_fn(|k| {
+        let (i, j) = [(0, 1), (1, 2), (2, 0)][k / 4];
+        let at = Vector2::new(if k & 1 == 0 { 1.0 } else { -1.0 }, if k & 2 == 0 { 1.0 } else { -1.0 });
+        let shares = Matrix2::new(x[i], y[i], x[j], y[j]).lu().solve(&at)?;
+        let torques = x * shares[0] + y * shares[1];
+        // A third wheel above 1 is a corner of another pair; the margin is for rounding.
+        (torques.amax() <= 1.0 + 1e-9).then_some(torques)
+    })
 }
 
 /// Factor on the torques of `driven` at which the first wheel slips. Loads and tractions are linear in the torques.

@@ -39,12 +39,22 @@ pub struct PlanarModel {
 
 impl PlanarModel {
     /// Model of the yz-plane.
-    pub fn new(params: &Params, wheel_inertia: WheelInertia) -> Self {
+    ///
+    /// # Errors
+    /// As [`PlanarModel::in_plane`].
+    pub fn new(params: &Params, wheel_inertia: WheelInertia) -> Result<Self> {
         Self::in_plane(params, wheel_inertia, Plane::Yz)
     }
 
     /// Model of either vertical plane.
-    pub fn in_plane(params: &Params, wheel_inertia: WheelInertia, plane: Plane) -> Self {
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] unless the robot is symmetric about its mast ([`Params::is_symmetric`]): the planes of
+    /// another are coupled.
+    pub fn in_plane(params: &Params, wheel_inertia: WheelInertia, plane: Plane) -> Result<Self> {
+        params.require_symmetric(
+            "the planar model is of robots that are symmetric about their mast; 'spatial', 'contact' and 'rigid' take any",
+        )?;
         let plane_inertia = match plane {
             Plane::Yz => params.body_inertia[0],
             Plane::Xz => params.body_inertia[1],
@@ -53,7 +63,7 @@ impl PlanarModel {
             WheelInertia::AsPrinted => 1.0,
             WheelInertia::ThreeWheels => 1.5 * params.wheel_zenith.cos().powi(2),
         };
-        Self { plane_inertia, wheel_inertia: factor * params.wheel_inertia, params: params.clone() }
+        Ok(Self { plane_inertia, wheel_inertia: factor * params.wheel_inertia, params: params.clone() })
     }
 
     /// Mass matrix M(q), eq. (2), with q = (position, tilt).

@@ -43,18 +43,21 @@ pub struct PlanarMotion {
 
 impl PlanarMotion {
     /// A robot at rest upright.
-    pub fn new(params: &Params, sim_dt: f64) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// [`crate::Error::Inconsistent`] unless the robot is symmetric about its mast.
+    pub fn new(params: &Params, sim_dt: f64) -> Result<Self> {
+        Ok(Self {
             wheels: Omniwheels::new(params),
-            xz: PlanarModel::in_plane(params, WheelInertia::ThreeWheels, Plane::Xz),
-            yz: PlanarModel::in_plane(params, WheelInertia::ThreeWheels, Plane::Yz),
+            xz: PlanarModel::in_plane(params, WheelInertia::ThreeWheels, Plane::Xz)?,
+            yz: PlanarModel::in_plane(params, WheelInertia::ThreeWheels, Plane::Yz)?,
             sim_dt,
             steps: 0,
             healthy: true,
             coordinates: coordinates_of(&State::upright(params)),
             wheel_torques: Vector3::zeros(),
             params: params.clone(),
-        }
+        })
     }
 
     /// Encoder rates: virtual wheel rates of the three planes, turned into the heading frame.
@@ -135,7 +138,7 @@ impl Model for PlanarMotion {
     }
 
     fn set_params(&mut self, params: &Params) -> Result<()> {
-        let mut robot = Self::new(params, self.sim_dt);
+        let mut robot = Self::new(params, self.sim_dt)?;
         if same_geometry(&self.params, params) {
             robot.coordinates = self.coordinates;
             robot.steps = self.steps;

@@ -50,6 +50,9 @@ impl From<bool> for BallSpin {
 pub struct SpatialModel {
     params: Params,
     wheels: Omniwheels,
+    /// CoM and inertia of the body, body frame.
+    com: Vector3<f64>,
+    inertia: Matrix3<f64>,
     /// 1 for [`WheelSpin::Absolute`], 0 for [`WheelSpin::Relative`].
     kappa: f64,
     ball_spin: BallSpin,
@@ -73,6 +76,8 @@ impl SpatialModel {
     pub fn new(params: &Params, wheel_spin: impl Into<WheelSpin>, ball_spin: impl Into<BallSpin>) -> Self {
         Self {
             wheels: Omniwheels::new(params),
+            com: params.body_com(),
+            inertia: params.body_inertia_matrix(),
             kappa: match wheel_spin.into() {
                 WheelSpin::Absolute => 1.0,
                 WheelSpin::Relative => 0.0,
@@ -136,9 +141,10 @@ impl SpatialModel {
         j_c[(1, 1)] = 1.0;
         for i in 0..3 {
             relative_rate[(i, 2 + i)] -= 1.0;
-            // −l R [e3]x
-            j_c[(i, 2)] = -p.body_com_height * rotation[(i, 1)];
-            j_c[(i, 3)] = p.body_com_height * rotation[(i, 0)];
+            // −R [c]x
+            j_c[(i, 2)] = self.com.y * rotation[(i, 2)] - self.com.z * rotation[(i, 1)];
+            j_c[(i, 3)] = self.com.z * rotation[(i, 0)] - self.com.x * rotation[(i, 2)];
+            j_c[(i, 4)] = self.com.x * rotation[(i, 1)] - self.com.y * rotation[(i, 0)];
         }
         let b = self.wheels.u * relative_rate * p.gear_ratio();
         let mut b_s = b;
@@ -150,9 +156,8 @@ impl SpatialModel {
             + b_s.transpose() * b_s * p.wheel_inertia;
         mass[(0, 0)] += p.ball_mass;
         mass[(1, 1)] += p.ball_mass;
-        for i in 0..3 {
-            mass[(2 + i, 2 + i)] += p.body_inertia[i];
-        }
+        let mut own = mass.fixed_view_mut::<3, 3>(2, 2);
+        own += self.inertia;
         if self.ball_spin == BallSpin::Pinned {
             mass[(5, 5)] = 1.0;
         }
@@ -175,8 +180,7 @@ impl SpatialModel {
         let shaft = shaft_torques(&self.params, wheel_torques, &(terms.b * velocity));
         let spin = terms.b_s * velocity;
 
-        let inertia_rate = Vector3::from(p.body_inertia).component_mul(&rate);
-        let gyroscopic = rate.cross(&inertia_rate)
+        let gyroscopic = rate.cross(&(self.inertia * rate))
             - rate.cross(&(self.wheels.u.transpose() * spin)) * (self.kappa * p.wheel_inertia);
         let weight = Vector3::z() * p.gravity;
 
@@ -194,9 +198,9 @@ impl SpatialModel {
         solve_mass(terms, &force)
     }
 
-    /// Acceleration R (Ω × (Ω × l e3)) of the CoM at ν' = 0.
+    /// Acceleration R (Ω × (Ω × c)) of the CoM at ν' = 0.
     fn centripetal(&self, terms: &Terms, rate: &Vector3<f64>) -> Vector3<f64> {
-        terms.rotation * rate.cross(&rate.cross(&(Vector3::z() * self.params.body_com_height)))
+        terms.rotation * rate.cross(&rate.cross(&self.com))
     }
 
     /// Derivative −k U (Ω × Rᵀ S ν) of σ at ν' = 0.
@@ -211,12 +215,16 @@ impl SpatialModel {
         self.wheels.wheel_speeds(body_quaternion, &ball_rate, &velocity.fixed_rows::<3>(2).into_owned())
     }
 
-    /// Kinetic energy plus M_b g l R33, J.
+    /// Kinetic energy plus M_b g e3·R c, J.
     pub fn energy(&self, body_quaternion: &UnitQuaternion<f64>, velocity: &Vector6<f64>) -> f64 {
         let terms = self.terms(body_quaternion);
-        let p = &self.params;
-        0.5 * velocity.dot(&(terms.mass * velocity))
-            + p.body_mass * p.gravity * p.body_com_height * terms.rotation[(2, 2)]
+        let moment = self.com * (self.params.body_mass * self.params.gravity);
+        0.5 * velocity.dot(&(terms.mass * velocity)) + terms.rotation.row(2).transpose().dot(&moment)
+    }
+
+    /// Momenta M ν conjugate to the generalized velocity.
+    pub fn momenta(&self, body_quaternion: &UnitQuaternion<f64>, velocity: &Vector6<f64>) -> Vector6<f64> {
+        self.terms(body_quaternion).mass * velocity
     }
 
     /// Contact forces of floor and wheels in the motion without slip. The model is valid only while

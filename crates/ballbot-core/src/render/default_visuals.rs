@@ -53,8 +53,10 @@ fn wheel(params: &Params, wheels: &Omniwheels, i: usize, parts: &mut Vec<Part>) 
 
 fn body(params: &Params, parts: &mut Vec<Part>) {
     let (ball, wheel) = (params.ball_radius, params.wheel_radius);
-    let reach = (ball + wheel) * params.wheel_zenith.sin();
-    let plate = (ball + wheel) * params.wheel_zenith.cos() + 1.6 * wheel;
+    let reaches = params.wheel_zeniths().map(|zenith| (ball + wheel) * zenith.sin());
+    let reach = reaches.into_iter().fold(0.0, f64::max);
+    let highest = params.wheel_zeniths().into_iter().fold(f64::INFINITY, f64::min);
+    let plate = (ball + wheel) * highest.cos() + 1.6 * wheel;
     // Half length of a slender mast about the CoM with the inertia of the body.
     let half_height = (3.0 * params.body_inertia[0].max(params.body_inertia[1]) / params.body_mass).sqrt();
     let top = (params.body_com_height + half_height).max(plate + 3.0 * wheel);
@@ -73,12 +75,12 @@ fn body(params: &Params, parts: &mut Vec<Part>) {
     for (radius, height) in [(1.15 * reach, plate), (0.95 * reach, deck), (0.6 * reach, top)] {
         upright(radius, height - thickness, height + thickness, (0.0, 0.0), light);
     }
-    for azimuth in params.wheel_azimuths {
+    for (azimuth, out) in params.wheel_azimuths.into_iter().zip(reaches) {
         let at = (azimuth + std::f64::consts::FRAC_PI_3).sin_cos();
         upright(0.05 * reach, plate, deck, (0.75 * reach * at.1, 0.75 * reach * at.0), dark);
         let at = azimuth.sin_cos();
         // The bracket of the wheel.
-        upright(0.16 * reach, plate - 0.7 * wheel, plate, (0.8 * reach * at.1, 0.8 * reach * at.0), dark);
+        upright(0.16 * reach, plate - 0.7 * wheel, plate, (0.8 * out * at.1, 0.8 * out * at.0), dark);
     }
     upright(0.5 * reach, plate + thickness, plate + 0.7 * (deck - plate), (0.0, 0.0), teal);
     upright(0.12 * reach, deck, top, (0.0, 0.0), light);

@@ -9,13 +9,14 @@ use crate::lanes::{Heading, Lane, Memory};
 use crate::params::Params;
 use crate::setpoint::Setpoint;
 use crate::state::{State, attitude};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::{PI, TAU};
 
 crate::fields! {
-    /// Options of the balance task. SI units and radians.
+    /// Options of the balance task. SI units and radians. Tilts are from the equilibrium: of the line from the ball's center
+    /// to the body's center of mass, which is the mast of a symmetric robot.
     pub struct Balance {
         /// Where the ball should be.
         pub setpoint: [f64; 2] = [0.0; 2], "m", Limit::from(-1e4).to(1e4);
@@ -66,11 +67,22 @@ impl Task for Balance {
     }
 
     fn extreme_starts(&self, params: &Params) -> Vec<State> {
-        let over_wheel = |azimuth: &f64| {
+        let leaning = |azimuth: f64| {
             let about = Vector2::new(-azimuth.sin(), azimuth.cos());
-            State::tilted(params, about * self.reset_tilt, 0.0)
+            let body_quaternion = tilted_from_equilibrium(params, about * self.reset_tilt, 0.0);
+            State { body_quaternion, ..State::upright(params) }
         };
-        params.wheel_azimuths.iter().map(over_wheel).collect()
+        if params.body_com_offset == [0.0; 2] {
+            return params.wheel_azimuths.into_iter().map(leaning).collect();
+        }
+        // A wheel is lowest in a tilt towards where it is in equilibrium, and the body in one towards the mast.
+        let equilibrium = params.equilibrium_attitude(0.0);
+        let azimuth = |direction: &Vector3<f64>| {
+            let v = equilibrium * direction;
+            v.y.atan2(v.x)
+        };
+        let wheels = Omniwheels::new(params).contact_directions;
+        wheels.iter().chain([&Vector3::z()]).map(|direction| leaning(azimuth(direction))).collect()
     }
 
     /// Rolling without slip, the ball at the origin.
@@ -79,8 +91,16 @@ impl Task for Balance {
         let yaw = self.reset_yaw * (2.0 * rng.random::<f64>() - 1.0);
         let velocity = in_disc(rng, self.reset_ball_speed);
         let rate = in_disc(rng, self.reset_tilt_rate);
-        let attitude = attitude(tilt, yaw);
-        State::rolling_on(params, wheels, velocity, 0.0, attitude, Vector3::new(rate.x, rate.y, 0.0))
+        let attitude = tilted_from_equilibrium(params, tilt, yaw);
+        let rate = Vector3::new(rate.x, rate.y, 0.0);
+        State::rolling_on(
+            params,
+            wheels,
+            velocity,
+            0.0,
+            attitude,
+            params.to_balance_frame().inverse_transform_vector(&rate),
+        )
     }
 
     fn setpoint(&self, _: &[f64]) -> Setpoint {
@@ -170,6 +190,11 @@ impl Balance {
         let (x, y) = (position.x - self.setpoint[0], position.y - self.setpoint[1]);
         x.mul_add(x, y.squared())
     }
+}
+
+/// Attitude of a robot at the heading `yaw`, tilted from its equilibrium by the rotation vector (`tilt` x, `tilt` y, 0).
+fn tilted_from_equilibrium(params: &Params, tilt: Vector2<f64>, yaw: f64) -> UnitQuaternion<f64> {
+    attitude(tilt, yaw) * params.to_balance_frame()
 }
 
 #[inline(always)]

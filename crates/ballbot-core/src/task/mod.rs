@@ -113,7 +113,8 @@ pub struct Step<'a, L: Lane> {
     pub state: &'a LaneState<L>,
     /// The vertical in the body frame.
     pub up: Vec3<L>,
-    /// Angle between the mast and the vertical, rad.
+    /// Tilt from the equilibrium, rad: the angle between the vertical and the line from the ball's center to the body's
+    /// center of mass; that of the mast if the center of mass is on it.
     pub tilt: L,
     /// Whether the body or a wheel touches the floor.
     pub on_floor: L::Mask,

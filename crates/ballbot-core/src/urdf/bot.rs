@@ -1,11 +1,11 @@
-//! The bot of a URDF: a body symmetric about its mast, on three equal wheels.
+//! The bot of a URDF: a body on three equal wheels.
 
 use super::checked::{Checked, TOLERANCE};
 use super::mass::RigidMass;
 use super::placement::Placement;
 use super::tree::Tree;
 use super::wheel::Wheel;
-use nalgebra::{Matrix3, Point3};
+use nalgebra::Matrix3;
 use std::slice;
 
 /// Parameters of the bot, as [`crate::Params`] defines them.
@@ -14,8 +14,11 @@ pub(super) struct Bot {
     pub ball_height: f64,
     mass: f64,
     inertia: [f64; 3],
+    products_of_inertia: [f64; 3],
     com_height: f64,
+    com_offset: [f64; 2],
     zenith: f64,
+    zenith_offsets: [f64; 3],
     azimuths: [f64; 3],
     wheel: Wheel,
 }
@@ -33,13 +36,26 @@ impl Bot {
         let body = tree.mass(None, "the body")?;
         let parts = [&body, &wheels[0].body, &wheels[1].body, &wheels[2].body].map(Clone::clone);
         let total = RigidMass::combined(&parts).ok_or("the bot has no mass")?;
-        let com_height = com_height(&total.center, placement.ball_height)?;
+        let com_height = total.center.z - placement.ball_height;
+        let com_offset = unless_rounding([total.center.x, total.center.y], com_height);
         // `body_inertia` excludes the inertia of the wheels about their axles.
         let spin: Matrix3<f64> = wheels.iter().map(|w| w.axle * w.axle.transpose() * w.axial_inertia).sum();
-        let inertia = principal_moments(&(total.inertia - spin))?;
-        let Placement { zenith, azimuths, ball_height, .. } = placement;
+        let inertia = total.inertia - spin;
+        let products = [inertia[(0, 1)], inertia[(0, 2)], inertia[(1, 2)]];
+        let Placement { ball_height, zenith, zenith_offsets, azimuths } = placement;
         let [wheel, ..] = wheels;
-        Ok(Self { ball_height, mass: total.mass, inertia, com_height, zenith, azimuths, wheel })
+        Ok(Self {
+            ball_height,
+            mass: total.mass,
+            inertia: inertia.diagonal().into(),
+            products_of_inertia: unless_rounding(products, inertia.diagonal().amax()),
+            com_height,
+            com_offset,
+            zenith,
+            zenith_offsets,
+            azimuths,
+            wheel,
+        })
     }
 
     /// Names and values of the parameters of the bot.
@@ -56,11 +72,13 @@ impl Bot {
         ];
         // Without an effort limit the parameter keeps its default.
         let effort = (self.wheel.effort > 0.0).then_some(("max_wheel_torque", &self.wheel.effort));
-        scalars
-            .into_iter()
-            .chain(effort)
-            .map(|(name, value)| (name, slice::from_ref(value)))
-            .chain([("body_inertia", &self.inertia[..]), ("wheel_azimuths", &self.azimuths[..])])
+        scalars.into_iter().chain(effort).map(|(name, value)| (name, slice::from_ref(value))).chain([
+            ("body_inertia", &self.inertia[..]),
+            ("body_products_of_inertia", &self.products_of_inertia[..]),
+            ("body_com_offset", &self.com_offset[..]),
+            ("wheel_azimuths", &self.azimuths[..]),
+            ("wheel_zenith_offsets", &self.zenith_offsets[..]),
+        ])
     }
 }
 
@@ -113,32 +131,8 @@ fn check_equal(wheels: &[Wheel; 3], quantities: &[Quantity]) -> Checked<()> {
     Ok(())
 }
 
-/// Height of the center of mass above the ball center, m. Refuses a center of mass off the mast.
-fn com_height(center: &Point3<f64>, ball_height: f64) -> Checked<f64> {
-    let height = center.z - ball_height;
-    let off_mast = center.x.hypot(center.y);
-    if (..=TOLERANCE * height.abs()).contains(&off_mast) {
-        return Ok(height);
-    }
-    Err(format!(
-        "the bot's center of mass is {off_mast:.3e} m off the mast (x = {:.3e}, y = {:.3e}): \
-         at most {TOLERANCE:e} of its height over the ball center, {height} m",
-        center.x, center.y
-    ))
-}
-
-/// Diagonal of `inertia`. Refuses products of inertia above the tolerance.
-fn principal_moments(inertia: &Matrix3<f64>) -> Checked<[f64; 3]> {
-    let moments = inertia.diagonal();
-    for (name, product) in [("xy", inertia[(0, 1)]), ("xz", inertia[(0, 2)]), ("yz", inertia[(1, 2)])] {
-        if !(..=TOLERANCE * moments.amax()).contains(&product.abs()) {
-            return Err(format!(
-                "the bot's principal axes of inertia are not the axes of its root frame: its product of inertia {name} \
-                 about the center of mass is {product:.3e} kg m^2, at most {TOLERANCE:e} of the largest \
-                 moment, {} kg m^2",
-                moments.amax()
-            ));
-        }
-    }
-    Ok(moments.into())
+/// `values`, or zeros if all are within rounding of zero, as a share of `scale`.
+fn unless_rounding<const N: usize>(values: [f64; N], scale: f64) -> [f64; N] {
+    let rounding = values.iter().all(|value| value.abs() <= TOLERANCE * scale.abs());
+    if rounding { [0.0; N] } else { values }
 }

@@ -10,9 +10,10 @@
 //! [`Params`]. Position limits of the wheel joints are not read; their velocity limit is that of
 //! [`motors_from_urdf`].
 //!
-//! The models assume a robot that is symmetric about its mast. These deviations are refused with value and limit: a
-//! center of mass off the mast, principal axes of inertia that are not the axes of the root frame, unequal wheels, an
-//! axle that is not `-u_i` (see [`crate::kinematics`]).
+//! A center of mass off the mast, products of inertia and wheels at different azimuths and zeniths are read as they are.
+//! Deviations from a symmetric robot below 1e-6 (m, or relative) count as rounding of the file. These are refused with value
+//! and limit: wheels that do not all touch one ball centered on the mast, wheels that differ in themselves, an axle that is
+//! not `-u_i` (see [`crate::kinematics`]).
 
 mod ball;
 mod bot;

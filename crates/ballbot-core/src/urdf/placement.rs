@@ -9,8 +9,10 @@ use std::f64::consts::TAU;
 pub(super) struct Placement {
     /// z coordinate of the ball center in the root frame, m.
     pub ball_height: f64,
-    /// Zenith α of the contacts, rad.
+    /// Mean zenith α of the contacts, rad.
     pub zenith: f64,
+    /// Zenith of each contact less the mean, rad; zeros if it is rounding.
+    pub zenith_offsets: [f64; 3],
     /// Azimuth β of each contact, in [0, 2π), rad.
     pub azimuths: [f64; 3],
 }
@@ -20,35 +22,52 @@ impl Placement {
     pub fn solve(wheels: &[Wheel; 3], ball_radius: f64) -> Checked<Self> {
         let reach = ball_radius + wheels[0].radius;
         let off_mast = wheels.each_ref().map(|w| w.center.x.hypot(w.center.y));
-        let mean_off_mast = off_mast.iter().sum::<f64>() / 3.0;
-        if !(0.0..reach).contains(&mean_off_mast) {
-            return Err(format!(
-                "the wheels are {mean_off_mast} m off the mast: to touch the ball from above they must be closer than \
-                 ball radius + wheel radius = {reach} m"
-            ));
-        }
-        let above_ball = (reach - mean_off_mast).sqrt() * (reach + mean_off_mast).sqrt();
-        let ball_height = wheels.iter().map(|w| w.center.z).sum::<f64>() / 3.0 - above_ball;
-        let ball_center = Point3::new(0.0, 0.0, ball_height);
+        let mean_off_mast = mean(off_mast);
         for (wheel, off_mast) in wheels.iter().zip(off_mast) {
-            let gap = (wheel.center - ball_center).norm() - reach;
-            let uneven = off_mast - mean_off_mast;
-            if !(-TOLERANCE..=TOLERANCE).contains(&gap) || !(-TOLERANCE..=TOLERANCE).contains(&uneven) {
+            if !(0.0..reach).contains(&off_mast) {
                 return Err(format!(
-                    "the wheels do not all touch one ball centered on the mast: {} is {off_mast} m off the mast, the \
-                     mean is {mean_off_mast} m, and {gap:.3e} m off the ball that fits best: \
-                     at most {TOLERANCE:e} m each",
+                    "{} is {off_mast} m off the mast: to touch the ball from above it must be closer than ball radius + \
+                     wheel radius = {reach} m",
                     wheel.what
                 ));
             }
         }
-        let zenith = mean_off_mast.atan2(above_ball);
+        let above_ball = |off_mast: f64| (reach - off_mast).sqrt() * (reach + off_mast).sqrt();
+        let even = off_mast.iter().all(|off| (off - mean_off_mast).abs() <= TOLERANCE);
+        let above = if even { above_ball(mean_off_mast) } else { mean(off_mast.map(above_ball)) };
+        let ball_height = mean(wheels.each_ref().map(|w| w.center.z)) - above;
+        let ball_center = Point3::new(0.0, 0.0, ball_height);
+        for (wheel, off_mast) in wheels.iter().zip(off_mast) {
+            let gap = (wheel.center - ball_center).norm() - reach;
+            if !(-TOLERANCE..=TOLERANCE).contains(&gap) {
+                return Err(format!(
+                    "the wheels do not all touch one ball centered on the mast: {}, {off_mast} m off the mast, is \
+                     {gap:.3e} m off the ball that fits best: at most {TOLERANCE:e} m",
+                    wheel.what
+                ));
+            }
+        }
+        let zeniths = if even {
+            [mean_off_mast.atan2(above); 3]
+        } else {
+            off_mast.map(|off_mast| off_mast.atan2(above_ball(off_mast)))
+        };
+        let (zenith, zenith_offsets) = if even {
+            (zeniths[0], [0.0; 3])
+        } else {
+            let zenith = mean(zeniths);
+            (zenith, zeniths.map(|one| one - zenith))
+        };
         let azimuths = wheels.each_ref().map(|w| azimuth(&w.center));
-        for (wheel, azimuth) in wheels.iter().zip(azimuths) {
+        for ((wheel, azimuth), zenith) in wheels.iter().zip(azimuths).zip(zeniths) {
             check_axle(wheel, zenith, azimuth)?;
         }
-        Ok(Self { ball_height, zenith, azimuths })
+        Ok(Self { ball_height, zenith, zenith_offsets, azimuths })
     }
+}
+
+fn mean(values: [f64; 3]) -> f64 {
+    values.iter().sum::<f64>() / 3.0
 }
 
 /// Azimuth of a point in [0, 2π), rad. Rounding errors below zero are kept.

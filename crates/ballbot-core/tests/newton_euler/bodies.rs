@@ -1,5 +1,6 @@
 //! The five bodies, their constraints, and the system that gives accelerations and forces.
 
+use crate::support::general::{contacts_and_axles, steiner};
 use ballbot_core::{Params, State, rolling_rate};
 use nalgebra::{DMatrix, DVector, Matrix3, RowVector3, UnitQuaternion, Vector3};
 
@@ -64,26 +65,23 @@ pub struct Solution {
     pub floor: [f64; 3],
 }
 
-fn steiner(mass: f64, arm: Vector3<f64>) -> Matrix3<f64> {
-    (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * mass
-}
-
 impl Robot {
     /// `transverse`: a wheel's inertia across its axle as a share of that about it.
     pub fn new(params: &Params, state: &State, transverse: f64, pinned: bool, absolute_wheel_spin: bool) -> Self {
         let rotation = state.body_quaternion.to_rotation_matrix().into_inner();
-        let (sin, cos) = params.wheel_zenith.sin_cos();
-        let local_p = params.wheel_azimuths.map(|b| Vector3::new(sin * b.cos(), sin * b.sin(), cos));
+        let local_p = contacts_and_axles(params).map(|(contact, _)| contact);
         let local_d = params.wheel_azimuths.map(|b| Vector3::new(-b.sin(), b.cos(), 0.0));
         let across = transverse * params.wheel_inertia;
         let reach = params.ball_radius + params.wheel_radius;
 
         // The body link is what is left of the whole.
         let link_mass = params.body_mass - 3.0 * params.wheel_mass;
-        let whole = Vector3::z() * params.body_com_height;
+        let whole = Vector3::new(params.body_com_offset[0], params.body_com_offset[1], params.body_com_height);
         let wheels: Vector3<f64> = local_p.iter().map(|p| p * (reach * params.wheel_mass)).sum();
         let link = (whole * params.body_mass - wheels) / link_mass;
-        let mut link_inertia = Matrix3::from_diagonal(&params.body_inertia.into()) - steiner(link_mass, link - whole);
+        let [xx, yy, zz] = params.body_inertia;
+        let [xy, xz, yz] = params.body_products_of_inertia;
+        let mut link_inertia = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - steiner(link_mass, link - whole);
         for i in 0..3 {
             let axle = local_d[i].cross(&local_p[i]);
             link_inertia -= steiner(params.wheel_mass, local_p[i] * reach - whole);

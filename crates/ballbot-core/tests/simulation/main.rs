@@ -5,6 +5,7 @@ mod coulomb;
 mod falling;
 mod flight;
 mod friction;
+mod general;
 mod growth;
 mod joints;
 mod landing;
@@ -15,6 +16,8 @@ mod pushes;
 mod repetition;
 mod rolling;
 mod slipping;
+#[path = "../support/mod.rs"]
+mod support;
 
 use ballbot_core::sim::{ContactMotion, RigidMotion};
 use ballbot_core::{Model, Params, State};
@@ -85,8 +88,7 @@ fn leaning(params: &Params, degrees: f64) -> State {
 
 /// Velocity of the body's CoM.
 fn com_velocity(params: &Params, state: &State) -> Vector3<f64> {
-    let com = Vector3::z() * params.body_com_height;
-    state.body_velocity + state.body_quaternion * state.body_angular_velocity.cross(&com)
+    state.body_velocity + state.body_quaternion * state.body_angular_velocity.cross(&params.body_com())
 }
 
 /// Asserts |found − expected| ≤ limit and tells how near it was.

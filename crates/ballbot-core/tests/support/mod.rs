@@ -3,6 +3,8 @@
 // Every test takes its own share of these.
 #![allow(dead_code)]
 
+pub mod general;
+
 use ballbot_core::{Params, State};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use proptest::array::uniform3;

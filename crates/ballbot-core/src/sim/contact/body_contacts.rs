@@ -5,14 +5,16 @@
 
 mod ball_on_body;
 mod floor_point;
+mod mast;
 
 use super::active_set::Conditions;
-use super::constants::Constants;
+use super::constants::{Constants, at3};
 use super::phases::Start;
 use super::types::{PerRow, Velocities, select3};
 use crate::lanes::{Lane, Value, Vec3};
 use ball_on_body::BallOnBody;
 use floor_point::{FloorPoint, POINTS, floor_points};
+use mast::MastFrame;
 
 /// Smallest number of sweeps. Chosen by experiment.
 const SWEEPS: usize = 3;
@@ -61,20 +63,24 @@ impl<L: Lane> Near<L> {
         let up = start.rotation.rows[2];
         let wheels =
             up.dot(c.wheel_center(0, zero)).min(up.dot(c.wheel_center(1, zero))).min(up.dot(c.wheel_center(2, zero)));
-        let rim = up.z.neg_mul_add(up.z, zero.splat(1.0)).max(zero).sqrt() * c.body_radius.at(zero);
-        let cylinder = (up.z * c.body_bottom.at(zero)).min(up.z * c.body_top.at(zero)) - rim;
+        let upright = up.dot(at3(c.mast, zero).into());
+        let rim = upright.neg_mul_add(upright, zero.splat(1.0)).max(zero).sqrt() * c.body_radius.at(zero);
+        let [bottom, top] = [at3(c.body_ends[0], zero), at3(c.body_ends[1], zero)];
+        let cylinder = up.dot(bottom.into()).min(up.dot(top.into())) - rim;
         let lowest = pose.body.z + (wheels - c.wheel_radius.at(zero)).min(cylinder);
         let falling = sum_of_sizes(v.body_rate).mul_add(c.reach.at(zero), v.body.z.abs()) + pushed;
         let floor_limit = falling.mul_add(dt, zero.splat(FLOOR_MARGIN));
 
         // The ball under the wheels is far from the cylinder.
         let ball = start.rows.ball_in_body;
-        let offset = ball + Vec3::new(zero, zero, c.com_height.at(zero));
+        let offset = ball + c.com(zero);
         let displaced = (c.ball_radius.at(zero) * MAX_CENTER_OFFSET).squared().lt(offset.norm_squared());
         let (mut ball_near, mut wheels_near) = (displaced, !displaced);
         if L::any(displaced) {
-            // Motion of the ball's center in the body frame, along the mast and across it.
-            let drift = start.rotation.apply_transposed(v.ball - v.body) - v.body_rate.cross(ball);
+            // Motion of the ball's center in body axes, along the mast and across it.
+            let frame = MastFrame::new(c, zero);
+            let drift = frame.vector(start.rotation.apply_transposed(v.ball - v.body) - v.body_rate.cross(ball));
+            let ball = frame.point(ball);
             let margin = pushed.mul_add(dt, c.ball_radius.at(zero) * BALL_MARGIN);
             let along = drift.z.abs().mul_add(dt, margin);
             let across = (drift.x.abs() + drift.y.abs()).mul_add(dt, margin);

@@ -1,10 +1,13 @@
 //! Constants of the solver, computed from parameters and time step: shared by all lanes, or one set per lane.
 
+use super::principal::PrincipalAxes;
 use crate::kinematics::Omniwheels;
-use crate::lanes::{EIGHT, Eight, Lane, LaneValue, Value, Vec3, Wide, cells};
+use crate::lanes::{EIGHT, Eight, Lane, LaneValue, Quat, Value, Vec3, Wide, cells};
 use crate::params::Params;
 use crate::sim::collision_shape::{BodyShape, wheel_centers};
+use crate::state::wxyz;
 use fearless_simd::Simd;
+use nalgebra::Vector3;
 use std::borrow::Cow;
 
 /// Recovery rate of an overlap (Baumgarte), 1/s. Chosen by experiment.
@@ -13,7 +16,7 @@ const RECOVERY_RATE: f64 = 100.0;
 const LARGEST_RECOVERY: f64 = 0.2;
 
 cells! {
-    /// Constants in SI units; vectors in the body frame.
+    /// Constants in SI units; vectors in the principal frame of the body, from its CoM.
     #[derive(Clone, Debug, Default, PartialEq)]
     pub struct Constants {
         pub sim_dt: T,
@@ -26,10 +29,17 @@ cells! {
         /// Factor on the horizontal velocity of the ball in a step by viscous friction.
         pub ball_drag: T,
         pub body_mass_inverse: T,
+        /// Principal moments of inertia of the body.
         pub body_inertia: [T; 3],
         pub body_inertia_inverse: [T; 3],
-        /// Height of the CoM above the origin of the body frame.
-        pub com_height: T,
+        /// 1 for a body whose principal axes are not its body axes or whose CoM is off the mast, else 0.
+        pub general: T,
+        /// Rotation from the principal frame to the body frame, `[w, x, y, z]`.
+        pub principal_axes: [T; 4],
+        /// The CoM from the origin of the body frame.
+        pub com: [T; 3],
+        /// Direction of the mast.
+        pub mast: [T; 3],
         pub wheel_radius: T,
         /// Distance of the centers of a wheel and the ball in contact.
         pub contact_distance: T,
@@ -46,7 +56,7 @@ cells! {
         pub wheel_dt_inverse_inertia: T,
         /// r_w / J_w.
         pub wheel_rim_ratio: T,
-        /// Centers of the wheels, from the CoM.
+        /// Centers of the wheels.
         pub wheel_centers: [[T; 3]; 3],
         /// Vectors u_i; the axle of wheel i is −u_i.
         pub u: [[T; 3]; 3],
@@ -64,9 +74,11 @@ cells! {
         pub recovery: T,
         /// Radius of the body cylinder.
         pub body_radius: T,
-        /// Lower end of the body cylinder, from the CoM.
+        /// Centers of the lower and the upper end of the body cylinder.
+        pub body_ends: [[T; 3]; 2],
+        /// Height of the lower end of the body cylinder along the mast, from the CoM.
         pub body_bottom: T,
-        /// Upper end of the body cylinder, from the CoM.
+        /// Height of its upper end.
         pub body_top: T,
         /// Radius of a sphere about the CoM that contains the bot.
         pub reach: T,
@@ -78,7 +90,9 @@ cells! {
         pub ball_rim_ratio: T,
         /// r_w² / J_w.
         pub wheel_surface_compliance: T,
-        /// Load of a wheel at rest upright.
+        /// Load of each wheel in equilibrium.
+        pub wheel_loads: [T; 3],
+        /// The largest of them.
         pub static_wheel_load: T,
         /// Load of the floor at rest.
         pub static_floor_load: T,
@@ -88,21 +102,29 @@ cells! {
 impl Constants<f64> {
     /// Constants of valid `params` and a time step `sim_dt`.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
+        Self::in_axes(params, sim_dt, &PrincipalAxes::new(params))
+    }
+
+    /// [`Constants::new`] with principal axes given.
+    pub fn in_axes(params: &Params, sim_dt: f64, principal: &PrincipalAxes) -> Self {
         let wheels = Omniwheels::new(params);
         let shape = BodyShape::new(params);
-        let com = params.body_com_height;
-        let centers = wheel_centers(params, &wheels).map(|c| [c.x, c.y, c.z - com]);
-        let row = |i: usize| [wheels.u[(i, 0)], wheels.u[(i, 1)], wheels.u[(i, 2)]];
-        let (bottom, top) = (shape.bottom - com, shape.top - com);
-        let wheel_reach = centers[0].iter().map(|x| x * x).sum::<f64>().sqrt() + params.wheel_radius;
-        let reach = shape.radius.hypot(bottom.abs().max(top.abs())).max(wheel_reach);
-        let body_inertia_inverse = params.body_inertia.map(f64::recip);
+        let com = params.body_com();
+        let of_body = |vector: Vector3<f64>| <[f64; 3]>::from(principal.of_body(&vector));
+        let centers = wheel_centers(params, &wheels).map(|center| center - com);
+        let row = |i: usize| of_body(wheels.u.row(i).transpose());
+        let (bottom, top) = (shape.bottom - com.z, shape.top - com.z);
+        let off_mast = com.xy().norm();
+        let distance = |center: &Vector3<f64>| center.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let wheel_reach = centers.iter().map(distance).fold(0.0, f64::max) + params.wheel_radius;
+        let reach = (shape.radius + off_mast).hypot(bottom.abs().max(top.abs())).max(wheel_reach);
+        let body_inertia_inverse = principal.moments.map(f64::recip);
         let critical_velocity_inverse = params.friction_critical_velocity.recip();
         let ball_mass_inverse = params.ball_mass.recip();
         let ball_surface_compliance = params.ball_radius * params.ball_radius / params.ball_inertia;
         let body_mass_inverse = params.body_mass.recip();
         let floor_compliance = ball_mass_inverse + ball_surface_compliance;
-        let static_wheel_load = params.static_wheel_load();
+        let wheel_loads = params.equilibrium_wheel_loads();
         Self {
             sim_dt,
             sim_dt_inverse: sim_dt.recip(),
@@ -112,9 +134,12 @@ impl Constants<f64> {
             ball_mass_inverse,
             ball_drag: 1.0 - sim_dt * params.ball_viscous_friction * ball_mass_inverse,
             body_mass_inverse,
-            body_inertia: params.body_inertia,
+            body_inertia: principal.moments,
             body_inertia_inverse,
-            com_height: com,
+            general: if principal.turned() || off_mast > 0.0 { 1.0 } else { 0.0 },
+            principal_axes: wxyz(&principal.rotation()),
+            com: of_body(com),
+            mast: of_body(Vector3::z()),
             wheel_radius: params.wheel_radius,
             contact_distance: params.ball_radius + params.wheel_radius,
             relative_mass_inverse: body_mass_inverse + ball_mass_inverse,
@@ -126,7 +151,7 @@ impl Constants<f64> {
             wheel_inertia_inverse: params.wheel_inertia.recip(),
             wheel_dt_inverse_inertia: sim_dt / params.wheel_inertia,
             wheel_rim_ratio: params.wheel_radius / params.wheel_inertia,
-            wheel_centers: centers,
+            wheel_centers: centers.map(of_body),
             u: [row(0), row(1), row(2)],
             wheel_static_friction: params.wheel_static_friction,
             wheel_dynamic_friction: params.wheel_dynamic_friction,
@@ -137,6 +162,7 @@ impl Constants<f64> {
             joint_viscous_impulse: params.wheel_viscous_friction * sim_dt,
             recovery: (LARGEST_RECOVERY / sim_dt).min(RECOVERY_RATE),
             body_radius: shape.radius,
+            body_ends: [bottom, top].map(|end| of_body(Vector3::new(0.0 - com.x, 0.0 - com.y, end))),
             body_bottom: bottom,
             body_top: top,
             reach,
@@ -144,7 +170,8 @@ impl Constants<f64> {
             ball_surface_compliance,
             ball_rim_ratio: ball_surface_compliance / params.ball_radius,
             wheel_surface_compliance: params.wheel_radius * params.wheel_radius / params.wheel_inertia,
-            static_wheel_load,
+            wheel_loads,
+            static_wheel_load: wheel_loads.into_iter().fold(0.0, f64::max),
             static_floor_load: (params.body_mass + params.ball_mass) * params.gravity,
         }
     }
@@ -156,6 +183,7 @@ impl<V> Constants<V> {
     pub fn map<U>(&self, f: impl Fn(&V) -> U) -> Constants<U> {
         let one = |value: &V| f(value);
         let three = |values: &[V; 3]| [one(&values[0]), one(&values[1]), one(&values[2])];
+        let four = |[w, x, y, z]: &[V; 4]| [one(w), one(x), one(y), one(z)];
         let nine = |rows: &[[V; 3]; 3]| [three(&rows[0]), three(&rows[1]), three(&rows[2])];
         Constants {
             sim_dt: one(&self.sim_dt),
@@ -168,7 +196,10 @@ impl<V> Constants<V> {
             body_mass_inverse: one(&self.body_mass_inverse),
             body_inertia: three(&self.body_inertia),
             body_inertia_inverse: three(&self.body_inertia_inverse),
-            com_height: one(&self.com_height),
+            general: one(&self.general),
+            principal_axes: four(&self.principal_axes),
+            com: three(&self.com),
+            mast: three(&self.mast),
             wheel_radius: one(&self.wheel_radius),
             contact_distance: one(&self.contact_distance),
             relative_mass_inverse: one(&self.relative_mass_inverse),
@@ -191,6 +222,7 @@ impl<V> Constants<V> {
             joint_viscous_impulse: one(&self.joint_viscous_impulse),
             recovery: one(&self.recovery),
             body_radius: one(&self.body_radius),
+            body_ends: [three(&self.body_ends[0]), three(&self.body_ends[1])],
             body_bottom: one(&self.body_bottom),
             body_top: one(&self.body_top),
             reach: one(&self.reach),
@@ -198,6 +230,7 @@ impl<V> Constants<V> {
             ball_surface_compliance: one(&self.ball_surface_compliance),
             ball_rim_ratio: one(&self.ball_rim_ratio),
             wheel_surface_compliance: one(&self.wheel_surface_compliance),
+            wheel_loads: three(&self.wheel_loads),
             static_wheel_load: one(&self.static_wheel_load),
             static_floor_load: one(&self.static_floor_load),
         }
@@ -221,6 +254,25 @@ impl<V: Copy> Constants<V> {
         V: Value<L>,
     {
         at3(self.wheel_centers[i], like).into()
+    }
+
+    /// The CoM from the origin of the body frame, in the lanes of `like`.
+    #[inline(always)]
+    pub fn com<L: Lane>(&self, like: L) -> Vec3<L>
+    where
+        V: Value<L>,
+    {
+        at3(self.com, like).into()
+    }
+
+    /// Rotation from the principal frame to the body frame, in the lanes of `like`.
+    #[inline(always)]
+    pub fn principal_axes<L: Lane>(&self, like: L) -> Quat<L>
+    where
+        V: Value<L>,
+    {
+        let [w, x, y, z] = self.principal_axes;
+        Quat { w: w.at(like), v: at3([x, y, z], like).into() }
     }
 }
 

@@ -62,12 +62,14 @@ impl ContactLanes {
     }
 
     /// Replaces the parameters of robot `i`; its motion is not changed, except that impulses of joint friction start
-    /// anew.
+    /// anew, and for rounding where the principal axes change.
     pub fn set_lane_params(&mut self, i: usize, params: &Arc<Params>) {
         self.params[i] = Arc::clone(params);
         self.wheels[i] = Arc::new(Omniwheels::new(params));
-        self.constants.set_lane(i, &Constants::new(params, self.sim_dt));
+        let constants = Constants::new(params, self.sim_dt);
         let mut state = self.state.lane(i);
+        state.change_body(&self.constants.lane(i), &constants);
+        self.constants.set_lane(i, &constants);
         state.joint_impulses = [0.0; 3];
         self.state.set_lane(i, &state);
     }

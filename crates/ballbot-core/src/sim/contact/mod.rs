@@ -14,6 +14,7 @@ mod friction;
 mod lanes;
 mod motion;
 mod phases;
+mod principal;
 mod readout;
 mod rows;
 mod state;

@@ -57,9 +57,11 @@ impl Model for ContactMotion {
     fn set_params(&mut self, params: &Params) -> Result<()> {
         let keeps_moving = same_geometry(&self.params, params);
         let sim_dt = self.constants.sim_dt;
+        let constants = Constants::new(params, sim_dt);
         self.wheels = Omniwheels::new(params);
-        self.constants = Constants::new(params, sim_dt);
         self.params = params.clone();
+        self.memory.change_body(&self.constants, &constants);
+        self.constants = constants;
         if keeps_moving {
             // Impulses of joint friction are reset: without friction no row would remove them.
             self.memory.joint_impulses = [0.0; 3];

@@ -89,7 +89,7 @@ pub fn free_velocities<L: Lane, V: Value<L>>(
     }
 }
 
-/// Torque of the body's own rotation and the wheels' spins on it, body frame.
+/// Torque of the body's own rotation and the wheels' spins on it, principal frame.
 #[inline(always)]
 fn gyroscopic<L: Lane, V: Value<L>>(c: &Constants<V>, spin_momentum: Vec3<L>, rate: Vec3<L>) -> Vec3<L> {
     (rate.scaled_by(at3(c.body_inertia, rate.x)) - spin_momentum).cross(rate)

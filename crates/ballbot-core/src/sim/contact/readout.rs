@@ -14,14 +14,17 @@ const CONTACT_TOLERANCE: f64 = 1e-4;
 impl ContactState<f64> {
     /// Solver state at time zero in an accepted `state`.
     pub fn at(c: &Constants<f64>, wheels: &Omniwheels, state: &State) -> Self {
-        let com = Vector3::z() * c.com_height;
-        let rate = state.body_angular_velocity;
-        let spins = Vector3::from(state.wheel_speeds) - wheels.u * rate;
-        let position = state.body_position + state.body_quaternion * com;
-        let velocity = state.body_velocity + state.body_quaternion * rate.cross(&com);
-        let load = c.static_wheel_load * c.sim_dt;
+        let (com, axes) = (Vector3::from(c.com), rotation(c.principal_axes));
+        let spins = Vector3::from(state.wheel_speeds) - wheels.u * state.body_angular_velocity;
+        let (mut attitude, mut rate) = (state.body_quaternion, state.body_angular_velocity);
+        if c.general > 0.0 {
+            attitude *= axes;
+            rate = axes.inverse_transform_vector(&rate);
+        }
+        let position = state.body_position + attitude * com;
+        let velocity = state.body_velocity + attitude * rate.cross(&com);
         let touches = |i: usize| {
-            let center = position + state.body_quaternion * Vector3::from(c.wheel_centers[i]);
+            let center = position + attitude * Vector3::from(c.wheel_centers[i]);
             (center - state.ball_position).norm() - c.ball_radius - c.wheel_radius <= CONTACT_TOLERANCE
         };
         let on_floor = state.ball_position.z - c.ball_radius <= CONTACT_TOLERANCE;
@@ -31,12 +34,12 @@ impl ContactState<f64> {
             ball_velocity: state.ball_velocity.into(),
             ball_rate: state.ball_angular_velocity.into(),
             body_position: position.into(),
-            body_quaternion: wxyz(&state.body_quaternion),
+            body_quaternion: wxyz(&attitude),
             body_velocity: velocity.into(),
             body_rate: rate.into(),
             wheel_angles: state.wheel_angles,
             wheel_spins: spins.into(),
-            normal_impulses: [0, 1, 2].map(|i| if touches(i) { load } else { 0.0 }),
+            normal_impulses: [0, 1, 2].map(|i| if touches(i) { c.wheel_loads[i] * c.sim_dt } else { 0.0 }),
             floor_impulse: [if on_floor { c.static_floor_load * c.sim_dt } else { 0.0 }, 0.0, 0.0],
             ..Self::default()
         }
@@ -71,12 +74,26 @@ impl ContactState<f64> {
 
     /// Adds an impulse (inertial frame, N·s) on the body at `point` (body frame, m), to act over the next step.
     pub fn push(&mut self, c: &Constants<f64>, impulse: &Vector3<f64>, point: &Vector3<f64>) {
-        let com = Vector3::z() * c.com_height;
-        let angular_impulse = (rotation(self.body_quaternion) * (point - com)).cross(impulse);
+        let mut point = *point;
+        if c.general > 0.0 {
+            point = rotation(c.principal_axes).inverse_transform_vector(&point);
+        }
+        let arm = rotation(self.body_quaternion) * (point - Vector3::from(c.com));
+        let angular_impulse = arm.cross(impulse);
         for i in 0..3 {
             self.push[i] += impulse[i];
             self.push[3 + i] += angular_impulse[i];
         }
+    }
+
+    /// The same motion in the principal frame of the changed body of `after`, in place of that of `before`.
+    pub fn change_body(&mut self, before: &Constants<f64>, after: &Constants<f64>) {
+        if before.principal_axes == after.principal_axes {
+            return;
+        }
+        let turn = rotation(before.principal_axes).inverse() * rotation(after.principal_axes);
+        self.body_quaternion = wxyz(&(rotation(self.body_quaternion) * turn));
+        self.body_rate = turn.inverse_transform_vector(&self.body_rate.into()).into();
     }
 
     /// Surface speed of wheel `i` relative to the ball along its drive direction, m/s.

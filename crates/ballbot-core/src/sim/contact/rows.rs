@@ -1,7 +1,7 @@
 //! The contact rows in the present pose: row velocities, and the effect of impulses on the velocities.
 //!
-//! Linear parts are in the inertial frame. Angular parts of the body are in the body frame, where its inertia is
-//! diagonal. Drive and normal impulses act on the bot; the opposite impulses act on the ball.
+//! Linear parts are in the inertial frame. Angular parts of the body are in its principal frame, where its inertia
+//! is diagonal. Drive and normal impulses act on the bot; the opposite impulses act on the ball.
 
 use super::constants::{Constants, at3};
 use super::types::{PerRow, Velocities};
@@ -21,7 +21,7 @@ pub struct Rows<L> {
     pub gaps: [L; 3],
     /// Gap between ball and floor, m; negative for an overlap.
     pub floor_gap: L,
-    /// Ball center relative to the CoM of the body, body frame.
+    /// Ball center relative to the CoM of the body, principal frame.
     pub ball_in_body: Vec3<L>,
     /// Normals from the ball to each wheel, inertial frame.
     pub normals: [Vec3<L>; 3],
@@ -29,9 +29,9 @@ pub struct Rows<L> {
     pub drives: [Vec3<L>; 3],
     /// Products normal × drive, inertial frame.
     pub turns: [Vec3<L>; 3],
-    /// Factors of the body rate in the normal rows, body frame, m.
+    /// Factors of the body rate in the normal rows, principal frame, m.
     pub normal_arms: [Vec3<L>; 3],
-    /// Factors of the body rate in the drive rows, body frame, m.
+    /// Factors of the body rate in the drive rows, principal frame, m.
     pub drive_arms: [Vec3<L>; 3],
     /// Sine of the angle between axle and normal: the share of a wheel's spin along its drive direction.
     pub spin_shares: [L; 3],
@@ -139,7 +139,7 @@ pub fn encoder_rate<L: Lane, V: Value<L>>(c: &Constants<V>, v: &Velocities<L>, i
     c.u(i, v.spins[i]).dot(v.body_rate) + v.spins[i]
 }
 
-/// One wheel on the ball, in the body frame.
+/// One wheel on the ball, in the principal frame.
 struct Wheel<L> {
     gap: L,
     normal: Vec3<L>,

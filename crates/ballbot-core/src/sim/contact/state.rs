@@ -25,10 +25,11 @@ cells! {
         pub ball_rate: [T; 3],
         /// Position of the CoM.
         pub body_position: [T; 3],
+        /// Attitude of the principal frame of the body.
         pub body_quaternion: [T; 4],
         /// Velocity of the CoM.
         pub body_velocity: [T; 3],
-        /// Angular velocity of the body, body frame.
+        /// Angular velocity of the body, principal frame.
         pub body_rate: [T; 3],
         pub wheel_angles: [T; 3],
         /// Absolute spins about the axles: encoder rate less u_i · Ω.
@@ -64,18 +65,33 @@ impl<T: Cell> ContactState<T> {
         let mast = Vec3::new(rotation.rows[0].z, rotation.rows[1].z, rotation.rows[2].z);
         // R (Ω × e3)
         let mast_rate = rotation.apply(Vec3::new(v.body_rate.y, -v.body_rate.x, v.body_rate.x.zero()));
-        LaneState {
+        let com = c.com(mast.x);
+        let mut state = LaneState {
             ball_position: pose.ball,
             ball_quaternion: pose.ball_quaternion,
             ball_velocity: v.ball,
             ball_angular_velocity: v.ball_rate,
-            body_position: pose.body.plus(mast, -c.com_height.at(mast.x)),
+            body_position: pose.body.plus(mast, -com.z),
             body_quaternion: pose.body_quaternion,
-            body_velocity: v.body.plus(mast_rate, -c.com_height.at(mast.x)),
+            body_velocity: v.body.plus(mast_rate, -com.z),
             body_angular_velocity: v.body_rate,
             wheel_angles: pose.wheel_angles,
             wheel_speeds: [encoder_rate(c, &v, 0), encoder_rate(c, &v, 1), encoder_rate(c, &v, 2)],
+        };
+        let general = com.z.zero().lt(c.general.at(com.z));
+        // The branch skips work only: lanes of other bodies keep their bits.
+        if L::any(general) {
+            let axes = c.principal_axes(com.z);
+            let select = Vec3::select;
+            state.body_position = select(general, pose.body - rotation.apply(com), state.body_position);
+            let velocity = v.body - rotation.apply(v.body_rate.cross(com));
+            state.body_velocity = select(general, velocity, state.body_velocity);
+            let rate = axes.rotation().apply(v.body_rate);
+            state.body_angular_velocity = select(general, rate, state.body_angular_velocity);
+            let quaternion = pose.body_quaternion.times(axes.conjugated());
+            state.body_quaternion = Quat::select(general, quaternion, state.body_quaternion);
         }
+        state
     }
 }
 

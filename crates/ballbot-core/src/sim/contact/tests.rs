@@ -3,13 +3,15 @@
 use super::constants::LaneConstants;
 use super::delassus::Delassus;
 use super::phases::Start;
+use super::principal::PrincipalAxes;
 use super::*;
+use crate::kinematics::Omniwheels;
 use crate::lanes::{EIGHT, Eight, Scalar};
 use crate::model::Model;
 use crate::params::Params;
 use crate::state::State;
 use fearless_simd::{Level, Simd};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 const STEPS: usize = 500;
 /// A lane with nothing but zeros, whose signs are bits too, and one in the air.
@@ -50,6 +52,13 @@ fn params_of(i: usize, calm: bool) -> Params {
             params.ball_radius *= 1.1;
             params.wheel_radius *= 0.9;
             params.body_com_height *= 1.05;
+        }
+        // Without symmetry, between lanes that have it.
+        FALLING | RESET => {
+            params.body_com_offset = [0.01, -0.02];
+            params.body_products_of_inertia = [4e-3, -6e-3, 3e-3];
+            params.wheel_azimuths[1] += 0.1;
+            params.wheel_zenith_offsets = [0.05, -0.1, 0.02];
         }
         _ => (),
     }
@@ -248,10 +257,25 @@ fn one_call_of_many_steps_equals_many_calls() {
     assert_same("200 steps", &once, &singly);
 }
 
-/// A robot that spins, slips and has a ball 3 mm and a tenth of a radian out of place.
-fn displaced() -> ContactMotion {
-    let params = params();
-    let mut state = State::tilted(&params, Vector2::new(0.3, -0.2), 0.8);
+/// Robots that spin, slip and have a ball 3 mm and a tenth of a radian out of place: with symmetry and without.
+fn displaced() -> [ContactMotion; 2] {
+    [params(), general()].map(|params| displaced_robot(&params))
+}
+
+fn general() -> Params {
+    let params = Params {
+        body_com_offset: [0.03, -0.02],
+        body_products_of_inertia: [4e-3, -6e-3, 3e-3],
+        wheel_azimuths: [0.2, 2.0, 4.3],
+        wheel_zenith_offsets: [0.1, -0.05, 0.15],
+        ..params()
+    };
+    params.validate().expect("a robot that can exist");
+    params
+}
+
+fn displaced_robot(params: &Params) -> ContactMotion {
+    let mut state = State::tilted(params, Vector2::new(0.3, -0.2), 0.8);
     state.ball_position += Vector3::new(2e-3, -1e-3, 3e-3);
     state.body_position.z += 5e-3;
     state.ball_velocity = Vector3::new(0.3, -0.2, 0.1);
@@ -259,26 +283,30 @@ fn displaced() -> ContactMotion {
     state.body_velocity = Vector3::new(-0.1, 0.4, 0.2);
     state.body_angular_velocity = Vector3::new(1.5, -2.5, 4.0);
     state.wheel_speeds = [10.0, -20.0, 5.0];
-    let mut robot = ContactMotion::new(&params, 1e-3);
+    let mut robot = ContactMotion::new(params, 1e-3);
     robot.place(&state);
     robot
 }
 
 #[test]
 fn slip_of_the_rows_is_the_slip_of_the_surfaces() {
-    let robot = displaced();
-    let start = Start::<f64>::new(robot.constants(), Scalar, robot.memory());
-    for (i, expected) in robot.contacts().wheel_slip_speeds.into_iter().enumerate() {
-        let found = start.rows.slip_speed(robot.constants(), &start.velocities, i);
-        println!("wheel {i}: {found}, expected {expected}");
-        assert!((found - expected).abs() < 1e-13, "wheel {i}: {found} m/s, expected {expected}");
+    for robot in displaced() {
+        let start = Start::<f64>::new(robot.constants(), Scalar, robot.memory());
+        for (i, expected) in robot.contacts().wheel_slip_speeds.into_iter().enumerate() {
+            let found = start.rows.slip_speed(robot.constants(), &start.velocities, i);
+            println!("wheel {i}: {found}, expected {expected}");
+            assert!((found - expected).abs() < 1e-13, "wheel {i}: {found} m/s, expected {expected}");
+        }
     }
 }
 
 /// The Delassus matrix predicts the residuals of the rows after each impulse.
 #[test]
 fn delassus_matrix_is_the_effect_of_impulses_on_the_rows() {
-    let robot = displaced();
+    displaced().iter().for_each(check_delassus_matrix);
+}
+
+fn check_delassus_matrix(robot: &ContactMotion) {
     let c = robot.constants();
     let start = Start::<f64>::new(c, Scalar, robot.memory());
     let before = start.rows.residuals(c, &start.velocities);
@@ -305,6 +333,57 @@ fn delassus_matrix_is_the_effect_of_impulses_on_the_rows() {
                 // Wheels are light: a unit impulse on a joint changes its rate by 7000 rad/s.
                 assert!((a - e).abs() < 1e-11, "impulse {row}: {after:?}, expected {expected:?}");
             }
+        }
+    }
+}
+
+/// A body with equal moments has any axes as principal axes: its motion does not depend on those that the solver takes.
+#[test]
+fn motion_does_not_depend_on_the_principal_axes() {
+    let moment = 0.05;
+    let even = Params { body_inertia: [moment; 3], body_products_of_inertia: [0.0; 3], ..general() };
+    let wheels = Omniwheels::new(&even);
+    // What happens to the robot: its torques, its tilt, and a blow in step 100. It leans, slips and falls, loses its ball
+    // and lands on it, tumbles and lands on its side.
+    let runs = [
+        ([0.02, -0.01, 0.03], 0.05, Vector3::zeros()),
+        ([0.8, -0.6, 0.7], 0.1, Vector3::zeros()),
+        ([0.0, 0.0, 0.0], 0.02, Vector3::new(0.1, 0.2, 3.0)),
+        ([0.0, 0.0, 0.0], 0.6, Vector3::new(2.0, -1.0, 6.0)),
+    ];
+    for rotation in [[0.3, -0.5, 0.8], [2.0, 1.0, -0.5], [-1.0, 0.4, 2.5]] {
+        let rotation = Some(UnitQuaternion::from_scaled_axis(rotation.into()));
+        let axes = [None, rotation].map(|rotation| PrincipalAxes { rotation, moments: [moment; 3] });
+        for (k, (torques, tilt, blow)) in runs.iter().enumerate() {
+            let mut start = State::tilted(&even, Vector2::new(*tilt, 0.5 * tilt), 0.4);
+            start.body_angular_velocity = Vector3::new(0.2, -0.1, 0.3);
+            let [one, other] = [0, 1].map(|which| {
+                let c = Constants::in_axes(&even, 1e-3, &axes[which]);
+                let mut robot = ContactState::at(&c, &wheels, &start);
+                let step = |step| {
+                    if step == 100 {
+                        robot.push(&c, blow, &Vector3::new(0.05, -0.1, 0.2));
+                    }
+                    advance(&c, &mut robot, torques, 1);
+                    (State::from(robot.read(&c)), robot.contacts(&c))
+                };
+                (0..1500).map(step).collect::<Vec<_>>()
+            });
+            let mut worst = 0.0_f64;
+            for ((one, _), (other, _)) in one.iter().zip(&other) {
+                let apart = [
+                    (one.ball_position - other.ball_position).norm(),
+                    (one.body_position - other.body_position).norm(),
+                    one.body_quaternion.angle_to(&other.body_quaternion),
+                ];
+                worst = apart.into_iter().fold(worst, f64::max);
+            }
+            let on_floor = one.iter().filter(|(_, contacts)| contacts.bot_on_floor).count();
+            let off_ball = one.iter().filter(|(_, contacts)| contacts.wheel_normal_forces == [0.0; 3]).count();
+            println!("run {k}: {on_floor} steps on the floor, {off_ball} off the ball, {worst:e} apart");
+            assert!(worst <= 1e-9, "run {k}: {worst:e} apart");
+            assert!(k != 2 || off_ball > 0, "it does not hop");
+            assert!(k != 3 || on_floor > 0, "it does not fall");
         }
     }
 }

@@ -28,7 +28,7 @@ impl BodyLink {
     /// # Errors
     /// [`Error::Inconsistent`] if the wheels have more inertia than the bot.
     pub fn new(params: &Params, wheels: &Omniwheels) -> Result<Self> {
-        let whole_com = Vector3::z() * params.body_com_height;
+        let whole_com = params.body_com();
         let mass = params.body_mass - 3.0 * params.wheel_mass;
         let centers = wheel_centers(params, wheels);
         let com = (whole_com * params.body_mass - centers.iter().sum::<Vector3<f64>>() * params.wheel_mass) / mass;

@@ -166,7 +166,8 @@ impl RigidMotion {
     /// Distance of the ball from which the bot cannot come to touch it within the step, m.
     fn ball_clearance(&self, motion: &Motion) -> f64 {
         let [velocity, rate, _] = split(&motion.velocities.bot);
-        let reach = self.collision_shape.body.bottom + self.collision_shape.body.radius;
+        let shape = &self.collision_shape.body;
+        let reach = shape.bottom + shape.radius + self.root.xy().norm();
         let closing = (velocity - motion.velocities.ball[0]).norm() + rate.norm() * reach;
         BALL_CLEARANCE * self.params.ball_radius + 2.0 * closing * self.settings.dt
     }
@@ -182,7 +183,7 @@ impl RigidMotion {
         let attitude = rotation_from_rapier(pose.rotation);
         let position = from_rapier(pose.translation) - attitude * self.root;
         let [velocity, rate, _] = split(&motion.velocities.bot);
-        let fastest = velocity.norm() + rate.norm() * (shape.body.top + shape.body.radius);
+        let fastest = velocity.norm() + rate.norm() * (shape.body.top + shape.body.radius + self.root.xy().norm());
         shape.lowest_point(&position, &attitude).1 > FLOOR_CLEARANCE + 2.0 * fastest * self.settings.dt
     }
 

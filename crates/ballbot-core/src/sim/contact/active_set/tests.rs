@@ -110,20 +110,39 @@ fn random_steps(params: &Params, size: f64, steps: usize, seed: u64, mut check: 
 
 #[test]
 fn impulses_meet_the_contact_conditions() {
+    check_conditions(&Params::paper(), 100_000);
+}
+
+/// With 11.1, 8.5 and 11.4 N on its wheels in equilibrium.
+#[test]
+fn impulses_of_uneven_wheels_meet_the_contact_conditions() {
+    let params = Params {
+        body_com_offset: [0.02, -0.015],
+        body_products_of_inertia: [4e-3, -6e-3, 3e-3],
+        wheel_azimuths: [0.1, 2.0, 4.3],
+        wheel_zenith_offsets: [0.1, -0.15, 0.05],
+        ..Params::paper()
+    };
+    params.validate().expect("a robot that can exist");
+    println!("{:?} N on the wheels", params.equilibrium_wheel_loads());
+    check_conditions(&params, 25_000);
+}
+
+fn check_conditions(params: &Params, steps: usize) {
     for friction in [0.2, 0.5, 1.0] {
         let params = Params {
             wheel_static_friction: friction,
             wheel_dynamic_friction: friction,
             floor_static_friction: friction,
             floor_dynamic_friction: friction,
-            ..Params::paper()
+            ..params.clone()
         };
         let c = Constants::new(&params, DT);
-        let unit = params.static_wheel_load() * DT;
+        let unit = c.static_wheel_load * DT;
         for (seed, size) in [0.1, 0.3, 0.6, 1.0].into_iter().enumerate() {
             let (mut worst, mut slips, mut open, mut searched, mut checked) = (0.0_f64, 0, 0, 0.0, 0);
             let mut last = 0.0;
-            random_steps(&params, size, 100_000, seed as u64, |step, state| {
+            random_steps(&params, size, steps, seed as u64, |step, state| {
                 let impulses = impulses_of(state);
                 worst = worst.max(step.error(&c, &impulses) / unit);
                 slips += usize::from((0..3).any(|i| impulses.drives[i].abs() >= friction * impulses.normals[i]));

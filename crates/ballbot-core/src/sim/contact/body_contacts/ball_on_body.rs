@@ -1,5 +1,6 @@
 //! Contact of the ball and the body's cylinder, without friction.
 
+use super::mast::MastFrame;
 use crate::lanes::{Lane, Value, Vec3};
 use crate::sim::contact::constants::{Constants, at3};
 use crate::sim::contact::phases::Start;
@@ -11,9 +12,9 @@ pub struct BallOnBody<L> {
     gap: L,
     /// Normal from body to ball, inertial frame.
     normal: Vec3<L>,
-    /// Factor of the body rate, body frame, m.
+    /// Factor of the body rate, principal frame, m.
     arm: Vec3<L>,
-    /// Change of the body rate per impulse, body frame.
+    /// Change of the body rate per impulse, principal frame.
     effect: Vec3<L>,
     inverse: L,
     /// Normal impulse, N·s.
@@ -25,6 +26,8 @@ impl<L: Lane> BallOnBody<L> {
     pub fn new<V: Value<L>>(c: &Constants<V>, start: &Start<L>) -> Self {
         let ball = start.rows.ball_in_body;
         let (zero, one) = (ball.x.zero(), ball.x.splat(1.0));
+        let frame = MastFrame::new(c, zero);
+        let ball = frame.point(ball);
         let radius = c.body_radius.at(zero);
         let radial = ball.x.mul_add(ball.x, ball.y.squared()).sqrt();
         let outside = radius.lt(radial);
@@ -37,6 +40,7 @@ impl<L: Lane> BallOnBody<L> {
         let apart = zero.lt(distance);
         let inverse = one / L::select(apart, distance, one);
         let normal = Vec3::select(apart, offset * inverse, Vec3::new(zero, zero, -one));
+        let (normal, nearest) = (frame.principal_vector(normal), frame.principal_point(nearest));
         let arm = normal.cross(nearest);
         let effect = arm.scaled_by(at3(c.body_inertia_inverse, zero));
         Self {

@@ -1,5 +1,6 @@
 //! Contact points of bot and floor: one per wheel, and three on the rims of the body cylinder.
 
+use super::mast::MastFrame;
 use crate::lanes::{Lane, Rotation, Value, Vec3};
 use crate::sim::contact::constants::{Constants, at3};
 use crate::sim::contact::friction::in_disc;
@@ -19,7 +20,7 @@ const UPRIGHT: f64 = 1e-6;
 /// A row of a contact point, along an inertial axis.
 #[derive(Clone, Copy)]
 struct Row<L> {
-    /// Factor of the body rate, body frame, m.
+    /// Factor of the body rate, principal frame, m.
     arm: Vec3<L>,
     /// Change of the body rate per impulse.
     effect: Vec3<L>,
@@ -92,7 +93,9 @@ pub fn floor_points<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, li
     let rotation = &start.rotation;
     let height = start.pose.body.z;
     let wheel = |i: usize| FloorPoint::of_wheel(c, rotation, height, limit, i);
-    let [dx, dy] = lowest_direction(rotation);
+    let frame = MastFrame::new(c, height);
+    let up = frame.vector(rotation.rows[2]);
+    let [dx, dy] = lowest_direction(up);
     let (cos, sin) = (dx.splat(THIRD[0]), dx.splat(THIRD[1]));
     let directions = [
         [dx, dy],
@@ -105,13 +108,12 @@ pub fn floor_points<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, li
         Vec3::new(x * radius, y * radius, end)
     };
     // A cylinder stands on the rim of its lower end or lies on the lowest points of both.
-    let up = rotation.rows[2];
     let (bottom, top) = (c.body_bottom.at(dx), c.body_top.at(dx));
     let inverted = up.z.lt(up.z.zero());
     let (lower, upper) = (L::select(inverted, top, bottom), L::select(inverted, bottom, top));
     let (second, other) = (rim(1, lower), rim(0, upper));
     let lies = up.dot(other).lt(up.dot(second));
-    let body = |arm: Vec3<L>, limit: L| FloorPoint::of_body(c, rotation, height, limit, arm);
+    let body = |point: Vec3<L>, limit: L| FloorPoint::of_body(c, rotation, height, limit, frame.principal_point(point));
     [
         wheel(0),
         wheel(1),
@@ -122,10 +124,9 @@ pub fn floor_points<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, li
     ]
 }
 
-/// Downward direction in the body frame, horizontal part, unit vector; x for a vertical mast.
+/// Downward direction in the body frame, horizontal part, unit vector, from the upward one; x for a vertical mast.
 #[inline(always)]
-fn lowest_direction<L: Lane>(rotation: &Rotation<L>) -> [L; 2] {
-    let up = rotation.rows[2];
+fn lowest_direction<L: Lane>(up: Vec3<L>) -> [L; 2] {
     let (zero, one) = (up.x.zero(), up.x.splat(1.0));
     let size = up.x.mul_add(up.x, up.y.squared()).sqrt();
     let upright = size.lt(size.splat(UPRIGHT));

@@ -1,0 +1,52 @@
+//! The balance frame of a robot, in which controllers see its tilt.
+
+use crate::lanes::{Lane, Quat, Rotation, Vec3};
+use crate::params::Params;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Rotation from the body frame to the balance frame ([`Params::to_balance_frame`]). The attitude of the balance frame has
+/// no tilt in equilibrium.
+#[derive(Clone, Debug)]
+pub(super) struct BalanceFrame {
+    rotation: UnitQuaternion<f64>,
+    /// Whether both frames are one.
+    is_body_frame: bool,
+}
+
+impl BalanceFrame {
+    /// The balance frame of the robot of `params`.
+    pub(super) fn new(params: &Params) -> Self {
+        Self { rotation: params.to_balance_frame(), is_body_frame: params.body_com_offset == [0.0; 2] }
+    }
+
+    /// A vector of the balance frame in the body frame.
+    pub(super) fn in_body(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        self.rotation.inverse_transform_vector(v)
+    }
+
+    /// Attitude of the balance frame of a body with the attitude `body`.
+    #[inline(always)]
+    pub(super) fn attitude<L: Lane>(&self, body: Quat<L>) -> Quat<L> {
+        if self.is_body_frame {
+            return body;
+        }
+        let Quat { w, v } = self.constant(body.w);
+        body.times(Quat { w, v: -v })
+    }
+
+    /// A vector of the body frame in the balance frame.
+    #[inline(always)]
+    pub(super) fn of_body<L: Lane>(&self, v: Vec3<L>) -> Vec3<L> {
+        if self.is_body_frame {
+            return v;
+        }
+        let rotation: Rotation<L> = self.constant(v.x).rotation();
+        rotation.apply(v)
+    }
+
+    #[inline(always)]
+    fn constant<L: Lane>(&self, like: L) -> Quat<L> {
+        let q = &self.rotation;
+        Quat { w: like.splat(q.w), v: Vec3::new(like.splat(q.i), like.splat(q.j), like.splat(q.k)) }
+    }
+}
