@@ -225,7 +225,7 @@ class TestResume:
 class TestEvaluation:
     def test_lqr_succeeds_and_doing_nothing_fails(self):
         lqr = evaluate("lqr", episodes=100)
-        assert (lqr.model, lqr.episodes, lqr.control_dt) == ("rigid", 100, 0.01)
+        assert (lqr.model, lqr.episodes, lqr.control_dt) == ("contact", 100, 0.01)
         assert lqr.success_rate >= 0.99
         assert lqr.survival_rate >= 0.99
         assert lqr.settling_time < 3.0
