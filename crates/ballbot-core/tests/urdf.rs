@@ -115,9 +115,7 @@ fn joint_dynamics_and_limits_are_read() {
 fn velocity_limit_is_the_speed_limit_of_the_motors() {
     let limit = |bot: &str| motors_from_urdf_text(bot).map(|motors| motors.speed_limit);
     assert_eq!(limit(BOT).unwrap(), 100.0);
-    for none in
-        ["<limit effort=\"5\" velocity=\"0\"/>", "<limit effort=\"5\" velocity=\"inf\"/>", "<limit effort=\"5\"/>", ""]
-    {
+    for none in ["<limit effort=\"5\" velocity=\"0\"/>", "<limit effort=\"5\" velocity=\"inf\"/>", ""] {
         let bot = BOT.replace("<limit effort=\"5\" velocity=\"100\"/>", none);
         assert!(motors_from_urdf_text(&bot).unwrap().is_ideal(), "{none}");
     }

@@ -57,13 +57,6 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", actuat
         metavar="NAME|FILE.toml",
         help=f"{', '.join(ROBOTS)}, or a file with parameters (default: {otherwise} paper)",
     )
-    if actuators:
-        command.add_argument(
-            "--actuators",
-            metavar="NAME|FILE",
-            help=f"motors: {', '.join(ACTUATORS)}, a TOML file with a table [actuators], or the URDF of the bot "
-            f"(default: {otherwise} ideal)",
-        )
     command.add_argument(
         "--env-option",
         action="append",
@@ -71,6 +64,13 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", actuat
         metavar="NAME=VALUE",
         help="an option of the environment, for example max_wheel_torque=0.5; repeat for more",
     )
+    if actuators:
+        command.add_argument(
+            "--actuators",
+            metavar="NAME|FILE",
+            help=f"motors: {', '.join(ACTUATORS)}, a TOML file with a table [actuators], or the URDF of the bot "
+            f"(default: {otherwise} ideal)",
+        )
 
 
 def add_seed(command: Any, what: str, default: int | None, highest: int) -> None:
