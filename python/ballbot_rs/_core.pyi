@@ -196,6 +196,12 @@ class Params:
     def wheel_azimuths(self) -> tuple[float, float, float]:
         """Azimuths β_i of the three wheel contacts, rad."""
     @property
+    def wheel_zenith_offsets(self) -> tuple[float, float, float]: ...
+    @property
+    def body_com_offset(self) -> tuple[float, float]: ...
+    @property
+    def body_products_of_inertia(self) -> tuple[float, float, float]: ...
+    @property
     def max_wheel_torque(self) -> float:
         """Largest torque of one motor, N·m."""
     @property
@@ -225,6 +231,14 @@ class Params:
     @property
     def friction_critical_velocity(self) -> float:
         """Critical slip speed of the Stribeck law, between static and dynamic friction, m/s."""
+    @property
+    def body_com(self) -> tuple[float, float, float]: ...
+    @property
+    def wheel_zeniths(self) -> tuple[float, float, float]: ...
+    @property
+    def equilibrium_wheel_loads(self) -> tuple[float, float, float]: ...
+    @property
+    def is_symmetric(self) -> bool: ...
     @staticmethod
     def paper() -> Params:
         """The robot of the paper, Table II."""
@@ -293,6 +307,8 @@ class State:
     @staticmethod
     def at_rest(params: Params, tilt: npt.ArrayLike = (0.0, 0.0), yaw: float = 0.0) -> State:
         """At rest on the floor at the origin: turned by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad)."""
+    @staticmethod
+    def at_equilibrium(params: Params, yaw: float = 0.0) -> State: ...
     @staticmethod
     def rolling(
         params: Params,
