@@ -557,12 +557,16 @@ class LinearModel:
         """Matrices A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact."""
 
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
-    """Motors by name (`ACTUATORS` has them), or from the table `[actuators]` of a robot's TOML file: every option with its
-    value, as `actuators=` of an environment takes them. A string that ends in ".toml" is a path.
+    """Motors by name (`ACTUATORS` has them), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, of
+    which the joints' `velocity` is `speed_limit`.
+
+    Every option with its value, as `actuators=` of an environment takes them. A string that ends in ".toml" or ".urdf" is
+    a path.
 
     Raises:
         ValueError: an unknown name or option, malformed TOML, or a number out of range; the message has the value and the
             limit.
+        UrdfError: a URDF that is malformed or not a ballbot's.
         OSError: the file cannot be read.
     """
 def virtual_to_wheel_torques(
