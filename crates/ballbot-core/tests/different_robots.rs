@@ -251,7 +251,8 @@ fn inertia_changes_in_mid_motion() {
         let mut robot = Ballbot::new(&paper, kind, 0.002).unwrap();
         robot.reset(&moving(&paper)).unwrap();
         let mut batch = batch(&config(kind, &paper), 3, Autoreset::Disabled, SEED);
-        let request = ResetRequest { starts: Some(&vec![Some(moving(&paper)); 3]), ..ResetRequest::default() };
+        let starts = vec![Some(moving(&paper)); 3];
+        let request = ResetRequest { starts: Some(&starts), ..ResetRequest::default() };
         batch.reset_with(&request, &mut vec![0.0; 3 * batch.observation_len()]).unwrap();
         for params in [&one, &other, &paper] {
             trace(&mut robot);
@@ -259,8 +260,9 @@ fn inertia_changes_in_mid_motion() {
             assert!(robot.set_params(params).unwrap(), "{kind}: the motion did not go on");
             batch.set_params(1, params).unwrap();
             for (before, after) in before.iter().zip([robot.state(), batch.state(1).unwrap()]) {
-                let moved = before.to_array().iter().zip(after.to_array()).map(|(b, a)| (b - a).abs());
-                let moved = moved.fold(0.0, f64::max);
+                let moved = (before.to_array().iter().zip(after.to_array()))
+                    .map(|(before, after)| (before - after).abs())
+                    .fold(0.0, f64::max);
                 assert!(moved <= if kind == ModelKind::Rigid { 1e-9 } else { 1e-14 }, "{kind}: moved by {moved}");
             }
         }

@@ -1,5 +1,6 @@
 //! Without motors a robot only loses energy.
 
+use super::support::general::any_general_robot;
 use super::support::{Start, any_robot, any_start, largest, natural_rate, vector, without_losses};
 use super::{robot, same_cases};
 use ballbot_core::{ModelKind, Params, State};
@@ -86,6 +87,20 @@ proptest! {
     /// other robots the worst exceeded these limits tenfold, by their fall on the floor.
     #[test]
     fn contacts_add_no_energy(params in any_robot(), start in any_start(0.3, 0.5), slip in any_slip()) {
+        let slip = Slip { lift: [0.0; 2], ..slip };
+        for state in [start.of(&params), slip.of(&params, &start)] {
+            for (kind, limit) in [(ModelKind::Contact, 1e-4), (ModelKind::Rigid, 1e-2)] {
+                let rise = rise(kind, &params, &state, 0.005).unwrap_or(0.0);
+                prop_assert!(rise <= limit, "{kind}: rises by {rise:e}");
+            }
+        }
+    }
+
+    /// The same without symmetry.
+    #[test]
+    fn contacts_of_general_robots_add_no_energy(
+        params in any_general_robot(), start in any_start(0.3, 0.5), slip in any_slip(),
+    ) {
         let slip = Slip { lift: [0.0; 2], ..slip };
         for state in [start.of(&params), slip.of(&params, &start)] {
             for (kind, limit) in [(ModelKind::Contact, 1e-4), (ModelKind::Rigid, 1e-2)] {

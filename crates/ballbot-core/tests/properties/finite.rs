@@ -1,7 +1,7 @@
 //! Whatever is asked of it, a robot gives numbers, or says that it has diverged.
 
-use super::support::{any_robot, any_start, natural_rate, vector};
-use super::{any_drive, cases, robot};
+use super::support::{any_start, natural_rate, vector};
+use super::{any_drive, any_shape, cases, models, robot};
 use ballbot_core::{Error, ModelKind};
 use proptest::prelude::*;
 
@@ -10,7 +10,7 @@ proptest! {
 
     #[test]
     fn numbers_are_finite_or_divergence_is_reported(
-        params in any_robot(),
+        params in any_shape(),
         start in any_start(1.0, 3.0),
         drive in any_drive(20.0, 6, 20),
         pushes in prop::collection::vec((vector(1.0), vector(2.0), -3.0..3.0), 6),
@@ -19,7 +19,7 @@ proptest! {
         let start = start.of(&params);
         // The momentum of a robot that has fallen over.
         let momentum = params.body_mass * params.body_com_height * natural_rate(&params);
-        for kind in ModelKind::ALL {
+        for kind in models(&params) {
             let Some(mut robot) = robot(kind, &params, &start, sim_dt) else { continue };
             for (torques, (impulse, point, magnitude)) in drive.torques(&params).iter().zip(&pushes) {
                 let impulse = (impulse * momentum * 10.0_f64.powf(*magnitude)).map(|v| v.clamp(-1e4, 1e4));

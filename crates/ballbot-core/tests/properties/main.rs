@@ -19,7 +19,8 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{RngSeed, TestRunner};
-use support::{largest, natural_rate, torques, vector};
+use support::general::any_general_robot;
+use support::{any_robot, largest, natural_rate, torques, vector};
 
 /// `cases` of them, none kept in a file: a bug that is found becomes a test with its own numbers.
 fn cases(cases: u32) -> ProptestConfig {
@@ -29,6 +30,17 @@ fn cases(cases: u32) -> ProptestConfig {
 /// The same cases in every run, where what is allowed is not rounding but was measured.
 fn same_cases(cases: u32) -> ProptestConfig {
     ProptestConfig { rng_seed: RngSeed::Fixed(1), ..self::cases(cases) }
+}
+
+/// With symmetry or without.
+fn any_shape() -> impl Strategy<Value = Params> {
+    prop_oneof![any_robot(), any_general_robot()]
+}
+
+/// The models that take the robot: `planar` takes symmetric ones only.
+fn models(params: &Params) -> impl Iterator<Item = ModelKind> {
+    let symmetric = params.is_symmetric();
+    ModelKind::ALL.into_iter().filter(move |kind| symmetric || *kind != ModelKind::Planar)
 }
 
 /// A robot from `start`; none where the model refuses the start, as the floor does to a low body.

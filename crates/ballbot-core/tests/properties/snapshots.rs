@@ -1,7 +1,7 @@
 //! Snapshots taken at any time continue to the last bit.
 
 use super::support::{any_robot, any_start, torques, vector};
-use super::{any_drive, cases, robot};
+use super::{any_drive, any_shape, cases, models, robot};
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Outcome, StepBuffers};
 use ballbot_core::task::{ACTION_LEN, Balance};
 use ballbot_core::{Ballbot, ModelKind, Params};
@@ -94,14 +94,14 @@ proptest! {
 
     #[test]
     fn loaded_robots_continue_to_the_last_bit(
-        params in any_robot(),
+        params in any_shape(),
         start in any_start(0.3, 0.5),
         drive in any_drive(2.0, 6, 10),
         pushed in vector(0.3),
         saved_at in 0..6_usize,
     ) {
         let start = start.of(&params);
-        for kind in ModelKind::ALL {
+        for kind in models(&params) {
             let Some(mut robot) = robot(kind, &params, &start, 1e-3) else { continue };
             let mut other = Ballbot::new(&params, kind, 1e-3).expect("a robot like it");
             let mut saved = false;

@@ -66,7 +66,9 @@ fn tumbling(simulation: Simulation, params: &Params, sim_dt: f64) -> [f64; 3] {
             (turning_energy(params, &state) / energy - 1.0).abs(),
         ];
         let falling = com_velocity(params, &state) - thrown + Vector3::z() * (params.gravity * robot.time());
-        assert!(falling.norm() < 1e-9, "the CoM is pushed: {falling}");
+        // The rates of `rigid` are those of half a step before, with which its root moves about the CoM.
+        let limit = simulation.pick(0.05 * sim_dt, 1e-9);
+        assert!(falling.norm() <= limit, "the CoM is pushed: {falling}");
         worst = [0, 1, 2].map(|i| worst[i].max(off[i]));
         last = state;
     }

@@ -106,7 +106,7 @@ fn gripping_robots_converge_to_the_spatial_model(simulation: Simulation) {
     }
     println!("{compared} robots: places, velocities and loads within {worst:?}");
     assert!(compared >= 30, "only {compared} robots keep their wheels on the ball");
-    assert!(worst[0] <= 2e-3 && worst[1] <= 5e-3, "{worst:?}");
+    assert!(worst[0] <= 5e-4 && worst[1] <= 2e-3, "{worst:?}");
 }
 
 fn robots_stand_in_their_equilibrium(simulation: Simulation) {
@@ -125,7 +125,7 @@ fn robots_stand_in_their_equilibrium(simulation: Simulation) {
         }
     }
     println!("loads off by {:e} of the weight, moved by {:e}", worst[0], worst[1]);
-    let (loads, moved) = simulation.pick((1e-6, 1e-6), (1e-9, 1e-9));
+    let (loads, moved) = simulation.pick((1e-5, 1e-7), (1e-9, 1e-11));
     assert!(worst[0] <= loads && worst[1] <= moved, "loads, places: {worst:?}");
 }
 
@@ -190,8 +190,7 @@ fn motion_does_not_depend_on_the_body_axes(simulation: Simulation) {
         }
     }
     println!("{worst:e} apart");
-    let limit = simulation.pick(1e-8, 1e-11);
-    assert!(worst <= limit, "{worst:e} apart");
+    assert!(worst <= 1e-10, "{worst:e} apart");
 }
 
 /// Slipping, pushed off the ball, falling and lying: in other body axes the same, until rounding has grown.
@@ -226,7 +225,7 @@ fn falls_do_not_depend_on_the_body_axes() {
         }
         println!("{landed:?}, {lifted}: {worst:e} apart");
         assert!(lifted && landed.is_some(), "it neither lifted off nor fell: {landed:?}, {lifted}");
-        assert!(worst <= 1e-6, "{worst:e} apart");
+        assert!(worst <= 1e-8, "{worst:e} apart");
     }
 }
 
@@ -276,8 +275,7 @@ fn mirror_images_move_as_the_mirrored_motion(simulation: Simulation) {
         worst = worst.max(largest(apart(&params, &mirrored(&one.state()), &image.state())));
     }
     println!("{worst:e} apart");
-    let limit = simulation.pick(1e-8, 1e-11);
-    assert!(worst <= limit, "{worst:e} apart");
+    assert!(worst <= 1e-10, "{worst:e} apart");
 }
 
 /// A push at a point of the body turns it about its CoM, wherever that is.
@@ -297,11 +295,13 @@ fn pushes_act_at_their_point(simulation: Simulation) {
         let com = params.body_com();
         let velocity = after.body_velocity + after.body_quaternion * after.body_angular_velocity.cross(&com);
         let expected = impulse / params.body_mass - Vector3::z() * (params.gravity * 1e-6);
-        close("CoM velocity", (velocity - expected).norm() / expected.norm(), 0.0, 1e-6);
+        // What a step of `rigid` turns the body by, its pose is ahead of its velocities.
+        let limit = simulation.pick(1e-5, 1e-10);
+        close("CoM velocity", (velocity - expected).norm() / expected.norm(), 0.0, limit);
         // Free wheels keep their spin about their axles: only the inertia without it turns.
         let arm = start.body_quaternion.inverse_transform_vector(&impulse);
         let turned = params.body_inertia_matrix().lu().solve(&(point - com).cross(&arm)).expect("moments are positive");
-        close("rate", (after.body_angular_velocity - turned).norm() / turned.norm(), 0.0, 1e-4);
+        close("rate", (after.body_angular_velocity - turned).norm() / turned.norm(), 0.0, limit);
     }
 }
 
@@ -341,10 +341,10 @@ fn fallen_robots_lie_on_the_floor(simulation: Simulation) {
             let turning = robot.state().body_angular_velocity.norm();
             println!("{tilt:?}: rises by {rise:e} J, {deepest:e} m deep, lies at {height:e} m, {turning:e} rad/s");
             assert!(robot.bot_on_floor(), "{tilt:?}: does not lie on the floor");
-            assert!(rise <= 1e-3, "{tilt:?}: energy rises by {rise:e} J");
-            assert!(deepest <= 1e-4, "{tilt:?}: {deepest:e} m into the floor");
-            assert!(height.abs() <= 1e-5, "{tilt:?}: lies at {height:e} m");
-            assert!(turning <= 0.5, "{tilt:?}: still turns with {turning} rad/s");
+            assert!(rise <= simulation.pick(2e-3, 1e-5), "{tilt:?}: energy rises by {rise:e} J");
+            assert!(deepest <= 5e-5, "{tilt:?}: {deepest:e} m into the floor");
+            assert!(height.abs() <= 1e-7, "{tilt:?}: lies at {height:e} m");
+            assert!(turning <= 1e-4, "{tilt:?}: still turns with {turning} rad/s");
         }
     }
 }
