@@ -4,6 +4,7 @@ use super::autoreset::Autoreset;
 use super::buffers::StepBuffers;
 use super::chunk::{Chunk, Environments};
 use super::config::EnvConfig;
+use super::events::Plan;
 use super::pieces::pieces;
 use super::robots::Single;
 use super::task_step::TaskStep;
@@ -35,6 +36,7 @@ pub struct Batch {
     max_wheel_torque: f64,
     scaled: bool,
     len: usize,
+    pub(super) plan: Option<Arc<Plan>>,
     /// Environments in order, `width` to a chunk; the last may have fewer.
     pub(super) chunks: Vec<Box<dyn Chunk>>,
     pub(super) width: usize,
@@ -111,6 +113,7 @@ impl Batch {
             num_envs,
             config.model.bytes() + step.sizes().numbers() * size_of::<f64>(),
         )?;
+        let plan = config.plan()?;
         let params = Arc::new(config.params.clone());
         let width = if config.model == ModelKind::Contact { EIGHT } else { 1 };
         let mut watch = Watch::new();
@@ -121,11 +124,11 @@ impl Batch {
             Ok(match config.model {
                 ModelKind::Contact => {
                     let robots = ContactLanes::new(&params, config.sim_dt);
-                    Box::new(Environments::new(&config, &step, actuator.clone(), robots, used, seed)?)
+                    Box::new(Environments::new(&config, &step, actuator.clone(), robots, plan.as_ref(), used, seed)?)
                 }
                 model => {
                     let robot = Single::new(Ballbot::new(&params, model, config.sim_dt)?);
-                    Box::new(Environments::new(&config, &step, actuator.clone(), robot, used, seed)?)
+                    Box::new(Environments::new(&config, &step, actuator.clone(), robot, plan.as_ref(), used, seed)?)
                 }
             })
         };
@@ -144,6 +147,7 @@ impl Batch {
             max_wheel_torque: config.action_torque(),
             scaled: config.scale_observations,
             len: num_envs,
+            plan,
             chunks,
             width,
             autoreset,
@@ -250,7 +254,7 @@ impl Batch {
         Ok(self.chunks[chunk].params(i))
     }
 
-    /// Replaces the parameters of one robot; they outlive resets. If the geometry (radii, wheel angles, height of the CoM)
+    /// Replaces the parameters of one robot; they outlive resets, and are those that events draw from. If the geometry (radii, wheel angles, height of the CoM)
     /// is the same, its motion goes on; otherwise the environment must be reset before its next step.
     ///
     /// # Errors
@@ -320,7 +324,7 @@ impl Batch {
     }
 
     /// The chunk of an environment, and its place there.
-    fn locate(&self, index: usize) -> Result<(usize, usize)> {
+    pub(super) fn locate(&self, index: usize) -> Result<(usize, usize)> {
         self.check_index(index)?;
         Ok((index / self.width, index % self.width))
     }

@@ -1,10 +1,13 @@
 //! Everything that defines an environment.
 
+use super::events::{Event, Plan, Tests};
 use crate::control::default_max_torque;
 use crate::error::{Error, Result, check, positive};
+use crate::model::same_geometry;
 use crate::params::Params;
-use crate::robot::{ModelKind, check_sim_dt};
+use crate::robot::{Ballbot, ModelKind, check_sim_dt};
 use crate::task::{Balance, RewardScales, Task, TaskDescription};
+use std::sync::Arc;
 
 /// Least torque of an action of 1, N·m.
 const LEAST_TORQUE: f64 = 1e-9;
@@ -31,6 +34,8 @@ pub struct EnvConfig<T> {
     pub reward: RewardScales,
     /// Options of the task.
     pub task: T,
+    /// What is drawn at random of the robots and hits them, besides where they start.
+    pub events: Vec<Event>,
 }
 
 /// [`EnvConfig`] of the balance task.
@@ -48,6 +53,7 @@ impl<T: Task> Default for EnvConfig<T> {
             scale_observations: true,
             reward: RewardScales::of(&TaskDescription::of::<T>().terms),
             task: T::default(),
+            events: Vec::new(),
         }
     }
 }
@@ -96,7 +102,40 @@ impl<T: Task> EnvConfig<T> {
         self.validate_robot(&self.params)?;
         self.task.check_limits()?;
         self.task.validate(&self.params)?;
-        self.reward.validate()
+        self.reward.validate()?;
+        self.plan().and_then(|plan| plan.map_or(Ok(()), |plan| self.check_events(&plan, &self.params)))
+    }
+
+    /// The events as they are carried out, if there are any.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for an event that cannot be, whatever the robot.
+    pub(super) fn plan(&self) -> Result<Option<Arc<Plan>>> {
+        if self.events.is_empty() {
+            return Ok(None);
+        }
+        Ok(Some(Arc::new(Plan::new(&self.events, self.control_dt)?)))
+    }
+
+    /// Checks that every robot that the events may make of a valid one can be run.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] with the term of an event that may make another.
+    pub(super) fn check_events(&self, plan: &Plan, nominal: &Params) -> Result<()> {
+        let robot = |params: &Params| {
+            params.validate()?;
+            self.validate_robot(params)?;
+            self.task.validate(params)
+        };
+        let starts = |params: &Params| {
+            // `contact` takes every robot, and refuses starts by the robot's shape alone.
+            if self.model == ModelKind::Contact && same_geometry(params, nominal) {
+                return Ok(());
+            }
+            let robot = Ballbot::new(params, self.model, self.sim_dt)?;
+            self.task.extreme_starts(params).iter().try_for_each(|start| robot.accepts(start))
+        };
+        plan.check(nominal, &Tests { robot: &robot, starts: &starts })
     }
 
     /// Checks that a robot (a valid one) can be driven by the actions of this environment.

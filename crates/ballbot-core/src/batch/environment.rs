@@ -45,7 +45,7 @@ impl<T: Task> Environment<T> {
         let robot = Single::new(Ballbot::new(&config.params, config.model, config.sim_dt)?);
         let actuator = Ideal { max_torque: config.action_torque() };
         Ok(Self {
-            inner: Environments::new(&config, &step, actuator, robot, 1, seed)?,
+            inner: Environments::new(&config, &step, actuator, robot, config.plan()?.as_ref(), 1, seed)?,
             terms: description.terms.iter().map(|term| term.name).collect(),
             observation: vec![0.0; description.rows.len()],
             config,
@@ -120,6 +120,16 @@ impl<T: Task> Environment<T> {
     /// The robot.
     pub fn robot(&self) -> &Ballbot {
         &self.inner.robots.robot
+    }
+
+    /// As [`super::Batch::nominal_params`].
+    pub fn nominal_params(&self) -> &Params {
+        self.inner.nominal_params(0)
+    }
+
+    /// As [`super::Batch::draws`].
+    pub fn draws(&self) -> &[f64] {
+        self.inner.draws(0)
     }
 
     /// Replaces the robot's parameters; see [`super::Batch::set_params`].
