@@ -25,6 +25,7 @@ from ballbot_rs._core import (
     SpatialModel,
     State,
     __version__,
+    load_events,
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
@@ -71,6 +72,7 @@ __all__ = [
     "__version__",
     "compare",
     "evaluate",
+    "load_events",
     "run",
     "save",
     "virtual_to_wheel_torques",

@@ -12,6 +12,7 @@ from ballbot_rs.envs.options import TaskOptions
 
 __all__ = [
     "CONTROLLERS",
+    "EVENT_SETS",
     "LABELS",
     "MODELS",
     "PAPER_BALL_VISCOUS_FRICTION",
@@ -31,6 +32,7 @@ __all__ = [
     "SpatialModel",
     "State",
     "__version__",
+    "load_events",
     "virtual_to_wheel_torques",
     "wheel_to_virtual_torques",
 ]
@@ -76,6 +78,7 @@ __version__: str
 PAPER_BALL_VISCOUS_FRICTION: float
 MODELS: list[str]
 ROBOTS: list[str]
+EVENT_SETS: list[str]
 LABELS: list[str]
 TASKS: dict[str, _Task]
 CONTROLLERS: dict[str, _Controller]
@@ -535,6 +538,9 @@ class LinearModel:
     def discretize(self, dt: float) -> tuple[_Array, _Array]:
         """Matrices A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact."""
 
+def load_events(
+    name_or_path: str | PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]] | None,
+) -> list[dict[str, Any]]: ...
 def virtual_to_wheel_torques(
     params: Params,
     virtual_torques: npt.ArrayLike,
@@ -817,6 +823,8 @@ class Batch:
     def contacts(self, index: int) -> Contacts: ...
     def params(self, index: int = 0) -> Params:
         """Parameters of the robot of environment `index`."""
+    def nominal_params(self, index: int = 0) -> Params: ...
+    def draws(self, index: int | None = None) -> dict[str, _Array]: ...
     def set_params(self, index: int, params: _Robot) -> None:
         """Replaces the parameters of the robot of environment `index`; they outlive resets.
 

@@ -262,6 +262,8 @@ RIGHT: dict[str, list[Any]] = {
     "options": [None],
     "render_mode": [None, "rgb_array"],
     "reward": [{"tilt": 2.0}],
+    "events": [None, "mild", {"term": "gravity", "range": [9.0, 10.0]}, [{"term": "push", "range": [0, 1], "at": 0.0}]],
+    "name_or_path": ["mild", "hard", [{"term": "body_mass", "op": "scale", "range": [0.9, 1.1]}]],
     "setpoint": [(0.1, 0.0)],
     "max_episode_steps": [10, None],
     "scale_observations": [True, False],
@@ -282,6 +284,7 @@ _ENVIRONMENT = [
     "max_wheel_torque",
     "max_episode_steps",
     "reward",
+    "events",
     *_FLOATING,
 ]
 _STATE = ["ball_velocity", "ball_angular_velocity", "body_quaternion", "body_position", "wheel_speeds"]

@@ -109,6 +109,7 @@ class PolicyDriver:
         self._policy = controller.policy
         # Any model observes a state alike; `contact` takes every state, be it fallen or slipping.
         options = {**controller.env_options, "params": params, "model": "contact", "setpoint": (0.0, 0.0)}
+        options["events"] = None
         self._observers = [new_batch(1, num_threads=1, options=options) for _ in range(num_robots)]
         self.control_dt = self._observers[0].control_dt
         self.sim_dt = self._observers[0].sim_dt
