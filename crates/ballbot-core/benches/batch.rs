@@ -8,6 +8,7 @@
 mod runner;
 
 use ballbot_core::ModelKind;
+use ballbot_core::batch::{Event, load_events};
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, f64x8};
@@ -32,6 +33,26 @@ fn batches(criterion: &mut Criterion) {
                 group.bench_function(format!("{model}/{n} envs/{threads} threads"), |b| b.iter(|| runner.step()));
             }
         }
+    }
+    group.finish();
+}
+
+/// What events cost: robots that differ, their resets with ten terms, and what is checked when a batch is made.
+fn events(criterion: &mut Criterion) {
+    const ENVS: usize = 1024;
+    let hard = load_events("hard").expect("it is part of the crate");
+    let fields: Vec<Event> = hard.iter().filter(|event| event.term != "push" && event.id.is_none()).cloned().collect();
+    let mut group = criterion.benchmark_group("events");
+    group.throughput(Throughput::Elements(ENVS as u64));
+    for (name, events) in [("none", &[][..]), ("ten terms", &fields[..10]), ("hard", &hard)] {
+        let mut runner = Runner::with_events(ModelKind::Contact, ENVS, Some(1), events);
+        group.bench_function(format!("a step/{name}"), |b| b.iter(|| runner.step()));
+        group.bench_function(format!("a reset/{name}"), |b| b.iter(|| runner.reset()));
+    }
+    group.throughput(Throughput::Elements(1));
+    for (name, events) in [("none", &[][..]), ("hard", &hard)] {
+        let make = || Runner::with_events(ModelKind::Contact, 1, Some(1), events);
+        group.bench_function(format!("a batch of one/{name}"), |b| b.iter(make));
     }
     group.finish();
 }
@@ -108,6 +129,6 @@ criterion_group! {
         .sample_size(20)
         .warm_up_time(Duration::from_secs(1))
         .measurement_time(Duration::from_secs(3));
-    targets = peak, batches
+    targets = peak, batches, events
 }
 criterion_main!(benches);

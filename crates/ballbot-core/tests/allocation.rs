@@ -2,7 +2,7 @@
 //! without a controller.
 
 use ballbot_core::ModelKind;
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Outcome, StepBuffers};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Outcome, StepBuffers, When};
 use ballbot_core::control::{Controller, Lqr, Pid, PidGains};
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::task::{ACTION_LEN, Balance};
@@ -90,6 +90,11 @@ fn steps_allocate_nothing() {
     // Resets included.
     let brief = BalanceConfig { max_episode_steps: 2, ..endless(ModelKind::Contact) };
     assert_eq!(allocations(&brief, None), 0, "contact");
+    // Events included: at resets and, the friction and pushes, within episodes.
+    let push = Event { when: When::Every([0.01, 0.02]), ..Event::new("push", [0.0, 1e-3]) };
+    let friction = Event { when: When::At(0.01), ..Event::new("floor_dynamic_friction", [0.9, 1.0]) };
+    let events = vec![push, friction, Event::new("gravity", [9.0, 10.0]), Event::new("ball_radius", [0.112, 0.113])];
+    assert_eq!(allocations(&BalanceConfig { events, ..brief }, None), 0, "contact with events");
     // For the record: a reset may allocate, and so does rapier.
     let brief = BalanceConfig { max_episode_steps: 2, ..endless(ModelKind::Spatial) };
     println!("spatial, a reset: {}", allocations(&brief, None) as f64 / (ENVS * STEPS / 2) as f64);

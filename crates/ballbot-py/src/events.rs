@@ -46,11 +46,11 @@ pub(crate) fn events(given: &Bound<'_, PyAny>) -> PyResult<Vec<Event>> {
 fn event(place: usize, entries: &Bound<'_, PyMapping>) -> PyResult<Event> {
     let mut read = Vec::new();
     for item in entries.items()?.try_iter()? {
-        let (key, item): (String, Bound<'_, PyAny>) = item?.extract().map_err(|_| {
-            PyTypeError::new_err(format!("events[{place}] has a key that is not text"))
+        let (key, item): (String, Bound<'_, PyAny>) =
+            item?.extract().map_err(|_| PyTypeError::new_err(format!("events[{place}] has a key that is not text")))?;
+        let value = value(&item, MAX_DEPTH).ok_or_else(|| {
+            PyTypeError::new_err(format!("events[{place}]: {key} is not a number, text, or a list of them"))
         })?;
-        let value = value(&item, MAX_DEPTH)
-            .ok_or_else(|| PyTypeError::new_err(format!("events[{place}]: {key} is not a number, text, or a list of them")))?;
         read.push((key, value));
     }
     Event::from_entries(place, &read).map_err(to_python)

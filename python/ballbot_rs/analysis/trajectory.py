@@ -91,7 +91,9 @@ def run(
     found = find(controller, task=task, env_options=env_options)
     # Only a fall ends the episode: lengths in steps are for the task's own rate.
     options = {**common_options([found], env_options), "max_episode_steps": None}
-    batch = batch_for(found, 1, task=task or DEFAULT_TASK, num_threads=1, seed=SEED, options=options, autoreset="disabled")
+    batch = batch_for(
+        found, 1, task=task or DEFAULT_TASK, num_threads=1, seed=SEED, options=options, autoreset="disabled"
+    )
     steps = max(round(seconds / batch.control_dt), 1)
     pushes = {} if push is None else {min(round(push.time / batch.control_dt), steps - 1): push.impulse}
     # The robot that events make for the episode to come.

@@ -192,7 +192,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         return self.get_attr(name)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of every environment: `state`, `params`, `nominal_params`, a space of one environment, or what all share."""
+        """An attribute of every environment: its own, a space of one, or what all share."""
         if name in self._OF_EACH:
             return tuple(getattr(self._batch, name)(i) for i in range(self.num_envs))
         if name in ("observation_space", "action_space"):

@@ -1,7 +1,7 @@
 //! A batch with somewhere to write to, for the benchmarks.
 
 use ballbot_core::ModelKind;
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Outcome, StepBuffers};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Outcome, StepBuffers};
 use ballbot_core::task::ACTION_LEN;
 
 pub struct Runner {
@@ -19,8 +19,18 @@ pub struct Runner {
 impl Runner {
     /// `threads` as for [`Batch::new`].
     pub fn new(model: ModelKind, n: usize, threads: Option<usize>) -> Self {
-        let config =
-            BalanceConfig { model, max_wheel_torque: Some(1.0), scale_observations: false, ..BalanceConfig::default() };
+        Self::with_events(model, n, threads, &[])
+    }
+
+    /// [`Runner::new`] with events.
+    pub fn with_events(model: ModelKind, n: usize, threads: Option<usize>, events: &[Event]) -> Self {
+        let config = BalanceConfig {
+            model,
+            max_wheel_torque: Some(1.0),
+            scale_observations: false,
+            events: events.to_vec(),
+            ..BalanceConfig::default()
+        };
         let mut batch = Batch::new(&config, n, Autoreset::NextStep, threads, 0).expect("the default task is valid");
         let mut observations = vec![0.0; n * batch.observation_len()];
         batch.reset(None, &mut observations).expect("the buffer fits");

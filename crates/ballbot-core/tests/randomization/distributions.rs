@@ -55,8 +55,8 @@ fn draws_have_their_distributions() {
     assert!(drawn[0] >= 5.5 && drawn[drawn.len() - 1] <= 14.5);
     // It is truncated, not clipped.
     assert!(drawn[1] > drawn[0] && drawn[0] > 5.5);
-    let untruncated = |x: f64| (normal_integral((x - 10.0) / 1.2) / normal_integral(3.0)).clamp(0.0, 1.0);
-    assert!(statistic(&drawn, untruncated) > 1.0);
+    let narrower = |x: f64| (normal_integral((x - 10.0) / 1.2) / normal_integral(3.0)).clamp(0.0, 1.0);
+    assert!(statistic(&drawn, narrower) > 1.0);
 }
 
 #[test]

@@ -70,10 +70,11 @@ fn robots_that_cannot_be() {
     let error = refusal(&events);
     assert!(error.contains("events[0] (body_mass): with events[1] (wheel_mass)"), "{error}");
     // And each two of three.
-    let events = [scaled("body_mass", [0.6, 1.0]), scaled("wheel_mass", [1.0, 1.6]), Event {
-        operation: Operation::Add,
-        ..Event::new("wheel_mass", [0.0, 0.13])
-    }];
+    let events = [
+        scaled("body_mass", [0.4, 1.0]),
+        scaled("wheel_mass", [1.0, 1.6]),
+        Event { operation: Operation::Add, ..Event::new("wheel_mass", [0.0, 0.13]) },
+    ];
     let events = [events[0].clone(), events[1].clone(), Event { id: Some(1), ..events[2].clone() }];
     let error = refusal(&events);
     assert!(error.contains("events[0] (body_mass): with events[1] (wheel_mass), events[2] (wheel_mass)"), "{error}");
@@ -81,9 +82,9 @@ fn robots_that_cannot_be() {
 
 #[test]
 fn starts_that_cannot_be() {
-    // Tilted as far as a robot on a lower ball cannot be.
+    // Tilted as far as a robot with its wheels at the equator of the ball cannot be.
     let task = Balance { reset_tilt: 0.5, fall_tilt: 3.0, ..Balance::default() };
-    let events = [scaled("wheel_zenith", [1.0, 1.6])];
+    let events = [scaled("wheel_zenith", [1.0, 1.99])];
     for model in [ModelKind::Contact, ModelKind::Rigid] {
         let with = |events: &[Event]| {
             let config = ballbot_core::batch::BalanceConfig { task: task.clone(), ..config(model, 10, events) };
@@ -129,7 +130,10 @@ fn toml_that_is_wrong() {
         ("[[events]]\nterm = 'gravity'", &["events[0] (gravity)", "'range'"]),
         ("[[events]]\nterm = 'gravity'\nrange = 'wide'", &["(gravity)", "range = 'wide'"]),
         ("[[events]]\nterm = 'gravity'\nrange = [1, 2, 3]", &["(gravity)", "range = [1, 2, 3]"]),
-        ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nop = 'mul'", &["(gravity)", "unknown op 'mul'", "abs, add, scale"]),
+        (
+            "[[events]]\nterm = 'gravity'\nrange = [9, 10]\nop = 'mul'",
+            &["(gravity)", "unknown op 'mul'", "abs, add, scale"],
+        ),
         ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\ndist = 'flat'", &["(gravity)", "unknown dist 'flat'"]),
         ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nmode = 'step'", &["(gravity)", "unknown mode 'step'"]),
         ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nrnge = 3", &["(gravity)", "unknown key 'rnge'"]),
@@ -162,7 +166,10 @@ fn events_read_back_what_they_write() {
         id: Some(9),
         ..Event::new("wheel_azimuths", [0.0; 2])
     });
-    events.push(at(0.1, Event { direction: Direction::Azimuth(0.1), height: Some([0.1, 0.2]), ..Event::new("push", [0.0, 1.0]) }));
+    events.push(at(
+        0.1,
+        Event { direction: Direction::Azimuth(0.1), height: Some([0.1, 0.2]), ..Event::new("push", [0.0, 1.0]) },
+    ));
     assert_eq!(events_from_toml(&events_to_toml(&events), "").unwrap(), events);
     for (place, event) in events.iter().enumerate() {
         let entries: Vec<_> = event.entries().into_iter().map(|(key, value)| (key.to_owned(), value)).collect();

@@ -99,7 +99,8 @@ fn a_single_environment_is_that_of_a_batch() {
 #[test]
 fn a_thousand_resets_do_not_drift() {
     let nominal = Params::paper();
-    let events = [scaled("body_mass", [0.8, 1.2]), Event { operation: Operation::Add, ..Event::new("gravity", [-1.0, 1.0]) }];
+    let events =
+        [scaled("body_mass", [0.8, 1.2]), Event { operation: Operation::Add, ..Event::new("gravity", [-1.0, 1.0]) }];
     let mut run = started(&config(ModelKind::Contact, 1000, &events), 1, Autoreset::Disabled, SEED);
     let mut sums = [[0.0; 2]; 2];
     for k in 0..1000 {

@@ -55,8 +55,7 @@ pub enum Direction {
 const MODES: [&str; 4] = ["startup", "reset", "interval", "at"];
 
 /// All keys of an event.
-const KEYS: [&str; 11] =
-    ["term", "mode", "every", "at", "op", "dist", "range", "shared", "id", "direction", "height"];
+const KEYS: [&str; 11] = ["term", "mode", "every", "at", "op", "dist", "range", "shared", "id", "direction", "height"];
 
 impl Operation {
     /// All of them.
@@ -181,9 +180,8 @@ impl Event {
         let mut event = Self::new(term, [0.0; 2]);
         event.range = match value("range") {
             None => return Err(refuse(&"it has no key 'range'")),
-            Some(range) => {
-                ranges(range).ok_or_else(|| kind("range", "a pair of numbers, [low, high], or a list of pairs", range))?
-            }
+            Some(range) => ranges(range)
+                .ok_or_else(|| kind("range", "a pair of numbers, [low, high], or a list of pairs", range))?,
         };
         event.when = when(text("mode")?, pair("every")?, number("at")?).map_err(|e| refuse(&e))?;
         if let Some(name) = text("op")? {

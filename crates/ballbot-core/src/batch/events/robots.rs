@@ -201,11 +201,7 @@ impl Randomized {
 
     /// Everything that the future of robot `i` depends on.
     pub fn save(&self, i: usize) -> Saved {
-        Saved {
-            checksum: self.plan.checksum,
-            nominal: self.nominal[i].numbers(),
-            drawn: self.drawn[i].clone(),
-        }
+        Saved { checksum: self.plan.checksum, nominal: self.nominal[i].numbers(), drawn: self.drawn[i].clone() }
     }
 
     /// Takes what [`Randomized::save`] gave, of a robot that has the parameters `params`; the nominal ones pass `accept`.
