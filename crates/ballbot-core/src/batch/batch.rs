@@ -108,12 +108,13 @@ impl Batch {
             config.scale_observations,
             config.control_dt,
         ));
+        let plan = config.plan()?;
+        let of_events = plan.as_ref().map_or(0, |plan| plan.bytes());
         require_memory(
             format_args!("num_envs = {num_envs}"),
             num_envs,
-            config.model.bytes() + step.sizes().numbers() * size_of::<f64>(),
+            config.model.bytes() + step.sizes().numbers() * size_of::<f64>() + of_events,
         )?;
-        let plan = config.plan()?;
         let params = Arc::new(config.params.clone());
         let width = if config.model == ModelKind::Contact { EIGHT } else { 1 };
         let mut watch = Watch::new();

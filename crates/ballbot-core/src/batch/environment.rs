@@ -17,7 +17,8 @@ use std::sync::Arc;
 
 /// An environment of task `T` with an ideal actuator and exact sensors.
 ///
-/// Random numbers come from ChaCha8 (stream 0), seeded by `seed_from_u64`; other streams are left to other uses.
+/// Random numbers come from ChaCha8, seeded by `seed_from_u64`: those of starts on stream 0, those of each event on the
+/// stream of its id.
 pub struct Environment<T: Task = Balance> {
     config: Arc<EnvConfig<T>>,
     inner: Environments<Single, T, Ideal, Exact>,

@@ -7,6 +7,7 @@
 use super::event::{When, refused};
 use super::plan::{Plan, Target};
 use crate::error::{Error, Result};
+use crate::interrupt::Watch;
 use crate::model::same_geometry;
 use crate::params::Params;
 use rand::RngExt;
@@ -52,7 +53,8 @@ impl Plan {
     /// Checks that every robot that the events may make of a nominal one passes, and that the events fit it.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] with places and terms of the events that do not.
+    /// [`Error::Inconsistent`] with places and terms of the events that do not; [`Error::Interrupted`] in
+    /// [`crate::stoppable`].
     pub fn check(&self, nominal: &Params, tests: &Tests<'_>) -> Result<()> {
         let mut ranges = Vec::new();
         for (place, event) in self.events.iter().enumerate() {
@@ -61,7 +63,14 @@ impl Plan {
                 Target::Field { .. } => ranges.push(Ranges { place, numbers: event.numbers() }),
             }
         }
-        let mut trial = Trial { plan: self, nominal, tests, draws: vec![f64::NAN; self.width], robot: nominal.clone() };
+        let mut trial = Trial {
+            plan: self,
+            nominal,
+            tests,
+            draws: vec![f64::NAN; self.width],
+            robot: nominal.clone(),
+            watch: Watch::new(),
+        };
         for (i, one) in ranges.iter().enumerate() {
             trial.corners(&[one], true)?;
             trial.geometry(one)?;
@@ -83,6 +92,7 @@ struct Trial<'a> {
     tests: &'a Tests<'a>,
     draws: Vec<f64>,
     robot: Params,
+    watch: Watch,
 }
 
 impl Trial<'_> {
@@ -90,6 +100,7 @@ impl Trial<'_> {
     fn corners(&mut self, chosen: &[&Ranges], starts: bool) -> Result<()> {
         let total: usize = chosen.iter().map(|ranges| ranges.corners()).product();
         for corner in 0..total {
+            self.watch.check()?;
             let mut rest = corner;
             for ranges in chosen {
                 ranges.write(rest % ranges.corners(), &mut self.draws);

@@ -86,6 +86,11 @@ impl Plan {
         Ok(plan)
     }
 
+    /// About how much memory the events of a robot take.
+    pub fn bytes(&self) -> usize {
+        (self.width + 2 * self.events.len()) * size_of::<f64>() + size_of::<Params>()
+    }
+
     /// The robot that draws make of the nominal one, event by event in the order of the list.
     pub fn apply(&self, nominal: &Params, draws: &[f64], robot: &mut Params) {
         robot.clone_from(nominal);
