@@ -160,7 +160,7 @@ def test_controllers_and_evaluations_have_nominal_robots_unless_asked():
     assert randomized != nominal
     assert randomized == bb.evaluate("lqr", episodes=10, env_options={"events": "hard"}, num_threads=1)
     # The same law, made for the nominal robot by hand.
-    by_hand = bb.evaluate(bb.Lqr(max_torque=5.0), episodes=10, env_options={"events": "hard"})
+    by_hand = bb.evaluate(bb.Lqr(), episodes=10, env_options={"events": "hard"})
     assert by_hand.tilt_rms == pytest.approx(randomized.tilt_rms, rel=1e-6)
 
 

@@ -442,8 +442,8 @@ impl PyBatch {
 
     /// Present draws of the events, by term, with the id (`"body_mass:1"`) where one was given.
     ///
-    /// Of all environments, shape (num_envs,), or (num_envs, k) for terms of k numbers; of environment `index` without
-    /// the first axis. NaN where nothing was drawn, as before the first event of an episode. With "abs" a draw is the
+    /// Of all environments, shape (num_envs,), or (num_envs, k) for terms of k numbers; of environment `index` a number
+    /// or shape (k,). NaN where nothing was drawn, as before the first event of an episode. With "abs" a draw is the
     /// value, with "add" and "scale" what is added to the nominal one or multiplies it. Of a push it is the impulse (N·s;
     /// m/s with "scale"), the azimuth (rad) and the height (m; NaN is the center of mass).
     #[pyo3(signature = (index=None))]

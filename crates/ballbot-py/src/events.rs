@@ -122,9 +122,11 @@ pub(crate) fn draws<'py>(py: Python<'py>, batch: &Batch, index: Option<usize>) -
         for i in chosen.clone() {
             values.extend_from_slice(&batch.draws(i).map_err(to_python)?[first..first + width]);
         }
-        let shape = [chosen.len(), width];
-        let shape = &shape[usize::from(index.is_some())..if width == 1 { 1 } else { 2 }];
-        dict.set_item(label, PyArray1::from_vec(py, values).reshape(shape)?)?;
+        match (index, width) {
+            (Some(_), 1) => dict.set_item(label, values[0])?,
+            (Some(_), _) | (None, 1) => dict.set_item(label, PyArray1::from_vec(py, values))?,
+            (None, _) => dict.set_item(label, PyArray1::from_vec(py, values).reshape([chosen.len(), width])?)?,
+        }
         first += width;
     }
     Ok(dict)

@@ -104,8 +104,8 @@ class OneRobot(SharedAttributes):
         """The parameters that the robot has without events: those of controllers."""
         return self._batch.nominal_params(self._index)
 
-    def draws(self) -> dict[str, npt.NDArray[np.float64]]:
-        """What events have drawn of the robot, by term, each a number or an array of them; see `Batch.draws`."""
+    def draws(self) -> dict[str, Any]:
+        """What events have drawn of the robot, by term, a number or an array each; see `Batch.draws`."""
         return self._batch.draws(self._index)
 
     @property

@@ -122,9 +122,11 @@ impl<T: Task> EnvConfig<T> {
     /// # Errors
     /// [`Error::Inconsistent`] with the term of an event that may make another.
     pub(super) fn check_events(&self, plan: &Plan, nominal: &Params) -> Result<()> {
+        // Computed once: it takes longer than all else.
+        let torque = self.action_torque();
         let robot = |params: &Params| {
             params.validate()?;
-            self.validate_robot(params)?;
+            check_motors(torque, params)?;
             self.task.validate(params)
         };
         let starts = |params: &Params| {
@@ -146,13 +148,18 @@ impl<T: Task> EnvConfig<T> {
         let torque = positive("max_wheel_torque", self.action_torque())?;
         // Controllers divide by it.
         check("max_wheel_torque", torque, format_args!("at least {LEAST_TORQUE:e} N·m"), |t| t >= LEAST_TORQUE)?;
-        let motor = params.max_wheel_torque;
-        check(
-            "max_wheel_torque",
-            torque,
-            format_args!("at most the motors' limit, params.max_wheel_torque = {motor} N·m"),
-            |t| t <= motor,
-        )?;
-        Ok(())
+        check_motors(torque, params)
     }
+}
+
+/// Checks that the torque of an action is within the motors' limit.
+fn check_motors(torque: f64, params: &Params) -> Result<()> {
+    let motor = params.max_wheel_torque;
+    check(
+        "max_wheel_torque",
+        torque,
+        format_args!("at most the motors' limit, params.max_wheel_torque = {motor} N·m"),
+        |t| t <= motor,
+    )?;
+    Ok(())
 }
