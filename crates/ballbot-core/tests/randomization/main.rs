@@ -16,10 +16,10 @@ use ballbot_core::task::Balance;
 use run::Run;
 use std::f64::consts::PI;
 
-pub const SEED: u64 = 70;
+const SEED: u64 = 70;
 
 /// Episodes that end by their length alone, unless `steps` is beyond a fall.
-pub fn config(model: ModelKind, steps: usize, events: &[Event]) -> BalanceConfig {
+fn config(model: ModelKind, steps: usize, events: &[Event]) -> BalanceConfig {
     BalanceConfig {
         model,
         max_episode_steps: steps,
@@ -30,24 +30,24 @@ pub fn config(model: ModelKind, steps: usize, events: &[Event]) -> BalanceConfig
     }
 }
 
-pub fn started(config: &BalanceConfig, n: usize, mode: Autoreset, seed: u64) -> Run {
+fn started(config: &BalanceConfig, n: usize, mode: Autoreset, seed: u64) -> Run {
     Run::new(Batch::new(config, n, mode, Some(1), seed).unwrap())
 }
 
-pub fn scaled(term: &str, range: [f64; 2]) -> Event {
+fn scaled(term: &str, range: [f64; 2]) -> Event {
     Event { operation: Operation::Scale, ..Event::new(term, range) }
 }
 
-pub fn every(gap: [f64; 2], event: Event) -> Event {
+fn every(gap: [f64; 2], event: Event) -> Event {
     Event { when: When::Every(gap), ..event }
 }
 
-pub fn at(time: f64, event: Event) -> Event {
+fn at(time: f64, event: Event) -> Event {
     Event { when: When::At(time), ..event }
 }
 
 /// Events on masses, friction and geometry, and within episodes.
-pub fn several() -> Vec<Event> {
+fn several() -> Vec<Event> {
     vec![
         scaled("body_mass", [0.8, 1.2]),
         Event { shared: true, ..scaled("body_inertia", [0.9, 1.1]) },
@@ -61,7 +61,7 @@ pub fn several() -> Vec<Event> {
 }
 
 /// Present draws of environment `i` by label.
-pub fn draws(batch: &Batch, i: usize, label: &str) -> Vec<f64> {
+fn draws(batch: &Batch, i: usize, label: &str) -> Vec<f64> {
     let mut first = 0;
     for (found, width) in batch.draw_columns() {
         if found == label {
@@ -73,6 +73,6 @@ pub fn draws(batch: &Batch, i: usize, label: &str) -> Vec<f64> {
 }
 
 /// As [`draws`], of a term with one number.
-pub fn draw(batch: &Batch, i: usize, label: &str) -> f64 {
+fn draw(batch: &Batch, i: usize, label: &str) -> f64 {
     draws(batch, i, label)[0]
 }

@@ -69,6 +69,9 @@ fn robots_that_cannot_be() {
     let events = [scaled("body_mass", [0.3, 1.0]), scaled("wheel_mass", [1.0, 2.0])];
     let error = refusal(&events);
     assert!(error.contains("events[0] (body_mass): with events[1] (wheel_mass)"), "{error}");
+    // What one term alone breaks is not put down to those before it.
+    let error = refusal(&[scaled("gravity", [0.9, 1.1]), scaled("ball_inertia", [1.0, 1.3])]);
+    assert!(error.contains("events[1] (ball_inertia): a robot of its range"), "{error}");
     // And each two of three.
     let events = [
         scaled("body_mass", [0.4, 1.0]),

@@ -71,13 +71,20 @@ impl Plan {
             robot: nominal.clone(),
             watch: Watch::new(),
         };
-        for (i, one) in ranges.iter().enumerate() {
+        // The fewest first: an error has no more terms than it takes.
+        for one in &ranges {
             trial.corners(&[one], true)?;
             trial.geometry(one)?;
             trial.inside(std::slice::from_ref(one))?;
-            for (j, two) in ranges.iter().enumerate().skip(i + 1) {
+        }
+        for (i, one) in ranges.iter().enumerate() {
+            for two in &ranges[i + 1..] {
                 trial.corners(&[one, two], true)?;
-                for three in ranges.iter().skip(j + 1) {
+            }
+        }
+        for (i, one) in ranges.iter().enumerate() {
+            for (j, two) in ranges.iter().enumerate().skip(i + 1) {
+                for three in &ranges[j + 1..] {
                     trial.corners(&[one, two, three], false)?;
                 }
             }
