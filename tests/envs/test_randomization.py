@@ -70,10 +70,9 @@ def test_front_ends_draw_the_same():
     sb3.reset()
     for env in (vector, made.unwrapped, sb3):
         same(env.draws(), expected)
-    for name, each in (("draws", vector.call("draws")), ("draws", sb3.env_method("draws"))):
+    for each in (vector.call("draws"), sb3.env_method("draws")):
         for i, draws in enumerate(each):
             same(draws, {term: values[i] for term, values in expected.items()})
-        assert name not in vector.get_attr("nominal_params")
     assert vector.get_attr("nominal_params") == (bb.Params.paper(),) * 3
     for env in (bb.BalanceEnv(events=EVENTS), gymnasium.make("ballbot/Balance-v0", events=EVENTS).unwrapped):
         env.reset(seed=SEED + 2)
