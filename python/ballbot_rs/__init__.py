@@ -26,6 +26,7 @@ from ballbot_rs._core import (
     State,
     __version__,
     load_actuators,
+    load_events,
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
@@ -73,6 +74,7 @@ __all__ = [
     "compare",
     "evaluate",
     "load_actuators",
+    "load_events",
     "run",
     "save",
     "virtual_to_wheel_torques",

@@ -14,6 +14,7 @@ __all__ = [
     "ACTUATORS",
     "ACTUATOR_OPTIONS",
     "CONTROLLERS",
+    "EVENT_SETS",
     "LABELS",
     "MODELS",
     "PAPER_BALL_VISCOUS_FRICTION",
@@ -34,6 +35,7 @@ __all__ = [
     "State",
     "__version__",
     "load_actuators",
+    "load_events",
     "virtual_to_wheel_torques",
     "wheel_to_virtual_torques",
 ]
@@ -79,6 +81,7 @@ __version__: str
 PAPER_BALL_VISCOUS_FRICTION: float
 MODELS: list[str]
 ROBOTS: list[str]
+EVENT_SETS: list[str]
 LABELS: list[str]
 ACTUATORS: list[str]
 ACTUATOR_OPTIONS: list[_Option]
@@ -592,6 +595,22 @@ def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
         UrdfError: a URDF that is malformed or not a ballbot's.
         OSError: the file cannot be read.
     """
+
+def load_events(
+    name_or_path: str | PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]] | None,
+) -> list[dict[str, Any]]:
+    """The events that a name stands for, as a list of dicts, one an event: what `events=` takes.
+
+    Args:
+        name_or_path: "mild", "hard", or the path of a TOML file with tables `[[events]]`, which ends in ".toml"; also
+            such dicts, which are checked and completed.
+
+    Raises:
+        ValueError: an unknown name, malformed TOML, or an event with an unknown or missing key or a value of the wrong
+            kind; the message has its place and term.
+        TypeError: something else.
+        OSError: the file cannot be read.
+    """
 def virtual_to_wheel_torques(
     params: Params,
     virtual_torques: npt.ArrayLike,
@@ -754,7 +773,8 @@ class Batch:
         seed: of the first environment.
         options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
             `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file; None is
-            ideal motors), `scale_observations`, `reward` (scales by term), and the options of the task.
+            ideal motors), `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: what is drawn at
+            random), and the options of the task.
 
     Raises:
         ValueError: an unknown name, or a number out of range; the message has the value and the limit.
@@ -876,8 +896,15 @@ class Batch:
     def contacts(self, index: int) -> Contacts: ...
     def params(self, index: int = 0) -> Params:
         """Parameters of the robot of environment `index`."""
+    def nominal_params(self, index: int = 0) -> Params:
+        """Parameters that the robot of environment `index` has without events: those it was made with, or of `set_params`."""
+    @overload
+    def draws(self, index: None = None) -> dict[str, _Array]: ...
+    @overload
+    def draws(self, index: int) -> dict[str, Any]: ...
     def set_params(self, index: int, params: _Robot) -> None:
-        """Replaces the parameters of the robot of environment `index`; they outlive resets.
+        """Replaces the parameters of the robot of environment `index`; they outlive resets, and are those that events draw
+        from.
 
         With the same geometry (radii, wheel angles, height of the center of mass) its motion goes on; otherwise the
         environment must be reset before its next step. The torque of an action stays that of the batch.

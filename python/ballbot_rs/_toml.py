@@ -25,14 +25,25 @@ def loads(text: str) -> dict[str, Any]:
 
 
 def dumps(table: Mapping[str, Any]) -> str:
-    """A table of numbers, texts, lists and tables as TOML."""
+    """A table of numbers, texts, lists, tables and lists of tables as TOML."""
     return "\n".join(_lines(table, ())) + "\n"
 
 
 def _lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
-    lines = [f"{name} = {json.dumps(value)}" for name, value in table.items() if not isinstance(value, Mapping)]
+    lines = [
+        f"{name} = {json.dumps(value)}"
+        for name, value in table.items()
+        if not isinstance(value, Mapping) and not _is_list_of_tables(value)
+    ]
     for name, value in table.items():
+        inner = (*path, name)
         if isinstance(value, Mapping):
-            inner = (*path, name)
             lines += ["", f"[{'.'.join(inner)}]", *_lines(value, inner)]
+        elif _is_list_of_tables(value):
+            for one in value:
+                lines += ["", f"[[{'.'.join(inner)}]]", *_lines(one, inner)]
     return lines
+
+
+def _is_list_of_tables(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and bool(value) and all(isinstance(one, Mapping) for one in value)

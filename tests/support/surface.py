@@ -264,7 +264,9 @@ RIGHT: dict[str, list[Any]] = {
     "render_mode": [None, "rgb_array"],
     "reward": [{"tilt": 2.0}],
     "actuators": [None, "ideal", {"delay": 0.004, "lag": 0.01}, {"stall_torque": 0.5, "no_load_speed": 50.0}],
-    "name_or_path": ["ideal", "kugle", ROBOTS / "kugle.toml"],
+    "load_actuators.name_or_path": ["ideal", "kugle", ROBOTS / "kugle.toml"],
+    "events": [None, "mild", {"term": "gravity", "range": [9.0, 10.0]}, [{"term": "push", "range": [0, 1], "at": 0.0}]],
+    "load_events.name_or_path": ["mild", "hard", [{"term": "body_mass", "op": "scale", "range": [0.9, 1.1]}]],
     "setpoint": [(0.1, 0.0)],
     "max_episode_steps": [10, None],
     "scale_observations": [True, False],
@@ -286,6 +288,7 @@ _ENVIRONMENT = [
     "max_episode_steps",
     "actuators",
     "reward",
+    "events",
     *_FLOATING,
 ]
 _STATE = ["ball_velocity", "ball_angular_velocity", "body_quaternion", "body_position", "wheel_speeds"]

@@ -25,7 +25,7 @@ def options() -> str:
     """Types of the options of every task."""
     parts = [
         f'"""Types of the options of tasks.\n\n{GENERATED}\n"""\n',
-        "from collections.abc import Mapping\nfrom os import PathLike",
+        "from collections.abc import Mapping, Sequence\nfrom os import PathLike",
         "from typing import TYPE_CHECKING, Any, Literal\n",
         "import numpy.typing as npt\nfrom typing_extensions import TypedDict\n",
         "if TYPE_CHECKING:\n    from ballbot_rs._core import Params\n",

@@ -4,7 +4,17 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from ballbot_rs._core import ACTUATOR_OPTIONS, ACTUATORS, CONTROLLERS, MODELS, ROBOTS, SCALED_BOUND, TASKS, Batch
+from ballbot_rs._core import (
+    ACTUATOR_OPTIONS,
+    ACTUATORS,
+    CONTROLLERS,
+    EVENT_SETS,
+    MODELS,
+    ROBOTS,
+    SCALED_BOUND,
+    TASKS,
+    Batch,
+)
 
 #: Options that every task has: name, type, unit, limit, what it is. Defaults are those of a batch.
 COMMON = (
@@ -21,6 +31,9 @@ COMMON = (
     ("scale_observations", "bool", "", "",
      f"Whether each row, less its value at rest, is divided by its typical magnitude, within ±{SCALED_BOUND:g}."),
     ("reward", "Mapping[str, float]", "", "finite", "Scales of reward terms, by name."),
+    ("events", "str | PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]] | None", "",
+     f"{', '.join(EVENT_SETS)}, FILE.toml, or a list of dicts",
+     "What is drawn at random of the robots, and pushes; `docs/randomization.md`."),
 )  # fmt: skip
 
 
@@ -44,7 +57,7 @@ def class_name(task: str) -> str:
 def option_rows(task: str) -> list[list[str]]:
     """Name, unit, default, limit and meaning of every option of a task."""
     defaults = Batch(1, task, num_threads=1).options | {"params": ROBOTS[0], "model": Batch(1, task).model}
-    defaults |= {"max_wheel_torque": None, "reward": "see above"}
+    defaults |= {"max_wheel_torque": None, "reward": "see above", "events": None}
     rows = []
     for name, _, unit, limit, doc in COMMON:
         default = defaults[name]

@@ -9,6 +9,7 @@ mod runner;
 
 use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
+use ballbot_core::batch::{BalanceConfig, Event, load_events};
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, f64x8};
@@ -52,8 +53,30 @@ fn motors(criterion: &mut Criterion) {
     group.sampling_mode(SamplingMode::Flat);
     for (name, actuators) in [("ideal", MotorOptions::default()), ("all effects", all)] {
         group.throughput(Throughput::Elements(1024));
-        let mut runner = Runner::with_actuators(ModelKind::Contact, actuators, 1024, Some(1));
+        let config = BalanceConfig { actuators, ..runner::config(ModelKind::Contact) };
+        let mut runner = Runner::of(&config, 1024, Some(1));
         group.bench_function(format!("contact/1024 envs/1 threads/{name}"), |b| b.iter(|| runner.step()));
+    }
+    group.finish();
+}
+
+/// What events cost: robots that differ, their resets with ten terms, and what is checked when a batch is made.
+fn events(criterion: &mut Criterion) {
+    const ENVS: usize = 1024;
+    let hard = load_events("hard").expect("it is part of the crate");
+    let fields: Vec<Event> = hard.iter().filter(|event| event.term != "push" && event.id.is_none()).cloned().collect();
+    let with = |events: &[Event]| BalanceConfig { events: events.to_vec(), ..runner::config(ModelKind::Contact) };
+    let mut group = criterion.benchmark_group("events");
+    group.throughput(Throughput::Elements(ENVS as u64));
+    for (name, events) in [("none", &[][..]), ("ten terms", &fields[..10]), ("hard", &hard)] {
+        let mut runner = Runner::of(&with(events), ENVS, Some(1));
+        group.bench_function(format!("a step/{name}"), |b| b.iter(|| runner.step()));
+        group.bench_function(format!("a reset/{name}"), |b| b.iter(|| runner.reset()));
+    }
+    group.throughput(Throughput::Elements(1));
+    for (name, events) in [("none", &[][..]), ("hard", &hard)] {
+        let make = || Runner::of(&with(events), 1, Some(1));
+        group.bench_function(format!("a batch of one/{name}"), |b| b.iter(make));
     }
     group.finish();
 }
@@ -130,6 +153,6 @@ criterion_group! {
         .sample_size(20)
         .warm_up_time(Duration::from_secs(1))
         .measurement_time(Duration::from_secs(3));
-    targets = peak, batches, motors
+    targets = peak, batches, motors, events
 }
 criterion_main!(benches);

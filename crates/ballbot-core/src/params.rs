@@ -64,6 +64,12 @@ macro_rules! parameters {
             /// far from where sums and products lose their meaning.
             pub const LIMITS: &'static [Limit] = &[$($required_limit,)* $($optional_limit,)*];
 
+            /// How many numbers each parameter has, in the order of [`Params::NAMES`].
+            pub(crate) const WIDTHS: &'static [usize] = &[
+                $(size_of::<$required_type>() / size_of::<f64>(),)*
+                $(size_of::<$optional_type>() / size_of::<f64>(),)*
+            ];
+
             /// Parameters with required values unset and all others at their defaults.
             fn unset() -> Self {
                 Self { $($required: Value::UNSET,)* $($optional: $default,)* }
@@ -91,6 +97,12 @@ macro_rules! parameters {
                     rest = others;
                 }
                 rest.is_empty().then_some(params)
+            }
+
+            /// Values of a parameter, to change them; `index` counts in [`Params::NAMES`].
+            pub(crate) fn values_mut(&mut self, index: usize) -> &mut [f64] {
+                let fields = [$(self.$required.as_mut_slice(),)* $(self.$optional.as_mut_slice(),)*];
+                fields.into_iter().nth(index).expect("an index of NAMES")
             }
 
             fn field_mut(&mut self, name: &str) -> Option<&mut [f64]> {

@@ -3,7 +3,7 @@
 
 use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Outcome, StepBuffers};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Outcome, StepBuffers, When};
 use ballbot_core::control::{Controller, Lqr, Pid, PidGains};
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::task::{ACTION_LEN, Balance};
@@ -91,6 +91,11 @@ fn steps_allocate_nothing() {
     // Resets included.
     let brief = BalanceConfig { max_episode_steps: 2, ..endless(ModelKind::Contact) };
     assert_eq!(allocations(&brief, None), 0, "contact");
+    // Events included: at resets and, the friction and pushes, within episodes.
+    let push = Event { when: When::Every([0.01, 0.02]), ..Event::new("push", [0.0, 1e-3]) };
+    let friction = Event { when: When::At(0.01), ..Event::new("floor_dynamic_friction", [0.9, 1.0]) };
+    let events = vec![push, friction, Event::new("gravity", [9.0, 10.0]), Event::new("ball_radius", [0.112, 0.113])];
+    assert_eq!(allocations(&BalanceConfig { events, ..brief.clone() }, None), 0, "contact with events");
     let actuators = MotorOptions { delay: 0.026, lag: 0.01, speed_limit: 20.0, ..MotorOptions::default() };
     for config in [endless(ModelKind::Planar), endless(ModelKind::Spatial), brief] {
         let config = BalanceConfig { actuators: actuators.clone(), ..config };

@@ -50,7 +50,7 @@ const OWNERS: [(&str, &[&str]); 8] = [
     ("rayon", &["thread_pool.rs"]),
     ("rand", &["task/", "batch/"]),
     ("rand_chacha", &["task/", "batch/"]),
-    ("toml", &["params/"]),
+    ("toml", &["params/", "batch/events/"]),
 ];
 
 const MAX_LINES: usize = 500;

@@ -3,6 +3,7 @@
 use crate::control::{PyController, setpoints};
 use crate::convert::{elements, read_elements, vector};
 use crate::errors::{call, to_python};
+use crate::events::draws;
 use crate::exclusive::Exclusive;
 use crate::infos::EmptyInfos;
 use crate::numbers::{count, index, optional_index, optional_whole, seed, seeds, whole};
@@ -32,7 +33,8 @@ use pyo3::{PyTraverseError, PyVisit};
 ///     seed: of the first environment.
 ///     options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
 ///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file; None is
-///         ideal motors), `scale_observations`, `reward` (scales by term), and the options of the task.
+///         ideal motors), `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: what is drawn at
+///         random), and the options of the task.
 ///
 /// Raises:
 ///     ValueError: an unknown name, or a number out of range; the message has the value and the limit.
@@ -164,6 +166,9 @@ impl PyBatch {
         }
         if let Some(Ok(actuators)) = options.get_item("actuators")?.map(|found| found.cast_into::<PyDict>()) {
             options.set_item("actuators", actuators.copy()?)?;
+        }
+        if let Some(events) = options.get_item("events")? {
+            options.set_item("events", py.import("copy")?.call_method1("deepcopy", (events,))?)?;
         }
         Ok(options)
     }
@@ -433,7 +438,29 @@ impl PyBatch {
         Ok(PyParams(self.inner.read()?.batch.params(index).map_err(to_python)?.clone()))
     }
 
-    /// Replaces the parameters of the robot of environment `index`; they outlive resets.
+    /// Parameters that the robot of environment `index` has without events: those it was made with, or of `set_params`.
+    #[pyo3(signature = (index=0))]
+    fn nominal_params(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<PyParams> {
+        Ok(PyParams(self.inner.read()?.batch.nominal_params(index).map_err(to_python)?.clone()))
+    }
+
+    /// Present draws of the events, by term, with the id (`"body_mass:1"`) where one was given.
+    ///
+    /// Of all environments, shape (num_envs,), or (num_envs, k) for terms of k numbers; of environment `index` a number
+    /// or shape (k,). NaN where nothing was drawn, as before the first event of an episode. With "abs" a draw is the
+    /// value, with "add" and "scale" what is added to the nominal one or multiplies it. Of a push it is the impulse (N·s;
+    /// m/s with "scale"), the azimuth (rad) and the height (m; NaN is the center of mass).
+    #[pyo3(signature = (index=None))]
+    fn draws<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = optional_index)] index: Option<usize>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        draws(py, &self.inner.read()?.batch, index)
+    }
+
+    /// Replaces the parameters of the robot of environment `index`; they outlive resets, and are those that events draw
+    /// from.
     ///
     /// With the same geometry (radii, wheel angles, height of the center of mass) its motion goes on; otherwise the
     /// environment must be reset before its next step. The torque of an action stays that of the batch.

@@ -9,6 +9,7 @@ mod batch;
 mod control;
 mod convert;
 mod errors;
+mod events;
 mod exclusive;
 mod infos;
 mod models;
@@ -40,6 +41,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("PAPER_BALL_VISCOUS_FRICTION", ballbot_core::PAPER_BALL_VISCOUS_FRICTION)?;
     module.add("LABELS", ballbot_core::render::Label::NAMES)?;
     tasks::add_to(module)?;
+    events::add_to(module)?;
     module.add_class::<params::PyParams>()?;
     module.add_class::<state::PyState>()?;
     module.add_class::<state::PyContacts>()?;

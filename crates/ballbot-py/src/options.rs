@@ -2,6 +2,7 @@
 
 use crate::actuators::{actuators, to_object};
 use crate::errors::to_python;
+use crate::events::{events, to_list};
 use crate::numbers::one_or_more;
 use crate::params::or_paper;
 use ballbot_core::batch::TaskConfig;
@@ -33,6 +34,7 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
                 config.set_reward(&term, scale).map_err(to_python)?;
             }
         }
+        "events" => config.set_events(events(value)?),
         "max_wheel_torque" if value.is_none() => (),
         _ if config.get(name).is_none() => {
             return Err(PyTypeError::new_err(format!("Batch got an unexpected keyword argument '{name}'")));
@@ -68,5 +70,6 @@ pub(crate) fn resolved<'py>(
         reward.set_item(name, scale)?;
     }
     resolved.set_item("reward", reward)?;
+    resolved.set_item("events", to_list(py, config.events())?)?;
     Ok(resolved)
 }

@@ -77,6 +77,8 @@ def collect(
     found = find(controller, task=task, env_options=env_options)
     # Episodes never end by time: robots that have fallen start anew and are ignored from then on.
     options = {**common_options([found], env_options), "fall_tilt": FALLEN, "max_episode_steps": None}
+    if options.get("events"):
+        raise ValueError("a recovery map is of one robot: it takes no events")
     batch = batch_for(
         found, rings * sectors, task=task or DEFAULT_TASK, num_threads=num_threads, seed=0, options=options
     )

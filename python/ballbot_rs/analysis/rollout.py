@@ -61,7 +61,7 @@ def batch_for(
     A feedback law has a limit of torques of its own; unless the options name one, that of the motors is the batch's.
     """
     if controller.policy is None and options.get("max_wheel_torque") is None:
-        params = new_batch(1, task=task, num_threads=1, options=options).params(0)
+        params = new_batch(1, task=task, num_threads=1, options=options).nominal_params(0)
         options = {**options, "max_wheel_torque": params.max_wheel_torque}
 
     def batch(options: Mapping[str, Any]) -> Batch:
@@ -140,6 +140,7 @@ def run_one(
     steps: int,
     start: State,
     pushes: Mapping[int, npt.ArrayLike] | None = None,
+    seed: int | None = None,
 ) -> Run:
     """Runs a controller on a batch of one robot; after a fall with the motors off.
 
@@ -149,11 +150,12 @@ def run_one(
         steps: number of control steps.
         start: first state.
         pushes: impulses on the body, N·s, by the number of the step that begins with them.
+        seed: starts the random numbers of events anew; None goes on with them.
     """
     pushes = pushes or {}
     law = _core_law(controller, batch)
     act = _bind(controller, batch) if law is None else lambda observations: batch.control(law)  # noqa: ARG005
-    observations = batch.reset(starts=[start])
+    observations = batch.reset(seeds=[seed], starts=[start])
     states, contacts = [batch.state(0)], [batch.contacts(0)]
     torques: list[Array] = []
     for step in range(steps):
@@ -202,7 +204,7 @@ def _core_law(controller: ResolvedController, batch: Batch) -> Controller | None
     if controller.policy is not None:
         return None
     # The environment clips each torque at its own limit; a controller that has this limit keeps their direction.
-    params = batch.params(0).replace(max_wheel_torque=batch.max_wheel_torque)
+    params = batch.nominal_params(0).replace(max_wheel_torque=batch.max_wheel_torque)
     law = controller.law(params, batch.control_dt)
     return law if isinstance(law, Controller) else None
 
@@ -212,7 +214,7 @@ def _bind(controller: ResolvedController, batch: Batch) -> _Act:
     if controller.policy is not None:
         policy = controller.policy
         return lambda observations: _limited(policy(observations))
-    params = batch.params(0).replace(max_wheel_torque=batch.max_wheel_torque)
+    params = batch.nominal_params(0).replace(max_wheel_torque=batch.max_wheel_torque)
     laws = controller.laws(batch.num_envs, params, batch.control_dt)
     setpoint = batch.options.get("setpoint", (0.0, 0.0))
 

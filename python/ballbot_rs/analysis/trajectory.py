@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,9 @@ from ballbot_rs.control.resolve import Source, common_options, find
 from ballbot_rs.envs.registration import DEFAULT_TASK
 
 Array = npt.NDArray[np.float64]
+
+#: Of the environment; events draw from it.
+SEED: Final = 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,11 +91,15 @@ def run(
     found = find(controller, task=task, env_options=env_options)
     # Only a fall ends the episode: lengths in steps are for the task's own rate.
     options = {**common_options([found], env_options), "max_episode_steps": None}
-    batch = batch_for(found, 1, task=task or DEFAULT_TASK, num_threads=1, seed=0, options=options, autoreset="disabled")
+    batch = batch_for(
+        found, 1, task=task or DEFAULT_TASK, num_threads=1, seed=SEED, options=options, autoreset="disabled"
+    )
     steps = max(round(seconds / batch.control_dt), 1)
     pushes = {} if push is None else {min(round(push.time / batch.control_dt), steps - 1): push.impulse}
+    # The robot that events make for the episode to come.
+    batch.reset(seeds=[SEED])
     start = State.at_rest(batch.params(0), tilt=tilt, yaw=yaw)
-    done = run_one(batch, found, steps, start, pushes)
+    done = run_one(batch, found, steps, start, pushes, SEED)
     last = done.torques[-1:] if len(done.torques) else np.zeros((1, 3))
     return Trajectory(
         controller=found.name,

@@ -10,6 +10,7 @@ from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SEED, whole
 from ballbot_rs.cli.progress import bar
+from ballbot_rs.control.resolve import TRAINED
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 
 
@@ -19,6 +20,7 @@ def add_to(commands: Any) -> None:
     scenario.add_task(command)
     scenario.add_controller(command, several=True)
     scenario.add_robot(command)
+    scenario.add_events(command, TRAINED)
     scenario.add_seed(command, "seed of the first start (default 1000)", 1000, MAX_SEED)
     command.add_argument(
         "--episodes", type=whole(1, MAX_EPISODES), default=100, help="number of episodes (default 100)"

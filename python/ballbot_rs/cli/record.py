@@ -8,6 +8,7 @@ from typing import Any
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
 from ballbot_rs.cli.progress import bar
+from ballbot_rs.control.resolve import TRAINED
 from ballbot_rs.media.video import FRAME_RATES, picture, renderer_for, write_picture, write_video
 
 
@@ -17,6 +18,7 @@ def add_to(commands: Any) -> None:
     scenario.add_task(command)
     scenario.add_controller(command)
     scenario.add_robot(command)
+    scenario.add_events(command, TRAINED)
     scenario.add_output(command, "FILE.mp4", "the video (default CONTROLLER.mp4)")
     command.add_argument(
         "--still",

@@ -9,7 +9,16 @@ from typing import Any
 
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
-from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS, TASKS, Params, load_actuators
+from ballbot_rs._core import (
+    ACTUATORS,
+    EVENT_SETS,
+    MODELS,
+    ROBOTS,
+    TASKS,
+    Params,
+    load_actuators,
+    load_events,
+)
 from ballbot_rs._reading import read_regular
 from ballbot_rs.analysis.trajectory import Push, Trajectory, run
 from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
@@ -71,6 +80,12 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", actuat
             help=f"motors: {', '.join(ACTUATORS)}, a TOML file with a table [actuators], or the URDF of the bot "
             f"(default: {otherwise} ideal)",
         )
+
+
+def add_events(command: Any, *others: str) -> None:
+    """Adds what is drawn at random of the robots."""
+    names = "|".join((*EVENT_SETS, *others, "FILE.toml"))
+    command.add_argument("--events", metavar=names, help="draw robots and pushes at random (default: nominal robots)")
 
 
 def add_seed(command: Any, what: str, default: int | None, highest: int) -> None:
@@ -151,6 +166,10 @@ def env_options(arguments: argparse.Namespace) -> dict[str, Any]:
         options["params"] = robot_option(arguments.robot)
     if getattr(arguments, "actuators", None) is not None:
         options["actuators"] = actuators_option(arguments.actuators)
+    if getattr(arguments, "events", None) is not None:
+        # A file in full, so that what is kept of a run does not depend on it.
+        is_file = Path(arguments.events).suffix == ".toml"
+        options["events"] = load_events(arguments.events) if is_file else arguments.events
     return options
 
 

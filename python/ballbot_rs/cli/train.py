@@ -26,6 +26,7 @@ def add_to(commands: Any) -> None:
     command = commands.add_parser("train", help="train a policy with Stable-Baselines3")
     scenario.add_task(command)
     scenario.add_robot(command, otherwise="the configuration's, else")
+    scenario.add_events(command)
     scenario.add_seed(command, "seed of the run (default 0)", None, MAX_RUN_SEED)
     command.add_argument("--config", type=Path, help="TOML file to use instead of the task's own")
     command.add_argument(

@@ -29,6 +29,8 @@ def completed(task: str, options: Mapping[str, Any]) -> dict[str, Any]:
         ValueError: there is no such environment.
         TypeError: the task has no such option.
     """
+    if isinstance(options.get("events"), str):
+        raise ValueError(f"events = {options['events']!r}: a policy file has them as a list, not the name of a file")
     before = {} if "scale_observations" in options else BEFORE_SCALING
     # Where Gymnasium, not the environment, ended the episodes, the task's own number of steps stands.
     given = {**before, **{name: value for name, value in options.items() if value is not None}}

@@ -21,6 +21,9 @@ from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 #: Names of controllers: those of the core, and no torque at all. Anything else is the path of a policy.
 NAMES: Final = (*CONTROLLERS, "zero")
 
+#: Events of the environment that a policy was trained in, in place of the name of a set.
+TRAINED: Final = "trained"
+
 #: Largest file that is read for someone who is not trusted; exported policies have some 30 kB.
 MAX_FILE_SIZE: Final = 64 * 2**20
 
@@ -47,7 +50,7 @@ class ResolvedController:
     """A controller that is not on any robot yet: either a policy or a feedback law."""
 
     name: str
-    #: Options of the environment that a policy was trained in.
+    #: Options of the environment that a policy was trained in, without its events.
     env_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     policy: Policy | None = None
     #: Makes the law of one robot from its parameters and the time between two calls, s.
@@ -56,6 +59,8 @@ class ResolvedController:
     control_dt: float | None = None
     #: Ends a call of the policy in another thread, where that is possible.
     interrupt: Callable[[], None] | None = None
+    #: Events of the environment that a policy was trained in: evaluation has nominal robots unless asked for these.
+    events: Sequence[Mapping[str, Any]] = ()
 
     def law(self, params: Params, control_dt: float) -> Law:
         """The feedback law; one of the core runs all robots of a batch."""
@@ -121,7 +126,8 @@ def find(
         if not trusted:
             _check_size(path)
         onnx = OnnxPolicy(path, known_task)
-        return ResolvedController(name, onnx.env_options, onnx.act, interrupt=onnx.interrupt)
+        options, events = _without_events(onnx.env_options)
+        return ResolvedController(name, options, onnx.act, interrupt=onnx.interrupt, events=events)
     if not trusted:
         raise ValueError(
             f"unknown controller '{name}': expected {', '.join(NAMES)} or a policy file that ends in .onnx"
@@ -134,9 +140,15 @@ def find(
         raise FileNotFoundError(f"no policy at {name}: {known}{did_you_mean(name, NAMES)}")
     with require("a policy file", "train"):
         from ballbot_rs.control import sb3_policy
-    given = None if task is None and not env_options else env_options or {}
+    given = None if task is None and not env_options else _without_events(env_options or {})[0]
     model, found = sb3_policy.load(path, known_task, given)
-    return ResolvedController(name, found["env_options"], lambda observations: sb3_policy.act(model, observations))
+    options, events = _without_events(found["env_options"])
+    return ResolvedController(name, options, lambda observations: sb3_policy.act(model, observations), events=events)
+
+
+def _without_events(options: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
+    rest = {name: value for name, value in options.items() if name != "events"}
+    return rest, options.get("events") or ()
 
 
 def _check_size(path: Path) -> None:
@@ -149,8 +161,10 @@ def common_options(
 ) -> dict[str, Any]:
     """The options of the environment that the policies among the controllers share, updated by `env_options`.
 
+    Events are those of `env_options` alone; `TRAINED` there is those that the policies were trained with.
+
     Raises:
-        ValueError: policies that were trained with different options.
+        ValueError: policies that were trained with different options, or, with `TRAINED`, different events or none.
     """
     policies = [controller for controller in controllers if controller.policy is not None]
     options: Mapping[str, Any] = policies[0].env_options if policies else {}
@@ -160,7 +174,13 @@ def common_options(
                 f"{controller.name} was trained with {dict(controller.env_options)}, "
                 f"{policies[0].name} with {dict(options)}: not one task"
             )
-    return {**options, **(env_options or {})}
+    given = dict(env_options or {})
+    if isinstance(given.get("events"), str) and given["events"] == TRAINED:
+        found = [controller.events for controller in policies]
+        if not found or any(events != found[0] for events in found):
+            raise ValueError(f"events = '{TRAINED}': the controllers have no policy, or policies with different events")
+        given["events"] = found[0]
+    return {**options, **given}
 
 
 def options_of(

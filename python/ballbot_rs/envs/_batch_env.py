@@ -5,6 +5,7 @@ import secrets
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
+import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_count, check_seed, did_you_mean
@@ -99,6 +100,15 @@ class OneRobot(SharedAttributes):
         return self._batch.params(self._index)
 
     @property
+    def nominal_params(self) -> Params:
+        """The parameters that the robot has without events: those of controllers."""
+        return self._batch.nominal_params(self._index)
+
+    def draws(self) -> dict[str, Any]:
+        """What events have drawn of the robot, by term, a number or an array each; see `Batch.draws`."""
+        return self._batch.draws(self._index)
+
+    @property
     def state(self) -> State:
         """The robot's full state, of which the observation is a part."""
         return self._batch.state(self._index)
@@ -126,8 +136,17 @@ class ManyRobots(SharedAttributes):
 
     @property
     def params(self) -> Params:
-        """Parameters of the first robot; all have them unless `set_params` changed one."""
+        """Parameters of the first robot; all have them unless `set_params` or events changed one."""
         return self._batch.params(0)
+
+    @property
+    def nominal_params(self) -> Params:
+        """Those that the first robot has without events: those of controllers."""
+        return self._batch.nominal_params(0)
+
+    def draws(self) -> dict[str, npt.NDArray[np.float64]]:
+        """What events have drawn, by term, the first axis that of the robots; see `Batch.draws`."""
+        return self._batch.draws()
 
     def set_params(self, params: Params | str, index: int | None = None) -> None:
         """Replaces the parameters of robot `index`, or of every robot; see `Batch.set_params`."""

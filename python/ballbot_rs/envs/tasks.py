@@ -85,6 +85,8 @@ class BalanceEnv(BallbotEnv):
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+      FILE.toml, or a list of dicts)
     - `setpoint`: Where the ball should be. (default (0, 0) m; >= -10000 and <= 10000)
     - `reset_tilt`: Half angle of the cone from which the first tilt is drawn, evenly over its opening; below
       `fall_tilt`. (default 0.0872665 rad; >= 0)

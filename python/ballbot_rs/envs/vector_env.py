@@ -49,7 +49,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
     """
 
     #: Attributes that each robot has its own of.
-    _OF_EACH: Final = ("state", "params")
+    _OF_EACH: Final = ("state", "params", "nominal_params")
 
     metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": list(RENDER_MODES),
@@ -176,14 +176,14 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         return info
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Calls a method of every environment, one of `push`, `set_params` and `reward_terms`.
+        """Calls a method of every environment, one of `push`, `set_params`, `reward_terms` and `draws`.
 
         A name that is not a method is read as `get_attr` reads it.
 
         Raises:
             AttributeError: there is no such method, or arguments came with an attribute.
         """
-        methods = ("push", "set_params", "reward_terms")
+        methods = ("push", "set_params", "reward_terms", "draws")
         if name in methods:
             method = getattr(self._batch, name)
             return tuple(method(i, *args, **kwargs) for i in range(self.num_envs))
@@ -192,7 +192,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         return self.get_attr(name)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of every environment: `state`, `params`, a space of one environment, or what all share."""
+        """An attribute of every environment: its own, a space of one, or what all share."""
         if name in self._OF_EACH:
             return tuple(getattr(self._batch, name)(i) for i in range(self.num_envs))
         if name in ("observation_space", "action_space"):

@@ -108,7 +108,7 @@ class PolicyDriver:
         self.follows_position = self.is_foreign = True
         self._policy = controller.policy
         # Any model observes a state alike, with any motors; `contact` takes every state, be it fallen or slipping.
-        fixed = {"params": params, "model": "contact", "actuators": None, "setpoint": (0.0, 0.0)}
+        fixed = {"params": params, "model": "contact", "actuators": None, "events": None, "setpoint": (0.0, 0.0)}
         options = {**controller.env_options, **fixed}
         self._observers = [new_batch(1, num_threads=1, options=options) for _ in range(num_robots)]
         self.control_dt = self._observers[0].control_dt

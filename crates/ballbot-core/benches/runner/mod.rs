@@ -1,7 +1,6 @@
 //! A batch with somewhere to write to, for the benchmarks.
 
 use ballbot_core::ModelKind;
-use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Outcome, StepBuffers};
 use ballbot_core::task::ACTION_LEN;
 
@@ -17,22 +16,20 @@ pub struct Runner {
     outcomes: Vec<Outcome>,
 }
 
+/// An environment with actions of 1 N·m.
+pub fn config(model: ModelKind) -> BalanceConfig {
+    BalanceConfig { model, max_wheel_torque: Some(1.0), scale_observations: false, ..BalanceConfig::default() }
+}
+
 impl Runner {
     /// `threads` as for [`Batch::new`].
     pub fn new(model: ModelKind, n: usize, threads: Option<usize>) -> Self {
-        Self::with_actuators(model, MotorOptions::default(), n, threads)
+        Self::of(&config(model), n, threads)
     }
 
-    /// [`Runner::new`] with motors that are not ideal.
-    pub fn with_actuators(model: ModelKind, actuators: MotorOptions, n: usize, threads: Option<usize>) -> Self {
-        let config = BalanceConfig {
-            model,
-            max_wheel_torque: Some(1.0),
-            actuators,
-            scale_observations: false,
-            ..BalanceConfig::default()
-        };
-        let mut batch = Batch::new(&config, n, Autoreset::NextStep, threads, 0).expect("the default task is valid");
+    /// `n` environments of that kind.
+    pub fn of(config: &BalanceConfig, n: usize, threads: Option<usize>) -> Self {
+        let mut batch = Batch::new(config, n, Autoreset::NextStep, threads, 0).expect("the default task is valid");
         let mut observations = vec![0.0; n * batch.observation_len()];
         batch.reset(None, &mut observations).expect("the buffer fits");
         Self {

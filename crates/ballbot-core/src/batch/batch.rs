@@ -4,6 +4,7 @@ use super::autoreset::Autoreset;
 use super::buffers::StepBuffers;
 use super::chunk::{Chunk, Environments};
 use super::config::EnvConfig;
+use super::events::Plan;
 use super::pieces::pieces;
 use super::robots::Single;
 use super::task_step::TaskStep;
@@ -35,6 +36,7 @@ pub struct Batch {
     max_wheel_torque: f64,
     scaled: bool,
     len: usize,
+    pub(super) plan: Option<Arc<Plan>>,
     /// Environments in order, `width` to a chunk; the last may have fewer.
     pub(super) chunks: Vec<Box<dyn Chunk>>,
     pub(super) width: usize,
@@ -112,10 +114,12 @@ impl Batch {
             config.scale_observations,
             config.control_dt,
         ));
+        let plan = config.plan()?;
+        let of_events = plan.as_ref().map_or(0, |plan| plan.bytes());
         require_memory(
             format_args!("num_envs = {num_envs}"),
             num_envs,
-            config.model.bytes() + step.sizes().numbers() * size_of::<f64>(),
+            config.model.bytes() + step.sizes().numbers() * size_of::<f64>() + of_events,
         )?;
         let params = Arc::new(config.params.clone());
         let width = if config.model == ModelKind::Contact { EIGHT } else { 1 };
@@ -127,11 +131,11 @@ impl Batch {
             Ok(match config.model {
                 ModelKind::Contact => {
                     let robots = ContactLanes::new(&params, config.sim_dt);
-                    Box::new(Environments::new(&config, &step, actuator.clone(), robots, used, seed)?)
+                    Box::new(Environments::new(&config, &step, actuator.clone(), robots, plan.as_ref(), used, seed)?)
                 }
                 model => {
                     let robot = Single::new(Ballbot::new(&params, model, config.sim_dt)?);
-                    Box::new(Environments::new(&config, &step, actuator.clone(), robot, used, seed)?)
+                    Box::new(Environments::new(&config, &step, actuator.clone(), robot, plan.as_ref(), used, seed)?)
                 }
             })
         };
@@ -150,6 +154,7 @@ impl Batch {
             max_wheel_torque: config.action_torque(),
             scaled: config.scale_observations,
             len: num_envs,
+            plan,
             chunks,
             width,
             autoreset,
@@ -256,12 +261,12 @@ impl Batch {
         Ok(self.chunks[chunk].params(i))
     }
 
-    /// Replaces the parameters of one robot; they outlive resets. If the geometry (radii, wheel angles, height of the CoM)
+    /// Replaces the parameters of one robot; they outlive resets, and are those that events draw from. If the geometry (radii, wheel angles, height of the CoM)
     /// is the same, its motion goes on; otherwise the environment must be reset before its next step.
     ///
     /// # Errors
-    /// As [`Batch::state`]; those of [`Params::validate`]; [`Error::OutOfRange`] or [`Error::Inconsistent`] if the task or
-    /// its actions do not fit the robot. The robot is then left as it was.
+    /// As [`Batch::state`]; those of [`Params::validate`]; [`Error::OutOfRange`] or [`Error::Inconsistent`] if the task,
+    /// its actions or its events do not fit the robot. The robot is then left as it was.
     pub fn set_params(&mut self, index: usize, params: &Params) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         self.chunks[chunk].set_params(i, params)
@@ -326,7 +331,7 @@ impl Batch {
     }
 
     /// The chunk of an environment, and its place there.
-    fn locate(&self, index: usize) -> Result<(usize, usize)> {
+    pub(super) fn locate(&self, index: usize) -> Result<(usize, usize)> {
         self.check_index(index)?;
         Ok((index / self.width, index % self.width))
     }

@@ -3,8 +3,9 @@
 use super::autoreset::Autoreset;
 use super::buffers::{Outcome, StepBuffers};
 use super::config::EnvConfig;
+use super::events::{Plan, Randomized};
 use super::ledger::{Ledger, Ledgers};
-use super::robots::{Robots, refused};
+use super::robots::Robots;
 use super::task_step::TaskStep;
 use crate::actuator::Actuator;
 use crate::control::{Controller, LaneWidth};
@@ -14,13 +15,11 @@ use crate::lanes::{Cell, Scalar, run_one};
 use crate::params::Params;
 use crate::sensor::Sensor;
 use crate::setpoint::{Setpoint, SetpointCells};
-use crate::snapshot;
 use crate::state::{Contacts, State};
 use crate::task::{ACTION_LEN, DIVERGED, Task};
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Environments of one task, whichever it is. Indices count within the chunk.
@@ -37,11 +36,11 @@ pub trait Chunk: Send + Sync {
     /// What [`crate::Ballbot::reset`] finds in the state.
     fn reset(&mut self, i: usize, start: Option<&State>, observation: &mut [f32]) -> Result<()>;
 
-    /// Checks that a reset would take a state.
+    /// Checks that a reset, after a new seed if there is one, would take a state.
     ///
     /// # Errors
     /// As [`Chunk::reset`].
-    fn accepts(&self, i: usize, start: &State) -> Result<()>;
+    fn accepts(&self, i: usize, start: &State, seed: Option<u64>) -> Result<()>;
 
     /// Writes the last observation.
     fn observation(&self, i: usize, out: &mut [f32]);
@@ -58,7 +57,13 @@ pub trait Chunk: Send + Sync {
     /// Parameters of the robot.
     fn params(&self, i: usize) -> &Params;
 
-    /// Replaces the parameters of the robot; see [`super::Batch::set_params`].
+    /// Parameters that the robot has without events.
+    fn nominal_params(&self, i: usize) -> &Params;
+
+    /// Present draws of the events; NaN where there is none.
+    fn draws(&self, i: usize) -> &[f64];
+
+    /// Replaces the parameters that the robot has without events; see [`super::Batch::set_params`].
     ///
     /// # Errors
     /// As [`super::Batch::set_params`].
@@ -93,16 +98,16 @@ pub trait Chunk: Send + Sync {
 }
 
 /// Numbers that a controller keeps of each robot.
-struct ControlMemory<C> {
+pub(super) struct ControlMemory<C> {
     /// [`Controller::id`] of the controller that the numbers belong to.
     owner: u64,
-    cells: Vec<C>,
+    pub(super) cells: Vec<C>,
 }
 
 /// Environments whose robots are `R`, with task `T`, actuator `A` and sensor `S`.
 pub struct Environments<R: Robots, T, A, S> {
-    config: Arc<EnvConfig<T>>,
-    step: Arc<TaskStep<T, S>>,
+    pub(super) config: Arc<EnvConfig<T>>,
+    pub(super) step: Arc<TaskStep<T, S>>,
     actuator: A,
     substeps: usize,
     action_torque: f64,
@@ -111,28 +116,16 @@ pub struct Environments<R: Robots, T, A, S> {
     pub(super) robots: R,
     /// As in [`TaskStep::run`].
     com_directions: [R::Cell; 3],
-    ledger: Ledger<R::Cell>,
+    pub(super) ledger: Ledger<R::Cell>,
     /// Room for the ledger of one robot.
-    one: Ledger<f64>,
-    control: ControlMemory<R::Cell>,
+    pub(super) one: Ledger<f64>,
+    pub(super) control: ControlMemory<R::Cell>,
     /// Whether there has been a reset at all.
-    begun: bool,
-    over: Vec<bool>,
-    rngs: Vec<ChaCha8Rng>,
-}
-
-/// Everything that the future of an environment depends on.
-#[derive(Serialize, Deserialize)]
-struct Snapshot {
-    task: String,
-    model: String,
-    options: Vec<f64>,
-    params: Vec<f64>,
-    robot: Vec<u8>,
-    seed: [u8; 32],
-    word: u128,
-    ledger: Ledger<f64>,
-    over: bool,
+    pub(super) begun: bool,
+    pub(super) over: Vec<bool>,
+    pub(super) rngs: Vec<ChaCha8Rng>,
+    /// What is drawn at random of the robots, if anything is.
+    pub(super) events: Option<Box<Randomized>>,
 }
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
@@ -145,9 +138,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         step: &Arc<TaskStep<T, S>>,
         actuator: A,
         robots: R,
+        plan: Option<&Arc<Plan>>,
         used: usize,
         seed: u64,
     ) -> Result<Self> {
+        let nominal = Arc::new(robots.params(0).clone());
         let mut environments = Self {
             step: Arc::clone(step),
             com_directions: [R::Cell::default(); 3],
@@ -161,16 +156,22 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             begun: false,
             over: vec![true; used],
             rngs: (0..used).map(|i| ChaCha8Rng::seed_from_u64(seed.wrapping_add(i as u64))).collect(),
+            events: plan.map(|plan| Box::new(Randomized::new(plan, &nominal, used))),
             robots,
             config: Arc::clone(config),
         };
-        (0..R::Cell::WIDTH).for_each(|i| environments.note_com(i));
         environments.check_starts(0)?;
+        if let Some(events) = &mut environments.events {
+            for (i, rng) in environments.rngs.iter().enumerate() {
+                events.start(&mut environments.robots, i, rng.get_seed());
+            }
+        }
+        (0..R::Cell::WIDTH).for_each(|i| environments.note_com(i));
         Ok(environments)
     }
 
     /// Takes the direction of the center of mass from the parameters of robot `i`.
-    fn note_com(&mut self, i: usize) {
+    pub(super) fn note_com(&mut self, i: usize) {
         let direction = self.robots.params(i).com_direction();
         for (cells, component) in self.com_directions.iter_mut().zip(direction.iter()) {
             cells.set(i, *component);
@@ -183,6 +184,43 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
                 Error::Inconsistent(format!("the robot cannot start where the task may place it: {error}"))
             })?;
         }
+        Ok(())
+    }
+
+    /// Makes robot `i` what it is in a new episode; it must then be placed.
+    fn renew(&mut self, i: usize) {
+        if let Some(events) = &mut self.events {
+            events.begin(&mut self.robots, i, self.rngs[i].get_seed());
+            self.note_com(i);
+        }
+    }
+
+    /// Fires the events that are due.
+    fn fire_events(&mut self, autoreset: Autoreset) {
+        for i in 0..self.used {
+            let Some(events) = self.events.as_mut().filter(|events| events.plan.timed) else { return };
+            let step = self.ledger.episode.steps.get(i);
+            if events.due(i, step) && !(autoreset == Autoreset::NextStep && self.over[i]) {
+                events.fire(&mut self.robots, i, self.rngs[i].get_seed(), step);
+                self.note_com(i);
+            }
+        }
+    }
+
+    /// Replaces the parameters of robot `i` as they are.
+    pub(super) fn replace_robot(&mut self, i: usize, params: &Params) -> Result<()> {
+        params.validate()?;
+        self.config.validate_robot(params)?;
+        self.config.task.validate(params)?;
+        let (old, motion) = (self.robots.params(i).clone(), self.robots.save(i));
+        let goes_on = self.robots.set_params(i, params)?;
+        if let Err(error) = self.check_starts(i) {
+            self.robots.set_params(i, &old)?;
+            self.robots.load(i, &motion)?;
+            return Err(error);
+        }
+        self.note_com(i);
+        self.over[i] |= !goes_on;
         Ok(())
     }
 
@@ -210,6 +248,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     fn begin_at_random(&mut self, i: usize, observation: &mut [f32]) {
+        self.renew(i);
         let (params, wheels) = (self.robots.params(i), self.robots.wheels(i));
         let start = self.step.task.start(params, wheels, &mut self.rngs[i]);
         // The extreme starts were accepted, and bound this one.
@@ -257,6 +296,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
     fn step(&mut self, autoreset: Autoreset, actions: &[f32], mut buffers: StepBuffers<'_>) {
         let width = self.ledger.observation.len();
         let reset_instead = |over: bool| autoreset == Autoreset::NextStep && over;
+        self.fire_events(autoreset);
         // A single robot whose episode is over is not simulated; in lanes its neighbors are.
         if R::Cell::WIDTH > 1 || !reset_instead(self.over[0]) {
             self.robots.park(self.used);
@@ -322,7 +362,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
     fn reset(&mut self, i: usize, start: Option<&State>, observation: &mut [f32]) -> Result<()> {
         match start {
             Some(start) => {
-                self.robots.accepts(i, start)?;
+                self.accepts(i, start, None)?;
+                self.renew(i);
                 self.begin(i, start, observation);
             }
             None => self.begin_at_random(i, observation),
@@ -330,8 +371,15 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         Ok(())
     }
 
-    fn accepts(&self, i: usize, start: &State) -> Result<()> {
-        self.robots.accepts(i, start)
+    fn accepts(&self, i: usize, start: &State, seed: Option<u64>) -> Result<()> {
+        let Some(events) = &self.events else { return self.robots.accepts(i, start) };
+        let rng = seed.map(ChaCha8Rng::seed_from_u64);
+        let key = rng.as_ref().unwrap_or(&self.rngs[i]).get_seed();
+        let params = events.of_next_episode(i, key, seed.is_some());
+        if params == *self.robots.params(i) {
+            return self.robots.accepts(i, start);
+        }
+        self.robots.accepts_as(&params, start)
     }
 
     fn observation(&self, i: usize, out: &mut [f32]) {
@@ -356,19 +404,23 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.robots.params(i)
     }
 
+    fn nominal_params(&self, i: usize) -> &Params {
+        self.events.as_ref().map_or_else(|| self.robots.params(i), |events| events.nominal(i))
+    }
+
+    fn draws(&self, i: usize) -> &[f64] {
+        self.events.as_ref().map_or(&[], |events| events.draws(i))
+    }
+
     fn set_params(&mut self, i: usize, params: &Params) -> Result<()> {
+        let Some(events) = &self.events else { return self.replace_robot(i, params) };
         params.validate()?;
-        self.config.validate_robot(params)?;
-        self.config.task.validate(params)?;
-        let (old, motion) = (self.robots.params(i).clone(), self.robots.save(i));
-        let goes_on = self.robots.set_params(i, params)?;
-        if let Err(error) = self.check_starts(i) {
-            self.robots.set_params(i, &old)?;
-            self.robots.load(i, &motion)?;
-            return Err(error);
+        self.config.check_events(&events.plan, params)?;
+        let robot = events.made_of(i, params);
+        self.replace_robot(i, &robot)?;
+        if let Some(events) = &mut self.events {
+            events.set_nominal(i, params);
         }
-        self.note_com(i);
-        self.over[i] |= !goes_on;
         Ok(())
     }
 
@@ -378,6 +430,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn seed(&mut self, i: usize, seed: u64) {
         self.rngs[i] = ChaCha8Rng::seed_from_u64(seed);
+        if let Some(events) = &mut self.events {
+            events.seed(i);
+        }
     }
 
     fn shorten(&mut self, i: usize, steps: usize) {
@@ -393,59 +448,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
     }
 
     fn save(&self, i: usize) -> Vec<u8> {
-        let mut ledger = Ledger::new(self.step.sizes());
-        R::Cell::take(&self.ledger, i, &mut ledger);
-        snapshot::encode(&Snapshot {
-            task: T::NAME.to_owned(),
-            model: self.config.model.name().to_owned(),
-            options: self.config.numbers(),
-            params: self.robots.params(i).numbers(),
-            robot: self.robots.save(i),
-            seed: self.rngs[i].get_seed(),
-            word: self.rngs[i].get_word_pos(),
-            ledger,
-            over: self.over[i],
-        })
+        self.save_one(i)
     }
 
     fn load(&mut self, i: usize, bytes: &[u8]) -> Result<()> {
-        let snapshot: Snapshot = snapshot::decode("snapshot of an environment", bytes)?;
-        let model = self.config.model.name();
-        if (snapshot.task.as_str(), snapshot.model.as_str()) != (T::NAME, model) {
-            return Err(refused(format!(
-                "it is of task '{}' with a '{}' robot, this is task '{}' with a '{model}' robot",
-                snapshot.task,
-                snapshot.model,
-                T::NAME
-            )));
-        }
-        if snapshot.options != self.config.numbers() {
-            return Err(refused("time steps, torque, scaling, reward or options of its task differ".into()));
-        }
-        if !self.one.fits(&snapshot.ledger) {
-            return Err(refused("its task or stages keep other numbers".into()));
-        }
-        let params = Params::from_numbers(&snapshot.params).ok_or_else(|| refused("it lacks parameters".into()))?;
-        let (old, motion, over) = (self.robots.params(i).clone(), self.robots.save(i), self.over[i]);
-        let changed = params != old;
-        if changed {
-            self.set_params(i, &params)?;
-        }
-        if let Err(error) = self.robots.load(i, &snapshot.robot) {
-            if changed {
-                self.robots.set_params(i, &old)?;
-                self.note_com(i);
-                self.robots.load(i, &motion)?;
-                self.over[i] = over;
-            }
-            return Err(error);
-        }
-        self.rngs[i] = ChaCha8Rng::from_seed(snapshot.seed);
-        self.rngs[i].set_word_pos(snapshot.word);
-        R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
-        self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
-        self.over[i] = snapshot.over;
-        self.begun |= !snapshot.over;
-        Ok(())
+        self.load_one(i, bytes)
     }
 }

@@ -1,11 +1,14 @@
 //! Everything that defines an environment.
 
+use super::events::{Event, Plan, Tests};
 use crate::actuator::{MotorOptions, Motors};
 use crate::control::default_max_torque;
 use crate::error::{Error, Result, check, positive};
+use crate::model::same_geometry;
 use crate::params::Params;
-use crate::robot::{ModelKind, check_sim_dt};
+use crate::robot::{Ballbot, ModelKind, check_sim_dt};
 use crate::task::{Balance, RewardScales, Task, TaskDescription};
+use std::sync::Arc;
 
 /// Least torque of an action of 1, N·m.
 const LEAST_TORQUE: f64 = 1e-9;
@@ -34,6 +37,8 @@ pub struct EnvConfig<T> {
     pub reward: RewardScales,
     /// Options of the task.
     pub task: T,
+    /// What is drawn at random of the robots and hits them, besides where they start.
+    pub events: Vec<Event>,
 }
 
 /// [`EnvConfig`] of the balance task.
@@ -52,6 +57,7 @@ impl<T: Task> Default for EnvConfig<T> {
             scale_observations: true,
             reward: RewardScales::of(&TaskDescription::of::<T>().terms),
             task: T::default(),
+            events: Vec::new(),
         }
     }
 }
@@ -70,6 +76,11 @@ impl<T: Task> EnvConfig<T> {
         // Snapshots of environments with ideal motors are those of versions without others.
         let actuators = (!self.actuators.is_ideal()).then(|| self.actuators.numbers()).into_iter().flatten();
         own.into_iter().chain(self.reward.values()).chain(options.copied()).chain(actuators).collect()
+    }
+
+    /// The motors, unless they are ideal.
+    fn not_ideal(&self) -> Result<Option<Motors>> {
+        if self.actuators.is_ideal() { Ok(None) } else { self.motors().map(Some) }
     }
 
     /// The motors of [`EnvConfig::actuators`] in the time steps of this environment.
@@ -110,7 +121,42 @@ impl<T: Task> EnvConfig<T> {
         self.validate_robot(&self.params)?;
         self.task.check_limits()?;
         self.task.validate(&self.params)?;
-        self.reward.validate()
+        self.reward.validate()?;
+        self.plan().and_then(|plan| plan.map_or(Ok(()), |plan| self.check_events(&plan, &self.params)))
+    }
+
+    /// The events as they are carried out, if there are any.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for an event that cannot be, whatever the robot.
+    pub(super) fn plan(&self) -> Result<Option<Arc<Plan>>> {
+        if self.events.is_empty() {
+            return Ok(None);
+        }
+        Ok(Some(Arc::new(Plan::new(&self.events, self.control_dt)?)))
+    }
+
+    /// Checks that every robot that the events may make of a valid one can be run.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] with the term of an event that may make another.
+    pub(super) fn check_events(&self, plan: &Plan, nominal: &Params) -> Result<()> {
+        // Computed once: it takes longer than all else.
+        let (torque, motors) = (self.action_torque(), self.not_ideal()?);
+        let robot = |params: &Params| {
+            params.validate()?;
+            check_drive(torque, motors.as_ref(), params, self.sim_dt)?;
+            self.task.validate(params)
+        };
+        let starts = |params: &Params| {
+            // `contact` takes every robot, and refuses starts by the robot's shape alone.
+            if self.model == ModelKind::Contact && same_geometry(params, nominal) {
+                return Ok(());
+            }
+            let robot = Ballbot::new(params, self.model, self.sim_dt)?;
+            self.task.extreme_starts(params).iter().try_for_each(|start| robot.accepts(start))
+        };
+        plan.check(nominal, &Tests { robot: &robot, starts: &starts })
     }
 
     /// Checks that a robot (a valid one) can be driven by the actions of this environment.
@@ -121,16 +167,19 @@ impl<T: Task> EnvConfig<T> {
         let torque = positive("max_wheel_torque", self.action_torque())?;
         // Controllers divide by it.
         check("max_wheel_torque", torque, format_args!("at least {LEAST_TORQUE:e} N·m"), |t| t >= LEAST_TORQUE)?;
-        let motor = params.max_wheel_torque;
-        check(
-            "max_wheel_torque",
-            torque,
-            format_args!("at most the motors' limit, params.max_wheel_torque = {motor} N·m"),
-            |t| t <= motor,
-        )?;
-        if self.actuators.is_ideal() {
-            return Ok(());
-        }
-        self.motors()?.check_robot(params, self.sim_dt)
+        let motors = self.not_ideal()?;
+        check_drive(torque, motors.as_ref(), params, self.sim_dt)
     }
+}
+
+/// Checks that the torque of an action, and of motors that are not ideal, is within the limit of a robot.
+fn check_drive(torque: f64, motors: Option<&Motors>, params: &Params, sim_dt: f64) -> Result<()> {
+    let limit = params.max_wheel_torque;
+    check(
+        "max_wheel_torque",
+        torque,
+        format_args!("at most the motors' limit, params.max_wheel_torque = {limit} N·m"),
+        |t| t <= limit,
+    )?;
+    motors.map_or(Ok(()), |motors| motors.check_robot(params, sim_dt))
 }

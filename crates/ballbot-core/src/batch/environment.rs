@@ -36,7 +36,8 @@ impl<T: Task, A: Actuator, S: Sensor> SingleChunk for Environments<Single, T, A,
 
 /// An environment of task `T` with the actuators of its configuration and exact sensors.
 ///
-/// Random numbers come from ChaCha8 (stream 0), seeded by `seed_from_u64`; other streams are left to other uses.
+/// Random numbers come from ChaCha8, seeded by `seed_from_u64`: those of starts on stream 0, those of each event on the
+/// stream of its id.
 pub struct Environment<T: Task = Balance> {
     config: Arc<EnvConfig<T>>,
     inner: Box<dyn SingleChunk>,
@@ -71,7 +72,7 @@ impl<T: Task> Environment<T> {
         ));
         let robot = Single::new(Ballbot::new(&config.params, config.model, config.sim_dt)?);
         Ok(Self {
-            inner: Box::new(Environments::new(&config, &step, actuator, robot, 1, seed)?),
+            inner: Box::new(Environments::new(&config, &step, actuator, robot, config.plan()?.as_ref(), 1, seed)?),
             terms: description.terms.iter().map(|term| term.name).collect(),
             observation: vec![0.0; description.rows.len()],
             config,
@@ -146,6 +147,16 @@ impl<T: Task> Environment<T> {
     /// The robot.
     pub fn robot(&self) -> &Ballbot {
         self.inner.robot()
+    }
+
+    /// As [`super::Batch::nominal_params`].
+    pub fn nominal_params(&self) -> &Params {
+        self.inner.nominal_params(0)
+    }
+
+    /// As [`super::Batch::draws`].
+    pub fn draws(&self) -> &[f64] {
+        self.inner.draws(0)
     }
 
     /// Replaces the robot's parameters; see [`super::Batch::set_params`].

@@ -3,6 +3,7 @@
 use super::autoreset::Autoreset;
 use super::batch::Batch;
 use super::config::EnvConfig;
+use super::events::Event;
 use crate::actuator::MotorOptions;
 use crate::error::{Error, Result};
 use crate::params::Params;
@@ -35,6 +36,10 @@ pub trait TaskConfig: Send {
     fn set_reward(&mut self, name: &str, scale: f64) -> Result<()>;
     /// The scales of all reward terms.
     fn reward(&self) -> Vec<(&'static str, f64)>;
+    /// Replaces the events.
+    fn set_events(&mut self, events: Vec<Event>);
+    /// The events.
+    fn events(&self) -> &[Event];
     /// The environments.
     ///
     /// # Errors
@@ -160,6 +165,14 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
 
     fn reward(&self) -> Vec<(&'static str, f64)> {
         self.reward.names().zip(self.reward.values()).collect()
+    }
+
+    fn set_events(&mut self, events: Vec<Event>) {
+        self.events = events;
+    }
+
+    fn events(&self) -> &[Event] {
+        &self.events
     }
 
     fn batch(&self, num_envs: usize, autoreset: Autoreset, num_threads: Option<usize>, seed: u64) -> Result<Batch> {

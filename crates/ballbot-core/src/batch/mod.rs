@@ -10,12 +10,15 @@ mod buffers;
 mod chunk;
 mod closed_loop;
 mod config;
+mod drawn;
 mod environment;
+mod events;
 mod kinds;
 mod ledger;
 mod pieces;
 mod resetting;
 mod robots;
+mod saving;
 mod task_step;
 
 pub use autoreset::Autoreset;
@@ -23,5 +26,8 @@ pub use batch::Batch;
 pub use buffers::{Outcome, StepBuffers};
 pub use config::{BalanceConfig, EnvConfig};
 pub use environment::Environment;
+pub use events::{
+    Direction, Distribution, Event, Operation, Value, When, event_sets, events_from_toml, events_to_toml, load_events,
+};
 pub use kinds::{TaskConfig, TaskKind, register_task, task_kind, task_kinds};
 pub use resetting::ResetRequest;

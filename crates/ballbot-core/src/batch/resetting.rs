@@ -66,7 +66,8 @@ impl Batch {
                         "environment {index} has a start, but the mask leaves it alone"
                     )));
                 }
-                self.chunks[index / self.width].accepts(index % self.width, start)?;
+                let seed = request.seeds.and_then(|seeds| *seeds.get(index)?);
+                self.chunks[index / self.width].accepts(index % self.width, start, seed)?;
             }
         }
         if let Some(seeds) = request.seeds {

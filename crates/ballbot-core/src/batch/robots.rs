@@ -18,7 +18,6 @@ use crate::snapshot;
 use crate::state::{Contacts, State};
 use crate::task::{ACTION_LEN, Task};
 use nalgebra::Vector3;
-use std::sync::Arc;
 
 /// Robots that are stepped together; `i` counts within them.
 pub trait Robots: Send + Sync {
@@ -60,6 +59,12 @@ pub trait Robots: Send + Sync {
     /// As [`Ballbot::reset`].
     fn accepts(&self, i: usize, state: &State) -> Result<()>;
 
+    /// [`Robots::accepts`] of a robot with other parameters, valid ones.
+    ///
+    /// # Errors
+    /// As [`Ballbot::new`] and [`Ballbot::reset`].
+    fn accepts_as(&self, params: &Params, state: &State) -> Result<()>;
+
     /// State of robot `i`.
     fn state(&self, i: usize) -> State;
 
@@ -80,6 +85,12 @@ pub trait Robots: Send + Sync {
     /// # Errors
     /// As [`Ballbot::set_params`].
     fn set_params(&mut self, i: usize, params: &Params) -> Result<bool>;
+
+    /// [`Robots::set_params`] with valid parameters.
+    ///
+    /// # Errors
+    /// What the model does not simulate.
+    fn assign(&mut self, i: usize, params: &Params) -> Result<bool>;
 
     /// As [`Ballbot::push`].
     ///
@@ -165,6 +176,10 @@ impl Robots for Single {
         self.robot.accepts(state)
     }
 
+    fn accepts_as(&self, params: &Params, state: &State) -> Result<()> {
+        Ballbot::new(params, self.robot.kind(), self.robot.sim_dt())?.accepts(state)
+    }
+
     fn state(&self, _: usize) -> State {
         self.robot.state()
     }
@@ -189,6 +204,10 @@ impl Robots for Single {
         let goes_on = self.robot.set_params(params)?;
         self.wheels = Omniwheels::new(params);
         Ok(goes_on)
+    }
+
+    fn assign(&mut self, i: usize, params: &Params) -> Result<bool> {
+        self.set_params(i, params)
     }
 
     fn push(&mut self, _: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
@@ -246,6 +265,11 @@ impl Robots for ContactLanes {
         CollisionShape::new(self.lane_params(i), self.lane_wheels(i)).require_above_floor(state)
     }
 
+    fn accepts_as(&self, params: &Params, state: &State) -> Result<()> {
+        check_state(params, state)?;
+        CollisionShape::new(params, &Omniwheels::new(params)).require_above_floor(state)
+    }
+
     fn state(&self, i: usize) -> State {
         self.lane_state(i).into()
     }
@@ -268,11 +292,15 @@ impl Robots for ContactLanes {
 
     fn set_params(&mut self, i: usize, params: &Params) -> Result<bool> {
         params.validate()?;
+        self.assign(i, params)
+    }
+
+    fn assign(&mut self, i: usize, params: &Params) -> Result<bool> {
         if params == self.lane_params(i) {
             return Ok(true);
         }
         let goes_on = same_geometry(self.lane_params(i), params);
-        self.set_lane_params(i, &Arc::new(params.clone()));
+        self.set_lane_params(i, params);
         if !goes_on {
             self.place_upright(i);
         }

@@ -63,9 +63,9 @@ impl ContactLanes {
 
     /// Replaces the parameters of robot `i`; its motion is not changed, except that impulses of joint friction start
     /// anew, and for rounding where the principal axes change.
-    pub fn set_lane_params(&mut self, i: usize, params: &Arc<Params>) {
-        self.params[i] = Arc::clone(params);
-        self.wheels[i] = Arc::new(Omniwheels::new(params));
+    pub fn set_lane_params(&mut self, i: usize, params: &Params) {
+        replace(&mut self.params[i], params.clone());
+        replace(&mut self.wheels[i], Omniwheels::new(params));
         let constants = Constants::new(params, self.sim_dt);
         let mut state = self.state.lane(i);
         state.change_body(&self.constants.lane(i), &constants);
@@ -137,6 +137,14 @@ impl ContactLanes {
             LaneConstants::Shared(constants) => run_eight(Read { constants, state: &self.state, kernel }),
             LaneConstants::PerLane(constants) => run_eight(Read { constants, state: &self.state, kernel }),
         }
+    }
+}
+
+/// Replaces a value; in place, without an allocation, where no other robot shares it.
+fn replace<T>(shared: &mut Arc<T>, value: T) {
+    match Arc::get_mut(shared) {
+        Some(own) => *own = value,
+        None => *shared = Arc::new(value),
     }
 }
 

@@ -1,0 +1,31 @@
+//! What events have drawn of the robots of a batch.
+
+use super::batch::Batch;
+use crate::error::Result;
+use crate::params::Params;
+
+impl Batch {
+    /// Parameters that one robot has without events: those it was made with, or of the last [`Batch::set_params`].
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn nominal_params(&self, index: usize) -> Result<&Params> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].nominal_params(i))
+    }
+
+    /// Present draws of the events of one environment, in the order of [`Batch::draw_columns`]; NaN where there is none.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn draws(&self, index: usize) -> Result<&[f64]> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].draws(i))
+    }
+
+    /// [`super::Event::label`] of each event, and how many numbers it draws: those of the parameter, or impulse (N·s; m/s
+    /// with [`super::Operation::Scale`]), azimuth (rad) and height (m) of a push.
+    pub fn draw_columns(&self) -> impl Iterator<Item = (String, usize)> {
+        self.plan.iter().flat_map(|plan| &plan.events).map(|event| (event.event.label(), event.width))
+    }
+}

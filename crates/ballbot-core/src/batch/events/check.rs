@@ -1,0 +1,173 @@
+//! Whether every robot that the events may make can be.
+//!
+//! The limits of parameters are linear in them, convex or monotone in each, and none is about more than three terms.
+//! They hold for all draws, then, if they hold at the corners of the ranges of any three events. Draws of all events
+//! together, at corners and inside, are tried besides.
+
+use super::event::{When, refused};
+use super::plan::{Plan, Target};
+use crate::error::{Error, Result};
+use crate::interrupt::Watch;
+use crate::model::same_geometry;
+use crate::params::Params;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use std::ops::Range;
+
+/// Draws of one event, and of all together, that are tried besides the corners.
+const TRIALS: usize = 64;
+
+/// What a robot that events have made must pass.
+pub struct Tests<'a> {
+    /// Of its parameters alone.
+    pub robot: &'a dyn Fn(&Params) -> Result<()>,
+    /// Of its model and of where the task may place it; expensive.
+    pub starts: &'a dyn Fn(&Params) -> Result<()>,
+}
+
+/// Least and largest draw of each number that one event may draw, with its columns.
+struct Ranges {
+    place: usize,
+    numbers: Vec<(Range<usize>, [f64; 2])>,
+}
+
+impl Ranges {
+    fn corners(&self) -> usize {
+        1 << self.numbers.len()
+    }
+
+    /// Writes the draws of a corner.
+    fn write(&self, corner: usize, draws: &mut [f64]) {
+        for (bit, (columns, range)) in self.numbers.iter().enumerate() {
+            draws[columns.clone()].fill(range[corner >> bit & 1]);
+        }
+    }
+
+    fn clear(&self, draws: &mut [f64]) {
+        self.numbers.iter().for_each(|(columns, _)| draws[columns.clone()].fill(f64::NAN));
+    }
+}
+
+impl Plan {
+    /// Checks that every robot that the events may make of a nominal one passes, and that the events fit it.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] with places and terms of the events that do not; [`Error::Interrupted`] in
+    /// [`crate::stoppable`].
+    pub fn check(&self, nominal: &Params, tests: &Tests<'_>) -> Result<()> {
+        let mut ranges = Vec::new();
+        for (place, event) in self.events.iter().enumerate() {
+            match event.target {
+                Target::Push => event.check_push(nominal).map_err(|e| refused(place, &event.event.term, &e))?,
+                Target::Field { .. } => ranges.push(Ranges { place, numbers: event.numbers() }),
+            }
+        }
+        let mut trial = Trial {
+            plan: self,
+            nominal,
+            tests,
+            draws: vec![f64::NAN; self.width],
+            robot: nominal.clone(),
+            watch: Watch::new(),
+        };
+        // The fewest first: an error has no more terms than it takes.
+        for one in &ranges {
+            trial.corners(&[one], true)?;
+            trial.geometry(one)?;
+            trial.inside(std::slice::from_ref(one))?;
+        }
+        for (i, one) in ranges.iter().enumerate() {
+            for two in &ranges[i + 1..] {
+                trial.corners(&[one, two], true)?;
+            }
+        }
+        for (i, one) in ranges.iter().enumerate() {
+            for (j, two) in ranges.iter().enumerate().skip(i + 1) {
+                for three in &ranges[j + 1..] {
+                    trial.corners(&[one, two, three], false)?;
+                }
+            }
+        }
+        trial.inside(&ranges)
+    }
+}
+
+struct Trial<'a> {
+    plan: &'a Plan,
+    nominal: &'a Params,
+    tests: &'a Tests<'a>,
+    draws: Vec<f64>,
+    robot: Params,
+    watch: Watch,
+}
+
+impl Trial<'_> {
+    /// All corners of the ranges of some events, the others without effect.
+    fn corners(&mut self, chosen: &[&Ranges], starts: bool) -> Result<()> {
+        let total: usize = chosen.iter().map(|ranges| ranges.corners()).product();
+        for corner in 0..total {
+            self.watch.check()?;
+            let mut rest = corner;
+            for ranges in chosen {
+                ranges.write(rest % ranges.corners(), &mut self.draws);
+                rest /= ranges.corners();
+            }
+            let places = || chosen.iter().map(|ranges| ranges.place).collect::<Vec<_>>();
+            self.run(starts).map_err(|error| self.blame(&places(), &error))?;
+        }
+        chosen.iter().for_each(|ranges| ranges.clear(&mut self.draws));
+        Ok(())
+    }
+
+    /// Draws of some events together, each at a corner of its range or inside.
+    fn inside(&mut self, chosen: &[Ranges]) -> Result<()> {
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        for _ in 0..if chosen.is_empty() { 0 } else { TRIALS } {
+            for (columns, [low, high]) in chosen.iter().flat_map(|ranges| &ranges.numbers) {
+                let share = (1.5 * rng.random::<f64>() - 0.25).clamp(0.0, 1.0);
+                self.draws[columns.clone()].fill((low + (high - low) * share).clamp(*low, *high));
+            }
+            let places = || chosen.iter().map(|ranges| ranges.place).collect::<Vec<_>>();
+            self.run(false).map_err(|error| self.blame(&places(), &error))?;
+        }
+        chosen.iter().for_each(|ranges| ranges.clear(&mut self.draws));
+        Ok(())
+    }
+
+    fn run(&mut self, starts: bool) -> Result<()> {
+        self.plan.apply(self.nominal, &self.draws, &mut self.robot);
+        if self.robot == *self.nominal {
+            return Ok(());
+        }
+        (self.tests.robot)(&self.robot)?;
+        if starts { (self.tests.starts)(&self.robot) } else { Ok(()) }
+    }
+
+    /// Checks that an event within the episode leaves the robot's shape alone.
+    fn geometry(&mut self, ranges: &Ranges) -> Result<()> {
+        let event = &self.plan.events[ranges.place].event;
+        if matches!(event.when, When::Startup | When::Reset) {
+            return Ok(());
+        }
+        for corner in 0..ranges.corners() {
+            ranges.write(corner, &mut self.draws);
+            self.plan.apply(self.nominal, &self.draws, &mut self.robot);
+            if !same_geometry(self.nominal, &self.robot) {
+                let reason = "the robot's shape does not change within an episode: its mode is 'startup' or 'reset'";
+                return Err(refused(ranges.place, &event.term, &reason));
+            }
+        }
+        ranges.clear(&mut self.draws);
+        Ok(())
+    }
+
+    /// The error of the present draws of events.
+    fn blame(&self, places: &[usize], error: &Error) -> Error {
+        let [first, others @ ..] = places else { return Error::Inconsistent(error.to_string()) };
+        let term = |place: usize| self.plan.events[place].event.term.as_str();
+        let together: Vec<_> = others.iter().map(|&place| format!("events[{place}] ({})", term(place))).collect();
+        let with = if together.is_empty() { String::new() } else { format!("with {}, ", together.join(", ")) };
+        refused(*first, term(*first), &format!("{with}a robot of its range cannot be: {error}"))
+    }
+}

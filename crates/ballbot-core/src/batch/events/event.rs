@@ -1,0 +1,301 @@
+//! An event as it is configured: the same keys in Rust, Python and TOML.
+
+use super::value::Value;
+use crate::error::{Error, Result};
+use std::str::FromStr;
+
+/// The term that gives the body an impulse; all other terms are parameters.
+pub(super) const PUSH: &str = "push";
+
+/// When an event draws. All fire before the action of a control step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum When {
+    /// Once an environment: when it is made, and at the first reset after it was seeded.
+    Startup,
+    /// At each reset.
+    Reset,
+    /// Again and again in an episode, after gaps drawn evenly from this range, s.
+    Every([f64; 2]),
+    /// Once an episode, at this time, s.
+    At(f64),
+}
+
+/// What a draw does to the nominal value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// It takes its place.
+    Abs,
+    /// It is added to it.
+    Add,
+    /// It multiplies it.
+    Scale,
+}
+
+/// What draws are like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Distribution {
+    /// Even between low and high.
+    Uniform,
+    /// Even in the logarithm between low and high.
+    LogUniform,
+    /// Normal with mean and standard deviation, truncated at three of these.
+    Normal,
+}
+
+/// Direction of a push.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Direction {
+    /// Horizontal, its azimuth drawn evenly.
+    Uniform,
+    /// Horizontal, at this azimuth in the inertial frame, rad.
+    Azimuth(f64),
+}
+
+/// Names of the modes.
+const MODES: [&str; 4] = ["startup", "reset", "interval", "at"];
+
+/// All keys of an event.
+const KEYS: [&str; 11] = ["term", "mode", "every", "at", "op", "dist", "range", "shared", "id", "direction", "height"];
+
+impl Operation {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Abs, Self::Add, Self::Scale];
+
+    /// The name by which it is chosen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Abs => "abs",
+            Self::Add => "add",
+            Self::Scale => "scale",
+        }
+    }
+}
+
+impl FromStr for Operation {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        let found = Self::ALL.into_iter().find(|known| known.name() == name);
+        found.ok_or_else(|| Error::unknown("op", name, &Self::ALL.map(Self::name)))
+    }
+}
+
+impl Distribution {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Uniform, Self::LogUniform, Self::Normal];
+
+    /// The name by which it is chosen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::LogUniform => "log_uniform",
+            Self::Normal => "normal",
+        }
+    }
+}
+
+impl FromStr for Distribution {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        let found = Self::ALL.into_iter().find(|known| known.name() == name);
+        found.ok_or_else(|| Error::unknown("dist", name, &Self::ALL.map(Self::name)))
+    }
+}
+
+/// What changes, when, and how it is drawn. SI units and radians.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// The name of a parameter, or `push`.
+    pub term: String,
+    /// When it draws.
+    pub when: When,
+    /// What a draw does. Of a push, [`Operation::Abs`] draws the impulse, N·s, and [`Operation::Scale`] the change of
+    /// velocity, m/s, that times the nominal mass of the body is the impulse.
+    pub operation: Operation,
+    /// What draws are like.
+    pub distribution: Distribution,
+    /// Low and high, or mean and standard deviation: one pair for all numbers of the term, each drawn by itself, or a
+    /// pair each.
+    pub range: Vec<[f64; 2]>,
+    /// Whether all numbers of the term have one draw together; `range` is one pair then.
+    pub shared: bool,
+    /// The key of its random numbers, from 1 on; `None` takes the checksum (CRC-32) of the term's name. No two events of
+    /// a list have the same.
+    pub id: Option<u64>,
+    /// Of a push alone.
+    pub direction: Direction,
+    /// Of a push alone: height of its point on the mast above the ball's center, m; even between the two. `None` is the
+    /// body's center of mass.
+    pub height: Option<[f64; 2]>,
+}
+
+impl Event {
+    /// An event that replaces a term's value at each reset by one drawn evenly from `range`.
+    pub fn new(term: &str, range: [f64; 2]) -> Self {
+        Self {
+            term: term.to_owned(),
+            when: When::Reset,
+            operation: Operation::Abs,
+            distribution: Distribution::Uniform,
+            range: vec![range],
+            shared: false,
+            id: None,
+            direction: Direction::Uniform,
+            height: None,
+        }
+    }
+
+    /// The term's name, with the id where one is given: `term:id`.
+    pub fn label(&self) -> String {
+        self.id.map_or_else(|| self.term.clone(), |id| format!("{}:{id}", self.term))
+    }
+
+    /// From its keys and values; `place` counts in the list of events, for messages.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] with place and term: an unknown or missing key, or a value of the wrong kind. What the
+    /// numbers must be is checked with the robot, by [`crate::batch::EnvConfig::validate`].
+    pub fn from_entries(place: usize, entries: &[(String, Value)]) -> Result<Self> {
+        let value = |key: &str| entries.iter().find(|(name, _)| name == key).map(|(_, value)| value);
+        let term = match value("term") {
+            Some(Value::Text(term)) => term,
+            Some(other) => return Err(refused(place, "?", &format!("term = {other} is not text"))),
+            None => return Err(refused(place, "?", &"it has no key 'term'")),
+        };
+        let refuse = |reason: &dyn std::fmt::Display| refused(place, term, reason);
+        let kind = |key: &str, what: &str, value: &Value| refuse(&format!("{key} = {value} is not {what}"));
+        if let Some((key, _)) = entries.iter().find(|(key, _)| !KEYS.contains(&key.as_str())) {
+            return Err(refuse(&Error::unknown("key", key, &KEYS)));
+        }
+        let text = |key: &str| match value(key) {
+            None => Ok(None),
+            Some(Value::Text(text)) => Ok(Some(text.as_str())),
+            Some(other) => Err(kind(key, "text", other)),
+        };
+        let pair = |key: &str| {
+            value(key).map(|v| v.pair().ok_or_else(|| kind(key, "a pair of numbers, [low, high]", v))).transpose()
+        };
+        let number = |key: &str| value(key).map(|v| v.number().ok_or_else(|| kind(key, "a number", v))).transpose();
+        let mut event = Self::new(term, [0.0; 2]);
+        event.range = match value("range") {
+            None => return Err(refuse(&"it has no key 'range'")),
+            Some(range) => ranges(range)
+                .ok_or_else(|| kind("range", "a pair of numbers, [low, high], or a list of pairs", range))?,
+        };
+        event.when = when(text("mode")?, pair("every")?, number("at")?).map_err(|e| refuse(&e))?;
+        if let Some(name) = text("op")? {
+            event.operation = name.parse().map_err(|e: Error| refuse(&e))?;
+        }
+        if let Some(name) = text("dist")? {
+            event.distribution = name.parse().map_err(|e: Error| refuse(&e))?;
+        }
+        event.shared = match value("shared") {
+            None => false,
+            Some(Value::Flag(flag)) => *flag,
+            Some(other) => return Err(kind("shared", "true or false", other)),
+        };
+        event.id = match value("id") {
+            None => None,
+            Some(Value::Whole(id)) if *id >= 1 => Some(id.unsigned_abs()),
+            Some(other) => return Err(kind("id", "a whole number from 1 to 2^63 - 1", other)),
+        };
+        if term != PUSH
+            && let Some(key) = ["direction", "height"].into_iter().find(|key| value(key).is_some())
+        {
+            return Err(refuse(&format!("{key} is for the term '{PUSH}' alone")));
+        }
+        event.direction = match value("direction") {
+            None => Direction::Uniform,
+            Some(Value::Text(text)) if text == "uniform" => Direction::Uniform,
+            Some(other) => Direction::Azimuth(
+                other.number().ok_or_else(|| kind("direction", "'uniform' or an azimuth in rad", other))?,
+            ),
+        };
+        event.height = match value("height") {
+            Some(value) if value.number().is_some() => value.number().map(|height| [height; 2]),
+            _ => pair("height")?,
+        };
+        Ok(event)
+    }
+
+    /// Its keys and values, those that [`Event::from_entries`] reads back; keys without a meaning for it are left out.
+    pub fn entries(&self) -> Vec<(&'static str, Value)> {
+        let text = |text: &str| Value::Text(text.to_owned());
+        let mode = match self.when {
+            When::Startup => MODES[0],
+            When::Reset => MODES[1],
+            When::Every(_) => MODES[2],
+            When::At(_) => MODES[3],
+        };
+        let mut entries = vec![("term", text(&self.term)), ("mode", text(mode))];
+        match self.when {
+            When::Every(gap) => entries.push(("every", gap.into())),
+            When::At(time) => entries.push(("at", Value::Number(time))),
+            When::Startup | When::Reset => (),
+        }
+        entries.push(("op", text(self.operation.name())));
+        entries.push(("dist", text(self.distribution.name())));
+        let range = match self.range.as_slice() {
+            [pair] => (*pair).into(),
+            pairs => Value::List(pairs.iter().map(|&pair| pair.into()).collect()),
+        };
+        entries.push(("range", range));
+        if self.shared {
+            entries.push(("shared", Value::Flag(true)));
+        }
+        if let Some(id) = self.id {
+            entries.push(("id", Value::Whole(i64::try_from(id).unwrap_or(i64::MAX))));
+        }
+        if self.term == PUSH {
+            entries.push((
+                "direction",
+                match self.direction {
+                    Direction::Uniform => text("uniform"),
+                    Direction::Azimuth(azimuth) => Value::Number(azimuth),
+                },
+            ));
+            entries.extend(self.height.map(|height| ("height", height.into())));
+        }
+        entries
+    }
+}
+
+/// The error of the event at `place`.
+pub(super) fn refused(place: usize, term: &str, reason: &dyn std::fmt::Display) -> Error {
+    Error::Inconsistent(format!("events[{place}] ({term}): {reason}"))
+}
+
+/// One pair, or one a number.
+fn ranges(value: &Value) -> Option<Vec<[f64; 2]>> {
+    if let Some(pair) = value.pair() {
+        return Some(vec![pair]);
+    }
+    match value {
+        Value::List(pairs) if !pairs.is_empty() => pairs.iter().map(Value::pair).collect(),
+        _ => None,
+    }
+}
+
+/// The mode that the keys `mode`, `every` and `at` describe.
+fn when(mode: Option<&str>, every: Option<[f64; 2]>, at: Option<f64>) -> Result<When> {
+    let implied = match (every, at) {
+        (Some(_), Some(_)) => return Err(Error::Inconsistent("it has both keys, 'every' and 'at'".into())),
+        (Some(_), None) => "interval",
+        (None, Some(_)) => "at",
+        (None, None) => "reset",
+    };
+    let mode = mode.unwrap_or(implied);
+    match (mode, every, at) {
+        ("startup", None, None) => Ok(When::Startup),
+        ("reset", None, None) => Ok(When::Reset),
+        ("interval", Some(gap), None) => Ok(When::Every(gap)),
+        ("at", None, Some(time)) => Ok(When::At(time)),
+        ("interval", ..) => Err(Error::Inconsistent("mode 'interval' needs the key 'every' = [low, high] s".into())),
+        ("at", ..) => Err(Error::Inconsistent("mode 'at' needs the key 'at' = time in s".into())),
+        ("startup" | "reset", ..) => {
+            Err(Error::Inconsistent(format!("'every' and 'at' have no meaning in mode '{mode}'")))
+        }
+        _ => Err(Error::unknown("mode", mode, &MODES)),
+    }
+}

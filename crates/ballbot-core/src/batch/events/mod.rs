@@ -1,0 +1,20 @@
+//! Seeded randomization: what changes of a robot, and what hits it, at random times and by random amounts.
+//!
+//! An [`Event`] draws numbers for one term, a parameter or a push. Draws are keyed, not sequenced: each depends on the
+//! environment's seed, the episode, the event's id and its count in the episode, and on nothing else. Parameters are
+//! computed anew from the nominal robot and the present draws whenever one of them changes.
+
+mod check;
+mod event;
+mod plan;
+mod robots;
+mod sampler;
+mod sets;
+mod value;
+
+pub(super) use check::Tests;
+pub use event::{Direction, Distribution, Event, Operation, When};
+pub(super) use plan::Plan;
+pub(super) use robots::{Randomized, Saved};
+pub use sets::{event_sets, events_from_toml, events_to_toml, load_events};
+pub use value::Value;

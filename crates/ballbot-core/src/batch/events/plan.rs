@@ -1,0 +1,349 @@
+//! Events as they are carried out: names resolved, ranges expanded, keys assigned.
+
+use super::event::{Direction, Distribution, Event, Operation, PUSH, When, refused};
+use super::sampler::{Key, Sampler, bounds};
+use crate::error::{Result, check, finite};
+use crate::params::Params;
+use crate::robot::check_push;
+use nalgebra::Vector3;
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// Most events of a list.
+const MAX_EVENTS: usize = 64;
+/// Largest time of an event, s.
+const MAX_TIME: f64 = 1e9;
+/// Largest magnitude of a draw.
+const MAX_DRAW: f64 = 1e12;
+/// Columns of a push: impulse (N·s; m/s with `scale`), azimuth, height.
+const PUSH_WIDTH: usize = 3;
+
+/// What an event changes.
+#[derive(Clone, Debug)]
+pub enum Target {
+    /// The parameter of this index, and those that change in proportion to it.
+    Field { index: usize, followers: Vec<usize> },
+    /// The body's momentum.
+    Push,
+}
+
+/// One event.
+#[derive(Clone, Debug)]
+pub struct Planned {
+    pub event: Event,
+    pub target: Target,
+    /// Stream of its random numbers.
+    stream: u64,
+    /// One pair a number of the term.
+    ranges: Vec<[f64; 2]>,
+    /// Its columns in the draws of a robot.
+    pub first: usize,
+    pub width: usize,
+}
+
+/// All events of an environment.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    pub events: Vec<Planned>,
+    /// Numbers of a robot's draws.
+    pub width: usize,
+    /// Whether any event has a time within the episode.
+    pub timed: bool,
+    pub control_dt: f64,
+    /// Of all events together; environments with the same have the same events.
+    pub checksum: u32,
+}
+
+impl Plan {
+    /// Of valid or invalid events.
+    ///
+    /// # Errors
+    /// [`crate::Error::Inconsistent`] with place and term of an event that cannot be, whatever the robot.
+    pub fn new(events: &[Event], control_dt: f64) -> Result<Self> {
+        check("the number of events", events.len() as f64, format_args!("at most {MAX_EVENTS}"), |n| {
+            n <= MAX_EVENTS as f64
+        })?;
+        let mut plan =
+            Self { events: Vec::with_capacity(events.len()), width: 0, timed: false, control_dt, checksum: 0 };
+        let mut text = String::new();
+        for (place, event) in events.iter().enumerate() {
+            let planned = Planned::new(event, plan.width, control_dt).map_err(|e| refused(place, &event.term, &e))?;
+            if let Some((other, same)) = plan.events.iter().enumerate().find(|(_, p)| p.stream == planned.stream) {
+                let key = planned.stream;
+                let reason = if same.event.term == event.term {
+                    format!("events[{other}] is of the same term: give one of them another id (both have {key})")
+                } else {
+                    format!("events[{other}] ({}) has the same id, {key}: ids differ", same.event.term)
+                };
+                return Err(refused(place, &event.term, &reason));
+            }
+            plan.width += planned.width;
+            plan.timed |= matches!(event.when, When::Every(_) | When::At(_));
+            text.extend(event.entries().iter().map(|(key, value)| format!("{key} = {value}\n")));
+            plan.events.push(planned);
+        }
+        plan.checksum = crc32fast::hash(text.as_bytes());
+        Ok(plan)
+    }
+
+    /// About how much memory the events of a robot take.
+    pub fn bytes(&self) -> usize {
+        (self.width + 2 * self.events.len()) * size_of::<f64>() + size_of::<Params>()
+    }
+
+    /// The robot that draws make of the nominal one, event by event in the order of the list.
+    pub fn apply(&self, nominal: &Params, draws: &[f64], robot: &mut Params) {
+        robot.clone_from(nominal);
+        for event in &self.events {
+            event.apply(&draws[event.first..event.first + event.width], robot);
+        }
+    }
+}
+
+/// Parameters that change in proportion to another one: moments of inertia to the mass of the same part, a static
+/// coefficient of friction to the dynamic one of the same pair.
+fn followers(term: &str) -> Vec<usize> {
+    let (prefix, suffix) = if let Some(part) = term.strip_suffix("_mass") {
+        (format!("{part}_"), "inertia")
+    } else if let Some(pair) = term.strip_suffix("_dynamic_friction") {
+        (format!("{pair}_static_friction"), "")
+    } else {
+        return Vec::new();
+    };
+    let follows = |name: &str| name.starts_with(&prefix) && name.ends_with(suffix);
+    (0..Params::NAMES.len()).filter(|&index| follows(Params::NAMES[index])).collect()
+}
+
+impl Planned {
+    fn new(event: &Event, first: usize, control_dt: f64) -> Result<Self> {
+        let (target, width) = if event.term == PUSH {
+            (Target::Push, PUSH_WIDTH)
+        } else if let Some(index) = Params::NAMES.iter().position(|name| *name == event.term) {
+            (Target::Field { index, followers: followers(&event.term) }, Params::WIDTHS[index])
+        } else {
+            let known: Vec<_> = [PUSH].iter().chain(Params::NAMES).copied().collect();
+            return Err(crate::Error::unknown("term", &event.term, &known));
+        };
+        let id = event.id.unwrap_or_else(|| u64::from(crc32fast::hash(event.term.as_bytes())));
+        let most = i64::MAX.unsigned_abs();
+        // Stream 0 is that of the starts.
+        check("id", id as f64, "from 1 to 2^63 - 1", |_| (1..=most).contains(&id))?;
+        check_range(event, if event.term == PUSH { 1 } else { width })?;
+        check_times(event, control_dt)?;
+        check_direction(event)?;
+        let ranges = match event.range.as_slice() {
+            [pair] => vec![*pair; width],
+            pairs => pairs.to_vec(),
+        };
+        Ok(Self { event: event.clone(), target, stream: id, ranges, first, width })
+    }
+
+    /// The random numbers of a draw.
+    pub fn sampler(&self, key: Key, episode: u32, count: u32) -> Sampler {
+        Sampler::new(key, self.stream, episode, count)
+    }
+
+    /// Seconds to draw `count` of an event that repeats itself, from the one before or the start of the episode.
+    pub fn gap(&self, key: Key, episode: u32, count: u32) -> f64 {
+        match self.event.when {
+            When::Every(gap) => self.sampler(key, episode, count).draw(Distribution::Uniform, gap),
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// Draws the numbers of an event.
+    pub fn draw(&self, key: Key, episode: u32, count: u32, out: &mut [f64]) {
+        let mut sampler = self.sampler(key, episode, count);
+        // The first number is that of the gap.
+        sampler.unit();
+        let distribution = self.event.distribution;
+        match self.target {
+            Target::Field { .. } => {
+                if self.event.shared {
+                    out.fill(sampler.draw(distribution, self.ranges[0]));
+                    return;
+                }
+                for (value, &range) in out.iter_mut().zip(&self.ranges) {
+                    *value = sampler.draw(distribution, range);
+                }
+            }
+            Target::Push => {
+                out[0] = sampler.draw(distribution, self.ranges[0]);
+                let azimuth = TAU * sampler.unit();
+                out[1] = match self.event.direction {
+                    Direction::Uniform => azimuth,
+                    Direction::Azimuth(given) => given,
+                };
+                out[2] = self.event.height.map_or(f64::NAN, |range| sampler.draw(Distribution::Uniform, range));
+            }
+        }
+    }
+
+    /// Least and largest draw of each number of a parameter.
+    pub fn bounds(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.ranges.iter().map(|&range| bounds(self.event.distribution, range))
+    }
+
+    /// The columns of each number that is drawn by itself, with its least and largest draw.
+    pub fn numbers(&self) -> Vec<(Range<usize>, [f64; 2])> {
+        let all = self.first..self.first + self.width;
+        if self.event.shared {
+            return self.bounds().take(1).map(|range| (all.clone(), range)).collect();
+        }
+        all.zip(self.bounds()).map(|(column, range)| (column..column + 1, range)).collect()
+    }
+
+    /// Whether numbers may be a draw of the event, or none.
+    pub fn could_draw(&self, draws: &[f64]) -> bool {
+        let within = |value: f64, [low, high]: [f64; 2]| (low..=high).contains(&value);
+        if draws.iter().all(|value| value.is_nan()) {
+            return true;
+        }
+        match self.target {
+            Target::Field { .. } => {
+                let one = !self.event.shared || draws.iter().all(|value| *value == draws[0]);
+                one && draws.iter().zip(self.bounds()).all(|(&value, range)| within(value, range))
+            }
+            // It has been given already.
+            Target::Push => true,
+        }
+    }
+
+    /// Changes a parameter, and those in proportion to it. Draws of NaN change nothing.
+    fn apply(&self, draws: &[f64], robot: &mut Params) {
+        let Target::Field { index, followers } = &self.target else { return };
+        if draws[0].is_nan() {
+            return;
+        }
+        let values = robot.values_mut(*index);
+        let old = values[0];
+        for (value, &draw) in values.iter_mut().zip(draws) {
+            *value = match self.event.operation {
+                Operation::Abs => draw,
+                Operation::Add => *value + draw,
+                Operation::Scale => *value * draw,
+            };
+        }
+        let new = values[0];
+        // To zero there is no proportion.
+        if new == old || old == 0.0 {
+            return;
+        }
+        for &follower in followers {
+            for value in robot.values_mut(follower) {
+                // In this order a ratio of at least 1 stays one in spite of rounding.
+                *value = new * (*value / old);
+            }
+        }
+    }
+
+    /// Impulse (inertial frame, N·s) and point (body frame, m; the CoM if `None`) of a push.
+    pub fn push(&self, draws: &[f64], nominal: &Params) -> (Vector3<f64>, Option<Vector3<f64>>) {
+        let size = match self.event.operation {
+            Operation::Scale => draws[0] * nominal.body_mass,
+            Operation::Abs | Operation::Add => draws[0],
+        };
+        let impulse = Vector3::new(draws[1].cos(), draws[1].sin(), 0.0) * size;
+        (impulse, (!draws[2].is_nan()).then(|| Vector3::z() * draws[2]))
+    }
+
+    /// Checks the largest push on a robot.
+    ///
+    /// # Errors
+    /// As [`crate::Ballbot::push`].
+    pub fn check_push(&self, nominal: &Params) -> Result<()> {
+        for [low, high] in self.bounds().take(1) {
+            for size in [low, high] {
+                let heights = self.event.height.unwrap_or([0.0; 2]);
+                for height in heights {
+                    let (impulse, point) = self.push(&[size, 0.0, height], nominal);
+                    check_push(&impulse, point.as_ref())?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Checks the pairs of an event with `width` numbers.
+fn check_range(event: &Event, width: usize) -> Result<()> {
+    if event.shared && event.range.len() != 1 {
+        let found = event.range.len();
+        return Err(crate::Error::Inconsistent(format!("range has {found} pairs of numbers, a shared draw has one")));
+    }
+    if event.range.len() != 1 && event.range.len() != width {
+        let expected = if width == 1 { "one".to_owned() } else { format!("one, or {width}") };
+        return Err(crate::Error::Inconsistent(format!(
+            "range has {} pairs of numbers, expected {expected}",
+            event.range.len()
+        )));
+    }
+    for pair in &event.range {
+        let [a, b] = *pair;
+        finite("range", pair)?;
+        match event.distribution {
+            Distribution::Uniform | Distribution::LogUniform => {
+                check("range[1]", b, format_args!("at least range[0] = {a}"), |b| b >= a)?;
+            }
+            Distribution::Normal => {
+                check("range[1], the standard deviation,", b, ">= 0", |b| b >= 0.0)?;
+            }
+        }
+        if event.distribution == Distribution::LogUniform {
+            check("range[0]", a, "> 0 with dist 'log_uniform'", |a| a >= f64::MIN_POSITIVE)?;
+        }
+        for bound in bounds(event.distribution, *pair) {
+            check("range", bound, format_args!("within ±{MAX_DRAW:e}"), |b| b.abs() <= MAX_DRAW)?;
+            if event.operation == Operation::Scale {
+                check("range", bound, ">= 0 with op 'scale'", |b| b >= 0.0)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Checks the times of an event.
+fn check_times(event: &Event, control_dt: f64) -> Result<()> {
+    match event.when {
+        When::Startup | When::Reset if event.term == PUSH => {
+            Err(crate::Error::Inconsistent("a push has mode 'interval' or 'at'".into()))
+        }
+        When::Startup | When::Reset => Ok(()),
+        When::At(time) => {
+            check("at", time, format_args!("from 0 to {MAX_TIME:e} s"), |t| (0.0..=MAX_TIME).contains(&t))?;
+            Ok(())
+        }
+        When::Every([low, high]) => {
+            let least = control_dt * (1.0 - 1e-9);
+            check("every[0]", low, format_args!("from control_dt = {control_dt} to {MAX_TIME:e} s"), |t| {
+                (least..=MAX_TIME).contains(&t)
+            })?;
+            check("every[1]", high, format_args!("from every[0] = {low} to {MAX_TIME:e} s"), |t| {
+                (low..=MAX_TIME).contains(&t)
+            })?;
+            Ok(())
+        }
+    }
+}
+
+/// Checks what is of a push alone.
+fn check_direction(event: &Event) -> Result<()> {
+    if event.term != PUSH {
+        return Ok(());
+    }
+    if event.operation == Operation::Add {
+        return Err(crate::Error::Inconsistent(
+            "op of a push is 'abs' (an impulse, N·s) or 'scale' (a change of velocity, m/s)".into(),
+        ));
+    }
+    let [least, _] = bounds(event.distribution, event.range[0]);
+    check("range", least, ">= 0: the direction of a push is its azimuth", |b| b >= 0.0)?;
+    if let Direction::Azimuth(azimuth) = event.direction {
+        check("direction", azimuth, "within ±1e3 rad", |a| a.abs() <= 1e3)?;
+    }
+    if let Some([low, high]) = event.height {
+        finite("height", &[low, high])?;
+        check("height[1]", high, format_args!("at least height[0] = {low}"), |h| h >= low)?;
+    }
+    Ok(())
+}

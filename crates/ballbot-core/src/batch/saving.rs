@@ -1,0 +1,106 @@
+//! Environments as bytes.
+
+use super::chunk::Environments;
+use super::events::Saved;
+use super::ledger::{Ledger, Ledgers};
+use super::robots::{Robots, refused};
+use crate::actuator::Actuator;
+use crate::error::Result;
+use crate::lanes::Cell;
+use crate::params::Params;
+use crate::sensor::Sensor;
+use crate::snapshot;
+use crate::task::Task;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Everything that the future of an environment depends on.
+#[derive(Serialize, Deserialize)]
+struct Snapshot {
+    task: String,
+    model: String,
+    options: Vec<f64>,
+    params: Vec<f64>,
+    robot: Vec<u8>,
+    seed: [u8; 32],
+    word: u128,
+    ledger: Ledger<f64>,
+    over: bool,
+    events: Option<Saved>,
+}
+
+impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
+    /// What [`super::chunk::Chunk::save`] gives.
+    pub(super) fn save_one(&self, i: usize) -> Vec<u8> {
+        let mut ledger = Ledger::new(self.step.sizes());
+        R::Cell::take(&self.ledger, i, &mut ledger);
+        snapshot::encode(&Snapshot {
+            task: T::NAME.to_owned(),
+            model: self.config.model.name().to_owned(),
+            options: self.config.numbers(),
+            params: self.robots.params(i).numbers(),
+            robot: self.robots.save(i),
+            seed: self.rngs[i].get_seed(),
+            word: self.rngs[i].get_word_pos(),
+            ledger,
+            over: self.over[i],
+            events: self.events.as_ref().map(|events| events.save(i)),
+        })
+    }
+
+    /// As [`super::chunk::Chunk::load`].
+    pub(super) fn load_one(&mut self, i: usize, bytes: &[u8]) -> Result<()> {
+        let snapshot: Snapshot = snapshot::decode("snapshot of an environment", bytes)?;
+        let model = self.config.model.name();
+        if (snapshot.task.as_str(), snapshot.model.as_str()) != (T::NAME, model) {
+            return Err(refused(format!(
+                "it is of task '{}' with a '{}' robot, this is task '{}' with a '{model}' robot",
+                snapshot.task,
+                snapshot.model,
+                T::NAME
+            )));
+        }
+        if snapshot.options != self.config.numbers() {
+            return Err(refused("time steps, torque, scaling, reward or options of its task differ".into()));
+        }
+        if !self.one.fits(&snapshot.ledger) {
+            return Err(refused("its task or stages keep other numbers".into()));
+        }
+        let params = Params::from_numbers(&snapshot.params).ok_or_else(|| refused("it lacks parameters".into()))?;
+        if snapshot.events.is_some() != self.events.is_some() {
+            return Err(refused("one of the two has events, the other has none".into()));
+        }
+        let (old, motion, over) = (self.robots.params(i).clone(), self.robots.save(i), self.over[i]);
+        let changed = params != old;
+        if changed {
+            self.replace_robot(i, &params)?;
+        }
+        let mut loaded = self.robots.load(i, &snapshot.robot);
+        if let (Ok(()), Some(saved), Some(events)) = (&loaded, &snapshot.events, &mut self.events) {
+            let plan = Arc::clone(&events.plan);
+            let config = &self.config;
+            loaded = events.load(i, saved, &params, |nominal| {
+                nominal.validate()?;
+                config.check_events(&plan, nominal)
+            });
+        }
+        if let Err(error) = loaded {
+            if changed {
+                self.robots.set_params(i, &old)?;
+                self.note_com(i);
+            }
+            self.robots.load(i, &motion)?;
+            self.over[i] = over;
+            return Err(error);
+        }
+        self.rngs[i] = ChaCha8Rng::from_seed(snapshot.seed);
+        self.rngs[i].set_word_pos(snapshot.word);
+        R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
+        self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
+        self.over[i] = snapshot.over;
+        self.begun |= !snapshot.over;
+        Ok(())
+    }
+}

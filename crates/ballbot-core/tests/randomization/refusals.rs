@@ -1,0 +1,185 @@
+//! Events that cannot be are refused where they are given, with their term.
+
+use super::{SEED, at, config, every, scaled};
+use ballbot_core::batch::{
+    Autoreset, Batch, Direction, Distribution, Event, Operation, Value, When, event_sets, events_from_toml,
+    events_to_toml, load_events,
+};
+use ballbot_core::task::Balance;
+use ballbot_core::{ModelKind, Params};
+
+/// The error of a batch with these events.
+fn refusal(events: &[Event]) -> String {
+    let made = Batch::new(&config(ModelKind::Contact, 10, events), 2, Autoreset::SameStep, Some(1), SEED);
+    made.map(|_| ()).expect_err(&format!("{events:?}")).to_string()
+}
+
+#[track_caller]
+fn refused(event: Event, words: &[&str]) {
+    let label = format!("events[0] ({})", event.term);
+    let error = refusal(&[event]);
+    assert!(error.contains(&label), "{error}");
+    assert!(words.iter().all(|word| error.contains(word)), "{error}");
+}
+
+#[test]
+fn numbers_that_cannot_be() {
+    let nan = f64::NAN;
+    refused(Event::new("colour", [0.0, 1.0]), &["unknown term 'colour'", "body_mass", "push"]);
+    refused(Event::new("gravity", [10.0, 9.0]), &["range[1] = 9", "at least range[0] = 10"]);
+    refused(Event::new("gravity", [nan, 9.0]), &["range[0] = NaN"]);
+    refused(Event::new("gravity", [9.0, f64::INFINITY]), &["range[1] = inf"]);
+    refused(Event { distribution: Distribution::LogUniform, ..Event::new("gravity", [0.0, 9.0]) }, &["> 0"]);
+    refused(Event { distribution: Distribution::Normal, ..Event::new("gravity", [9.0, -1.0]) }, &["deviation", "-1"]);
+    refused(Event { distribution: Distribution::Normal, ..Event::new("gravity", [9.0, 4.0]) }, &["gravity = -3"]);
+    refused(Event { range: vec![[9.0, 9.0]; 2], ..Event::new("gravity", [0.0; 2]) }, &["2 pairs", "expected one"]);
+    refused(Event { range: vec![[1.0, 1.0]; 2], ..scaled("body_inertia", [0.0; 2]) }, &["2 pairs", "one, or 3"]);
+    refused(Event { range: vec![], ..scaled("body_inertia", [0.0; 2]) }, &["0 pairs"]);
+    refused(Event { range: vec![[1.0, 1.0]; 3], shared: true, ..scaled("body_inertia", [0.0; 2]) }, &["shared"]);
+    refused(Event { id: Some(0), ..Event::new("gravity", [9.0, 9.1]) }, &["id = 0"]);
+    refused(every([0.005, 1.0], Event::new("gravity", [9.0, 9.1])), &["every[0] = 0.005", "control_dt = 0.01"]);
+    refused(every([2.0, 1.0], Event::new("gravity", [9.0, 9.1])), &["every[1] = 1"]);
+    refused(every([nan, 1.0], Event::new("gravity", [9.0, 9.1])), &["every[0] = NaN"]);
+    refused(at(-1.0, Event::new("gravity", [9.0, 9.1])), &["at = -1"]);
+    refused(at(nan, Event::new("gravity", [9.0, 9.1])), &["at = NaN"]);
+    assert!(refusal(&vec![Event::new("gravity", [9.0, 9.1]); 65]).contains("64"));
+}
+
+#[test]
+fn robots_that_cannot_be() {
+    refused(Event::new("gravity", [0.0, 9.0]), &["gravity = 0"]);
+    refused(scaled("body_mass", [-0.1, 1.0]), &["range = -0.1", ">= 0"]);
+    refused(scaled("body_inertia", [0.5, 1.5]), &["triangle inequality"]);
+    refused(scaled("ball_inertia", [1.0, 1.3]), &["ball_inertia", "thin shell"]);
+    refused(scaled("body_mass", [0.1, 1.0]), &["wheel_mass"]);
+    refused(Event::new("wheel_static_friction", [0.5, 1.1]), &["wheel_static_friction = 0.5", "1"]);
+    // The action's torque is 0.3 N·m.
+    refused(Event::new("max_wheel_torque", [0.2, 5.0]), &["max_wheel_torque = 0.3", "0.2"]);
+    // Each corner is a robot with wheels 120 degrees apart; what is between them is not.
+    let turn = 2.0 * std::f64::consts::TAU;
+    let azimuths = Params::paper().wheel_azimuths.map(|a| [a, a + turn]).to_vec();
+    refused(Event { range: azimuths, ..Event::new("wheel_azimuths", [0.0; 2]) }, &["2 pi / 3"]);
+    let turned = Event { operation: Operation::Add, shared: true, ..Event::new("wheel_azimuths", [0.0, turn]) };
+    Batch::new(&config(ModelKind::Contact, 10, &[turned]), 2, Autoreset::SameStep, Some(1), SEED).unwrap();
+    // Shape changes at resets alone.
+    let radius = || scaled("ball_radius", [0.99, 1.01]);
+    refused(every([0.1, 0.2], radius()), &["shape", "'reset'"]);
+    refused(at(0.1, radius()), &["shape"]);
+    // Each of two events is possible by itself.
+    let events = [scaled("body_mass", [0.3, 1.0]), scaled("wheel_mass", [1.0, 2.0])];
+    let error = refusal(&events);
+    assert!(error.contains("events[0] (body_mass): with events[1] (wheel_mass)"), "{error}");
+    // What one term alone breaks is not put down to those before it.
+    let error = refusal(&[scaled("gravity", [0.9, 1.1]), scaled("ball_inertia", [1.0, 1.3])]);
+    assert!(error.contains("events[1] (ball_inertia): a robot of its range"), "{error}");
+    // And each two of three.
+    let events = [
+        scaled("body_mass", [0.4, 1.0]),
+        scaled("wheel_mass", [1.0, 1.6]),
+        Event { operation: Operation::Add, ..Event::new("wheel_mass", [0.0, 0.13]) },
+    ];
+    let events = [events[0].clone(), events[1].clone(), Event { id: Some(1), ..events[2].clone() }];
+    let error = refusal(&events);
+    assert!(error.contains("events[0] (body_mass): with events[1] (wheel_mass), events[2] (wheel_mass)"), "{error}");
+}
+
+#[test]
+fn starts_that_cannot_be() {
+    // Tilted as far as a robot with its wheels at the equator of the ball cannot be.
+    let task = Balance { reset_tilt: 0.5, fall_tilt: 3.0, ..Balance::default() };
+    let events = [scaled("wheel_zenith", [1.0, 1.99])];
+    for model in [ModelKind::Contact, ModelKind::Rigid] {
+        let with = |events: &[Event]| {
+            let config = ballbot_core::batch::BalanceConfig { task: task.clone(), ..config(model, 10, events) };
+            Batch::new(&config, 1, Autoreset::SameStep, Some(1), SEED)
+        };
+        with(&[]).unwrap();
+        let error = with(&events).map(|_| ()).expect_err("wheels reach the floor").to_string();
+        assert!(error.contains("events[0] (wheel_zenith)"), "{error}");
+    }
+}
+
+#[test]
+fn pushes_that_cannot_be() {
+    let push = |range: [f64; 2]| at(1.0, Event::new("push", range));
+    refused(Event::new("push", [0.0, 1.0]), &["'interval' or 'at'"]);
+    refused(Event { when: When::Startup, ..Event::new("push", [0.0, 1.0]) }, &["'interval' or 'at'"]);
+    refused(push([-1.0, 1.0]), &["range = -1"]);
+    refused(push([0.0, 2e4]), &["impulse", "10000"]);
+    refused(Event { operation: Operation::Scale, ..push([0.0, 1e4]) }, &["impulse[0] = 22280"]);
+    refused(Event { operation: Operation::Add, ..push([0.0, 1.0]) }, &["'abs'", "'scale'"]);
+    refused(Event { height: Some([0.0, 200.0]), ..push([0.0, 1.0]) }, &["point[2] = 200"]);
+    refused(Event { height: Some([0.2, 0.1]), ..push([0.0, 1.0]) }, &["height[1] = 0.1"]);
+    refused(Event { direction: Direction::Azimuth(f64::NAN), ..push([0.0, 1.0]) }, &["direction = NaN"]);
+}
+
+#[test]
+fn two_events_of_one_id() {
+    let twice = [scaled("body_mass", [0.9, 1.1]), scaled("body_mass", [0.9, 1.1])];
+    let error = refusal(&twice);
+    assert!(error.contains("events[1] (body_mass)") && error.contains("another id"), "{error}");
+    let same = ["body_mass", "gravity"].map(|term| Event { id: Some(7), ..scaled(term, [0.9, 1.1]) });
+    let error = refusal(&same);
+    assert!(error.contains("events[1] (gravity)") && error.contains("events[0] (body_mass)"), "{error}");
+}
+
+#[test]
+fn toml_that_is_wrong() {
+    for (text, words) in [
+        ("events = 3", &["'events' is not a list"][..]),
+        ("x = 3", &["unknown key 'x'"]),
+        ("[[events]]", &["events[0]", "'term'"]),
+        ("[[events]]\nterm = 3", &["term = 3"]),
+        ("[[events]]\nterm = 'gravity'", &["events[0] (gravity)", "'range'"]),
+        ("[[events]]\nterm = 'gravity'\nrange = 'wide'", &["(gravity)", "range = 'wide'"]),
+        ("[[events]]\nterm = 'gravity'\nrange = [1, 2, 3]", &["(gravity)", "range = [1, 2, 3]"]),
+        (
+            "[[events]]\nterm = 'gravity'\nrange = [9, 10]\nop = 'mul'",
+            &["(gravity)", "unknown op 'mul'", "abs, add, scale"],
+        ),
+        ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\ndist = 'flat'", &["(gravity)", "unknown dist 'flat'"]),
+        ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nmode = 'step'", &["(gravity)", "unknown mode 'step'"]),
+        ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nrnge = 3", &["(gravity)", "unknown key 'rnge'"]),
+        ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nmode = 'interval'", &["(gravity)", "'every'"]),
+        ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nmode = 'at'", &["(gravity)", "'at'"]),
+        ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nmode = 'reset'\nat = 1", &["(gravity)", "'reset'"]),
+        ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nat = 1\nevery = [1, 2]", &["(gravity)", "both"]),
+        ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nid = -1", &["(gravity)", "id = -1"]),
+        ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nid = 1.5", &["(gravity)", "id = 1.5"]),
+        ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nshared = 1", &["(gravity)", "shared = 1"]),
+        ("[[events]]\nterm = 'gravity'\nrange = [9, 10]\nheight = 1", &["(gravity)", "height", "push"]),
+        ("[[events]]\nterm = 'push'\nrange = [9, 10]\nat = 1\ndirection = 'up'", &["(push)", "direction = 'up'"]),
+        ("[[events]\n", &["events.toml"]),
+    ] {
+        let error = events_from_toml(text, "events.toml").expect_err(text).to_string();
+        assert!(error.contains("events.toml") && words.iter().all(|word| error.contains(word)), "{text}: {error}");
+    }
+    let error = load_events("wild").unwrap_err().to_string();
+    assert!(error.contains("'wild'") && error.contains("mild, hard"), "{error}");
+    assert!(load_events("none.toml").unwrap_err().to_string().contains("none.toml"));
+}
+
+#[test]
+fn events_read_back_what_they_write() {
+    let mut events: Vec<_> = event_sets().into_iter().flat_map(|set| load_events(set).unwrap()).collect();
+    events.extend(super::several());
+    events.push(Event {
+        distribution: Distribution::Normal,
+        range: vec![[1.0, 0.1], [1.0 / 3.0, 1e-17], [-0.0, 0.0]],
+        id: Some(9),
+        ..Event::new("wheel_azimuths", [0.0; 2])
+    });
+    events.push(at(
+        0.1,
+        Event { direction: Direction::Azimuth(0.1), height: Some([0.1, 0.2]), ..Event::new("push", [0.0, 1.0]) },
+    ));
+    assert_eq!(events_from_toml(&events_to_toml(&events), "").unwrap(), events);
+    for (place, event) in events.iter().enumerate() {
+        let entries: Vec<_> = event.entries().into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+        assert_eq!(&Event::from_entries(place, &entries).unwrap(), event);
+    }
+    // A height may be one number.
+    let entries = [("term", Value::Text("push".into())), ("range", [0.0, 1.0].into()), ("height", Value::Number(0.2))];
+    let entries = entries.map(|(key, value)| (key.to_owned(), value));
+    assert_eq!(Event::from_entries(0, &entries).unwrap().height, Some([0.2; 2]));
+}

@@ -1,0 +1,218 @@
+"""Events on every front end; what they draw and when is tested in Rust (crates/ballbot-core/tests/randomization)."""
+
+import copy
+import json
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from ballbot_rs import _toml
+from ballbot_rs._core import EVENT_SETS
+from ballbot_rs.cli import main
+from ballbot_rs.control.resolve import ResolvedController, common_options
+
+EVENTS = [
+    {"term": "body_mass", "op": "scale", "range": [0.8, 1.2]},
+    {"term": "body_mass", "op": "add", "range": [0.0, 0.5], "id": 1},
+    {"term": "body_inertia", "op": "scale", "range": [0.95, 1.05]},
+    {"term": "floor_dynamic_friction", "every": [0.05, 0.1], "range": [0.5, 1.0], "dist": "log_uniform"},
+    {"term": "push", "at": 0.03, "range": [0.0, 0.1], "height": 0.2},
+]
+SEED = 30
+
+
+def same(found, expected):
+    assert found.keys() == expected.keys()
+    for term in expected:
+        np.testing.assert_array_equal(found[term], expected[term], err_msg=term)
+
+
+def test_draws_have_a_place_for_every_robot_and_number():
+    batch = bb.Batch(5, events=EVENTS, seed=SEED, num_threads=1)
+    assert all(np.isnan(values).all() for values in batch.draws().values())
+    batch.reset()
+    draws = batch.draws()
+    assert list(draws) == ["body_mass", "body_mass:1", "body_inertia", "floor_dynamic_friction", "push"]
+    assert draws["body_mass"].shape == (5,)
+    assert draws["body_inertia"].shape == draws["push"].shape == (5, 3)
+    assert np.isnan(draws["push"]).all()
+    assert np.isnan(draws["floor_dynamic_friction"]).all()
+    nominal = bb.Params.paper()
+    for i in range(5):
+        params = batch.params(i)
+        assert batch.nominal_params(i) == nominal
+        assert params.body_mass == nominal.body_mass * draws["body_mass"][i] + draws["body_mass:1"][i]
+        same(batch.draws(i), {term: values[i] for term, values in draws.items()})
+    for _ in range(11):
+        batch.step(np.zeros((5, 3), np.float32))
+    draws = batch.draws()
+    assert (draws["push"][:, 2] == 0.2).all()
+    assert ((draws["push"][:, 0] >= 0.0) & (draws["push"][:, 0] <= 0.1)).all()
+    assert [batch.params(i).floor_dynamic_friction for i in range(5)] == list(draws["floor_dynamic_friction"])
+    assert bb.Batch(5).draws() == {}
+    with pytest.raises(ValueError, match="num_envs = 5"):
+        batch.draws(5)
+
+
+def test_front_ends_draw_the_same():
+    pytest.importorskip("torch")
+    batch = bb.Batch(3, events=EVENTS, seed=SEED)
+    batch.reset()
+    expected = batch.draws()
+    vector = bb.BallbotVectorEnv(3, events=EVENTS)
+    vector.reset(seed=SEED)
+    made = gymnasium.make_vec("ballbot/Balance-v0", num_envs=3, events=EVENTS)
+    made.reset(seed=SEED)
+    sb3 = bb.BallbotVecEnv(3, events=EVENTS, seed=SEED)
+    sb3.reset()
+    for env in (vector, made.unwrapped, sb3):
+        same(env.draws(), expected)
+    for each in (vector.call("draws"), sb3.env_method("draws")):
+        for i, draws in enumerate(each):
+            same(draws, {term: values[i] for term, values in expected.items()})
+    assert vector.get_attr("nominal_params") == (bb.Params.paper(),) * 3
+    for env in (bb.BalanceEnv(events=EVENTS), gymnasium.make("ballbot/Balance-v0", events=EVENTS).unwrapped):
+        env.reset(seed=SEED + 2)
+        same(env.draws(), {term: values[2] for term, values in expected.items()})
+        assert env.params == batch.params(2) != env.nominal_params == bb.Params.paper()
+
+
+def test_every_spelling_is_the_same(tmp_path):
+    full = bb.load_events(EVENTS)
+    file = tmp_path / "mine.toml"
+    file.write_text(_toml.dumps({"events": full}), encoding="utf-8")
+    for given in (full, tuple(EVENTS), file, str(file), json.loads(json.dumps(full))):
+        assert bb.load_events(given) == full
+        assert bb.Batch(1, events=given).options["events"] == full
+    assert bb.load_events(EVENTS[0]) == full[:1]
+    arrays = [{**event, "range": np.array(event["range"])} for event in EVENTS]
+    assert bb.load_events(arrays) == full
+    env = bb.BalanceEnv(events=file)
+    assert json.loads(json.dumps(env.task_options))["events"] == full
+    assert bb.BalanceEnv(**env.task_options).task_options == env.task_options
+    for nothing in (None, []):
+        assert bb.Batch(1, events=nothing).options["events"] == []
+    env.task_options["events"][0]["range"][0] = 0.0
+    assert env.task_options["events"] == full
+
+
+@pytest.mark.parametrize("name", EVENT_SETS)
+def test_sets_by_name(name):
+    env = bb.BalanceEnv(events=name)
+    env.reset(seed=0)
+    assert env.task_options["events"] == bb.load_events(name)
+    assert np.isfinite(env.draws()["body_mass"])
+    assert np.isnan(env.draws()["push"]).all()
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_copies_continue_to_the_last_bit(copied):
+    env = bb.BallbotVectorEnv(3, events=EVENTS, max_episode_steps=20, num_threads=1)
+    env.reset(seed=SEED)
+    actions = np.full((3, 3), 0.1, np.float32)
+    for _ in range(7):
+        env.step(actions)
+    other = copied(env)
+    for _ in range(50):
+        np.testing.assert_array_equal(env.step(actions)[0], other.step(actions)[0])
+        same(other.draws(), env.draws())
+
+
+@pytest.mark.parametrize(
+    ("events", "error", "message"),
+    [
+        ("wild", ValueError, "wild.*mild, hard"),
+        ("none.toml", OSError, "none.toml"),
+        (3, TypeError, "events must be .* not int"),
+        ([3], TypeError, "not int"),
+        ([{1: 2}], TypeError, r"events\[0\] has a key that is not text"),
+        ({}, ValueError, "'term'"),
+        ({"term": "colour", "range": [0, 1]}, ValueError, r"events\[0\] \(colour\): unknown term"),
+        ({"term": "gravity", "range": [9, 10], "rate": 3}, ValueError, r"\(gravity\): unknown key 'rate'"),
+        ({"term": "gravity", "range": [9, 10], "op": "mul"}, ValueError, r"\(gravity\): unknown op 'mul'"),
+        ({"term": "gravity", "range": [9, 10], "dist": "x"}, ValueError, r"\(gravity\): unknown dist"),
+        ({"term": "gravity", "range": [9, 10], "mode": "x"}, ValueError, r"\(gravity\): unknown mode"),
+        ({"term": "gravity", "range": [10, 9]}, ValueError, r"\(gravity\): range\[1\] = 9"),
+        ({"term": "gravity", "range": [float("nan"), 9]}, ValueError, r"\(gravity\): range\[0\] = NaN"),
+        ({"term": "gravity", "range": [0, 9]}, ValueError, r"\(gravity\).*gravity = 0"),
+        ({"term": "gravity", "range": None}, TypeError, "range is not"),
+        ({"term": "gravity", "range": [9, 10], "id": 10**30}, ValueError, r"\(gravity\): id"),
+        ({"term": "gravity", "range": [9, 10], "id": True}, ValueError, r"\(gravity\): id = true"),
+        ({"term": "body_inertia", "op": "scale", "range": [0.5, 1.5]}, ValueError, r"\(body_inertia\).*triangle"),
+        ([EVENTS[0], EVENTS[0]], ValueError, r"events\[1\] \(body_mass\).*another id"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_term(events, error, message):
+    for make in (bb.Batch, bb.BallbotVectorEnv):
+        with pytest.raises(error, match=message):
+            make(1, events=events)
+    with pytest.raises(error, match=message):
+        bb.BalanceEnv(events=events)
+
+
+def test_controllers_and_evaluations_have_nominal_robots_unless_asked():
+    nominal = bb.evaluate("lqr", episodes=10)
+    randomized = bb.evaluate("lqr", episodes=10, env_options={"events": "hard"})
+    assert randomized != nominal
+    assert randomized == bb.evaluate("lqr", episodes=10, env_options={"events": "hard"}, num_threads=1)
+    # The same law, made for the nominal robot by hand.
+    by_hand = bb.evaluate(bb.Lqr(), episodes=10, env_options={"events": "hard"})
+    assert by_hand.tilt_rms == pytest.approx(randomized.tilt_rms, rel=1e-6)
+
+
+def test_a_trajectory_is_of_a_drawn_robot():
+    trajectories = [bb.run("lqr", seconds=0.5, env_options={"events": "hard"}) for _ in range(2)]
+    assert trajectories[0].params != bb.Params.paper()
+    assert trajectories[0].params == trajectories[1].params
+    np.testing.assert_array_equal(trajectories[0].torques, trajectories[1].torques)
+    assert trajectories[0].states[0].ball_position[2] == trajectories[0].params.ball_radius
+
+
+def test_events_of_a_training_are_left_out_unless_asked_for():
+    def policy(name, events):
+        return ResolvedController(name, {"model": "contact"}, lambda observations: observations[:, :3], events=events)
+
+    mild, hard = policy("mild", bb.load_events("mild")), policy("hard", bb.load_events("hard"))
+    assert "events" not in common_options([mild, hard])
+    assert common_options([mild, hard], {"events": "hard"})["events"] == "hard"
+    assert common_options([mild], {"events": "trained"})["events"] == bb.load_events("mild")
+    for those in ([mild, hard], []):
+        with pytest.raises(ValueError, match="trained"):
+            common_options(those, {"events": "trained"})
+
+
+def test_the_command_line_takes_sets_and_files(capsys, tmp_path):
+    def evaluated(*arguments):
+        assert main(["evaluate", "balance", "--episodes", "5", "--json", *arguments]) == 0
+        return json.loads(capsys.readouterr().out)["results"]
+
+    file = tmp_path / "mine.toml"
+    file.write_text(_toml.dumps({"events": bb.load_events("hard")}), encoding="utf-8")
+    hard = evaluated("--events", "hard")
+    assert evaluated() != hard == evaluated("--events", str(file))
+    assert main(["evaluate", "balance", "--events", "wild"]) != 0
+    assert "wild" in capsys.readouterr().err
+
+
+def test_a_training_keeps_its_events(tmp_path):
+    pytest.importorskip("stable_baselines3")
+    from ballbot_rs.training import config
+    from tests.support.tiny_config import TINY_CONFIG
+
+    tiny, file, folder = tmp_path / "tiny.toml", tmp_path / "mine.toml", tmp_path / "run"
+    tiny.write_text(TINY_CONFIG.replace('"spatial"', '"contact"'), encoding="utf-8")
+    file.write_text(_toml.dumps({"events": EVENTS}), encoding="utf-8")
+    arguments = ["train", "balance", "--config", str(tiny), "--run", str(folder), "--quiet", "--no-report"]
+    assert main([*arguments, "--episodes", "0", "--events", str(file)]) == 0
+    full = bb.load_events(EVENTS)
+    assert config.load("balance", folder / "config.toml")[0].env["events"] == full
+    from ballbot_rs.control.resolve import find
+
+    found = find(folder)
+    assert "events" not in found.env_options
+    assert found.events == full
+    nominal, own = bb.evaluate(folder, episodes=4), bb.evaluate(folder, episodes=4, env_options={"events": "trained"})
+    assert nominal != own == bb.evaluate(folder, episodes=4, env_options={"events": EVENTS})
