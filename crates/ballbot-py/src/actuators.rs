@@ -50,7 +50,7 @@ fn from_urdf(path: &Path) -> PyResult<MotorOptions> {
 
 fn from_mapping(options: &Bound<'_, PyMapping>) -> PyResult<MotorOptions> {
     let mut fields = Vec::new();
-    for item in options.items()?.iter() {
+    for item in options.items()? {
         let (name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
         let Ok(name) = name.extract::<String>() else {
             return Err(PyTypeError::new_err(format!("actuators has the key {}, expected names", name.repr()?)));

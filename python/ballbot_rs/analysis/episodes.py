@@ -43,7 +43,7 @@ class Result:
     tilt_rms: float
     #: Mean over episodes of the largest distance of the ball from the setpoint, m.
     ball_excursion: float
-    #: Root mean square of the wheel torques over all steps, N·m.
+    #: Root mean square of the commanded wheel torques over all steps, N·m.
     torque_rms: float
     #: Mean reward of a step, a fallen robot's missing steps counted as zero.
     mean_reward: float

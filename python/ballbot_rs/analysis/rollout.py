@@ -31,7 +31,7 @@ class Chunk:
     first: int
     #: Before each step, shape (k, n, 32), rows as `State.to_array`.
     states: Array
-    #: Of the wheels, N·m, shape (k, n, 3).
+    #: Of the wheels, as commanded, N·m, shape (k, n, 3).
     torques: Array
     #: Shape (k, n).
     rewards: Array
@@ -128,7 +128,7 @@ class Run:
     states: Sequence[State]
     #: During the time step before the row.
     contacts: Sequence[Contacts]
-    #: From a row to the next one, N·m, shape (n - 1, 3).
+    #: From a row to the next one, as commanded, N·m, shape (n - 1, 3).
     torques: Array
     #: Row at which the task counted the robot as fallen and its motors were switched off.
     fell_at: int | None

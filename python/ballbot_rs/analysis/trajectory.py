@@ -40,7 +40,7 @@ class Trajectory:
     states: Sequence[State]
     #: Forces during the time step before the row.
     contacts: Sequence[Contacts]
-    #: Of the wheels, N·m, shape (n, 3); the last row repeats the one before.
+    #: Of the wheels, as commanded, N·m, shape (n, 3); the last row repeats the one before.
     torques: Array
     #: Time at which the robot counted as fallen and its motors were switched off, s; None if it never did.
     fell_at: float | None

@@ -87,7 +87,7 @@ impl Motors {
         )?;
         let steps = delay / sim_dt;
         check(
-            format_args!("actuators.delay / sim_dt"),
+            "actuators.delay / sim_dt",
             steps,
             format_args!("a whole number of at most {MAX_DELAY} (delay = {delay} s, sim_dt = {sim_dt} s)"),
             |n| (n - n.round()).abs() <= 1e-6 * n && n <= MAX_DELAY + 0.5,

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result, check};
 use crate::fields;
 use crate::fields::{Fields, Limit};
-use crate::params::robot_file::{NamedNumbers, RobotFile};
+use crate::params::robot_file::RobotFile;
 use std::path::Path;
 
 /// Least speed limit and no-load speed, rad/s.
@@ -107,7 +107,7 @@ impl MotorOptions {
         }
     }
 
-    fn from_named(fields: &NamedNumbers) -> Result<Self> {
+    fn from_named(fields: &[(String, Vec<f64>)]) -> Result<Self> {
         Self::from_fields(fields.iter().map(|(name, values)| (name.as_str(), values.as_slice())))
     }
 
