@@ -9,7 +9,7 @@ use crate::lanes::{Heading, Lane, Memory};
 use crate::params::Params;
 use crate::setpoint::Setpoint;
 use crate::state::{State, attitude};
-use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::{PI, TAU};
@@ -72,8 +72,7 @@ impl Task for Balance {
     fn extreme_starts(&self, params: &Params) -> Vec<State> {
         let leaning = |azimuth: f64| {
             let about = Vector2::new(-azimuth.sin(), azimuth.cos());
-            let body_quaternion = tilted_from_equilibrium(params, about * self.reset_tilt, 0.0);
-            State { body_quaternion, ..State::upright(params) }
+            State::tilted_from_equilibrium(params, about * self.reset_tilt, 0.0)
         };
         if params.body_com_offset == [0.0; 2] {
             return params.wheel_azimuths.into_iter().map(leaning).collect();
@@ -94,7 +93,7 @@ impl Task for Balance {
         let yaw = self.reset_yaw * (2.0 * rng.random::<f64>() - 1.0);
         let velocity = in_disc(rng, self.reset_ball_speed);
         let rate = in_disc(rng, self.reset_tilt_rate);
-        let attitude = tilted_from_equilibrium(params, tilt, yaw);
+        let attitude = attitude(tilt, yaw) * params.to_balance_frame();
         let rate = Vector3::new(rate.x, rate.y, 0.0);
         State::rolling_on(
             params,
@@ -193,11 +192,6 @@ impl Balance {
         let (x, y) = (position.x - self.setpoint[0], position.y - self.setpoint[1]);
         x.mul_add(x, y.squared())
     }
-}
-
-/// Attitude of a robot at the heading `yaw`, tilted from its equilibrium by the rotation vector (`tilt` x, `tilt` y, 0).
-fn tilted_from_equilibrium(params: &Params, tilt: Vector2<f64>, yaw: f64) -> UnitQuaternion<f64> {
-    attitude(tilt, yaw) * params.to_balance_frame()
 }
 
 #[inline(always)]
