@@ -328,7 +328,7 @@ class State:
     def at_rest(params: Params, tilt: npt.ArrayLike = (0.0, 0.0), yaw: float = 0.0) -> State:
         """At rest on the floor at the origin: turned by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad)."""
     @staticmethod
-    def at_equilibrium(params: Params, yaw: float = 0.0) -> State:
+    def at_equilibrium(params: Params, tilt: npt.ArrayLike = (0.0, 0.0), yaw: float = 0.0) -> State:
         """At rest in equilibrium on the floor at the origin, with the heading `yaw` (rad): the body's center of mass is above
         the center of the ball. Equal to `at_rest` for a robot whose center of mass is on the mast.
         """

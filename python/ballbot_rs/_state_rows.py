@@ -26,8 +26,9 @@ def body_axes_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.stack([first, second, mast_of(states)], axis=-1)
 
 
-def tilt_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Angles between the mast and the vertical, rad: shape (...) for states (..., 32)."""
-    mast = mast_of(states)
-    angle: npt.NDArray[np.float64] = np.arctan2(np.linalg.norm(mast[..., :2], axis=-1), mast[..., 2])
+def tilt_of(states: npt.NDArray[np.float64], com: tuple[float, float, float]) -> npt.NDArray[np.float64]:
+    """Tilts from the equilibrium of robots whose CoM in the body frame is `com` (m), rad: shape (...) for states (..., 32)."""
+    x, y, _ = com
+    axis = body_axes_of(states) @ np.asarray(com) if x or y else mast_of(states)
+    angle: npt.NDArray[np.float64] = np.arctan2(np.linalg.norm(axis[..., :2], axis=-1), axis[..., 2])
     return angle

@@ -242,6 +242,11 @@ class TestState:
         np.testing.assert_allclose(robot.contacts.wheel_normal_forces, off.equilibrium_wheel_loads, rtol=1e-12)
         robot.step([0.0, 0.0, 0.0], steps=100)
         assert abs(robot.state.tilt - state.tilt) < 1e-13
+        tilted = State.at_equilibrium(off, tilt=(0.03, -0.04), yaw=0.5)
+        w, x, y, z = tilted.body_quaternion
+        up = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+        assert np.arccos(up @ off.body_com / np.linalg.norm(off.body_com)) == pytest.approx(0.05, abs=1e-12)
+        assert State.at_equilibrium(paper, (0.03, -0.04), 0.5) == State.at_rest(paper, (0.03, -0.04), 0.5)
         with pytest.raises(ValueError, match="yaw"):
             State.at_equilibrium(off, yaw=np.nan)
 

@@ -66,6 +66,13 @@ impl State {
         Self { body_quaternion: params.equilibrium_attitude(yaw), ..Self::upright(params) }
     }
 
+    /// State at rest with the ball on the floor at the origin: in equilibrium, then turned by `yaw` about the vertical, then
+    /// tilted by the rotation vector (`tilt` x, `tilt` y, 0) in the inertial frame, rad. [`State::tilted`] for a robot
+    /// whose center of mass is on the mast.
+    pub fn tilted_from_equilibrium(params: &Params, tilt: Vector2<f64>, yaw: f64) -> Self {
+        Self { body_quaternion: attitude(tilt, yaw) * params.to_balance_frame(), ..Self::upright(params) }
+    }
+
     /// State of rolling without slip. Ball and wheel rates follow from the velocity (x, y) of the ball, its spin about
     /// the vertical, the attitude of the body and its angular velocity in the body frame.
     pub fn rolling(

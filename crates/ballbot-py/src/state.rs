@@ -92,19 +92,21 @@ impl PyState {
     #[pyo3(signature = (params, tilt=None, yaw=0.0), text_signature = "(params, tilt=(0.0, 0.0), yaw=0.0)")]
     fn at_rest(params: &PyParams, tilt: Argument<'_, '_>, #[pyo3(from_py_with = real)] yaw: f64) -> PyResult<Self> {
         let tilt = tilt.map_or(Ok([0.0; 2]), |tilt| numbers::<2>("tilt", tilt))?;
-        tilted(&params.0, tilt, yaw).map(Self)
+        tilted(&params.0, tilt, yaw, State::tilted).map(Self)
     }
 
-    /// At rest in equilibrium on the floor at the origin, with the heading `yaw` (rad): the body's center of mass is above
-    /// the center of the ball. Equal to `at_rest` for a robot whose center of mass is on the mast.
+    /// At rest in equilibrium on the floor at the origin, the body's center of mass above the center of the ball; then
+    /// turned by `yaw` (rad) and tilted by the rotation vector (x, y, 0) (rad). Equal to `at_rest` for a robot whose
+    /// center of mass is on the mast.
     #[staticmethod]
-    #[pyo3(signature = (params, yaw=0.0))]
-    fn at_equilibrium(params: &PyParams, #[pyo3(from_py_with = real)] yaw: f64) -> PyResult<Self> {
-        call(|| {
-            check_finite("yaw", &[yaw])?;
-            Ok(State::at_equilibrium(&params.0, yaw))
-        })
-        .map(Self)
+    #[pyo3(signature = (params, tilt=None, yaw=0.0), text_signature = "(params, tilt=(0.0, 0.0), yaw=0.0)")]
+    fn at_equilibrium(
+        params: &PyParams,
+        tilt: Argument<'_, '_>,
+        #[pyo3(from_py_with = real)] yaw: f64,
+    ) -> PyResult<Self> {
+        let tilt = tilt.map_or(Ok([0.0; 2]), |tilt| numbers::<2>("tilt", tilt))?;
+        tilted(&params.0, tilt, yaw, State::tilted_from_equilibrium).map(Self)
     }
 
     /// Rolling without slip with the ball's velocity (x, y): ball and wheel rates follow from it.
@@ -249,11 +251,16 @@ impl PyState {
 }
 
 /// A state at rest with a tilt and a yaw.
-fn tilted(params: &Params, tilt: [f64; 2], yaw: f64) -> PyResult<State> {
+fn tilted(
+    params: &Params,
+    tilt: [f64; 2],
+    yaw: f64,
+    state: fn(&Params, Vector2<f64>, f64) -> State,
+) -> PyResult<State> {
     call(|| {
         check_finite("tilt", &tilt)?;
         check_finite("yaw", &[yaw])?;
-        let state = State::tilted(params, tilt.into(), yaw);
+        let state = state(params, tilt.into(), yaw);
         state.validate()?;
         Ok(state)
     })

@@ -26,9 +26,9 @@ class Recovery:
 
     controller: str
     model: str
-    #: Angle of the mast from the vertical, rad.
+    #: First tilts from the equilibrium, rad; those of the mast if the center of mass is on it.
     tilts: npt.NDArray[np.float64]
-    #: Direction towards which the mast leans, from the x axis, rad.
+    #: Directions of these tilts, from the x axis, rad.
     azimuths: npt.NDArray[np.float64]
     #: Azimuths of the wheels, rad.
     wheel_azimuths: tuple[float, float, float]
@@ -87,13 +87,13 @@ def collect(
     # Leaning towards an azimuth is a rotation about the axis 90 deg ahead of it.
     leaning = [(-tilt * np.sin(azimuth), tilt * np.cos(azimuth)) for tilt in tilts for azimuth in azimuths]
     params = batch.params(0)
-    starts = [State.at_rest(params, tilt=components) for components in leaning]
+    starts = [State.at_equilibrium(params, tilt=components) for components in leaning]
     steps = max(round(seconds / batch.control_dt), 1)
     standing = np.ones(batch.num_envs, dtype=bool)
     leans = np.empty((steps, batch.num_envs))
     for chunk in rollout(batch, found, steps, starts):
         end = chunk.first + len(chunk)
-        leans[chunk.first : end] = tilt_of(chunk.states)
+        leans[chunk.first : end] = tilt_of(chunk.states, params.body_com)
         standing &= ~chunk.terminated.any(axis=0)
         progress(end, steps)
     times = np.where(standing, settling_times(leans, SETTLED_TILT, batch.control_dt), np.inf)

@@ -74,8 +74,8 @@ class BalanceOptions(CommonOptions, total=False):
 
     #: Where the ball should be. (m, >= -10000 and <= 10000)
     setpoint: npt.ArrayLike
-    #: Half angle of the cone from which the first tilt is drawn, evenly over its opening; below `fall_tilt`. (rad, >=
-    #: 0)
+    #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
+    #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
     #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
     reset_yaw: float
@@ -83,11 +83,11 @@ class BalanceOptions(CommonOptions, total=False):
     reset_ball_speed: float
     #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: Tilt above which the episode is terminated. (rad, > 0 and <= pi)
+    #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
     #: The end of the episode over which success is judged. (s, >= 0 and <= 1e9)
     success_window: float
-    #: Largest tilt in that window. (rad, > 0 and <= pi)
+    #: Largest tilt from the equilibrium in that window. (rad, > 0 and <= pi)
     success_tilt: float
     #: Largest distance of the ball from the setpoint in that window. (m, >= 1e-12 and <= 1e6)
     success_radius: float

@@ -62,7 +62,7 @@ class BalanceEnv(BallbotEnv):
     ## Episode end
     Terminated, with the reason as `termination` in the info:
 
-    - "tilt": the tilt exceeds `fall_tilt`.
+    - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
@@ -88,14 +88,15 @@ class BalanceEnv(BallbotEnv):
     - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
     - `setpoint`: Where the ball should be. (default (0, 0) m; >= -10000 and <= 10000)
-    - `reset_tilt`: Half angle of the cone from which the first tilt is drawn, evenly over its opening; below
-      `fall_tilt`. (default 0.0872665 rad; >= 0)
+    - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
+      opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
     - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
     - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
     - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `fall_tilt`: Tilt above which the episode is terminated. (default 0.349066 rad; > 0 and <= pi)
+    - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.349066 rad; > 0 and <=
+      pi)
     - `success_window`: The end of the episode over which success is judged. (default 2 s; >= 0 and <= 1e9)
-    - `success_tilt`: Largest tilt in that window. (default 0.0174533 rad; > 0 and <= pi)
+    - `success_tilt`: Largest tilt from the equilibrium in that window. (default 0.0174533 rad; > 0 and <= pi)
     - `success_radius`: Largest distance of the ball from the setpoint in that window. (default 0.1 m; >= 1e-12 and <=
       1e6)
 

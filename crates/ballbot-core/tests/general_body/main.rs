@@ -7,7 +7,7 @@ mod task;
 use ballbot_core::control::{Controller, Lqr, LqrWeights, Pid, PidGains, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel, SpatialMotion, WheelInertia, traction_torque};
-use ballbot_core::{Ballbot, Error, Model, ModelKind, Params, State, attitude, mechanical_energy};
+use ballbot_core::{Ballbot, Error, Model, ModelKind, Params, State, mechanical_energy};
 use nalgebra::{SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use std::f64::consts::PI;
@@ -23,12 +23,6 @@ fn lean(params: &Params, state: &State) -> f64 {
     com.xy().norm().atan2(com.z)
 }
 
-/// At rest, tilted from the equilibrium.
-fn off_equilibrium(params: &Params, tilt: Vector2<f64>, yaw: f64) -> State {
-    let body_quaternion = attitude(tilt, yaw) * params.equilibrium_attitude(0.0);
-    State { body_quaternion, ..State::upright(params) }
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -40,6 +34,9 @@ proptest! {
         prop_assert!((state.tilt() - closed_form).abs() < 1e-14, "leans {}, not {closed_form}", state.tilt());
         prop_assert!((state.yaw() - yaw).abs() < 1e-14, "heads {}, not {yaw}", state.yaw());
         prop_assert!(lean(&params, &state) < 1e-15);
+        let tilt = Vector2::new(0.06, -0.08);
+        let tilted = State::tilted_from_equilibrium(&params, tilt, yaw);
+        prop_assert!((lean(&params, &tilted) - tilt.norm()).abs() < 1e-14, "tilted by {}", lean(&params, &tilted));
 
         let model = SpatialModel::new(&params, true, true);
         let found = model.accelerations(&state.body_quaternion, &Vector6::zeros(), &Vector3::zeros());
@@ -75,7 +72,7 @@ proptest! {
         let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
         let tilt_in_space = (heading * tilt.push(0.0)).xy();
         let mut robot = SpatialMotion::new(&params, dt);
-        robot.place(&off_equilibrium(&params, tilt_in_space, yaw));
+        robot.place(&State::tilted_from_equilibrium(&params, tilt_in_space, yaw));
         let motors = torques(&params, &(push * 1e-5));
         let (a, b) = LinearModel::new(&params).discretize(dt);
         let mut expected = SVector::<f64, 10>::zeros();
@@ -189,7 +186,7 @@ proptest! {
         let mut lqr = regulator(&params);
         let sim_dt = lqr.control_dt() / 4.0;
         let mut robot = SpatialMotion::new(&params, sim_dt);
-        robot.place(&off_equilibrium(&params, tilt, yaw));
+        robot.place(&State::tilted_from_equilibrium(&params, tilt, yaw));
         let (length, rate) = (params.body_com().norm(), natural_rate(&params));
         let setpoint = Setpoint { position: Vector2::new(0.1, -0.2) * length, yaw, ..Setpoint::default() };
         let unit = params.body_mass * params.gravity * params.wheel_radius;
@@ -223,6 +220,8 @@ fn a_symmetric_robot_balances_upright_to_the_last_bit() {
         assert!(params.is_symmetric(), "{name}");
         assert_eq!(params.to_balance_frame(), UnitQuaternion::identity());
         assert_eq!(State::at_equilibrium(&params, 0.0), State::upright(&params));
+        let tilt = Vector2::new(0.1, -0.2);
+        assert_eq!(State::tilted_from_equilibrium(&params, tilt, 0.7), State::tilted(&params, tilt, 0.7));
         assert_eq!(params.equilibrium_wheel_loads(), [params.static_wheel_load(); 3]);
     }
 }
@@ -251,7 +250,7 @@ fn a_robot_that_is_hardly_crooked_is_the_symmetric_one() {
 fn pid_holds_the_lean() {
     let params = crooked();
     let mut robot = Ballbot::new(&params, ModelKind::Spatial, 1e-3).unwrap();
-    robot.reset(&off_equilibrium(&params, Vector2::new(0.6, -0.8) * 3.0_f64.to_radians(), 0.3)).unwrap();
+    robot.reset(&State::tilted_from_equilibrium(&params, Vector2::new(0.6, -0.8) * 3.0_f64.to_radians(), 0.3)).unwrap();
     let mut pid = Pid::new(&params, 1e-3, &PidGains::default(), TorqueMap::Consistent).unwrap();
     for _ in 0..3000 {
         robot.step(&pid.wheel_torques(&robot.state(), &Setpoint::default()), 1).unwrap();

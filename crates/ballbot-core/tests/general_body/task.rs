@@ -3,8 +3,8 @@
 #[path = "../support/run.rs"]
 mod run;
 
+use super::lean;
 use super::support::general::crooked;
-use super::{lean, off_equilibrium};
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, ResetRequest};
 use ballbot_core::control::{Controller, Lqr, Setpoint};
 use ballbot_core::{ModelKind, Params, State};
@@ -32,7 +32,7 @@ fn the_balance_task_starts_and_ends_by_the_tilt_from_equilibrium() {
     assert!(largest <= config.task.reset_tilt + 1e-12 && largest > 0.95 * config.task.reset_tilt, "{largest}");
     for (tilt, ends) in [(0.99, false), (1.01, true)] {
         for direction in [Vector2::x(), Vector2::y(), -Vector2::x(), -Vector2::y()] {
-            let start = off_equilibrium(params, direction * (tilt * config.task.fall_tilt), 0.4);
+            let start = State::tilted_from_equilibrium(params, direction * (tilt * config.task.fall_tilt), 0.4);
             environment.reset_to(&start, &mut observation).unwrap();
             // Within a control step the robot falls by a thousandth of its tilt.
             let outcome = environment.step(&[0.0; 3], &mut observation);
