@@ -97,6 +97,9 @@ class _ParamFields(TypedDict, total=False):
     wheel_radius: float
     wheel_zenith: float
     wheel_azimuths: npt.ArrayLike
+    wheel_zenith_offsets: npt.ArrayLike
+    body_com_offset: npt.ArrayLike
+    body_products_of_inertia: npt.ArrayLike
     max_wheel_torque: float
     gravity: float
     ball_viscous_friction: float
@@ -112,17 +115,19 @@ class _ParamFields(TypedDict, total=False):
 
 @final
 class Params:
-    """Physical parameters of a ballbot. Immutable; scalars are floats, vectors tuples of three.
+    """Physical parameters of a ballbot. Immutable; scalars are floats, vectors tuples.
 
     `body_*` describe everything above the ball: they include the mass of the wheels and exclude the inertia of the
     wheels about their own axles.
     Without default: `ball_mass` (kg), `ball_inertia` (about a diameter, kg·m²), `ball_radius` (m), `body_mass` (kg),
-    `body_inertia` (three moments about the body's CoM, kg·m²), `body_com_height` (above the ball center, m),
+    `body_inertia` (J_xx, J_yy, J_zz about the body's CoM, kg·m²), `body_com_height` (above the ball center, m),
     `wheel_mass` (kg), `wheel_inertia` (about the axle, kg·m²), `wheel_radius` (m), `wheel_zenith` (rad).
-    With default: `wheel_azimuths` (0, 120, 240 deg), `max_wheel_torque` (5 N·m), `gravity` (9.81 m/s²),
-    `ball_viscous_friction` (0 N/(m/s)), `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m),
-    `wheel_static_friction` (1.1), `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1),
-    `floor_dynamic_friction` (1.05), `friction_critical_velocity` (0.1 m/s).
+    With default: `wheel_azimuths` (0, 120, 240 deg), `wheel_zenith_offsets` (of each wheel from `wheel_zenith`, 0 rad),
+    `body_com_offset` (x, y off the mast, 0 m), `body_products_of_inertia` (J_xy, J_xz, J_yz, signs as in a URDF,
+    0 kg·m²), `max_wheel_torque` (5 N·m), `gravity` (9.81 m/s²), `ball_viscous_friction` (0 N/(m/s)),
+    `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m), `wheel_static_friction` (1.1),
+    `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1), `floor_dynamic_friction` (1.05),
+    `friction_critical_velocity` (0.1 m/s).
     Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
     `docs/conventions.md` has all ranges.
 
@@ -138,13 +143,16 @@ class Params:
         ball_inertia: float,  # Moment of inertia J_k of the ball about any diameter, kg·m².
         ball_radius: float,  # Radius r_k of the ball, m.
         body_mass: float,  # Mass M_b of body and wheels, kg.
-        body_inertia: npt.ArrayLike,  # Principal moments of inertia (J_b, J_b, J_z) of the body about its CoM, kg·m².
+        body_inertia: npt.ArrayLike,  # Moments of inertia (J_xx, J_yy, J_zz) of the body about its CoM along the body axes, kg·m².
         body_com_height: float,  # Height l of the CoM of the body above the ball center, m.
         wheel_mass: float,  # Mass of one wheel, kg.
         wheel_inertia: float,  # Moment of inertia J_w of one wheel about its axle, kg·m².
         wheel_radius: float,  # Radius r_w of a wheel, m.
         wheel_zenith: float,  # Zenith angle α of the wheel contacts, rad.
         wheel_azimuths: npt.ArrayLike = ...,  # Azimuths β_i of the three wheel contacts, rad.
+        wheel_zenith_offsets: npt.ArrayLike = ...,  # Zenith of each wheel contact less `wheel_zenith`, rad.
+        body_com_offset: npt.ArrayLike = ...,  # Place (x, y) of the CoM of the body off the mast, m.
+        body_products_of_inertia: npt.ArrayLike = ...,  # Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m².
         max_wheel_torque: float = 5.0,  # Largest torque of one motor, N·m.
         gravity: float = 9.81,  # Gravitational acceleration, m/s².
         ball_viscous_friction: float = 0.0,  # Viscous friction B_vk of the ball on the floor, N/(m/s).
@@ -171,7 +179,7 @@ class Params:
         """Mass M_b of body and wheels, kg."""
     @property
     def body_inertia(self) -> tuple[float, float, float]:
-        """Principal moments of inertia (J_b, J_b, J_z) of the body about its CoM, kg·m²."""
+        """Moments of inertia (J_xx, J_yy, J_zz) of the body about its CoM along the body axes, kg·m²."""
     @property
     def body_com_height(self) -> float:
         """Height l of the CoM of the body above the ball center, m."""
@@ -190,6 +198,15 @@ class Params:
     @property
     def wheel_azimuths(self) -> tuple[float, float, float]:
         """Azimuths β_i of the three wheel contacts, rad."""
+    @property
+    def wheel_zenith_offsets(self) -> tuple[float, float, float]:
+        """Zenith of each wheel contact less `wheel_zenith`, rad."""
+    @property
+    def body_com_offset(self) -> tuple[float, float]:
+        """Place (x, y) of the CoM of the body off the mast, m."""
+    @property
+    def body_products_of_inertia(self) -> tuple[float, float, float]:
+        """Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m²."""
     @property
     def max_wheel_torque(self) -> float:
         """Largest torque of one motor, N·m."""
@@ -220,6 +237,20 @@ class Params:
     @property
     def friction_critical_velocity(self) -> float:
         """Critical slip speed of the Stribeck law, between static and dynamic friction, m/s."""
+    @property
+    def body_com(self) -> tuple[float, float, float]:
+        """CoM of the body in the body frame, m: `body_com_offset` and `body_com_height`."""
+    @property
+    def wheel_zeniths(self) -> tuple[float, float, float]:
+        """Zenith angle of each wheel contact, rad: `wheel_zenith` plus `wheel_zenith_offsets`."""
+    @property
+    def equilibrium_wheel_loads(self) -> tuple[float, float, float]:
+        """Load of each wheel on the ball in equilibrium, where the CoM is above the ball's center and no motor drives, N."""
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether the CoM is on the mast, the body axes are principal axes, and the wheels have one zenith and are 120 deg
+        apart. The model `planar` takes only such robots.
+        """
     @staticmethod
     def paper() -> Params:
         """The robot of the paper, Table II."""
@@ -288,6 +319,11 @@ class State:
     @staticmethod
     def at_rest(params: Params, tilt: npt.ArrayLike = (0.0, 0.0), yaw: float = 0.0) -> State:
         """At rest on the floor at the origin: turned by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad)."""
+    @staticmethod
+    def at_equilibrium(params: Params, yaw: float = 0.0) -> State:
+        """At rest in equilibrium on the floor at the origin, with the heading `yaw` (rad): the body's center of mass is above
+        the center of the ball. Equal to `at_rest` for a robot whose center of mass is on the mast.
+        """
     @staticmethod
     def rolling(
         params: Params,
@@ -497,6 +533,9 @@ class PlanarModel:
         params: the robot.
         wheel_inertia: "as_printed" (J_w of one wheel) or "three_wheels" ((3/2) cos² α J_w, equivalent to three wheels).
         plane: "yz" or "xz".
+
+    Raises:
+        ValueError: an unknown name, or a robot that is not symmetric about its mast.
     """
 
     def __new__(
@@ -542,7 +581,8 @@ def virtual_to_wheel_torques(
 ) -> _Array:
     """Wheel torques (N·m) of virtual torques (τ_x, τ_y, τ_z) in the body frame, in the sign of the paper's eq. (8).
 
-    `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large.
+    `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large, and which is
+    a ValueError for wheels that do not have one zenith and 120 deg between them.
     """
 
 def wheel_to_virtual_torques(params: Params, wheel_torques: npt.ArrayLike) -> _Array:
@@ -592,7 +632,8 @@ class Controller:
         """The parts of a setpoint that it follows."""
 
 class Pid(Controller):
-    """The paper's PID with filtered derivative, on both tilt components; it holds neither position nor heading.
+    """The paper's PID with filtered derivative, on both components of the tilt from the equilibrium; it holds neither position
+    nor heading.
 
     Args:
         params: the robot; None is the paper's.
@@ -605,7 +646,7 @@ class Pid(Controller):
         max_torque: as in `Controller`.
 
     Raises:
-        ValueError: a number out of range.
+        ValueError: a number out of range; "as_printed" for wheels that are uneven.
     """
 
     # Generated by tools/generate.py: the constructor.
@@ -669,7 +710,7 @@ class Lqr(Controller):
     ) -> _Array:
         """Deviation x that the gain multiplies, shape (10,), in the heading frame: m, rad, m/s, rad/s.
 
-        Position error (x, y), tilt (x, y), yaw error, then their rates.
+        Position error (x, y), tilt (x, y) from the equilibrium, yaw error, then their rates.
         """
     @property
     def gain(self) -> _Array:

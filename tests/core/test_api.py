@@ -167,7 +167,10 @@ class TestParams:
 
     def test_the_printed_map_is_of_even_wheels(self, paper):
         uneven = paper.replace(wheel_zenith_offsets=[0.01, 0.0, 0.0])
-        for make in (lambda: virtual_to_wheel_torques(uneven, [0, 0, 1], "as_printed"), lambda: Pid(uneven, mapping="as_printed")):
+        for make in (
+            lambda: virtual_to_wheel_torques(uneven, [0, 0, 1], "as_printed"),
+            lambda: Pid(uneven, mapping="as_printed"),
+        ):
             with pytest.raises(ValueError, match=r"eq\. \(8\) as printed .*: wheel_zenith_offsets = "):
                 make()
         assert virtual_to_wheel_torques(uneven, [0, 0, 1]).shape == (3,)

@@ -20,7 +20,12 @@ URDF_EDITS = {
     "NaN mass": ("bot", 'mass value="1.8704"', 'mass value="nan"', "mass = NaN kg"),
     "inertia": ("bot", 'izz="0.0088958228"', 'izz="-0.1"', "positive definite"),
     "triangle": ("bot", 'izz="0.0088958228"', 'izz="5"', "triangle inequality"),
-    "tilted inertia": ("bot", 'ixx="0.05546522290637172" ixy="0"', 'ixx="0.0554652" ixy="0.01"', "principal axes"),
+    "tilted inertia": (
+        "bot",
+        'ixx="0.05546522290637172" ixy="0"',
+        'ixx="0.0554652" ixy="0.03"',
+        r"principal moments .*\[2\] = 0.088.*triangle inequality",
+    ),
     "zero ball radius": (
         "ball",
         '<collision>\n      <geometry><sphere radius="0.112"/>',
@@ -67,7 +72,12 @@ URDF_EDITS = {
         'xyz="0.12 0 0.12"',
         "one ball centered on the mast",
     ),
-    "body off the mast": ("bot", 'xyz="0 0 0.14724789116644882"', 'xyz="0.01 0 0.147"', "off the mast"),
+    "body beside the wheels": (
+        "bot",
+        'xyz="0 0 0.14724789116644882"',
+        'xyz="-0.12 0 0.147"',
+        "load of wheel 0 in equilibrium = -.* pass between the wheels",
+    ),
     "negative damping": (
         "bot",
         '<dynamics damping="0" friction="0"/>',

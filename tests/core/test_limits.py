@@ -102,7 +102,7 @@ def test_an_index_of_no_environment_is_refused(batch, call, index):
 @pytest.mark.parametrize("value", [1e155, 1e300, 1.7e308])
 def test_parameters_of_no_robot_are_refused(paper, name, value):
     old = paper.to_dict()[name]
-    new = tuple(x * value for x in old) if isinstance(old, tuple) else value
+    new = tuple((x or 1.0) * value for x in old) if isinstance(old, tuple) else value
     with pytest.raises(ValueError, match="must be"):
         paper.replace(**{name: new})
 

@@ -66,17 +66,20 @@ def robot_geometry(params: bb.Params | None = None) -> RobotGeometry:
     its own axle the parameters count apart.
     """
     params = bb.Params.paper() if params is None else params
-    azimuth, zenith = np.array(params.wheel_azimuths), params.wheel_zenith
+    azimuth = np.array(params.wheel_azimuths)
+    zenith = (params.wheel_zenith + np.array(params.wheel_zenith_offsets))[:, np.newaxis]
     flat = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(3)], axis=1)
     contacts = np.sin(zenith) * flat + np.cos(zenith) * np.array([0.0, 0.0, 1.0])
     drives = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros(3)], axis=1)
     axles = -np.cross(contacts, drives)
     centers = contacts * (params.ball_radius + params.wheel_radius)
 
-    whole_com = np.array([0.0, 0.0, params.body_com_height])
+    whole_com = np.array([*params.body_com_offset, params.body_com_height])
     mass = params.body_mass - 3.0 * params.wheel_mass
     com = (params.body_mass * whole_com - params.wheel_mass * centers.sum(axis=0)) / mass
-    inertia = np.diag(params.body_inertia) - _offset_inertia(mass, com - whole_com)
+    xy, xz, yz = params.body_products_of_inertia
+    products = np.array([[0.0, xy, xz], [xy, 0.0, yz], [xz, yz, 0.0]])
+    inertia = np.diag(params.body_inertia) + products - _offset_inertia(mass, com - whole_com)
     wheel_inertias = []
     for axle, center in zip(axles, centers, strict=True):
         about_axle, across = np.outer(axle, axle), _ACROSS * params.wheel_inertia

@@ -154,7 +154,7 @@ parameters! {
         /// Azimuth β_i of each wheel contact about the mast, rad. Default 0, 120, 240 deg.
         wheel_azimuths: [f64; 3] = [0.0, TAU / 3.0, 2.0 * TAU / 3.0], Limit::from(-1e3).to(1e3);
         /// Zenith of each wheel contact less `wheel_zenith`, rad. Default 0.
-        wheel_zenith_offsets: [f64; 3] = [0.0; 3], Limit::from(-FRAC_PI_2).to(FRAC_PI_2);
+        wheel_zenith_offsets: [f64; 3] = [0.0; 3], Limit::from(-1.5).to(1.5);
         /// Place (x, y) of the CoM of the body off the mast, body axes, m. Default 0.
         body_com_offset: [f64; 2] = [0.0; 2], Limit::from(-1e3).to(1e3);
         /// Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m²; with the sign of a URDF's

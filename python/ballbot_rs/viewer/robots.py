@@ -100,7 +100,8 @@ class Robots:
     def com(self) -> FloatArray:
         """Where the centre of mass of robot 0's body is, m."""
         state = self._robots[0].state
-        return state.body_position + body_axes_of(state.to_array()) @ np.asarray(self.params.body_com)
+        com: FloatArray = state.body_position + body_axes_of(state.to_array()) @ np.asarray(self.params.body_com)
+        return com
 
     def step(self, torques: FloatArray, steps: int) -> list[int]:
         """Advances all robots; those that left the range of the numbers start anew, and are returned."""

@@ -20,7 +20,8 @@ crate::fields! {
     pub struct Balance {
         /// Where the ball should be.
         pub setpoint: [f64; 2] = [0.0; 2], "m", Limit::from(-1e4).to(1e4);
-        /// Half angle of the cone from which the first tilt is drawn, evenly over its opening; below `fall_tilt`.
+        /// Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
+        /// `fall_tilt`.
         pub reset_tilt: f64 = 5.0_f64.to_radians(), "rad", Limit::NOT_NEGATIVE;
         /// The first yaw is drawn evenly within ± this.
         pub reset_yaw: f64 = PI, "rad", Limit::from(0.0).to(PI);
@@ -28,11 +29,11 @@ crate::fields! {
         pub reset_ball_speed: f64 = 0.1, "m/s", Limit::from(0.0).to(10.0);
         /// Largest first tilt rate; drawn evenly over the disc.
         pub reset_tilt_rate: f64 = 0.2, "rad/s", Limit::from(0.0).to(10.0);
-        /// Tilt above which the episode is terminated.
+        /// Tilt from the equilibrium above which the episode is terminated.
         pub fall_tilt: f64 = 20.0_f64.to_radians(), "rad", Limit::above(0.0).to(PI);
         /// The end of the episode over which success is judged.
         pub success_window: f64 = 2.0, "s", Limit::from(0.0).to(1e9);
-        /// Largest tilt in that window.
+        /// Largest tilt from the equilibrium in that window.
         pub success_tilt: f64 = 1.0_f64.to_radians(), "rad", Limit::above(0.0).to(PI);
         /// Largest distance of the ball from the setpoint in that window.
         pub success_radius: f64 = 0.1, "m", Limit::from(1e-12).to(1e6);
@@ -47,8 +48,10 @@ impl Task for Balance {
     const ID: &'static str = "ballbot/Balance-v0";
     const SUMMARY: &'static str = "Keep a ballbot upright with its ball at the setpoint.";
     const REWARD_THRESHOLD: Option<f64> = Some(950.0);
-    const TERMINATIONS: &'static [(&'static str, &'static str)] =
-        &[("tilt", "the tilt exceeds `fall_tilt`"), ("bot_on_floor", "the body or a wheel touches the floor")];
+    const TERMINATIONS: &'static [(&'static str, &'static str)] = &[
+        ("tilt", "the tilt from the equilibrium exceeds `fall_tilt`"),
+        ("bot_on_floor", "the body or a wheel touches the floor"),
+    ];
     const SUCCESS: &'static str = "not terminated, and over the last `success_window` tilt within `success_tilt` and ball within `success_radius`";
     const MEMORY: usize = 1;
 
