@@ -85,21 +85,21 @@ impl<'a> Balanced<'a> {
     }
 
     /// A generalized velocity or force in the model's terms.
-    fn to_body(&self, v: &Vector6<f64>) -> Vector6<f64> {
+    fn in_body(&self, v: &Vector6<f64>) -> Vector6<f64> {
         with_turning(v, &self.attitude.inverse_transform_vector(&turning(v)))
     }
 
-    /// The inverse of [`Balanced::to_body`].
-    fn from_body(&self, v: &Vector6<f64>) -> Vector6<f64> {
+    /// The same in terms of the balance frame; the inverse of [`Balanced::in_body`].
+    fn in_balance(&self, v: &Vector6<f64>) -> Vector6<f64> {
         with_turning(v, &(self.attitude * turning(v)))
     }
 
     fn accelerations(&self, velocity: &Vector6<f64>, torques: &Vector3<f64>) -> Vector6<f64> {
-        self.from_body(&self.model.accelerations(&self.attitude, &self.to_body(velocity), torques))
+        self.in_balance(&self.model.accelerations(&self.attitude, &self.in_body(velocity), torques))
     }
 
     fn response(&self, force: &Vector6<f64>) -> Vector6<f64> {
-        self.from_body(&self.model.response(&self.attitude, &self.to_body(force)))
+        self.in_balance(&self.model.response(&self.attitude, &self.in_body(force)))
     }
 
     /// Spin of the ball about the vertical per rate of the other five, at zero angular momentum about the vertical.
@@ -111,7 +111,7 @@ impl<'a> Balanced<'a> {
         }
         // The robot turned as a whole has the momentum row of the angular momentum about the vertical.
         let whole = Vector6::new(0.0, 0.0, 0.0, 0.0, 1.0, 1.0);
-        let momentum = self.from_body(&self.model.momenta(&self.attitude, &self.to_body(&whole)));
+        let momentum = self.in_balance(&self.model.momenta(&self.attitude, &self.in_body(&whole)));
         momentum.fixed_rows::<5>(0) / -momentum[5]
     }
 }
