@@ -26,7 +26,8 @@ pub struct BodyShape {
 
 impl BodyShape {
     /// Cylinder from the mass properties, as the parameters contain no outline. Its radius is that of the circle of the
-    /// wheel centers, of the outermost one. It extends from just above the ball to the top of a slender mast with the inertia of the body.
+    /// outermost wheel center. It extends from just above the ball to the top of a slender mast with the inertia of the
+    /// body.
     pub fn new(params: &Params) -> Self {
         let half_height = (3.0 * largest_moment_across(params) / params.body_mass).sqrt();
         let bottom = 1.05 * params.ball_radius;

@@ -2,7 +2,7 @@
 //! or seen in a mirror.
 
 use super::support::general::{any_general_robot, crooked};
-use super::support::{Start, any_start, largest, natural_rate, torques, vector};
+use super::support::{Start, any_start, largest, natural_rate, torques, vector, without_losses};
 use super::{Motion, Simulation, close, for_both};
 use ballbot_core::models::SpatialMotion;
 use ballbot_core::{Model, Params, State, attitude};
@@ -281,6 +281,7 @@ fn mirror_images_move_as_the_mirrored_motion(simulation: Simulation) {
 /// A push at a point of the body turns it about its CoM, wherever that is.
 fn pushes_act_at_their_point(simulation: Simulation) {
     for params in drawn(&any_general_robot(), 40) {
+        let params = without_losses(&params);
         let mut robot = simulation.robot(&params, 1e-6);
         let mut start = State::tilted(&params, [0.3, -0.2].into(), 0.8);
         start.ball_position.z += 10.0;
