@@ -147,7 +147,7 @@ def find(
 
 
 def _without_events(options: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
-    without = {"events": []} if "events" in options else {}
+    without: dict[str, Any] = {"events": []} if "events" in options else {}
     return {**options, **without}, options.get("events") or ()
 
 
