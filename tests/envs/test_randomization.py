@@ -212,7 +212,7 @@ def test_a_training_keeps_its_events(tmp_path):
     from ballbot_rs.control.resolve import find
 
     found = find(folder)
-    assert "events" not in found.env_options
+    assert found.env_options["events"] == []
     assert found.events == full
     nominal, own = bb.evaluate(folder, episodes=4), bb.evaluate(folder, episodes=4, env_options={"events": "trained"})
     assert nominal != own == bb.evaluate(folder, episodes=4, env_options={"events": EVENTS})

@@ -50,7 +50,7 @@ class ResolvedController:
     """A controller that is not on any robot yet: either a policy or a feedback law."""
 
     name: str
-    #: Options of the environment that a policy was trained in, without its events.
+    #: Options of the environment that a policy was trained in, with none of its events.
     env_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     policy: Policy | None = None
     #: Makes the law of one robot from its parameters and the time between two calls, s.
@@ -147,8 +147,8 @@ def find(
 
 
 def _without_events(options: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
-    rest = {name: value for name, value in options.items() if name != "events"}
-    return rest, options.get("events") or ()
+    without: dict[str, Any] = {"events": []} if "events" in options else {}
+    return {**options, **without}, options.get("events") or ()
 
 
 def _check_size(path: Path) -> None:
