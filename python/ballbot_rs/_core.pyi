@@ -612,6 +612,7 @@ def load_events(
         TypeError: something else.
         OSError: the file cannot be read.
     """
+
 def virtual_to_wheel_torques(
     params: Params,
     virtual_torques: npt.ArrayLike,
