@@ -321,8 +321,9 @@ class State:
         """At rest on the floor at the origin: turned by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad)."""
     @staticmethod
     def at_equilibrium(params: Params, tilt: npt.ArrayLike = (0.0, 0.0), yaw: float = 0.0) -> State:
-        """At rest in equilibrium on the floor at the origin, with the heading `yaw` (rad): the body's center of mass is above
-        the center of the ball. Equal to `at_rest` for a robot whose center of mass is on the mast.
+        """At rest in equilibrium on the floor at the origin, the body's center of mass above the center of the ball; then
+        turned by `yaw` (rad) and tilted by the rotation vector (x, y, 0) (rad). Equal to `at_rest` for a robot whose
+        center of mass is on the mast.
         """
     @staticmethod
     def rolling(
