@@ -27,7 +27,7 @@ def body_axes_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def tilt_of(states: npt.NDArray[np.float64], com: tuple[float, float, float]) -> npt.NDArray[np.float64]:
-    """Tilts from the equilibrium, rad: shape (...) for states (..., 32); `com` is the CoM in the body frame, m."""
+    """Tilts from the equilibrium, rad: shape (...) for states (..., 32) of robots with the CoM `com`, body frame, m."""
     x, y, _ = com
     axis = body_axes_of(states) @ np.asarray(com) if x or y else mast_of(states)
     angle: npt.NDArray[np.float64] = np.arctan2(np.linalg.norm(axis[..., :2], axis=-1), axis[..., 2])
