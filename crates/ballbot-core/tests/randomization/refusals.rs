@@ -55,10 +55,10 @@ fn robots_that_cannot_be() {
     refused(Event::new("wheel_static_friction", [0.5, 1.1]), &["wheel_static_friction = 0.5", "1"]);
     // The action's torque is 0.3 N·m.
     refused(Event::new("max_wheel_torque", [0.2, 5.0]), &["max_wheel_torque = 0.3", "0.2"]);
-    // Each corner is a robot with wheels 120 degrees apart; what is between them is not.
+    // Each corner is a robot that stands on its ball; what is between them is not.
     let turn = 2.0 * std::f64::consts::TAU;
     let azimuths = Params::paper().wheel_azimuths.map(|a| [a, a + turn]).to_vec();
-    refused(Event { range: azimuths, ..Event::new("wheel_azimuths", [0.0; 2]) }, &["2 pi / 3"]);
+    refused(Event { range: azimuths, ..Event::new("wheel_azimuths", [0.0; 2]) }, &["wheel_azimuths", "the load of wheel"]);
     let turned = Event { operation: Operation::Add, shared: true, ..Event::new("wheel_azimuths", [0.0, turn]) };
     Batch::new(&config(ModelKind::Contact, 10, &[turned]), 2, Autoreset::SameStep, Some(1), SEED).unwrap();
     // Shape changes at resets alone.
