@@ -26,9 +26,12 @@ def body_axes_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.stack([first, second, mast_of(states)], axis=-1)
 
 
-def tilt_of(states: npt.NDArray[np.float64], com: tuple[float, float, float]) -> npt.NDArray[np.float64]:
-    """Tilts from the equilibrium, rad: shape (...) for states (..., 32) of robots with the CoM `com`, body frame, m."""
-    x, y, _ = com
-    axis = body_axes_of(states) @ np.asarray(com) if x or y else mast_of(states)
+def tilt_of(states: npt.NDArray[np.float64], com: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Tilts from the equilibrium, rad: shape (...) for states (..., 32).
+
+    `com` is the CoM in the body frame, m, shape (3,), or one each.
+    """
+    com = np.asarray(com, dtype=np.float64)
+    axis = np.einsum("...ij,...j->...i", body_axes_of(states), com) if com[..., :2].any() else mast_of(states)
     angle: npt.NDArray[np.float64] = np.arctan2(np.linalg.norm(axis[..., :2], axis=-1), axis[..., 2])
     return angle

@@ -129,7 +129,6 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
     if n * steps > MAX_STEPS:
         raise ValueError(f"{n} episodes of {steps} steps are {n * steps} in all, more than {MAX_STEPS}")
     setpoint = np.asarray(batch.options.get("setpoint", (0.0, 0.0)))
-    com = batch.params(0).body_com
     running = np.ones(n, dtype=bool)
     success = np.zeros(n, dtype=bool)
     survived = np.zeros(n, dtype=bool)
@@ -142,7 +141,7 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
         # Before a step, no earlier one has ended the first episode.
         still = running & (np.cumsum(ended, axis=0) - ended == 0)
         rows = slice(chunk.first, chunk.first + len(chunk))
-        tilts[rows] = np.where(still, tilt_of(chunk.states, com), np.nan)
+        tilts[rows] = np.where(still, tilt_of(chunk.states, chunk.com), np.nan)
         away = np.linalg.norm(chunk.states[..., BALL_POSITION][..., :2] - setpoint, axis=-1)
         distances[rows] = np.where(still, away, np.nan)
         squared_torques[rows] = np.where(still, np.mean(chunk.torques**2, axis=-1), np.nan)

@@ -41,6 +41,8 @@ class Chunk:
     truncated: npt.NDArray[np.bool_]
     #: Whether an episode that ended with a step was a success, shape (k, n).
     success: npt.NDArray[np.bool_]
+    #: CoM of each robot in its first episode, body frame, m, shape (n, 3).
+    com: Array
 
     def __len__(self) -> int:
         return len(self.rewards)
@@ -90,27 +92,29 @@ def rollout(
     """
     law = _core_law(controller, batch)
     observations = batch.reset(starts=starts)
+    # Before a next episode draws other robots.
+    com = np.array([batch.params(i).body_com for i in range(batch.num_envs)])
     act = None if law is not None else _bind(controller, batch)
     for first in range(0, steps, CHUNK):
         length = min(CHUNK, steps - first)
         if law is not None:
-            yield _in_core(batch, law, first, length)
+            yield _in_core(batch, law, first, length, com)
         else:
             assert act is not None
-            chunk, observations = _in_python(batch, act, first, length, observations)
+            chunk, observations = _in_python(batch, act, first, length, observations, com)
             yield chunk
 
 
-def _in_core(batch: Batch, law: Controller, first: int, length: int) -> Chunk:
+def _in_core(batch: Batch, law: Controller, first: int, length: int, com: Array) -> Chunk:
     record = ("states", "torques", "rewards", "terminated", "truncated", "success")
     found = batch.rollout(law, length, record=record)
     found["states"] = found["states"][:-1]
     found["success"] &= found["terminated"] | found["truncated"]
-    return Chunk(first, **found)
+    return Chunk(first, **found, com=com)
 
 
 def _in_python(
-    batch: Batch, act: _Act, first: int, length: int, observations: npt.NDArray[np.float32]
+    batch: Batch, act: _Act, first: int, length: int, observations: npt.NDArray[np.float32], com: Array
 ) -> tuple[Chunk, npt.NDArray[np.float32]]:
     rows = []
     for _ in range(length):
@@ -118,7 +122,7 @@ def _in_python(
         observations, rewards, terminated, truncated = batch.step(actions)
         success = batch.endings()[0] & (terminated | truncated)
         rows.append((states, actions.astype(float) * batch.max_wheel_torque, rewards, terminated, truncated, success))
-    return Chunk(first, *(np.array(column) for column in zip(*rows, strict=True))), observations
+    return Chunk(first, *(np.array(column) for column in zip(*rows, strict=True)), com), observations
 
 
 @dataclasses.dataclass(frozen=True)

@@ -98,7 +98,7 @@ def run(
     pushes = {} if push is None else {min(round(push.time / batch.control_dt), steps - 1): push.impulse}
     # The robot that events make for the episode to come.
     batch.reset(seeds=[SEED])
-    start = State.at_rest(batch.params(0), tilt=tilt, yaw=yaw)
+    start = State.at_equilibrium(batch.params(0), tilt=tilt, yaw=yaw)
     done = run_one(batch, found, steps, start, pushes, SEED)
     last = done.torques[-1:] if len(done.torques) else np.zeros((1, 3))
     return Trajectory(

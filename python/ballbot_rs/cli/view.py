@@ -78,6 +78,8 @@ def _start(arguments: argparse.Namespace) -> "View":
     given = scenario.env_options(arguments)
     if "actuators" in given:
         raise ValueError("the page's robots have ideal motors: --env-option actuators=... has no place here")
+    if "events" in given:
+        raise ValueError("the page's robots are nominal: --env-option events=... has no place here")
     options = common_options([controller], given)
     if options.get("actuators") is not None:
         print("the page's robots have ideal motors, unlike those of the policy's training", file=sys.stderr)

@@ -158,7 +158,7 @@ def lead_of(controller: ResolvedController, params: Params) -> float:
     driver = make_driver(controller, params, 1)
     # The torque at which no wheel of the upright robot slips, within that of the motors.
     limit = new_batch(1, num_threads=1, options={"params": params}).max_wheel_torque
-    rest = [State.at_rest(params)]
+    rest = [State.at_equilibrium(params)]
 
     def torques(target: npt.NDArray[np.float64]) -> Torques:
         driver.reset()

@@ -70,7 +70,7 @@ class Robots:
         self.down_for[index] = 0.0
         angle = 2.0 * np.pi * index / len(self)
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        self._robots[index].reset(State.at_rest(self.params, turn @ start))
+        self._robots[index].reset(State.at_equilibrium(self.params, turn @ start))
 
     def take_over(self, others: "Robots") -> None:
         """Goes on from where as many other robots are, as far as this model can: slip is left behind."""

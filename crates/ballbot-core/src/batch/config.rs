@@ -148,6 +148,10 @@ impl<T: Task> EnvConfig<T> {
             check_drive(torque, motors.as_ref(), params, self.sim_dt)?;
             self.task.validate(params)
         };
+        robot(nominal)?;
+        if self.model != ModelKind::Contact {
+            Ballbot::new(nominal, self.model, self.sim_dt)?;
+        }
         let starts = |params: &Params| {
             // `contact` takes every robot, and refuses starts by the robot's shape alone.
             if self.model == ModelKind::Contact && same_geometry(params, nominal) {

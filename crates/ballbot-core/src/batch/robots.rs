@@ -291,7 +291,6 @@ impl Robots for ContactLanes {
     }
 
     fn set_params(&mut self, i: usize, params: &Params) -> Result<bool> {
-        params.validate()?;
         self.assign(i, params)
     }
 
@@ -299,6 +298,7 @@ impl Robots for ContactLanes {
         if params == self.lane_params(i) {
             return Ok(true);
         }
+        params.validate()?;
         let goes_on = same_geometry(self.lane_params(i), params);
         self.set_lane_params(i, params);
         if !goes_on {

@@ -58,7 +58,10 @@ fn robots_that_cannot_be() {
     // Each corner is a robot that stands on its ball; what is between them is not.
     let turn = 2.0 * std::f64::consts::TAU;
     let azimuths = Params::paper().wheel_azimuths.map(|a| [a, a + turn]).to_vec();
-    refused(Event { range: azimuths, ..Event::new("wheel_azimuths", [0.0; 2]) }, &["wheel_azimuths", "the load of wheel"]);
+    refused(
+        Event { range: azimuths, ..Event::new("wheel_azimuths", [0.0; 2]) },
+        &["wheel_azimuths", "the load of wheel"],
+    );
     let turned = Event { operation: Operation::Add, shared: true, ..Event::new("wheel_azimuths", [0.0, turn]) };
     Batch::new(&config(ModelKind::Contact, 10, &[turned]), 2, Autoreset::SameStep, Some(1), SEED).unwrap();
     // Shape changes at resets alone.

@@ -20,6 +20,13 @@ pub enum When {
     At(f64),
 }
 
+impl When {
+    /// Whether it is within an episode.
+    pub(super) fn is_timed(self) -> bool {
+        matches!(self, Self::Every(_) | Self::At(_))
+    }
+}
+
 /// What a draw does to the nominal value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {

@@ -78,7 +78,7 @@ impl Plan {
                 return Err(refused(place, &event.term, &reason));
             }
             plan.width += planned.width;
-            plan.timed |= matches!(event.when, When::Every(_) | When::At(_));
+            plan.timed |= event.when.is_timed();
             text.extend(event.entries().iter().map(|(key, value)| format!("{key} = {value}\n")));
             plan.events.push(planned);
         }

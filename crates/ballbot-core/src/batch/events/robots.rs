@@ -129,13 +129,13 @@ impl Randomized {
     /// Makes robot `i` what it is in a new environment.
     pub fn start<R: Robots>(&mut self, robots: &mut R, i: usize, key: Key) {
         self.drawn[i].start(&self.plan, key);
-        self.assign(robots, i);
+        self.assign_or_nominal(robots, i);
     }
 
     /// Makes robot `i` what it is in a new episode.
     pub fn begin<R: Robots>(&mut self, robots: &mut R, i: usize, key: Key) {
         self.drawn[i].begin(&self.plan, key);
-        self.assign(robots, i);
+        self.assign_or_nominal(robots, i);
     }
 
     /// The parameters that robot `i` would have in a new episode, after a new seed if there is one.
@@ -180,7 +180,11 @@ impl Randomized {
                     robots.push(i, &impulse, point.as_ref()).expect("the largest push was checked");
                 }
             }
-            if changed && !pushes {
+            if changed && !pushes && !self.assign(robots, i) {
+                // What was drawn within the episode is taken back; the robot of its beginning was accepted.
+                for event in plan.events.iter().filter(|event| event.event.when.is_timed()) {
+                    self.drawn[i].draws[event.first..event.first + event.width].fill(f64::NAN);
+                }
                 self.assign(robots, i);
             }
         }
@@ -232,12 +236,20 @@ impl Randomized {
         Ok(())
     }
 
-    fn assign<R: Robots>(&mut self, robots: &mut R, i: usize) {
+    /// Makes robot `i` that of its draws; false, and nothing has changed, if the model refuses it.
+    fn assign<R: Robots>(&mut self, robots: &mut R, i: usize) -> bool {
         self.plan.apply(&self.nominal[i], &self.drawn[i].draws, &mut self.robot);
-        if robots.assign(i, &self.robot).is_err() {
-            // A robot that the model refuses although all corners of the ranges passed: nothing is drawn, as `draws` shows.
-            self.drawn[i].draws.fill(f64::NAN);
-            robots.assign(i, &self.nominal[i]).expect("the nominal robot was accepted");
+        robots.assign(i, &self.robot).is_ok()
+    }
+
+    /// The same; a robot that the model refuses, although all that was tried of the ranges passed, is the nominal one in
+    /// this episode, and has no draws.
+    fn assign_or_nominal<R: Robots>(&mut self, robots: &mut R, i: usize) {
+        if self.assign(robots, i) {
+            return;
         }
+        self.drawn[i].draws.fill(f64::NAN);
+        self.drawn[i].startup_due = true;
+        robots.assign(i, &self.nominal[i]).expect("the nominal robot was accepted");
     }
 }
