@@ -261,7 +261,8 @@ impl Batch {
         Ok(self.chunks[chunk].params(i))
     }
 
-    /// Replaces the parameters of one robot; they outlive resets, and are those that events draw from. If the geometry (radii, wheel angles, height of the CoM)
+    /// Replaces the parameters of one robot; they outlive resets, and are those that events draw from. If the geometry
+    /// (radii, wheel angles, place of the CoM)
     /// is the same, its motion goes on; otherwise the environment must be reset before its next step.
     ///
     /// # Errors
