@@ -2,6 +2,7 @@
 
 use super::run::{Run, actions};
 use super::{SEED, config, draw, draws, scaled, several, started};
+use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{
     Autoreset, BalanceConfig, Batch, Environment, Event, Operation, ResetRequest, When, event_sets, load_events,
 };
@@ -14,33 +15,56 @@ fn at_resets() -> Vec<Event> {
 
 #[test]
 fn randomized_robots_equal_robots_made_with_the_drawn_parameters() {
-    const N: usize = 11;
     for model in ModelKind::ALL {
-        let mut randomized = started(&config(model, 1000, &at_resets()), N, Autoreset::Disabled, SEED);
-        let mut alone: Vec<Run> =
-            (0..N).map(|i| started(&config(model, 1000, &[]), 1, Autoreset::Disabled, SEED + i as u64)).collect();
-        for episode in 0..3 {
-            if episode > 0 {
-                randomized.reset(&[true; N]);
+        assert_equal_to_robots_made(&config(model, 1000, &at_resets()));
+    }
+}
+
+/// Robots without symmetry whose motors are not ideal: their tilt is from an equilibrium that is drawn, too.
+#[test]
+fn randomized_general_robots_equal_robots_made_with_the_drawn_parameters() {
+    let events = [
+        Event { range: vec![[-0.01, 0.01], [0.0, 0.02]], ..Event::new("body_com_offset", [0.0; 2]) },
+        Event::new("body_products_of_inertia", [-1e-3, 1e-3]),
+        Event::new("wheel_zenith_offsets", [-0.05, 0.05]),
+        Event { operation: Operation::Add, ..Event::new("wheel_azimuths", [-0.05, 0.05]) },
+        Event { when: When::Startup, ..scaled("wheel_inertia", [0.9, 1.1]) },
+    ];
+    let actuators = MotorOptions { delay: 0.004, lag: 0.01, strength: [0.9, 1.0, 1.1], ..MotorOptions::default() };
+    for model in [ModelKind::Spatial, ModelKind::Contact, ModelKind::Rigid] {
+        let config = BalanceConfig { actuators: actuators.clone(), ..config(model, 1000, &events) };
+        assert_equal_to_robots_made(&config);
+    }
+}
+
+/// Compares the robots of a batch with events at resets with robots of other batches without events.
+fn assert_equal_to_robots_made(config: &BalanceConfig) {
+    const N: usize = 11;
+    let model = config.model;
+    let mut randomized = started(config, N, Autoreset::Disabled, SEED);
+    let nominal = BalanceConfig { events: Vec::new(), ..config.clone() };
+    let mut alone: Vec<Run> = (0..N).map(|i| started(&nominal, 1, Autoreset::Disabled, SEED + i as u64)).collect();
+    for episode in 0..3 {
+        if episode > 0 {
+            randomized.reset(&[true; N]);
+        }
+        for (i, alone) in alone.iter_mut().enumerate() {
+            let params = randomized.batch.params(i).unwrap();
+            assert_ne!(params, randomized.batch.nominal_params(i).unwrap());
+            if episode == 0 {
+                // Its first start is drawn for the drawn robot, too.
+                let config = BalanceConfig { params: params.clone(), ..nominal.clone() };
+                *alone = started(&config, 1, Autoreset::Disabled, SEED + i as u64);
+            } else {
+                alone.batch.set_params(0, params).unwrap();
+                alone.reset(&[true]);
             }
+        }
+        for k in 0..25 {
+            randomized.step(&actions(0, N, k, 0.4)).unwrap();
             for (i, alone) in alone.iter_mut().enumerate() {
-                let params = randomized.batch.params(i).unwrap();
-                assert_ne!(params, randomized.batch.nominal_params(i).unwrap());
-                if episode == 0 {
-                    // Its first start is drawn for the drawn robot, too.
-                    let config = BalanceConfig { params: params.clone(), ..config(model, 1000, &[]) };
-                    *alone = started(&config, 1, Autoreset::Disabled, SEED + i as u64);
-                } else {
-                    alone.batch.set_params(0, params).unwrap();
-                    alone.reset(&[true]);
-                }
-            }
-            for k in 0..25 {
-                randomized.step(&actions(0, N, k, 0.4)).unwrap();
-                for (i, alone) in alone.iter_mut().enumerate() {
-                    alone.step(&actions(i, 1, k, 0.4)).unwrap();
-                    assert!(randomized.bits(i) == alone.bits(0), "{model}: robot {i}, episode {episode}, step {k}");
-                }
+                alone.step(&actions(i, 1, k, 0.4)).unwrap();
+                assert!(randomized.bits(i) == alone.bits(0), "{model}: robot {i}, episode {episode}, step {k}");
             }
         }
     }

@@ -197,7 +197,7 @@ fn motion_does_not_depend_on_the_body_axes(simulation: Simulation) {
 #[test]
 fn falls_do_not_depend_on_the_body_axes() {
     let crooked = Params { body_inertia: [0.0583, 0.04, 0.0237], ..crooked() };
-    let straight = Params { body_products_of_inertia: [0.0; 3], ..crooked.clone() };
+    let straight = Params { body_products_of_inertia: [0.0; 3], ..crooked };
     for params in [straight, crooked] {
         let axes = Redescribed::turned(0.7);
         let mut one = Simulation::Contact.robot(&params, 1e-3);
