@@ -461,7 +461,7 @@ class Ballbot:
     def set_params(self, params: _Robot) -> None:
         """Replaces the robot's parameters; they outlive a reset.
 
-        With the same geometry (radii, wheel angles, height of the center of mass) the motion goes on; otherwise the robot
+        With the same geometry (radii, wheel angles, place of the center of mass) the motion goes on; otherwise the robot
         starts anew, at rest upright.
 
         Raises:
@@ -908,7 +908,7 @@ class Batch:
         """Replaces the parameters of the robot of environment `index`; they outlive resets, and are those that events draw
         from.
 
-        With the same geometry (radii, wheel angles, height of the center of mass) its motion goes on; otherwise the
+        With the same geometry (radii, wheel angles, place of the center of mass) its motion goes on; otherwise the
         environment must be reset before its next step. The torque of an action stays that of the batch.
 
         Raises:

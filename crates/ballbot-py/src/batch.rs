@@ -462,7 +462,7 @@ impl PyBatch {
     /// Replaces the parameters of the robot of environment `index`; they outlive resets, and are those that events draw
     /// from.
     ///
-    /// With the same geometry (radii, wheel angles, height of the center of mass) its motion goes on; otherwise the
+    /// With the same geometry (radii, wheel angles, place of the center of mass) its motion goes on; otherwise the
     /// environment must be reset before its next step. The torque of an action stays that of the batch.
     ///
     /// Raises:

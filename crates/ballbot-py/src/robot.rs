@@ -86,7 +86,7 @@ impl PyBallbot {
 
     /// Replaces the robot's parameters; they outlive a reset.
     ///
-    /// With the same geometry (radii, wheel angles, height of the center of mass) the motion goes on; otherwise the robot
+    /// With the same geometry (radii, wheel angles, place of the center of mass) the motion goes on; otherwise the robot
     /// starts anew, at rest upright.
     ///
     /// Raises:

@@ -121,12 +121,12 @@ fn every_effect_acts() {
     let all = everything();
     let none = MotorOptions::default();
     let effects = [
-        MotorOptions { delay: all.delay, ..none.clone() },
-        MotorOptions { strength: all.strength, ..none.clone() },
-        MotorOptions { lag: all.lag, ..none.clone() },
-        MotorOptions { stall_torque: 0.05, no_load_speed: 10.0, ..none.clone() },
-        MotorOptions { speed_limit: 0.5, ..none.clone() },
-        MotorOptions { peak_torque: 0.02, ..none.clone() },
+        MotorOptions { delay: all.delay, ..none },
+        MotorOptions { strength: all.strength, ..none },
+        MotorOptions { lag: all.lag, ..none },
+        MotorOptions { stall_torque: 0.05, no_load_speed: 10.0, ..none },
+        MotorOptions { speed_limit: 0.5, ..none },
+        MotorOptions { peak_torque: 0.02, ..none },
     ];
     for (model, n) in models() {
         let mut ideal = batch(&BalanceConfig { actuators: none.clone(), ..config(model) }, n);

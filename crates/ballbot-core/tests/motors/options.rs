@@ -97,7 +97,7 @@ fn robot_that_does_not_fit_the_motors_is_refused() {
     let error = batch.set_params(1, &light).unwrap_err().to_string();
     assert!(error.contains("wheel_inertia = 0.00005 kg·m²"), "{error}");
     assert_eq!(batch.params(1).unwrap(), &Params::paper());
-    let limited = MotorOptions { peak_torque: 0.5, ..config.actuators.clone() };
+    let limited = MotorOptions { peak_torque: 0.5, ..config.actuators };
     let config = BalanceConfig { actuators: limited, ..config };
     Batch::new(&config, 3, Autoreset::SameStep, Some(1), 0).unwrap().set_params(1, &weak).unwrap();
 }

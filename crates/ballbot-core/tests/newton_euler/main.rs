@@ -98,7 +98,7 @@ proptest! {
         shares in vector(1.0),
         transverse in 0.0..1.0,
     ) {
-        compare_all(params, &start, &shares, transverse, LIMIT)?;
+        compare_all(&params, &start, &shares, transverse, LIMIT)?;
     }
 
     #[test]
@@ -108,20 +108,20 @@ proptest! {
         shares in vector(1.0),
         transverse in 0.0..1.0,
     ) {
-        compare_all(params, &start, &shares, transverse, GENERAL_LIMIT)?;
+        compare_all(&params, &start, &shares, transverse, GENERAL_LIMIT)?;
     }
 }
 
 /// All four models of a robot.
 fn compare_all(
-    params: Params,
+    params: &Params,
     start: &Start,
     shares: &Vector3<f64>,
     transverse: f64,
     limit: f64,
 ) -> Result<(), TestCaseError> {
     // How dry friction begins is the models' own choice, not mechanics.
-    let params = Params { wheel_coulomb_friction: 0.0, ..params };
+    let params = Params { wheel_coulomb_friction: 0.0, ..params.clone() };
     let motors = torques(&params, shares);
     for (pinned, absolute) in [(false, true), (true, true), (false, false), (true, false)] {
         let off = compare(&params, start, &motors, transverse, pinned, absolute);
@@ -148,11 +148,11 @@ fn missing_terms_are_detected() {
     let solve = |robot: &Robot| robot.solve(&state.body_quaternion, &[0.1, -0.05, 0.02]);
     let right = Robot::new(&params, &state, 0.5, false, true);
     let exact = solve(&right);
-    let lighter = Params { wheel_inertia: 1e-9, ..params.clone() };
-    let centered = Params { body_com_offset: symmetric.body_com_offset, ..params.clone() };
-    let principal = Params { body_products_of_inertia: symmetric.body_products_of_inertia, ..params.clone() };
-    let even = Params { wheel_azimuths: symmetric.wheel_azimuths, ..params.clone() };
-    let level = Params { wheel_zenith_offsets: symmetric.wheel_zenith_offsets, ..params.clone() };
+    let lighter = Params { wheel_inertia: 1e-9, ..params };
+    let centered = Params { body_com_offset: symmetric.body_com_offset, ..params };
+    let principal = Params { body_products_of_inertia: symmetric.body_products_of_inertia, ..params };
+    let even = Params { wheel_azimuths: symmetric.wheel_azimuths, ..params };
+    let level = Params { wheel_zenith_offsets: symmetric.wheel_zenith_offsets, ..params };
     for (name, robot) in [
         ("drag and joint friction", Robot::new(&without_losses(&params), &state, 0.5, false, true)),
         ("the wheels' absolute spin", Robot::new(&params, &state, 0.5, false, false)),

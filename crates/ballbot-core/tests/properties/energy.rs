@@ -1,5 +1,6 @@
 //! Without motors a robot only loses energy.
 
+use super::support::general::any_general_robot;
 use super::support::{Start, any_robot, any_start, largest, natural_rate, vector, without_losses};
 use super::{robot, same_cases};
 use ballbot_core::{ModelKind, Params, State};
@@ -39,17 +40,25 @@ impl Slip {
 /// Largest rise of the energy over its lowest so far within three times the time in which a robot falls, as a share of what
 /// it swings about; none if the floor is in the way of the start. A step lasts `step` of that time.
 fn rise(kind: ModelKind, params: &Params, start: &State, step: f64) -> Option<f64> {
+    rises(kind, params, start, step).map(|[_, rise]| rise)
+}
+
+/// The same before the bot touches the floor, and in all.
+fn rises(kind: ModelKind, params: &Params, start: &State, step: f64) -> Option<[f64; 2]> {
     let rate = natural_rate(params);
     let mut robot = robot(kind, params, start, step / rate)?;
     let mut lowest = robot.energy();
     let scale = params.body_mass * params.gravity * params.body_com_height + lowest.abs();
-    let rises = (0..(3.0 / step) as usize).map(|_| {
+    let (mut fallen, mut worst) = (false, [0.0; 2]);
+    for _ in 0..(3.0 / step) as usize {
         robot.step(&[0.0; 3], 1).expect("nothing drives it apart");
         let energy = robot.energy();
         lowest = lowest.min(energy);
-        energy - lowest
-    });
-    Some(largest(rises) / scale)
+        fallen |= robot.bot_on_floor();
+        let rise = (energy - lowest) / scale;
+        worst = [if fallen { worst[0] } else { largest([worst[0], rise]) }, largest([worst[1], rise])];
+    }
+    Some(worst)
 }
 
 proptest! {
