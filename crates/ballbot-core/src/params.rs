@@ -292,8 +292,12 @@ impl Params {
     fn validate_magnitudes(&self) -> Result<()> {
         for ((name, values), limit) in self.fields().zip(Self::LIMITS) {
             for (i, &value) in values.iter().enumerate() {
-                let index = if values.len() == 1 { String::new() } else { format!("[{i}]") };
-                check(format_args!("{name}{index}"), value, limit, |v| limit.contains(v))?;
+                let inside = |v: f64| limit.contains(v);
+                // Nothing is formatted unless it is wrong: events make robots at each reset.
+                match values.len() {
+                    1 => check(name, value, limit, inside)?,
+                    _ => check(format_args!("{name}[{i}]"), value, limit, inside)?,
+                };
             }
         }
         let most = MAX_RIM_RATIO * (self.ball_mass + self.body_mass);
