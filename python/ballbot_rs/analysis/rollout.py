@@ -122,7 +122,9 @@ def _in_python(
         observations, rewards, terminated, truncated = batch.step(actions)
         success = batch.endings()[0] & (terminated | truncated)
         rows.append((states, actions.astype(float) * batch.max_wheel_torque, rewards, terminated, truncated, success))
-    return Chunk(first, *(np.array(column) for column in zip(*rows, strict=True)), com), observations
+    columns = (np.array(column) for column in zip(*rows, strict=True))
+    states, torques, rewards, terminated, truncated, success = columns
+    return Chunk(first, states, torques, rewards, terminated, truncated, success, com), observations
 
 
 @dataclasses.dataclass(frozen=True)
