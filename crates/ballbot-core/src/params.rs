@@ -8,6 +8,7 @@ use crate::error::{Error, Result, check, finite, positive};
 use crate::fields::Limit;
 use nalgebra::{Matrix3, SymmetricEigen};
 use std::f64::consts::{FRAC_PI_2, TAU};
+use std::fmt;
 use std::slice;
 
 /// Access to a parameter as a slice, for scalars and vectors alike.
@@ -285,6 +286,17 @@ impl Params {
         ] {
             check(name, value, ">= 0", |v| v >= 0.0)?;
         }
+        Ok(())
+    }
+
+    /// Checks that a torque of a motor, called `name`, is within `max_wheel_torque`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] naming the value and the limit.
+    pub(crate) fn check_torque(&self, name: impl fmt::Display, torque: f64) -> Result<()> {
+        let limit = self.max_wheel_torque;
+        let words = format_args!("at most the motors' limit, params.max_wheel_torque = {limit} N·m");
+        check(name, torque, words, |t| t <= limit)?;
         Ok(())
     }
 

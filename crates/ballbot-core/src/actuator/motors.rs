@@ -78,13 +78,7 @@ impl Motors {
     ) -> Result<Self> {
         options.validate()?;
         let MotorOptions { delay, strength, lag, stall_torque, no_load_speed, speed_limit, peak_torque } = *options;
-        let motor_limit = params.max_wheel_torque;
-        check(
-            qualified("peak_torque"),
-            peak_torque,
-            format_args!("at most the motors' limit, params.max_wheel_torque = {motor_limit} N·m"),
-            |torque| torque <= motor_limit,
-        )?;
+        params.check_torque(qualified("peak_torque"), peak_torque)?;
         let steps = delay / sim_dt;
         check(
             "actuators.delay / sim_dt",
@@ -99,7 +93,7 @@ impl Motors {
             share: (lag > 0.0).then(|| -(-sim_dt / lag).exp_m1()),
             curve: (stall_torque > 0.0).then(|| Curve { stall: stall_torque, slope: stall_torque / no_load_speed }),
             limit: (speed_limit > 0.0).then(|| SpeedLimit { speed: speed_limit, share: 1.0 / (FADE * speed_limit) }),
-            peak: if peak_torque > 0.0 { peak_torque } else { motor_limit },
+            peak: if peak_torque > 0.0 { peak_torque } else { params.max_wheel_torque },
         };
         motors.check_robot(params, sim_dt)?;
         Ok(motors)
@@ -114,13 +108,7 @@ impl Motors {
         // Beyond the no-load speed the back-EMF brakes with more than the command.
         let commanded = self.torque.into_iter().fold(0.0, f64::max);
         let largest = if self.curve.is_some() { self.peak } else { self.peak.min(commanded) };
-        let motor = params.max_wheel_torque;
-        check(
-            "the largest torque of the actuators",
-            largest,
-            format_args!("at most the motors' limit, params.max_wheel_torque = {motor} N·m"),
-            |torque| torque <= motor,
-        )?;
+        params.check_torque("the largest torque of the actuators", largest)?;
         if let Some(Curve { slope, .. }) = self.curve {
             let inertia = params.wheel_inertia;
             check(

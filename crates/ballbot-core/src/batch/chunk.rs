@@ -197,12 +197,12 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// Fires the events that are due.
     fn fire_events(&mut self, autoreset: Autoreset) {
+        let Some(events) = self.events.as_mut().filter(|events| events.plan.timed) else { return };
         for i in 0..self.used {
-            let Some(events) = self.events.as_mut().filter(|events| events.plan.timed) else { return };
             let step = self.ledger.episode.steps.get(i);
             if events.due(i, step) && !(autoreset == Autoreset::NextStep && self.over[i]) {
+                // The shape stays, and with it the place of the CoM.
                 events.fire(&mut self.robots, i, self.rngs[i].get_seed(), step);
-                self.note_com(i);
             }
         }
     }

@@ -178,12 +178,6 @@ impl<T: Task> EnvConfig<T> {
 
 /// Checks that the torque of an action, and of motors that are not ideal, is within the limit of a robot.
 fn check_drive(torque: f64, motors: Option<&Motors>, params: &Params, sim_dt: f64) -> Result<()> {
-    let limit = params.max_wheel_torque;
-    check(
-        "max_wheel_torque",
-        torque,
-        format_args!("at most the motors' limit, params.max_wheel_torque = {limit} N·m"),
-        |t| t <= limit,
-    )?;
+    params.check_torque("max_wheel_torque", torque)?;
     motors.map_or(Ok(()), |motors| motors.check_robot(params, sim_dt))
 }

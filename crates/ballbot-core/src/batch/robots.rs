@@ -86,12 +86,6 @@ pub trait Robots: Send + Sync {
     /// As [`Ballbot::set_params`].
     fn set_params(&mut self, i: usize, params: &Params) -> Result<bool>;
 
-    /// [`Robots::set_params`] with valid parameters.
-    ///
-    /// # Errors
-    /// What the model does not simulate.
-    fn assign(&mut self, i: usize, params: &Params) -> Result<bool>;
-
     /// As [`Ballbot::push`].
     ///
     /// # Errors
@@ -206,10 +200,6 @@ impl Robots for Single {
         Ok(goes_on)
     }
 
-    fn assign(&mut self, i: usize, params: &Params) -> Result<bool> {
-        self.set_params(i, params)
-    }
-
     fn push(&mut self, _: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
         self.robot.push(impulse, point)
     }
@@ -291,10 +281,6 @@ impl Robots for ContactLanes {
     }
 
     fn set_params(&mut self, i: usize, params: &Params) -> Result<bool> {
-        self.assign(i, params)
-    }
-
-    fn assign(&mut self, i: usize, params: &Params) -> Result<bool> {
         if params == self.lane_params(i) {
             return Ok(true);
         }

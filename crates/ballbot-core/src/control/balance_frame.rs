@@ -30,8 +30,7 @@ impl BalanceFrame {
         if self.is_body_frame {
             return body;
         }
-        let Quat { w, v } = self.constant(body.w);
-        body.times(Quat { w, v: -v })
+        body.times(self.constant(body.w).conjugated())
     }
 
     /// A vector of the body frame in the balance frame.

@@ -36,8 +36,8 @@ pub struct Planned {
     stream: u64,
     /// One pair a number of the term.
     ranges: Vec<[f64; 2]>,
-    /// Its columns in the draws of a robot.
-    pub first: usize,
+    /// The first of its columns in the draws of a robot, and their number.
+    first: usize,
     pub width: usize,
 }
 
@@ -95,7 +95,7 @@ impl Plan {
     pub fn apply(&self, nominal: &Params, draws: &[f64], robot: &mut Params) {
         robot.clone_from(nominal);
         for event in &self.events {
-            event.apply(&draws[event.first..event.first + event.width], robot);
+            event.apply(&draws[event.columns()], robot);
         }
     }
 }
@@ -115,6 +115,11 @@ fn followers(term: &str) -> Vec<usize> {
 }
 
 impl Planned {
+    /// Its columns in the draws of a robot.
+    pub fn columns(&self) -> Range<usize> {
+        self.first..self.first + self.width
+    }
+
     fn new(event: &Event, first: usize, control_dt: f64) -> Result<Self> {
         let (target, width) = if event.term == PUSH {
             (Target::Push, PUSH_WIDTH)
@@ -186,7 +191,7 @@ impl Planned {
 
     /// The columns of each number that is drawn by itself, with its least and largest draw.
     pub fn numbers(&self) -> Vec<(Range<usize>, [f64; 2])> {
-        let all = self.first..self.first + self.width;
+        let all = self.columns();
         if self.event.shared {
             return self.bounds().take(1).map(|range| (all.clone(), range)).collect();
         }

@@ -63,7 +63,7 @@ impl Drawn {
     fn start(&mut self, plan: &Plan, key: Key) {
         self.startup_due = false;
         for event in plan.events.iter().filter(|event| event.event.when == When::Startup) {
-            event.draw(key, 0, 0, &mut self.draws[event.first..event.first + event.width]);
+            event.draw(key, 0, 0, &mut self.draws[event.columns()]);
         }
     }
 
@@ -75,7 +75,7 @@ impl Drawn {
         self.episode = self.episode.wrapping_add(1);
         self.counts.fill(0);
         for (event, time) in plan.events.iter().zip(&mut self.times) {
-            let draws = &mut self.draws[event.first..event.first + event.width];
+            let draws = &mut self.draws[event.columns()];
             *time = f64::INFINITY;
             match event.event.when {
                 When::Startup => continue,
@@ -101,7 +101,7 @@ impl Drawn {
         let n = plan.events.len();
         (self.draws.len(), self.times.len(), self.counts.len()) == (plan.width, n, n)
             && self.times.iter().all(|time| *time >= 0.0)
-            && plan.events.iter().all(|event| event.could_draw(&self.draws[event.first..event.first + event.width]))
+            && plan.events.iter().all(|event| event.could_draw(&self.draws[event.columns()]))
     }
 }
 
@@ -170,7 +170,7 @@ impl Randomized {
                 if matches!(event.target, Target::Push) != pushes || drawn.times[k] > now {
                     continue;
                 }
-                let draws = &mut drawn.draws[event.first..event.first + event.width];
+                let draws = &mut drawn.draws[event.columns()];
                 event.draw(key, drawn.episode, drawn.counts[k], draws);
                 drawn.counts[k] = drawn.counts[k].wrapping_add(1);
                 drawn.times[k] += event.gap(key, drawn.episode, drawn.counts[k]);
@@ -183,7 +183,7 @@ impl Randomized {
             if changed && !pushes && !self.assign(robots, i) {
                 // What was drawn within the episode is taken back; the robot of its beginning was accepted.
                 for event in plan.events.iter().filter(|event| event.event.when.is_timed()) {
-                    self.drawn[i].draws[event.first..event.first + event.width].fill(f64::NAN);
+                    self.drawn[i].draws[event.columns()].fill(f64::NAN);
                 }
                 self.assign(robots, i);
             }
@@ -239,7 +239,7 @@ impl Randomized {
     /// Makes robot `i` that of its draws; false, and nothing has changed, if the model refuses it.
     fn assign<R: Robots>(&mut self, robots: &mut R, i: usize) -> bool {
         self.plan.apply(&self.nominal[i], &self.drawn[i].draws, &mut self.robot);
-        robots.assign(i, &self.robot).is_ok()
+        robots.set_params(i, &self.robot).is_ok()
     }
 
     /// The same; a robot that the model refuses, although all that was tried of the ranges passed, is the nominal one in
@@ -250,6 +250,6 @@ impl Randomized {
         }
         self.drawn[i].draws.fill(f64::NAN);
         self.drawn[i].startup_due = true;
-        robots.assign(i, &self.nominal[i]).expect("the nominal robot was accepted");
+        robots.set_params(i, &self.nominal[i]).expect("the nominal robot was accepted");
     }
 }
