@@ -417,6 +417,12 @@ class Contacts:
     def bot_on_floor(self) -> bool:
         """Whether the body or a wheel touches the floor."""
     @property
+    def searched_steps(self) -> int:
+        """Steps since the reset in which sticking and slipping contacts were not found at the first attempt."""
+    @property
+    def unsolved_steps(self) -> int:
+        """Those of them that ended without impulses that meet the contact conditions."""
+    @property
     def friction_utilization(self) -> _Array:
         """Share of the dynamic friction limit in use, three wheels and floor, shape (4,). Models without slip are valid up
         to 1.

@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-from ballbot_rs import Ballbot, DivergedError, Lqr, Params, State
+from ballbot_rs import Ballbot, Batch, DivergedError, Lqr, Params, State
 
 MODELS = ["rigid", "contact", "spatial", "planar"]
 TORQUES = (0.05, -0.02, 0.01)
@@ -83,6 +83,28 @@ def test_static_loads(model):
     assert contacts.friction_utilization.shape == (4,)
     assert contacts.friction_utilization.max() < 0.01
     assert "wheel_normal_forces" in repr(contacts)
+
+
+@pytest.mark.parametrize("model", ["contact", "rigid"])
+def test_every_step_that_needed_a_search_is_counted(model, paper):
+    slippery = paper.replace(
+        wheel_static_friction=1.0, wheel_dynamic_friction=1.0, floor_static_friction=1.0, floor_dynamic_friction=1.0
+    )
+    options = {"params": slippery, "model": model, "max_wheel_torque": 1.0}
+    batch = Batch(64 if model == "contact" else 8, **options)
+    batch.reset()
+    rng = np.random.default_rng(0)
+    searched = 0
+    for _ in range(200):
+        batch.step(rng.uniform(-1, 1, (batch.num_envs, 3)))
+        contacts = batch.contacts()
+        searched = max(searched, contacts["searched_steps"].max())
+        assert (contacts["unsolved_steps"] <= contacts["searched_steps"]).all()
+    assert searched > 0
+    most = int(contacts["searched_steps"].argmax())
+    assert batch.contacts(most).searched_steps == contacts["searched_steps"][most]
+    batch.reset()
+    assert not batch.contacts()["searched_steps"].any()
 
 
 @pytest.mark.parametrize("model", MODELS)

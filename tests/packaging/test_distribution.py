@@ -1,6 +1,7 @@
 """The source distribution and the packaged crate compile by themselves; the wheel works outside the clone."""
 
 import importlib.util
+import json
 import os
 import shutil
 import subprocess
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from ballbot_rs import _toml
 from tests.support.paths import ROOT
 from tools.check_wheel import check
 
@@ -19,6 +21,20 @@ BUILT = TARGET / "distribution"
 pytestmark = pytest.mark.skipif(
     shutil.which("cargo") is None or importlib.util.find_spec("maturin") is None, reason="needs cargo and maturin"
 )
+
+
+#: The profile of the workspace, for a crate outside of it: with the same one its dependencies are not compiled again.
+PROFILE = _toml.loads((ROOT / "Cargo.toml").read_text())["profile"]["dev"]
+
+
+def as_options(table, name):
+    """A table of Cargo.toml as options of cargo."""
+    for key, value in table.items():
+        key = f"{name}.{key}" if key.isidentifier() or "-" in key else f'{name}."{key}"'
+        if isinstance(value, dict):
+            yield from as_options(value, key)
+        else:
+            yield from ("--config", f"{key}={json.dumps(value)}")
 
 
 def run(*command, cwd=ROOT):
@@ -90,7 +106,7 @@ def test_the_packaged_crate_has_its_presets_and_licences_and_compiles(tmp_path):
     with tarfile.open(archive) as tar:
         tar.extractall(tmp_path, filter="data")
     (unpacked,) = tmp_path.iterdir()
-    run("cargo", "check", "--locked", "--offline", cwd=unpacked)
+    run("cargo", "check", "--locked", "--offline", *as_options(PROFILE, "profile.dev"), cwd=unpacked)
 
 
 def test_the_wheel_carries_its_data(wheel):

@@ -21,14 +21,14 @@ def packed(**message):
     return msgspec.msgpack.encode(message)
 
 
-def wait_until(condition, seconds=10.0):
+def wait_until(condition, seconds=30.0):
     ends = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < ends
         time.sleep(0.02)
 
 
-def ask(view, function, seconds=5.0):
+def ask(view, function, seconds=30.0):
     """What a function says of the session, in the thread that owns it."""
     answers = []
     assert view.runner.submit(lambda session: answers.append(function(session)))

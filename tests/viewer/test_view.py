@@ -93,14 +93,14 @@ def test_the_page_in_a_browser(view, tmp_path):
         view.runner.submit(lambda session: session.reset((0.0, 0.0)))
         assert np.abs(state(view)[7:9]).max() < 1e-6
         click(page, button("Push"))
-        wait_until(lambda: np.linalg.norm(state(view)[7:9]) > 0.01, 5.0)
+        wait_until(lambda: np.linalg.norm(state(view)[7:9]) > 0.01)
 
         # The text says what the session does.
         page.wait_for("[...document.querySelectorAll('input')].some(i => /s, running/.test(i.value))")
 
         # A click on the floor moves the setpoint there, and the page shows it where the click was.
         page.click(300, 560)
-        wait_until(lambda: np.linalg.norm(ask(view, lambda s: s.setpoint)) > 0.1, 5.0)
+        wait_until(lambda: np.linalg.norm(ask(view, lambda s: s.setpoint)) > 0.1)
         goal = ask(view, lambda s: s.setpoint)
 
         def shows_the_goal():
@@ -113,7 +113,7 @@ def test_the_page_in_a_browser(view, tmp_path):
         (viewer,) = view.server.get_clients().values()
         eye = np.array(viewer.camera.position)
         page.drag((300, 600), (420, 560))
-        wait_until(lambda: np.linalg.norm(viewer.camera.position - eye) > 0.1, 5.0)
+        wait_until(lambda: np.linalg.norm(viewer.camera.position - eye) > 0.1)
         time.sleep(0.5)
         assert np.array_equal(ask(view, lambda s: s.setpoint), goal)
 
@@ -126,25 +126,25 @@ def test_the_page_in_a_browser(view, tmp_path):
             ("Robot", "kugle", lambda s: s.robots.name),
         ):
             choose(page, label, option)
-            wait_until(lambda option=option, chosen=chosen: ask(view, chosen) == option, 5.0)
+            wait_until(lambda option=option, chosen=chosen: ask(view, chosen) == option)
 
         # A single step pauses; a replay stays open at its end.
         click(page, button("Run"))
         click(page, button("Step"))
-        wait_until(lambda: ask(view, lambda s: s.paused), 5.0)
+        wait_until(lambda: ask(view, lambda s: s.paused))
         time_ = ask(view, lambda s: s.time)
         click(page, button("Step"))
-        wait_until(lambda: ask(view, lambda s: s.time) == pytest.approx(time_ + 0.01), 5.0)
+        wait_until(lambda: ask(view, lambda s: s.time) == pytest.approx(time_ + 0.01))
         view.runner.submit(lambda session: setattr(session, "paused", False))
         click(page, button("Record"))
         click(page, "[...document.querySelectorAll('button')].filter(b => b.innerText.trim() === 'Record')[1]")
-        wait_until(lambda: ask(view, lambda s: s.recording.duration) > 0.3, 5.0)
+        wait_until(lambda: ask(view, lambda s: s.recording.duration) > 0.3)
         click(page, button("Replay"))
         at_end = lambda s: s.replay_time is not None and s.replay_time == s.recording.duration  # noqa: E731
-        wait_until(lambda: ask(view, at_end), 5.0)
+        wait_until(lambda: ask(view, at_end))
         page.wait_for("[...document.querySelectorAll('input')].some(i => /replay/.test(i.value))")
         click(page, button("Back to the simulation"))
-        wait_until(lambda: ask(view, lambda s: s.replay_time is None), 5.0)
+        wait_until(lambda: ask(view, lambda s: s.replay_time is None))
 
         # Plots draw.
         click(page, button("Plots"))

@@ -255,6 +255,11 @@ pub struct Contacts {
     pub floor_slip_velocity: Vector2<f64>,
     /// Whether the body or a wheel touches the floor.
     pub bot_on_floor: bool,
+    /// Steps since the reset in which sticking and slipping contacts were not found at the first attempt; zero for models
+    /// without slip.
+    pub searched_steps: u64,
+    /// Those of them that ended without impulses that meet the contact conditions.
+    pub unsolved_steps: u64,
 }
 
 impl Contacts {

@@ -408,6 +408,8 @@ fn contents_that_are_no_stl_are_refused() {
     for (contents, reason) in [
         (binary(u32::MAX, 0.0), "not a readable STL"),
         (binary(1, f32::NAN), "must be finite"),
+        (binary(2, 0.0), "not a readable STL"),
+        (binary(1, 0.0)[..133].to_vec(), "not a readable STL"),
         (binary(0, 0.0), "mesh"),
         (vec![], "not a readable STL"),
         (b"solid x\nfacet normal 0 0 1\n".to_vec(), "not a readable STL"),

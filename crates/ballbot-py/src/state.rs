@@ -311,6 +311,18 @@ impl PyContacts {
         self.contacts.bot_on_floor
     }
 
+    /// Steps since the reset in which sticking and slipping contacts were not found at the first attempt.
+    #[getter]
+    fn searched_steps(&self) -> u64 {
+        self.contacts.searched_steps
+    }
+
+    /// Those of them that ended without impulses that meet the contact conditions.
+    #[getter]
+    fn unsolved_steps(&self) -> u64 {
+        self.contacts.unsolved_steps
+    }
+
     /// Share of the dynamic friction limit in use, three wheels and floor, shape (4,). Models without slip are valid up
     /// to 1.
     #[getter]

@@ -69,6 +69,8 @@ impl ContactState<f64> {
                 self.ball_velocity[1] + r * self.ball_rate[0],
             ),
             bot_on_floor: self.bot_on_floor > 0.0,
+            searched_steps: self.searched_steps as u64,
+            unsolved_steps: self.unsolved_steps as u64,
         }
     }
 

@@ -50,11 +50,24 @@ pub(super) struct SimulationState {
     pub(super) push: [f64; 6],
     /// False after a state that was not finite, which rapier freezes.
     pub(super) healthy: bool,
+    /// Steps since the reset in which the modes of the contacts did not settle at the first attempt.
+    pub(super) searched_steps: u64,
+    /// Those of them in which they did not settle at all.
+    pub(super) unsolved_steps: u64,
 }
 
 impl SimulationState {
     fn new() -> Self {
-        Self { steps: 0, impulses: [0.0; ROWS], blow: [0.0; 15], floor_force: [0.0; 3], push: [0.0; 6], healthy: true }
+        Self {
+            steps: 0,
+            impulses: [0.0; ROWS],
+            blow: [0.0; 15],
+            floor_force: [0.0; 3],
+            push: [0.0; 6],
+            healthy: true,
+            searched_steps: 0,
+            unsolved_steps: 0,
+        }
     }
 }
 
@@ -246,6 +259,8 @@ impl Model for RigidMotion {
             floor_force: self.sim_state.floor_force.into(),
             floor_slip_velocity: self.floor_slip(),
             bot_on_floor: self.bot_on_floor(),
+            searched_steps: self.sim_state.searched_steps,
+            unsolved_steps: self.sim_state.unsolved_steps,
         }
     }
 

@@ -50,6 +50,17 @@ pub struct Problem<'a> {
     pub active: usize,
 }
 
+/// How the modes of a step were found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Settling {
+    /// Without sweeps.
+    AtOnce,
+    /// After sweeps.
+    Searched,
+    /// Not at all.
+    Unsolved,
+}
+
 /// State of a contact or joint.
 #[derive(Clone, Copy, Debug)]
 enum Mode {
@@ -101,16 +112,16 @@ fn rows_of(k: usize) -> (Option<usize>, &'static [usize]) {
 impl Problem<'_> {
     /// The impulses, from those of the last step; exact but where the modes do not settle, and with friction within its
     /// limits in any case.
-    pub fn solve(&self, limits: &Limits, start: &Impulses) -> Impulses {
+    pub fn solve(&self, limits: &Limits, start: &Impulses) -> (Impulses, Settling) {
         let mut impulses = *start;
         let mut loads = [0, 1, 2].map(|i| start[i]);
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
             let mut modes = self.modes(limits, &impulses);
             for _ in 0..SOLUTIONS {
                 let Some(found) = self.solve_modes(limits, &modes) else { break };
                 let next = self.modes(limits, &found);
                 if modes.iter().zip(&next).all(|(old, new)| old.same(new)) {
-                    return found;
+                    return (found, if round == 0 { Settling::AtOnce } else { Settling::Searched });
                 }
                 impulses = found;
                 modes = next;
@@ -120,7 +131,7 @@ impl Problem<'_> {
             }
         }
         self.bound(limits, &mut impulses);
-        impulses
+        (impulses, Settling::Unsolved)
     }
 
     fn modes(&self, limits: &Limits, impulses: &Impulses) -> Modes {

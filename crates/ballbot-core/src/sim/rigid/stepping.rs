@@ -4,7 +4,7 @@ use super::bot::{Coordinates, join, split};
 use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
 use super::motion::RigidMotion;
 use super::rows::{Motion, Rows, Velocities, WheelContact, biases};
-use super::solve::{Coupling, FLOOR, Impulses, Limits, Problem};
+use super::solve::{Coupling, FLOOR, Impulses, Limits, Problem, Settling};
 use super::world::{MAX_RECOVERY_SPEED, new_pipeline};
 use crate::sim::friction::stribeck;
 use nalgebra::{Matrix3, Vector3};
@@ -55,41 +55,45 @@ impl RigidMotion {
         let [solving, stabilizing] = if alone { BALL_SWEEPS } else { BOT_SWEEPS };
         self.settings.num_internal_pgs_iterations = solving;
         self.settings.num_internal_stabilization_iterations = stabilizing;
-        if alone || plan.apart {
-            self.pass(&plan, &Velocities::zeros());
+        let settling = if alone || plan.apart {
+            let (_, settling) = self.pass(&plan, &Velocities::zeros());
             self.sim_state.set_blow(&Velocities::zeros());
+            settling
         } else {
-            self.pass_until_settled(&plan);
-        }
+            self.pass_until_settled(&plan)
+        };
         self.sim_state.steps += 1;
+        self.sim_state.searched_steps += u64::from(settling != Settling::AtOnce);
+        self.sim_state.unsolved_steps += u64::from(settling == Settling::Unsolved);
     }
 
     /// Repeats a step until what rapier's contacts of the bot do to the velocities is what the wheels' forces were solved
     /// for: Gauss-Seidel between the two.
-    fn pass_until_settled(&mut self, plan: &Plan) {
+    fn pass_until_settled(&mut self, plan: &Plan) -> Settling {
         let before = self.world.clone();
         let mut blow = self.sim_state.blow();
         for pass in 1.. {
-            let found = self.pass(plan, &blow);
+            let (found, settling) = self.pass(plan, &blow);
             let change = plan.rows.speeds(&found.plus(&blow, -1.0)).fixed_rows::<FLOOR>(0).amax();
             blow = found;
             let settled = change <= SETTLED * self.params.gravity * self.settings.dt;
             if settled || pass == PASSES || change.is_nan() {
-                break;
+                self.sim_state.set_blow(&blow);
+                return settling;
             }
             self.world = before.clone();
             self.pipeline = new_pipeline();
         }
-        self.sim_state.set_blow(&blow);
+        unreachable!("the last pass returns")
     }
 
     /// Solves for the forces of the wheels while rapier's contacts of the bot change the velocities by `blow`, applies
     /// them, and advances rapier's world. Returns what its contacts of the bot did.
-    fn pass(&mut self, plan: &Plan, blow: &Velocities) -> Velocities {
+    fn pass(&mut self, plan: &Plan, blow: &Velocities) -> (Velocities, Settling) {
         let dt = self.settings.dt;
         let residual = plan.rows.speeds(&plan.free.plus(blow, 1.0)) + plan.biases;
         let problem = Problem { coupling: &plan.coupling, residual, active: plan.rows.active() };
-        let impulses = problem.solve(&plan.limits, &Impulses::from(self.sim_state.impulses));
+        let (impulses, settling) = problem.solve(&plan.limits, &Impulses::from(self.sim_state.impulses));
         self.sim_state.impulses = impulses.into();
         let acceleration = plan.acceleration + self.bot.mass_inverse * plan.rows.on_bot(&impulses) / dt;
         let wheels_on_ball = plan.rows.on_ball(&impulses);
@@ -108,7 +112,7 @@ impl RigidMotion {
                 plan.free.ball[1] + (turn - up.cross(&floor) * self.params.ball_radius) / self.params.ball_inertia,
             ],
         };
-        self.velocities(&plan.motion.to_body).plus(&expected, -1.0)
+        (self.velocities(&plan.motion.to_body).plus(&expected, -1.0), settling)
     }
 
     fn plan(&mut self, wheel_torques: &[f64; 3]) -> Plan {
