@@ -77,10 +77,11 @@ class Tuning:
 
 
 def table_of(session: Session) -> str:
-    """What robot 0 differs in from the nominal robot, and what was drawn of it, as a table in Markdown."""
+    """What robot 0 differs in from the nominal robot, and what was drawn of it, as a table in Markdown, in SI units."""
     robots = session.robots
     nominal, params = robots.params, robots.params_of(0)
-    draws = {name: draw for name, draw in robots.draws_of(0).items() if np.isfinite(draw).any()}
+    # A push has no height of its own if it is at the center of mass.
+    draws = {name: draw[np.isfinite(draw)] for name, draw in robots.draws_of(0).items() if np.isfinite(draw).any()}
     # A term may occur several times, with an id.
     terms = [name.partition(":")[0] for name in draws]
     now = params.to_dict()
@@ -93,7 +94,7 @@ def table_of(session: Session) -> str:
     rows += [f"| {name} | | {_text(value)} | |" for name, value in robots.motors_of(0).items()]
     if not rows:
         return "Robot 0 is the nominal one, with ideal motors."
-    return "\n".join(["| robot 0 | nominal | now | drawn |", "|---|---|---|---|", *rows])
+    return "\n".join(["| robot 0, SI units | nominal | now | drawn |", "|---|---|---|---|", *rows])
 
 
 def _drawn(term: str, draws: dict[str, Any]) -> str:
