@@ -286,3 +286,16 @@ def test_robots_drawn_hard_fall_and_start_anew_for_a_long_time(model):
         run(session, 1.0)
         assert np.isfinite(session.frame().states).all()
     assert any("starts anew" in notice for notice in session.notices)
+
+
+def test_a_robot_that_cannot_have_the_tilt_begins_anew_in_equilibrium():
+    session = Session(num_robots=2)
+    session.change(com_x=10.0)
+    run(session, 0.1)
+    robot = session.robots._robots[0]
+    before = robot.state
+    with pytest.raises(ValueError, match="floor"):
+        robot.start((1.5, 0.0))
+    assert robot.state == before
+    robot.start_anew((1.5, 0.0))
+    assert np.abs(session.frame().tilt).max() < 1e-12

@@ -41,6 +41,13 @@ class Robot:
         self._episode += 1
         self._lying = None
 
+    def start_anew(self, tilt: npt.ArrayLike) -> None:
+        """The same with a tilt that another robot has had; one that cannot have it begins in equilibrium."""
+        try:
+            self.start(tilt)
+        except ValueError:
+            self.start((0.0, 0.0))
+
     def go_on_from(self, other: "Robot", tilt: npt.ArrayLike) -> None:
         """Begins the episode that another robot is in, with its draws, where that robot is.
 
@@ -55,7 +62,7 @@ class Robot:
                 self._batch.reset(starts=[candidate])
                 self._episode = other._episode
                 return
-        self.start(tilt)
+        self.start_anew(tilt)
         self._episode = other._episode
 
     def set_params(self, params: Params) -> None:

@@ -93,8 +93,8 @@ class Robots:
         return self.down_for > 0.0
 
     def restart(self, index: int) -> None:
-        """One robot at rest at the origin, tilted as at the last reset."""
-        self._robots[index].start(self._turned(self._start, index))
+        """One robot at rest at the origin, tilted as at the last reset if it can be."""
+        self._robots[index].start_anew(self._turned(self._start, index))
         self.down_for[index] = 0.0
 
     def _turned(self, start: FloatArray, index: int) -> FloatArray:
