@@ -18,7 +18,8 @@ The tables are of 100 episodes of the [balance task](tasks/balance.md) each: mod
 starts of `ballbot evaluate`. LQR (100 Hz) and the policy that comes with the package are those of the nominal robot
 with ideal motors; "LQR made for it" is designed for the changed robot. *Success* is that of the task: at the end the
 ball is within 0.1 m and the tilt within 1°. *Upright* is the share of episodes without a fall. *Position rms* is the
-distance of the ball from the setpoint over all steps up to the fall, `ball_rms` of `ballbot evaluate --json`. Each
+distance of the ball from the setpoint over all steps up to the fall, `ball_rms` of `ballbot evaluate --json`. LQR also
+turns the robot to its heading, from up to 180° away, which takes torque and wheel speed; the policy leaves it. Each
 figure has the closed form (lines) with what simulation gives (dots), the share of upright robots, and the position rms.
 
 `ballbot view` has sliders for most of these effects. Parameters are in [conventions](conventions.md#parameters),

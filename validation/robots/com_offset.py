@@ -85,7 +85,7 @@ def run() -> Findings:
     def draw(fig: "Figure") -> None:
         left, middle, right = fig.subplots(1, 3)
         left.plot(1e3 * offsets, [displacement(offset) for offset in offsets], label="closed form")
-        left.plot(1e3 * offsets, rest, "o", label="nominal LQR in `contact`")
+        left.plot(1e3 * offsets, rest, "o", label="nominal LQR, contact")
         left.set(xlabel=SWEEP.label, ylabel="ball from the setpoint (m)")
         left.legend()
         measured.draw(middle, right)
