@@ -31,7 +31,28 @@ def tilt_of(states: npt.NDArray[np.float64], com: npt.ArrayLike) -> npt.NDArray[
 
     `com` is the CoM in the body frame, m, shape (3,), or one each.
     """
-    com = np.asarray(com, dtype=np.float64)
-    axis = np.einsum("...ij,...j->...i", body_axes_of(states), com) if com[..., :2].any() else mast_of(states)
+    axis = _balance_axis_of(states, com)
     angle: npt.NDArray[np.float64] = np.arctan2(np.linalg.norm(axis[..., :2], axis=-1), axis[..., 2])
     return angle
+
+
+def tilt_components_of(states: npt.NDArray[np.float64], com: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Rotation vectors (x, y), inertial frame, that take the equilibrium to the attitude but for the yaw, rad.
+
+    Shape (..., 2) for states (..., 32); for a CoM on the mast as `State.tilt_components`. `com` as in `tilt_of`.
+    """
+    axis = _balance_axis_of(states, com)
+    length = np.linalg.norm(axis[..., :2], axis=-1)
+    angle = np.arctan2(length, axis[..., 2])
+    ratio = angle / np.where(length > 0.0, length, 1.0)
+    components: npt.NDArray[np.float64] = np.stack([-axis[..., 1] * ratio, axis[..., 0] * ratio], axis=-1)
+    return components
+
+
+def _balance_axis_of(states: npt.NDArray[np.float64], com: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Vectors along the line from the ball's center to the CoM, inertial frame."""
+    com = np.asarray(com, dtype=np.float64)
+    if not com[..., :2].any():
+        return mast_of(states)
+    axis: npt.NDArray[np.float64] = np.einsum("...ij,...j->...i", body_axes_of(states), com)
+    return axis

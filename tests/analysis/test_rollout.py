@@ -122,6 +122,19 @@ def test_settling_time(series, expected):
     assert settling_times(columns, 1.0, 0.1) == pytest.approx([expected, 0.0])
 
 
+def test_the_seed_of_a_trajectory_is_that_of_its_events():
+    events = {"events": "mild", "max_episode_steps": 20}
+    drawn = [bb.run("lqr", seconds=0.1, env_options=events, seed=seed) for seed in (0, 0, 5)]
+    assert drawn[0].params == drawn[1].params != drawn[2].params
+    assert np.array_equal(drawn[0].torques, drawn[1].torques)
+    batch = bb.Batch(1, events="mild", seed=5)
+    batch.reset()
+    assert drawn[2].params == batch.params(0)
+    for seed in (-1, 2**64, 1.5):
+        with pytest.raises((ValueError, TypeError), match="seed"):
+            bb.run("lqr", seconds=0.1, seed=seed)
+
+
 def test_a_controller_in_a_python_file_is_taken_by_path(tmp_path):
     file = tmp_path / "mine.py"
     file.write_text(

@@ -94,6 +94,14 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["train", "--resume", "nowhere", "--model", "rigid"], "it takes no other values"),
         (["view", "--controller", "run.onnx"], "no policy at run.onnx"),
         (["view", "--urdf", "bot.urdf", "ball.urdf"], "bot.urdf"),
+        (["view", "--events", "soft"], "unknown set of events 'soft': expected one of mild, hard"),
+        (["view", "--events", "trained"], "events = 'trained': the controllers have no policy"),
+        (["view", "--actuators", "nobody"], "unknown actuators 'nobody': expected one of ideal, kugle"),
+        (["view", "--env-option", 'actuators={"delay": 0.003}'], "actuators.delay / sim_dt = 1.5 is out of range"),
+        (["evaluate", "--param", "body_mass=2"], "--param body_mass=2 needs the robot that it changes: add --robot"),
+        (["evaluate", "--robot", "paper", "--param", "body_mass"], "--param body_mass: expected NAME=VALUE"),
+        (["record", "--robot", "paper", "--param", "body_mass=-1"], "body_mass = -1 is out of range"),
+        (["plot", "--robot", "paper", "--param", "mass=2"], "unknown parameter 'mass': expected one of ball_mass"),
     ],
 )
 def test_an_error_exits_with_1_and_one_line(capsys, tmp_path, monkeypatch, arguments, message):
@@ -234,7 +242,7 @@ def test_a_misspelt_word_is_answered_with_the_closest_one(capsys, arguments, hin
         assert f"usage: ballbot {arguments[0]}" in err
 
 
-SHARED = ("--controller", "--model", "--robot", "--env-option")
+SHARED = ("--controller", "--model", "--robot", "--param", "--env-option", "--actuators")
 
 
 def test_shared_options_are_the_same_and_in_the_same_order_everywhere(capsys):
@@ -245,7 +253,7 @@ def test_shared_options_are_the_same_and_in_the_same_order_everywhere(capsys):
         assert positions == sorted(positions), command
         assert out.index("TASK") < positions[0]
         start = out.index("  --model")
-        shown[command] = out[start : out.index("  --env-option")]
+        shown[command] = out[start : out.index("  --actuators")]
     assert len(set(shown.values())) == 1
     for command in ("record", "plot", "report", "export"):
         assert "-o " in run(capsys, command, "--help")[1]
@@ -263,6 +271,49 @@ def test_evaluate_takes_a_robot_by_name_or_file(capsys, tmp_path):
     assert results[0] == results[1]
     _, out, _ = run(capsys, "evaluate", "--model", "spatial", "--episodes", 2, "--json")
     assert results[0] != parse_json(out)["results"]
+
+
+def test_a_parameter_of_the_command_line_is_that_of_a_file(capsys, tmp_path):
+    file = tmp_path / "mine.toml"
+    changed = Params.preset("kugle").replace(body_mass=12.0, body_com_offset=(0.01, -0.002))
+    file.write_text(_toml.dumps(changed.to_dict()), encoding="utf-8")
+    results = []
+    for robot in (
+        ("--robot", file),
+        ("--robot", "kugle", "--param", "body_mass=12", "--param", "body_com_offset=[0.01, -0.002]"),
+        ("--robot", file, "--param", "body_mass=12.0"),
+        ("--robot", "kugle"),
+    ):
+        code, out, err = run(capsys, "evaluate", *robot, "--model", "spatial", "--episodes", 2, "--json")
+        assert (code, err) == (0, "")
+        results.append(parse_json(out)["results"])
+    assert results[0] == results[1] == results[2] != results[3]
+
+
+def test_view_draws_robots_and_has_motors(capsys, monkeypatch, tmp_path):
+    pytest.importorskip("viser")
+    from ballbot_rs.cli import view
+
+    (tmp_path / "events.toml").write_text('[[events]]\nterm = "body_mass"\nrange = [2.5, 2.6]\n')
+    (tmp_path / "motors.toml").write_text("[actuators]\ndelay = 0.004\n")
+    sessions = []
+
+    def session(*arguments):
+        sessions.append(Session(*arguments))
+        return sessions[-1]
+
+    Session = view.Session
+    monkeypatch.setattr(view, "Session", session)
+    given = ["--events", tmp_path / "events.toml", "--actuators", tmp_path / "motors.toml", "--batch", 2]
+    for seed in (3, 3, 4):
+        page = ["--seconds", 0.1, "--no-open", "--port", 18765]
+        code, _, err = run(capsys, "view", *given, "--seed", seed, *page)
+        assert (code, err) == (0, "")
+    drawn = [[one.robots.params_of(robot).body_mass for robot in range(2)] for one in sessions]
+    assert drawn[0] == drawn[1]
+    assert drawn[0][1] == drawn[2][0]
+    assert all(2.5 <= mass <= 2.6 for masses in drawn for mass in masses)
+    assert sessions[0].robots.motors_of(1) == {"delay": 0.004}
 
 
 def test_the_table_fits_100_columns(capsys, tiny_run):

@@ -18,6 +18,7 @@ from websockets.sync.client import connect  # noqa: E402
 
 from ballbot_rs.viewer import messages, server  # noqa: E402
 from ballbot_rs.viewer.access import is_own, refusal  # noqa: E402
+from ballbot_rs.viewer.changes import CHANGES, NEUTRAL  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.view import CAMERA, ask, packed, wait_until  # noqa: E402
@@ -71,6 +72,10 @@ WRONG = [
 ]
 
 
+#: What no slider of the robot takes.
+NO_NUMBERS = [math.nan, math.inf, -math.inf, 1e308, -1e308, 2**63, True, "1", None, [1.0], {"value": 1.0}]
+
+
 @pytest.mark.parametrize(("label", "value"), WRONG)
 def test_a_value_that_a_control_cannot_have_does_not_enter_it(view, label, value):
     handle = control(view, label)
@@ -97,6 +102,63 @@ def test_what_is_wrong_reaches_no_other_client_and_what_is_right_does(view):
     with client(view) as later:
         # All of the page comes, and can be read.
         assert any("GuiAddSlider" in str(part) or part["type"] == "GuiSliderMessage" for part in everything(later))
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_sliders_of_the_robot_take_their_range_and_nothing_else(view, name):
+    change = CHANGES[name]
+    handle = control(view, change.label)
+    for value in (change.low, change.neutral, change.high, 0.5 * (change.low + change.high)):
+        assert messages.accepted(update(handle, value), view.server.controls) is not None
+    for value in (*NO_NUMBERS, change.low - 1e-6, change.high + 1e-6):
+        assert messages.accepted(update(handle, value), view.server.controls) is None
+
+
+def moved(view, client, name, value):
+    """What a client that moves a slider makes of the changes of the session, once the page shows them."""
+    handle = control(view, CHANGES[name].label)
+    client.send(update(handle, value))
+    wait_until(lambda: handle.value == value)
+    wait_until(lambda: ask(view, lambda session: session.changes)[name] == handle.value)
+    return ask(view, lambda session: session.changes)
+
+
+def test_sliders_change_the_running_robot_and_a_button_takes_it_back(view):
+    ask(view, lambda session: session.reset())
+    with client(view) as sender:
+        wait_until(lambda: view.server.get_clients())
+        wanted = {name: change.neutral for name, change in CHANGES.items()}
+        for name, value in (("body_mass", 1.3), ("com_x", -4.0), ("motor_delay", 20.0), ("wheel_friction", 0.8)):
+            wanted[name] = value
+            assert moved(view, sender, name, value) == wanted
+        params = ask(view, lambda session: session.robots.params_of(0))
+        assert params.body_mass == pytest.approx(1.3 * params.paper().body_mass)
+        wait_until(lambda: "| body_mass | 2.228 | 2.896 |  |" in view._page._tuning._table.content)
+        assert "| delay | | 0.02 | |" in view._page._tuning._table.content
+        sender.send(update(control(view, "Nominal robot"), True))
+        wait_until(lambda: ask(view, lambda session: session.changes) == dict(NEUTRAL))
+        wait_until(lambda: all(control(view, CHANGES[name].label).value == NEUTRAL[name] for name in CHANGES))
+        assert ask(view, lambda session: session.robots.params_of(0)) == params.paper()
+
+
+def test_a_robot_that_cannot_be_is_refused_with_the_reason_and_the_slider_goes_back(view):
+    """Both values are within the sliders; the center of mass is then beside the wheels."""
+    ask(view, lambda session: session.reset())
+    with client(view) as sender:
+        wait_until(lambda: view.server.get_clients())
+        moved(view, sender, "com_height", 0.5)
+        before = ask(view, lambda session: (session.time, session.changes))
+        sender.send(update(control(view, CHANGES["com_x"].label), 100.0))
+        wait_until(lambda: ask(view, lambda session: bool(session.notices)))
+        notice = ask(view, lambda session: session.notices[-1])
+        assert notice.startswith("the load of wheel 1 in equilibrium = -")
+        wait_until(lambda: view._page._message.value == notice)
+        wait_until(lambda: control(view, CHANGES["com_x"].label).value == 0.0)
+        assert ask(view, lambda session: session.changes) == before[1]
+        wait_until(lambda: ask(view, lambda session: session.time) > before[0] + 0.1)
+        sender.send(update(control(view, "Nominal robot"), True))
+        wait_until(lambda: ask(view, lambda session: session.changes) == dict(NEUTRAL))
+    ask(view, lambda session: session.notices.clear())
 
 
 def everything(connection):

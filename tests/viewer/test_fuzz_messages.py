@@ -15,6 +15,7 @@ from viser._messages import Message
 from websockets.sync.client import connect
 
 from ballbot_rs.viewer import messages
+from ballbot_rs.viewer.changes import CHANGES
 from ballbot_rs.viewer.session import Session
 from ballbot_rs.viewer.view import View
 from tests.support.fuzzing import budget, numbers, values
@@ -120,6 +121,7 @@ def test_values_of_controls_do_no_harm(view, capfd):
     handles = sorted(view.server.controls.values(), key=lambda handle: handle.order)
     # No policy is loaded in the name of another test, and nothing waits in a replay or a pause.
     candidates = [handle for handle in handles if handle.label not in ("Paused", "Step", "Replay", "Policy file")]
+    assert {change.label for change in CHANGES.values()} <= {handle.label for handle in candidates}
     others = st.dictionaries(st.sampled_from(["value", "visible", "min", "label", "__class__"]), values, max_size=2)
 
     def updates(handle):
@@ -142,4 +144,6 @@ def test_values_of_controls_do_no_harm(view, capfd):
             assert handle.min <= handle.value <= handle.max
         if hasattr(handle, "options"):
             assert handle.value in handle.options
+    for name, value in ask(view, lambda session: session.changes).items():
+        assert CHANGES[name].low <= value <= CHANGES[name].high
     check_unharmed(view, capfd)

@@ -43,6 +43,8 @@ class Result:
     tilt_rms: float
     #: Mean over episodes of the largest distance of the ball from the setpoint, m.
     ball_excursion: float
+    #: Root mean square of the distance of the ball from the setpoint over all steps, m.
+    ball_rms: float
     #: Root mean square of the commanded wheel torques over all steps, N·m.
     torque_rms: float
     #: Mean reward of a step, a fallen robot's missing steps counted as zero.
@@ -165,6 +167,7 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
         settling_time=median if np.isfinite(median) else None,
         tilt_rms=float(np.sqrt(np.nanmean(tilts**2))),
         ball_excursion=float(np.nanmax(distances, axis=0).mean()),
+        ball_rms=float(np.sqrt(np.nanmean(distances**2))),
         torque_rms=float(np.sqrt(np.nanmean(squared_torques))),
         mean_reward=float(returns.mean()) / steps,
     )

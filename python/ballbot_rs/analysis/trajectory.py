@@ -2,20 +2,18 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._checks import check_seed
 from ballbot_rs._core import Contacts, Params, State
 from ballbot_rs.analysis.rollout import batch_for, run_one
 from ballbot_rs.control.resolve import Source, common_options, find
 from ballbot_rs.envs.registration import DEFAULT_TASK
 
 Array = npt.NDArray[np.float64]
-
-#: Of the environment; events draw from it.
-SEED: Final = 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,6 +61,7 @@ def run(
     push: Push | None = None,
     task: str | None = None,
     env_options: Mapping[str, Any] | None = None,
+    seed: int = 0,
 ) -> Trajectory:
     """Runs a controller on a robot that starts at rest, tilted.
 
@@ -77,6 +76,7 @@ def run(
         push: on the body.
         task: name of the task, as in `compare`.
         env_options: options of the environment, over those that a policy was trained with.
+        seed: of the events.
 
     Raises:
         ValueError: a number out of range, or as `compare`.
@@ -88,18 +88,19 @@ def run(
         raise TypeError(f"push must be a Push, not {type(push).__name__}")
     if push is not None and not 0.0 <= push.time < seconds:
         raise ValueError(f"a push at {push.time} s is out of range: it must be from 0 to before the end, {seconds} s")
+    seed = check_seed(seed)
     found = find(controller, task=task, env_options=env_options)
     # Only a fall ends the episode: lengths in steps are for the task's own rate.
     options = {**common_options([found], env_options), "max_episode_steps": None}
     batch = batch_for(
-        found, 1, task=task or DEFAULT_TASK, num_threads=1, seed=SEED, options=options, autoreset="disabled"
+        found, 1, task=task or DEFAULT_TASK, num_threads=1, seed=seed, options=options, autoreset="disabled"
     )
     steps = max(round(seconds / batch.control_dt), 1)
     pushes = {} if push is None else {min(round(push.time / batch.control_dt), steps - 1): push.impulse}
     # The robot that events make for the episode to come.
-    batch.reset(seeds=[SEED])
+    batch.reset(seeds=[seed])
     start = State.at_equilibrium(batch.params(0), tilt=tilt, yaw=yaw)
-    done = run_one(batch, found, steps, start, pushes, SEED)
+    done = run_one(batch, found, steps, start, pushes, seed)
     last = done.torques[-1:] if len(done.torques) else np.zeros((1, 3))
     return Trajectory(
         controller=found.name,

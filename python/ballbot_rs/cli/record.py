@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs.cli import scenario
-from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
+from ballbot_rs.cli.numbers import MAX_SECONDS, MAX_SEED, real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import TRAINED
 from ballbot_rs.media.video import FRAME_RATES, picture, renderer_for, write_picture, write_video
@@ -19,6 +19,7 @@ def add_to(commands: Any) -> None:
     scenario.add_controller(command)
     scenario.add_robot(command)
     scenario.add_events(command, TRAINED)
+    scenario.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
     scenario.add_output(command, "FILE.mp4", "the video (default CONTROLLER.mp4)")
     command.add_argument(
         "--still",

@@ -58,13 +58,20 @@ def add_controller(command: Any, *, several: bool = False) -> None:
         command.add_argument("--controller", default="lqr", metavar=CONTROLLER_METAVAR, help=f"{what} (default lqr)")
 
 
-def add_robot(command: Any, *, otherwise: str = "the policy's own, else", actuators: bool = True) -> None:
-    """Adds the model, the robot, its motors (unless `actuators` is off) and other options of the environment."""
+def add_robot(command: Any, *, otherwise: str = "the policy's own, else") -> None:
+    """Adds the model, the robot, its motors and other options of the environment."""
     command.add_argument("--model", help=f"{', '.join(MODELS)} (default: {otherwise} contact)")
     command.add_argument(
         "--robot",
         metavar="NAME|FILE.toml",
         help=f"{', '.join(ROBOTS)}, or a file with parameters (default: {otherwise} paper)",
+    )
+    command.add_argument(
+        "--param",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a parameter of that robot, for example body_com_offset=[0.01,0]; repeat for more; needs --robot",
     )
     command.add_argument(
         "--env-option",
@@ -73,13 +80,12 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", actuat
         metavar="NAME=VALUE",
         help="an option of the environment, for example max_wheel_torque=0.5; repeat for more",
     )
-    if actuators:
-        command.add_argument(
-            "--actuators",
-            metavar="NAME|FILE",
-            help=f"motors: {', '.join(ACTUATORS)}, a TOML file with a table [actuators], or the URDF of the bot "
-            f"(default: {otherwise} ideal)",
-        )
+    command.add_argument(
+        "--actuators",
+        metavar="NAME|FILE",
+        help=f"motors: {', '.join(ACTUATORS)}, a TOML file with a table [actuators], or the URDF of the bot "
+        f"(default: {otherwise} ideal)",
+    )
 
 
 def add_events(command: Any, *others: str) -> None:
@@ -127,6 +133,18 @@ def robot_option(name: str) -> Any:
         raise ValueError(f"{name}: {error}") from error
 
 
+def changed_robot(params: Params, given: Sequence[str]) -> Params:
+    """A robot with the parameters of `--param`.
+
+    Raises:
+        ValueError: malformed text, a parameter that is not known, or a robot that cannot be.
+    """
+    try:
+        return params.replace(**assignments(given, "--param"))
+    except TypeError as error:
+        raise ValueError(f"--param: {error}") from error
+
+
 def actuators_option(name: str) -> Any:
     """The option `actuators` of an environment for a name, or for a TOML file or a URDF, whose numbers it holds.
 
@@ -164,7 +182,13 @@ def env_options(arguments: argparse.Namespace) -> dict[str, Any]:
         options["model"] = arguments.model
     if arguments.robot is not None:
         options["params"] = robot_option(arguments.robot)
-    if getattr(arguments, "actuators", None) is not None:
+    if arguments.param and getattr(arguments, "urdf", None) is None:
+        if arguments.robot is None:
+            raise ValueError(f"--param {arguments.param[0]} needs the robot that it changes: add --robot")
+        named = options["params"]
+        own = Params.preset(named) if isinstance(named, str) else Params(**named)
+        options["params"] = changed_robot(own, arguments.param).to_dict()
+    if arguments.actuators is not None:
         options["actuators"] = actuators_option(arguments.actuators)
     if getattr(arguments, "events", None) is not None:
         # A file in full, so that what is kept of a run does not depend on it.
@@ -190,6 +214,8 @@ class Scenario:
     push: Push | None
     env_options: dict[str, Any]
     task: str | None
+    #: Of the events.
+    seed: int = 0
 
     def of(self, controller: Source) -> Trajectory:
         """The trajectory under a controller."""
@@ -201,6 +227,7 @@ class Scenario:
             push=self.push,
             task=self.task,
             env_options=self.env_options,
+            seed=self.seed,
         )
 
 
@@ -234,5 +261,11 @@ def scenario(arguments: argparse.Namespace) -> Scenario:
     """The scenario that the command line describes."""
     push = None if arguments.push is None else Push(tuple(arguments.push), arguments.push_at)
     return Scenario(
-        arguments.seconds, tuple(arguments.tilt), arguments.yaw, push, env_options(arguments), arguments.task
+        arguments.seconds,
+        tuple(arguments.tilt),
+        arguments.yaw,
+        push,
+        env_options(arguments),
+        arguments.task,
+        getattr(arguments, "seed", 0),
     )

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from ballbot_rs._core import Params
 from ballbot_rs._extras import require
 from ballbot_rs.cli import scenario
-from ballbot_rs.cli.numbers import real, whole
-from ballbot_rs.control.resolve import common_options
+from ballbot_rs.cli.numbers import MAX_SEED, real, whole
+from ballbot_rs.control.resolve import TRAINED, common_options
 from ballbot_rs.viewer.session import MAX_ROBOTS, Session
 from ballbot_rs.viewer.watch import is_any_left
 
@@ -30,7 +30,9 @@ def add_to(commands: Any) -> None:
     command = commands.add_parser("view", help="show the robot in the browser, push it, plot it")
     scenario.add_task(command)
     scenario.add_controller(command)
-    scenario.add_robot(command, actuators=False)
+    scenario.add_robot(command)
+    scenario.add_events(command, TRAINED)
+    scenario.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
     command.add_argument(
         "--urdf", type=Path, nargs=2, metavar=("BOT", "BALL"), help="a robot as two URDFs, instead of --robot"
     )
@@ -76,20 +78,23 @@ def _end_without(code: int) -> None:
 def _start(arguments: argparse.Namespace) -> "View":
     (controller,) = scenario.controllers(arguments)
     given = scenario.env_options(arguments)
-    if "actuators" in given:
-        raise ValueError("the page's robots have ideal motors: --env-option actuators=... has no place here")
-    if "events" in given:
-        raise ValueError("the page's robots are nominal: --env-option events=... has no place here")
     options = common_options([controller], given)
-    if options.get("actuators") is not None:
-        print("the page's robots have ideal motors, unlike those of the policy's training", file=sys.stderr)
     robot, params = _robot(arguments, options.get("params", "paper"))
     urdfs = {} if arguments.urdf is None else {robot: tuple(arguments.urdf)}
     # The robot of the policy's training remains: a session tries the policy on any other.
     trained = {name: value for name, value in controller.env_options.items() if name == "params"}
     kept = {name: value for name, value in options.items() if name != "params"}
     controller = dataclasses.replace(controller, env_options={**kept, **trained})
-    session = Session(options.get("model", "contact"), robot, controller, arguments.batch, params)
+    session = Session(
+        options.get("model", "contact"),
+        robot,
+        controller,
+        arguments.batch,
+        params,
+        options.get("actuators"),
+        options.get("events"),
+        arguments.seed,
+    )
     with require("the page", "view"):
         from ballbot_rs.viewer.view import View
     try:
@@ -104,7 +109,8 @@ def _start(arguments: argparse.Namespace) -> "View":
 def _robot(arguments: argparse.Namespace, chosen: Any) -> tuple[str, Params | None]:
     """Name of the robot and, unless it is a preset, its parameters."""
     if arguments.urdf is not None:
-        return arguments.urdf[0].stem, Params.from_urdf(*arguments.urdf)
+        return arguments.urdf[0].stem, scenario.changed_robot(Params.from_urdf(*arguments.urdf), arguments.param)
     if isinstance(chosen, str):
         return chosen, None
-    return ("policy" if arguments.robot is None else Path(arguments.robot).stem), Params(**chosen)
+    name = "policy" if arguments.robot is None else Path(arguments.robot).stem
+    return (f"{name} with --param" if arguments.param else name), Params(**chosen)

@@ -23,12 +23,17 @@ CONTROL_DT = 0.01
 MIN_CONTROL_DT, MAX_CONTROL_DT = 1e-3, 1.0
 MAX_SUBSTEPS = 1000
 
+#: How far above its place a robot is observed, m; its height is not observed.
+LIFT = 1.0
+
 
 class Driver(Protocol):
     """Chooses the wheel torques of all robots of a session."""
 
     control_dt: float
     sim_dt: float
+    #: Largest torque that it may choose, N·m: that of the motors, or of a policy's action of 1.
+    max_torque: float
     #: Whether it moves the robot to a position.
     follows_position: bool
     #: Whether it is made of what others wrote, which may never return.
@@ -75,6 +80,7 @@ class LawDriver:
         _check_steps(controller.name, self.control_dt, SIM_DT)
         # At most the usual time step, and a whole number of them in the controller's.
         self.sim_dt = self.control_dt / math.ceil(self.control_dt / SIM_DT - 1e-9)
+        self.max_torque = params.max_wheel_torque
         self.is_foreign = controller.name not in NAMES
         self.follows_position = takes_position(controller.law(params, self.control_dt))
         self._made_of = (controller, num_robots, params)
@@ -100,7 +106,8 @@ class PolicyDriver:
     """A policy on every robot.
 
     The balance task itself makes the observations: each robot's state is put into an environment of the task, moved so
-    that the setpoint is at the origin. The last action, which a state does not have, is the one the policy chose.
+    that the setpoint is at the origin, and up, so that a ball that events have made smaller is not in the floor. The
+    last action, which a state does not have, is the one the policy chose.
     """
 
     def __init__(self, controller: ResolvedController, params: Params, num_robots: int) -> None:
@@ -114,7 +121,7 @@ class PolicyDriver:
         self.control_dt = self._observers[0].control_dt
         self.sim_dt = self._observers[0].sim_dt
         _check_steps(controller.name, self.control_dt, self.sim_dt)
-        self._max_torque = self._observers[0].max_wheel_torque
+        self.max_torque = self._observers[0].max_wheel_torque
         self._last = np.zeros((num_robots, 3), dtype=np.float32)
         rows = TASKS[DEFAULT_TASK]["observation"]
         self._last_rows = [i for i, row in enumerate(rows) if row["name"].startswith("last action")]
@@ -135,11 +142,11 @@ class PolicyDriver:
             if action.shape != (3,) or not np.isfinite(action).all():
                 raise ValueError(f"the policy chose {action}: expected three finite numbers")
             self._last[i] = np.clip(action, -1.0, 1.0)
-        return self._last.astype(np.float64) * self._max_torque
+        return self._last.astype(np.float64) * self.max_torque
 
     def observe(self, index: int, state: State, setpoint: npt.ArrayLike) -> npt.NDArray[np.float32] | None:
         """The observation of robot `index`, shape (m,); None if it is in the floor, as no-slip models can be."""
-        away = np.append(np.asarray(setpoint, dtype=np.float64), 0.0)
+        away = np.append(np.asarray(setpoint, dtype=np.float64), -LIFT)
         start = state.replace(ball_position=state.ball_position - away, body_position=state.body_position - away)
         try:
             observation: npt.NDArray[np.float32] = self._observers[index].reset(starts=[start])[0]

@@ -20,6 +20,7 @@ from ballbot_rs.viewer.runner import Command
 from ballbot_rs.viewer.scene import Scene
 from ballbot_rs.viewer.session import MIN_SPEED, Session
 from ballbot_rs.viewer.shapes import Look
+from ballbot_rs.viewer.tuning import Tuning
 
 #: What the page calls a policy, whose file is named below.
 POLICY = "policy file"
@@ -53,7 +54,7 @@ class Page:
         # Without its button for sharing, which this server refuses anyway, viser 0.2.23's page crashes.
         server.gui.configure_theme(control_width="large", show_logo=False)
         self._status = server.gui.add_text("Status", "", disabled=True)
-        self._tilt = server.gui.add_text("Tilt", "", disabled=True)
+        self._tilt = server.gui.add_text("Tilt", "", disabled=True, hint="from the equilibrium")
         self._traction = server.gui.add_text("Traction", "", disabled=True, hint="share of the friction limit in use")
         self._goal = server.gui.add_text(
             "Setpoint", "", disabled=True, hint="green: where you sent the robot; orange: the target on the way there"
@@ -65,6 +66,8 @@ class Page:
             self._add_run(session)
         with tabs.add_tab("Robot"):
             self._add_choices(session)
+        with tabs.add_tab("Parameters"):
+            self._tuning = Tuning(server, submit, session)
         with tabs.add_tab("Record"):
             self._add_recording()
         with tabs.add_tab("Plots"):
@@ -217,6 +220,7 @@ class Page:
             if now >= self._next_status:
                 self._next_status = now + STATUS_PERIOD
                 self._show_status(session, frame)
+                self._tuning.show(session)
             if now >= self._next_plot and self._server.get_clients():
                 self._next_plot = now + PLOT_PERIOD
                 self._plots.show(session.history)

@@ -9,7 +9,7 @@ from ballbot_rs.viewer.history import SERIES, SPAN, History
 
 #: Title, row of `SERIES`, factor to the unit shown, names of the curves.
 PLOTS = (
-    ("tilt components (deg)", "tilt", 180.0 / np.pi, ("about x", "about y")),
+    ("tilt from the equilibrium (deg)", "tilt", 180.0 / np.pi, ("about x", "about y")),
     ("wheel torques (N·m)", "torques", 1.0, ("wheel 0", "wheel 1", "wheel 2")),
     ("wheel loads (N)", "loads", 1.0, ("wheel 0", "wheel 1", "wheel 2")),
     ("slip speeds (m/s)", "slip", 1.0, ("wheel 0", "wheel 1", "wheel 2")),

@@ -27,7 +27,7 @@ class Frame:
     states: FloatArray
     #: Torques of the last control step, N·m, shape (n, 3).
     torques: FloatArray
-    #: Tilt components of robot 0, rad.
+    #: Components about inertial x and y of the tilt of robot 0 from its equilibrium, rad.
     tilt: FloatArray
     #: Loads of the wheels of robot 0, N.
     loads: FloatArray

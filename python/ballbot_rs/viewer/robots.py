@@ -1,15 +1,16 @@
 """The simulated robots of a session."""
 
-import contextlib
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Ballbot, Params, State
-from ballbot_rs._errors import DivergedError
-from ballbot_rs._state_rows import body_axes_of
+from ballbot_rs._core import Params, State
+from ballbot_rs._state_rows import body_axes_of, tilt_components_of, tilt_of
 from ballbot_rs.viewer.recording import Frame
+from ballbot_rs.viewer.robot import Robot
+from ballbot_rs.viewer.setup import Setup
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -17,22 +18,23 @@ FloatArray = npt.NDArray[np.float64]
 PULL_LIMIT = 0.2
 PULL_DISTANCE = 0.4
 
-#: From this tilt on a robot has fallen, rad, as it has once it touches the floor; models without slip have no floor.
+#: From this tilt from the equilibrium on a robot has fallen, rad, as it has once it touches the floor; models without
+#: slip have no floor.
 FALLEN_TILT = math.radians(60.0)
 
 
 class Robots:
-    """Robots with the same parameters and model; the first is the one that plots show.
+    """Robots of one setup, each with its own draws; the first is the one that plots show.
 
     Robot i starts with the chosen tilt turned by i/n of a circle, so that a batch covers all directions.
+
+    Raises:
+        ValueError: the robot, its motors or its events cannot be.
     """
 
-    def __init__(self, name: str, params: Params, model: str, num_robots: int, sim_dt: float) -> None:
-        self.name = name
-        self.params = params
-        self.model = model
-        self.sim_dt = sim_dt
-        self._robots = [Ballbot(params, model, sim_dt) for _ in range(num_robots)]
+    def __init__(self, setup: Setup, num_robots: int) -> None:
+        self.setup = setup
+        self._robots = [Robot(setup, index) for index in range(num_robots)]
         self._start = np.zeros(2)
         self.applied = np.zeros((num_robots, 3))
         #: For how long each robot has been down, s; its motors are off.
@@ -42,9 +44,36 @@ class Robots:
         return len(self._robots)
 
     @property
+    def name(self) -> str:
+        """Name of the robot."""
+        return self.setup.name
+
+    @property
+    def params(self) -> Params:
+        """The robot for which controllers are made."""
+        return self.setup.nominal
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return self.setup.model
+
+    @property
     def states(self) -> list[State]:
         """States of all robots."""
         return [robot.state for robot in self._robots]
+
+    def params_of(self, index: int) -> Params:
+        """What changes and events make of one robot."""
+        return self._robots[index].params
+
+    def draws_of(self, index: int) -> dict[str, FloatArray]:
+        """What events have drawn of one robot, by term; NaN where nothing was."""
+        return self._robots[index].draws
+
+    def motors_of(self, index: int) -> dict[str, Any]:
+        """The options of one robot's motors that are not those of ideal ones."""
+        return self._robots[index].motors
 
     def reset(self, tilt: npt.ArrayLike) -> None:
         """All robots at rest at the origin. Raises ValueError for a tilt that a robot cannot have."""
@@ -52,7 +81,8 @@ class Robots:
         if start.shape != (2,) or not np.isfinite(start).all():
             raise ValueError(f"tilt = {tilt!r}: expected two finite angles")
         for index in range(len(self)):
-            self._reset(index, start)
+            self._robots[index].start(self._turned(start, index))
+            self.down_for[index] = 0.0
         self._start = start
         # A frame may hold the old ones.
         self.applied = np.zeros_like(self.applied)
@@ -63,85 +93,88 @@ class Robots:
         return self.down_for > 0.0
 
     def restart(self, index: int) -> None:
-        """One robot at rest at the origin, tilted as at the last reset."""
-        self._reset(index, self._start)
-
-    def _reset(self, index: int, start: FloatArray) -> None:
+        """One robot at rest at the origin, tilted as at the last reset if it can be."""
+        self._robots[index].start_anew(self._turned(self._start, index))
         self.down_for[index] = 0.0
-        angle = 2.0 * np.pi * index / len(self)
-        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        self._robots[index].reset(State.at_equilibrium(self.params, turn @ start))
 
-    def take_over(self, others: "Robots") -> None:
-        """Goes on from where as many other robots are, as far as this model can: slip is left behind."""
-        self._start = others._start
-        self.down_for = others.down_for.copy()
-        for index, (robot, state) in enumerate(zip(self._robots, others.states, strict=True)):
-            for candidate in (state, _rolling(self.params, state)):
-                with contextlib.suppress(ValueError):
-                    robot.reset(candidate)
-                    break
-            else:
-                self._reset(index, self._start)
+    def _turned(self, start: FloatArray, index: int) -> FloatArray:
+        angle = 2.0 * np.pi * index / len(self)
+        turned: FloatArray = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ start
+        return turned
+
+    def become(self, setup: Setup) -> "Robots":
+        """As many robots of a setup of the same kind of robot, where these are: these or others.
+
+        Raises:
+            ValueError: the robot, its motors or its events cannot be; these robots are as they were then.
+        """
+        if self.setup.differs_in_numbers_alone(setup):
+            try:
+                for robot in self._robots:
+                    robot.set_params(setup.params)
+            except ValueError:
+                for robot in self._robots:
+                    robot.set_params(self.setup.params)
+                raise
+            self.setup = setup
+            return self
+        others = Robots(setup, len(self))
+        others._start = self._start
+        others.down_for = self.down_for.copy()
+        for index, robot in enumerate(others._robots):
+            robot.go_on_from(self._robots[index], self._turned(self._start, index))
+        return others
 
     def push(self, impulse: npt.ArrayLike) -> None:
-        """Gives every robot an impulse (inertial frame, N·s) at its centre of mass."""
+        """Gives every robot an impulse (inertial frame, N·s) at its center of mass."""
         for robot in self._robots:
             robot.push(impulse)
 
     def pull(self, towards: FloatArray, seconds: float) -> None:
-        """Pulls robot 0 at its centre of mass towards a point, for a time, with a limited force."""
-        weight = self.params.body_mass * self.params.gravity
+        """Pulls robot 0 at its center of mass towards a point, for a time, with a limited force."""
+        params = self.params_of(0)
+        weight = params.body_mass * params.gravity
         force = weight * PULL_LIMIT * (towards - self.com) / PULL_DISTANCE
         force *= min(1.0, weight * PULL_LIMIT / max(float(np.linalg.norm(force)), 1e-12))
         self._robots[0].push(force * seconds)
 
     @property
     def com(self) -> FloatArray:
-        """Where the centre of mass of robot 0's body is, m."""
+        """Where the center of mass of robot 0's body is, m."""
         state = self._robots[0].state
-        com: FloatArray = state.body_position + body_axes_of(state.to_array()) @ np.asarray(self.params.body_com)
+        com: FloatArray = state.body_position + body_axes_of(state.to_array()) @ np.asarray(self.params_of(0).body_com)
         return com
 
     def step(self, torques: FloatArray, steps: int) -> list[int]:
         """Advances all robots; those that left the range of the numbers start anew, and are returned."""
-        limit = self.params.max_wheel_torque
+        limit = self.setup.max_torque
         self.applied = np.where(self.fallen[:, np.newaxis], 0.0, np.clip(torques, -limit, limit))
         lost = []
         for index, robot in enumerate(self._robots):
-            try:
-                robot.step(self.applied[index], steps)
-            except DivergedError:
+            if not robot.step(self.applied[index], steps):
                 self.restart(index)
                 lost.append(index)
-                continue
-            if self.down_for[index] or robot.state.tilt > FALLEN_TILT or robot.contacts.bot_on_floor:
-                self.down_for[index] += steps * self.sim_dt
+        tilts = tilt_of(self._rows(), [robot.params.body_com for robot in self._robots])
+        down = self.fallen | (tilts > FALLEN_TILT) | [robot.is_down for robot in self._robots]
+        self.down_for[down] += steps * self.setup.sim_dt
         return lost
+
+    def _rows(self) -> FloatArray:
+        return np.array([robot.state.to_array() for robot in self._robots])
 
     def frame(self, time: float, setpoint: FloatArray | None, target: FloatArray | None) -> Frame:
         """What is to be shown."""
-        first, contacts = self._robots[0].state, self._robots[0].contacts
+        states = self._rows()
+        contacts = self._robots[0].contacts
         return Frame(
             robot=self.name,
             time=time,
-            states=np.array([robot.state.to_array() for robot in self._robots]),
+            states=states,
             torques=self.applied,
-            tilt=first.tilt_components,
+            tilt=tilt_components_of(states[0], self.params_of(0).body_com),
             loads=contacts.wheel_normal_forces,
             slip=contacts.wheel_slip_speeds,
             utilization=contacts.friction_utilization,
             setpoint=setpoint,
             target=target,
         )
-
-
-def _rolling(params: Params, state: State) -> State:
-    rolling = State.rolling(params, state.ball_velocity[:2], state.body_quaternion, state.body_angular_velocity)
-    position = np.array([*state.ball_position[:2], params.ball_radius])
-    return rolling.replace(
-        ball_position=position,
-        body_position=position,
-        ball_quaternion=state.ball_quaternion,
-        wheel_angles=state.wheel_angles,
-    )

@@ -1,8 +1,9 @@
 """A session: robots, what drives them, and what a user does to them. It knows no browser."""
 
+import dataclasses
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -11,10 +12,13 @@ import numpy.typing as npt
 from ballbot_rs._core import MODELS, ROBOTS, Params
 from ballbot_rs.control.reference import Reference
 from ballbot_rs.control.resolve import NAMES, ResolvedController, find
+from ballbot_rs.viewer.bounds import check_bounded
+from ballbot_rs.viewer.changes import NEUTRAL, Motors, checked
 from ballbot_rs.viewer.drivers import Driver, Torques, lead_of, make_driver
 from ballbot_rs.viewer.history import History
 from ballbot_rs.viewer.recording import Frame, Recording
 from ballbot_rs.viewer.robots import Robots
+from ballbot_rs.viewer.setup import Events, Setup
 from ballbot_rs.viewer.trial import check_balances
 from ballbot_rs.viewer.watch import Watch
 
@@ -36,15 +40,6 @@ MAX_IMPULSE = 20.0
 MAX_SETPOINT = 5.0
 
 
-def check_bounded(name: str, value: float, low: float, high: float) -> float:
-    """The value as a float. Raises ValueError unless it is a number within the bounds."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-        raise ValueError(f"{name} = {value!r}: expected a number")
-    if not low <= value <= high:
-        raise ValueError(f"{name} = {value} is out of range: expected {low:g} to {high:g}")
-    return float(value)
-
-
 class Session:
     """Everything that a page shows and commands. Not for several threads: `Runner` owns one.
 
@@ -54,10 +49,14 @@ class Session:
         controller: one of `control.resolve.NAMES`, the path of an ONNX policy, or what `control.resolve.find` gives.
         num_robots: how many robots there are at once.
         params: a robot that is no preset.
+        motors: the option `actuators` of an environment; None is ideal motors.
+        events: the option `events` of an environment: what is drawn of the robots at random. Controllers are made for
+            the robot without them.
+        seed: of the draws.
 
     Raises:
-        ValueError: a name that is not known, a number out of range, or a policy that falls on a robot other than the
-            one that it was trained on.
+        ValueError: a name that is not known, a number out of range, motors or events that do not fit the robot, or a
+            policy that falls on a robot other than the one that it was trained on.
         FileNotFoundError: there is no policy at that path.
         TimeoutError: a policy takes too long.
     """
@@ -69,8 +68,12 @@ class Session:
         controller: str | ResolvedController = "lqr",
         num_robots: int = 1,
         params: Params | None = None,
+        motors: Motors = None,
+        events: Events = None,
+        seed: int = 0,
     ) -> None:
         self._own = {} if params is None else {robot: params}
+        self._motors, self._events, self._seed = motors, events, seed
         self.time = 0.0
         self.paused = False
         self.speed = 1.0
@@ -86,7 +89,8 @@ class Session:
         self._ahead = 0.0
         self._references: list[Reference] = []
         self._controller = self._found(controller)
-        self.driver, self.robots = self._make(model, robot, self._controller, num_robots)
+        self.driver, setup = self._make(model, robot, self._controller, num_robots, NEUTRAL)
+        self.robots = Robots(setup, num_robots)
         self.reset()
 
     @property
@@ -94,7 +98,14 @@ class Session:
         """Name of the controller, or path of the policy."""
         return self._controller.name
 
-    def _make(self, model: str, robot: str, controller: ResolvedController, num_robots: int) -> tuple[Driver, Robots]:
+    @property
+    def changes(self) -> dict[str, float]:
+        """What is changed of the robots, by the names of `changes.CHANGES`."""
+        return dict(self.robots.setup.changes)
+
+    def _make(
+        self, model: str, robot: str, controller: ResolvedController, num_robots: int, changes: Mapping[str, float]
+    ) -> tuple[Driver, Setup]:
         if model not in MODELS:
             raise ValueError(f"unknown model '{model}': expected one of {', '.join(MODELS)}")
         if isinstance(num_robots, bool) or not isinstance(num_robots, int) or not 1 <= num_robots <= MAX_ROBOTS:
@@ -103,7 +114,9 @@ class Session:
         driver = make_driver(controller, params, num_robots)
         if controller.policy is not None:
             self._watched(controller, lambda: check_balances(controller, robot, params), MAX_LOAD)
-        return driver, Robots(robot, params, model, num_robots, driver.sim_dt)
+        return driver, Setup(
+            robot, params, model, driver.sim_dt, driver.max_torque, self._motors, self._events, self._seed, changes
+        )
 
     def _found(self, controller: str | ResolvedController) -> ResolvedController:
         """A page may name any controller or ONNX file: these have no pickled code."""
@@ -141,21 +154,34 @@ class Session:
         chosen = self._controller
         if controller is not None and controller != self.controller:
             chosen = self._found(controller)
-        driver, new = self._make(
+        count = len(old) if num_robots is None else num_robots
+        driver, setup = self._make(
             old.model if model is None else model,
             old.name if robot is None else robot,
             chosen,
-            len(old) if num_robots is None else num_robots,
+            count,
+            old.setup.changes,
         )
+        starts_anew = (setup.name, count) != (old.name, len(old))
+        self.robots = Robots(setup, count) if starts_anew else old if setup == old.setup else old.become(setup)
         self._controller, self.driver = chosen, driver
-        if (new.name, len(new)) != (old.name, len(old)):
-            self.robots = new
+        if starts_anew:
             self.reset()
-        elif (new.model, new.sim_dt) != (old.model, old.sim_dt):
-            self.robots = new
-            new.take_over(old)
         self._references = []
         self.replay_time = None
+
+    def change(self, **values: float) -> None:
+        """Changes parameters and motors of all robots, by the names of `changes.CHANGES`; the others remain changed.
+
+        The robots move on. Controllers remain those of the robot without changes.
+
+        Raises:
+            ValueError: an unknown name, a number out of range, or a robot or motors that cannot be; nothing has changed
+                then.
+        """
+        changes = {**self.changes, **checked(values)}
+        if changes != self.changes:
+            self.robots = self.robots.become(dataclasses.replace(self.robots.setup, changes=changes))
 
     def reset(self, tilt: npt.ArrayLike | None = None) -> None:
         """Starts all robots anew, at rest, with the setpoint at the origin.

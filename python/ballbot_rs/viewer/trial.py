@@ -9,6 +9,7 @@ from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.viewer.drivers import make_driver
 from ballbot_rs.viewer.robots import Robots
+from ballbot_rs.viewer.setup import Setup
 
 #: Length of a trial, s, and the tilts from which it starts, rad: what the page starts with, and across.
 SECONDS = 3.0
@@ -25,7 +26,7 @@ def check_balances(controller: ResolvedController, robot: str, params: Params) -
         return
     driver = make_driver(controller, params, 1)
     for tilt in TILTS:
-        robots = Robots(robot, params, "contact", 1, driver.sim_dt)
+        robots = Robots(Setup(robot, params, "contact", driver.sim_dt, driver.max_torque), 1)
         robots.reset(tilt)
         driver.reset()
         for step in range(round(SECONDS / driver.control_dt)):

@@ -1,0 +1,144 @@
+"""One robot: an environment as long as it does not touch the floor, and a robot without current from then on."""
+
+import contextlib
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._core import ACTUATOR_OPTIONS, Ballbot, Contacts, Params, State
+from ballbot_rs._errors import DivergedError
+from ballbot_rs.viewer.setup import Setup
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class Robot:
+    """Robot `index` of a setup; `start` or `go_on_from` comes first.
+
+    Raises:
+        ValueError: the robot, its motors or its events cannot be.
+    """
+
+    def __init__(self, setup: Setup, index: int) -> None:
+        self._setup = setup
+        self._batch = setup.batch(index)
+        #: Number of the present episode, from 1 on; its draws depend on it.
+        self._episode = 0
+        self._lying: Ballbot | None = None
+
+    def start(self, tilt: npt.ArrayLike) -> None:
+        """Begins the next episode, with its draws: at rest at the origin, tilted from the equilibrium.
+
+        Raises:
+            ValueError: a tilt that the robot cannot have; nothing has changed then.
+        """
+        before = self._batch.snapshot(0)
+        self._batch.reset()
+        drawn = self._batch.params(0)
+        self._batch.restore(0, before)
+        self._batch.reset(starts=[State.at_equilibrium(drawn, tilt)])
+        self._episode += 1
+        self._lying = None
+
+    def start_anew(self, tilt: npt.ArrayLike) -> None:
+        """The same with a tilt that another robot has had; one that cannot have it begins in equilibrium."""
+        try:
+            self.start(tilt)
+        except ValueError:
+            self.start((0.0, 0.0))
+
+    def go_on_from(self, other: "Robot", tilt: npt.ArrayLike) -> None:
+        """Begins the episode that another robot is in, with its draws, where that robot is.
+
+        Slip is left behind where the model has none; a state that it cannot have at all makes the robot start anew,
+        with a tilt. Torques under way in the motors are lost.
+        """
+        state = other.state
+        for _ in range(other._episode - 1 if self._setup.events else 0):
+            self._batch.reset()
+        for candidate in (state, _rolling(other.params, state)):
+            with contextlib.suppress(ValueError):
+                self._batch.reset(starts=[candidate])
+                self._episode = other._episode
+                return
+        self.start_anew(tilt)
+        self._episode = other._episode
+
+    def set_params(self, params: Params) -> None:
+        """Replaces the parameters from which events draw, those of the shape excepted.
+
+        Raises:
+            ValueError: there can be no such robot; nothing has changed then.
+        """
+        self._batch.set_params(0, params)
+        if self._lying is not None:
+            self._lying.set_params(self._batch.params(0))
+
+    def step(self, torques: FloatArray, steps: int) -> bool:
+        """Time steps under commanded torques, N·m; False if the robot has left the range of the numbers."""
+        actions = np.asarray(torques / self._batch.max_wheel_torque, dtype=np.float32)[np.newaxis]
+        for done in range(steps):
+            if self._lying is not None:
+                try:
+                    self._lying.step(np.zeros(3), steps - done)
+                except DivergedError:
+                    return False
+                return True
+            _, _, terminated, _ = self._batch.step(actions)
+            if terminated[0]:
+                if self._batch.ending(0)[1] == "diverged":
+                    return False
+                self._lying = Ballbot(self.params, self._setup.model, self._setup.sim_dt)
+                self._lying.reset(self._batch.state(0))
+        return True
+
+    def push(self, impulse: npt.ArrayLike) -> None:
+        """Gives the body an impulse (inertial frame, N·s) at its center of mass."""
+        if self._lying is not None:
+            self._lying.push(impulse)
+        else:
+            self._batch.push(0, impulse)
+
+    @property
+    def is_down(self) -> bool:
+        """Whether it has touched the floor in this episode."""
+        return self._lying is not None
+
+    @property
+    def state(self) -> State:
+        """The present state."""
+        return self._batch.state(0) if self._lying is None else self._lying.state
+
+    @property
+    def contacts(self) -> Contacts:
+        """Forces of the last time step."""
+        return self._batch.contacts(0) if self._lying is None else self._lying.contacts
+
+    @property
+    def params(self) -> Params:
+        """The robot that changes and events make."""
+        return self._batch.params(0)
+
+    @property
+    def motors(self) -> dict[str, Any]:
+        """The options of its motors that are not those of ideal ones, in SI units."""
+        options = self._batch.options["actuators"]
+        ideal = {option["name"]: option["default"] for option in ACTUATOR_OPTIONS}
+        return {name: value for name, value in (options or {}).items() if not np.array_equal(value, ideal[name])}
+
+    @property
+    def draws(self) -> dict[str, FloatArray]:
+        """What events have drawn, by term; NaN where nothing was."""
+        return {name: np.atleast_1d(value) for name, value in self._batch.draws(0).items()}
+
+
+def _rolling(params: Params, state: State) -> State:
+    rolling = State.rolling(params, state.ball_velocity[:2], state.body_quaternion, state.body_angular_velocity)
+    position = np.array([*state.ball_position[:2], params.ball_radius])
+    return rolling.replace(
+        ball_position=position,
+        body_position=position,
+        ball_quaternion=state.ball_quaternion,
+        wheel_angles=state.wheel_angles,
+    )

@@ -1,0 +1,79 @@
+"""What the robots of a session are: the options of the environments that simulate them."""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ballbot_rs._core import Batch, Params
+from ballbot_rs.envs._batch_env import new_batch
+from ballbot_rs.viewer.changes import NEUTRAL, Motors, changed_motors, changed_params
+
+Events = Sequence[Mapping[str, Any]] | str | None
+
+#: Parameters that a state of one robot must share with another's to be a state of both.
+SHAPE = (
+    "ball_radius",
+    "wheel_radius",
+    "wheel_zenith",
+    "wheel_azimuths",
+    "wheel_zenith_offsets",
+    "body_com_height",
+    "body_com_offset",
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Setup:
+    """A kind of robot, the model that simulates it, and what is changed and drawn of it."""
+
+    #: Name of the robot.
+    name: str
+    #: The robot without changes and events, for which controllers are made.
+    nominal: Params
+    model: str
+    sim_dt: float
+    #: Largest torque of a controller, N·m.
+    max_torque: float
+    #: As the options of an environment.
+    motors: Motors = None
+    events: Events = None
+    #: Of the draws of robot 0; robot i has the draws of `seed + i`.
+    seed: int = 0
+    #: As in `changes.CHANGES`.
+    changes: Mapping[str, float] = dataclasses.field(default_factory=lambda: NEUTRAL)
+
+    @functools.cached_property
+    def params(self) -> Params:
+        """The changed robot, of which events draw. Raises ValueError if it cannot be."""
+        return changed_params(self.nominal, self.changes)
+
+    def batch(self, index: int) -> Batch:
+        """The environment of robot `index`: a control step is one model step, an episode ends on the floor alone.
+
+        Raises:
+            ValueError: the robot, its motors or its events cannot be.
+        """
+        options = {
+            "params": self.params,
+            "model": self.model,
+            "control_dt": self.sim_dt,
+            "sim_dt": self.sim_dt,
+            "max_wheel_torque": self.max_torque,
+            "max_episode_steps": None,
+            "fall_tilt": math.pi,
+            "actuators": changed_motors(self.motors, self.changes),
+            "events": self.events,
+        }
+        seed = (self.seed + index) % 2**64
+        return new_batch(1, autoreset="disabled", num_threads=1, seed=seed, options=options)
+
+    def differs_in_numbers_alone(self, other: "Setup") -> bool:
+        """Whether a robot can become one of the other setup by `set_params` while it moves."""
+        motors = [changed_motors(setup.motors, setup.changes) for setup in (self, other)]
+        return (
+            dataclasses.replace(self, changes=other.changes, seed=other.seed) == other
+            and motors[0] == motors[1]
+            and all(getattr(self.params, name) == getattr(other.params, name) for name in SHAPE)
+        )

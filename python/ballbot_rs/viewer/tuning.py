@@ -1,0 +1,105 @@
+"""The page's sliders that change the running robots, and what robot 0 has become."""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import viser
+
+from ballbot_rs.viewer.changes import CHANGES, NEUTRAL
+from ballbot_rs.viewer.runner import Command
+from ballbot_rs.viewer.session import Session
+
+
+class Tuning:
+    """Sliders, a button back to the nominal robot, and a table.
+
+    Args:
+        server: shows them.
+        submit: puts a command into the queue.
+        session: only read here, before the runner starts.
+    """
+
+    def __init__(self, server: viser.ViserServer, submit: Callable[[Command], bool], session: Session) -> None:
+        gui = server.gui
+        self._submit = submit
+        self._sliders: dict[str, viser.GuiSliderHandle[float]] = {}
+        for name, change in CHANGES.items():
+            slider = gui.add_slider(
+                change.label,
+                min=change.low,
+                max=change.high,
+                step=change.step,
+                initial_value=session.changes[name],
+                hint=change.hint,
+            )
+            slider.on_update(functools.partial(self._moved, name))
+            self._sliders[name] = slider
+        back = gui.add_button("Nominal robot", hint="takes all changes back")
+        back.on_click(self._pressed)
+        self._table = gui.add_markdown("")
+
+    def _moved(self, name: str, event: viser.GuiEvent[Any]) -> None:
+        if event.client_id is None:  # Our own correction of what is shown.
+            return
+
+        def command(session: Session) -> None:
+            # The value now: of a drag, only the newest of the values that wait is applied.
+            try:
+                session.change(**{name: self._sliders[name].value})
+            finally:
+                self._correct(session)
+
+        self._submit(command)
+
+    def _pressed(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client_id is not None:
+            self._submit(self._take_back)
+
+    def _take_back(self, session: Session) -> None:
+        try:
+            session.change(**NEUTRAL)
+        finally:
+            self._correct(session)
+
+    def _correct(self, session: Session) -> None:
+        """Shows what is simulated, where a change was refused or taken back."""
+        for name, value in session.changes.items():
+            if self._sliders[name].value != value:
+                self._sliders[name].value = value
+
+    def show(self, session: Session) -> None:
+        """Shows what robot 0 is."""
+        text = table_of(session)
+        if self._table.content != text:
+            self._table.content = text
+
+
+def table_of(session: Session) -> str:
+    """What robot 0 differs in from the nominal robot, and what was drawn of it, as a table in Markdown, in SI units."""
+    robots = session.robots
+    nominal, params = robots.params, robots.params_of(0)
+    # A push has no height of its own if it is at the center of mass.
+    draws = {name: draw[np.isfinite(draw)] for name, draw in robots.draws_of(0).items() if np.isfinite(draw).any()}
+    # A term may occur several times, with an id.
+    terms = [name.partition(":")[0] for name in draws]
+    now = params.to_dict()
+    rows = [
+        f"| {name} | {_text(value)} | {_text(now[name])} | {_drawn(name, draws)} |"
+        for name, value in nominal.to_dict().items()
+        if now[name] != value or name in terms
+    ]
+    rows += [f"| {name} | | | {_text(draw)} |" for name, draw in draws.items() if name.partition(":")[0] not in now]
+    rows += [f"| {name} | | {_text(value)} | |" for name, value in robots.motors_of(0).items()]
+    if not rows:
+        return "Robot 0 is the nominal one, with ideal motors."
+    return "\n".join(["| robot 0, SI units | nominal | now | drawn |", "|---|---|---|---|", *rows])
+
+
+def _drawn(term: str, draws: dict[str, Any]) -> str:
+    return "; ".join(_text(draw) for name, draw in draws.items() if name.partition(":")[0] == term)
+
+
+def _text(value: Any) -> str:
+    return ", ".join(f"{number:.4g}" for number in np.atleast_1d(np.asarray(value, dtype=np.float64)))

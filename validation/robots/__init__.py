@@ -1,0 +1,16 @@
+"""What robots that are not the nominal one, and motors that are not ideal, do to controllers."""
+
+from validation.robots import (
+    com_offset,
+    delay,
+    friction,
+    lag,
+    products_of_inertia,
+    strength,
+    torque_speed,
+    uneven_wheels,
+)
+from validation.topic import Topic
+
+BODY = [Topic.of(module) for module in (com_offset, products_of_inertia, uneven_wheels, friction)]
+MOTORS = [Topic.of(module) for module in (delay, strength, lag, torque_speed)]

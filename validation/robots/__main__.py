@@ -1,0 +1,42 @@
+"""Changes the robot and its motors more and more and writes docs/robots.md; fails if a claim does not hold."""
+
+import sys
+from collections.abc import Sequence
+
+from validation import page
+from validation.page import Chapter, anchor, table
+from validation.robots import BODY, MOTORS
+from validation.topic import Findings, Topic
+
+_HEAD = """# Robots as they are
+
+What a real robot has and the nominal one lacks: each effect with its closed form, and what it does to controllers that
+were made without it. Everything on this page, text apart, is made by `make robots`, which fails if a claim does not
+hold.
+
+The tables are of 100 episodes of the [balance task](tasks/balance.md) each: model `contact`, the paper's robot, the
+starts of `ballbot evaluate`. LQR (100 Hz) and the policy that comes with the package are those of the nominal robot
+with ideal motors; "LQR made for it" is designed for the changed robot. *Success* is that of the task: at the end the
+ball is within 0.1 m and the tilt within 1°. *Upright* is the share of episodes without a fall. *Position rms* is the
+distance of the ball from the setpoint over all steps up to the fall, `ball_rms` of `ballbot evaluate --json`. LQR also
+turns the robot to its heading, from up to 180° away, which takes torque and wheel speed; the policy leaves it. Each
+figure has the closed form (lines) with what simulation gives (dots), the share of upright robots, and the position rms.
+
+`ballbot view` has sliders for most of these effects. Parameters are in [conventions](conventions.md#parameters),
+motors in [actuators](actuators.md), random robots in [randomization](randomization.md).
+"""
+
+
+def main() -> int:
+    """The command `python -m validation.robots`."""
+    chapters = [Chapter("The body, the wheels and the floor", "", BODY), Chapter("The motors", "", MOTORS)]
+    return page.write("robots", "validation.robots", __doc__, chapters, _head)
+
+
+def _head(found: Sequence[tuple[Topic, Findings]]) -> str:
+    rows = [[f"[{topic.title}](#{anchor(topic.title)})", page.outcome(findings)] for topic, findings in found]
+    return f"{_HEAD}\n{table(['effect', 'claims that hold'], rows)}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,123 @@
+"""A robot or its motors changed more and more: what it does to controllers that are made for the nominal one."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import ballbot_rs as bb
+from ballbot_rs.analysis.episodes import Result
+from validation.page import number, table
+from validation.search import largest
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PAPER = bb.Params.paper()
+POLICY = Path(__file__).parents[2] / "assets" / "policies" / "balance.onnx"
+EPISODES = 100
+
+Options = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Values of one effect, from weak to strong."""
+
+    #: With its unit.
+    label: str
+    #: As the page shows them.
+    values: Sequence[float]
+    #: Options of the environment; controllers remain those of the nominal robot.
+    options: Callable[[float], Options]
+    #: To how much the edge is found.
+    to: float
+    #: The options of the command line that do what the second value does.
+    command: str
+    #: The changed robot, for an LQR that is made for it; None where motors change.
+    robot: Callable[[float], bb.Params] | None = None
+
+
+def drawn(term: str, op: str, numbers: Sequence[float] | float) -> Options:
+    """A parameter that is changed in all episodes, which controllers are not made for."""
+    given = [[float(x), float(x)] for x in np.atleast_1d(np.asarray(numbers, dtype=np.float64))]
+    value = given[0] if np.isscalar(numbers) else given
+    return {"events": [{"term": term, "op": op, "mode": "startup", "range": value}]}
+
+
+class Measured:
+    """What controllers do in 100 episodes of the balance task at each value of a sweep."""
+
+    def __init__(self, sweep: Sweep) -> None:
+        self.sweep = sweep
+        self.controllers = {"LQR": self._lqr, "policy": self._policy}
+        if sweep.robot is not None:
+            self.controllers["LQR made for it"] = self._own
+        self.results = {name: [of(value) for value in sweep.values] for name, of in self.controllers.items()}
+        self.edges = {name: self._edge(name) for name in self.controllers}
+
+    def _lqr(self, value: float) -> Result:
+        return bb.evaluate("lqr", episodes=EPISODES, env_options=self.sweep.options(value))
+
+    def _policy(self, value: float) -> Result:
+        return bb.evaluate(POLICY, episodes=EPISODES, env_options=self.sweep.options(value))
+
+    def _own(self, value: float) -> Result:
+        assert self.sweep.robot is not None
+        return bb.evaluate("lqr", episodes=EPISODES, env_options={"params": self.sweep.robot(value)})
+
+    def _edge(self, name: str) -> float | None:
+        """The strongest effect that no start falls under; None if it is beyond the last value."""
+        stands = [result.survival_rate == 1.0 for result in self.results[name]]
+        if all(stands):
+            return None
+        first = stands.index(False)
+        values = self.sweep.values
+        if first == 0:
+            return float("nan")
+        # Sweeps may go down: the bisection is over the share of the way between two values.
+        low, high = values[first - 1], values[first]
+
+        def holds(share: float) -> bool:
+            return bool(self.controllers[name](low + share * (high - low)).survival_rate == 1.0)
+
+        return low + (high - low) * largest(holds, 0.0, 1.0, self.sweep.to / abs(high - low))
+
+    def markdown(self) -> str:
+        """A table of the episodes, the edges below, and the command of a row."""
+        head = [self.sweep.label]
+        for name in self.controllers:
+            head += [f"{name}: success", "upright", "position rms, m"]
+        rows = []
+        for i, value in enumerate(self.sweep.values):
+            row = [f"{value:g}"]
+            for results in self.results.values():
+                result = results[i]
+                row += [f"{100 * result.success_rate:.0f} %", f"{100 * result.survival_rate:.0f} %"]
+                row += [number(result.ball_rms, 3)]
+            rows.append(row)
+        edges = ["**edge**"]
+        for name in self.controllers:
+            edges += ["", self._edge_text(name), ""]
+        return (
+            f"{table(head, [*rows, edges])}\n\n"
+            "Edge: up to there all 100 starts stay upright, found by bisection; none: beyond the last row.\n"
+            "The second row:\n\n"
+            f"```sh\nballbot evaluate --controller lqr --controller assets/policies/balance.onnx --json \\\n"
+            f"  {self.sweep.command}\n```"
+        )
+
+    def _edge_text(self, name: str) -> str:
+        edge = self.edges[name]
+        return "none" if edge is None else number(edge, 3)
+
+    def draw(self, upright: "Axes", position: "Axes") -> None:
+        """Shares of upright robots, and how far their balls are from the setpoint, over the values."""
+        for name, results in self.results.items():
+            upright.plot(self.sweep.values, [100 * r.survival_rate for r in results], ".-", label=name)
+            position.plot(self.sweep.values, [r.ball_rms for r in results], ".-", label=name)
+        upright.set(xlabel=self.sweep.label, ylabel="upright (%)", ylim=(-4, 104))
+        position.set(xlabel=self.sweep.label, ylabel="position rms (m)", yscale="log")
+        upright.legend()
