@@ -1,7 +1,7 @@
 //! The conditions of a step.
 
 use super::law::{Bounds, Laws};
-use super::rows::{FLOOR, Present, ROWS};
+use super::rows::{FLOOR, Present, ROWS, load};
 use crate::lanes::Lane;
 
 /// Compliance of the friction of rates, rollers and joints, as a share of the row's own. With all of them at rest the rows
@@ -62,7 +62,7 @@ impl<L: Lane> Problem<L> {
     pub fn trial(&self, impulses: &[L; ROWS], speeds: &[L; ROWS], weight: f64) -> [L; ROWS] {
         let mut trial = *impulses;
         for &row in self.present.rows() {
-            let mass = self.masses[row] * if super::rows::load(row).is_some() { weight } else { 1.0 };
+            let mass = self.masses[row] * if load(row).is_some() { weight } else { 1.0 };
             trial[row] = speeds[row].neg_mul_add(mass, impulses[row]);
         }
         trial
@@ -86,7 +86,7 @@ impl<L: Lane> Problem<L> {
         let laws = Laws::at(&self.bounds, impulses, &self.masses);
         let mut out = *impulses;
         for &row in self.present.rows() {
-            if row >= FLOOR || super::rows::load(row).is_some() {
+            if row >= FLOOR || load(row).is_some() {
                 out[row] = laws.impulse(row, impulses) + 0.0;
             }
         }
