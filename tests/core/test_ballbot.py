@@ -138,7 +138,7 @@ def test_losses_at_the_ball_dissipate_and_planar_refuses_them(loss):
     for model in ("spatial", "contact", "rigid"):
         free, lossy = Ballbot(model=model), Ballbot(rough, model=model)
         for robot in (free, lossy):
-            robot.reset(State.rolling(robot.params, velocity=(0.3, 0.2), spin=1.0))
+            robot.reset(State.rolling(robot.params, (0.3, 0.2), ball_spin=1.0))
             robot.step((0, 0, 0), 50)
         assert lossy.energy < free.energy - 1e-5, model
 

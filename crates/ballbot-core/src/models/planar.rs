@@ -55,7 +55,9 @@ impl PlanarModel {
         params.require_symmetric(
             "the planar model is of robots that are symmetric about their mast; 'spatial', 'contact' and 'rigid' take any",
         )?;
-        params.require_lossless("the planar model has no friction of floor and rollers; 'spatial', 'contact' and 'rigid' do")?;
+        params.require_lossless(
+            "the planar model has no friction of floor and rollers; 'spatial', 'contact' and 'rigid' do",
+        )?;
         let plane_inertia = match plane {
             Plane::Yz => params.body_inertia[0],
             Plane::Xz => params.body_inertia[1],

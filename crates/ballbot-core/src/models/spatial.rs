@@ -196,8 +196,7 @@ impl SpatialModel {
         let friction = Friction::new(&self.params, &self.ball_rate_map(), &free_speeds, velocity);
         let changed = |loads: &Vector4<f64>| without + solve_mass(terms, &(friction.per_load * loads));
         let loads = consistent(|loads| {
-            let contacts =
-                self.contacts_of(terms, velocity, wheel_torques, &changed(loads), friction.rollers(loads));
+            let contacts = self.contacts_of(terms, velocity, wheel_torques, &changed(loads), friction.rollers(loads));
             let [a, b, c] = contacts.wheel_normal_forces;
             Vector4::new(contacts.floor_force.z, a, b, c)
         });

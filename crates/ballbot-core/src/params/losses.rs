@@ -9,12 +9,7 @@ impl Params {
         ["floor_rolling_friction", "floor_spinning_friction", "roller_friction", "roller_friction_slope"];
 
     fn losses(&self) -> [f64; 4] {
-        [
-            self.floor_rolling_friction,
-            self.floor_spinning_friction,
-            self.roller_friction,
-            self.roller_friction_slope,
-        ]
+        [self.floor_rolling_friction, self.floor_spinning_friction, self.roller_friction, self.roller_friction_slope]
     }
 
     /// Whether the ball has rolling or spinning friction, or the rollers have friction.

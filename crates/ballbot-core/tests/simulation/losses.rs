@@ -76,11 +76,13 @@ fn spinning_friction_holds_the_ball_under_a_turning_body(simulation: Simulation)
     let torque = 0.02;
     let paper = Params::paper();
     let weight = (paper.ball_mass + paper.body_mass) * paper.gravity;
-    let on_ball = 3.0 * torque * paper.gear_ratio() * paper.wheel_zenith.sin();
     let pinned = SpatialModel::new(&paper, true, false);
     let upright = UnitQuaternion::identity();
     let held = pinned.accelerations(&upright, &Vector6::zeros(), &Vector3::repeat(torque))[4];
-    for (share, holds) in [(1.05, true), (0.95, false)] {
+    // Some of the torque turns the wheels against the body.
+    let (k, sine) = (paper.gear_ratio(), paper.wheel_zenith.sin());
+    let on_ball = 3.0 * k * sine * (torque + paper.wheel_inertia * (k + 1.0) * sine * held);
+    for (share, holds) in [(1.01, true), (0.99, false)] {
         let params = Params { floor_spinning_friction: share * on_ball / weight, ..paper.clone() };
         let mut robot = simulation.robot(&params, 1e-3);
         run(robot.as_mut(), [torque; 3], 100);
@@ -90,7 +92,7 @@ fn spinning_friction_holds_the_ball_under_a_turning_body(simulation: Simulation)
             close("yaw rate", state.body_angular_velocity.z, held * 0.1, simulation.pick(1e-4, 1e-6) * held.abs());
             close("spin", spin, 0.0, 1e-7);
         } else {
-            assert!(spin.abs() > 0.01, "held beyond its friction: {spin} rad/s");
+            assert!(spin.abs() > 1e-3, "held beyond its friction: {spin} rad/s");
         }
     }
 }
@@ -110,14 +112,14 @@ fn rolling_friction_holds_the_ball(simulation: Simulation) {
     }
 }
 
-/// Force against the motion of an upright robot at a speed along x: its power by the speed. Loads of even wheels at rest.
-fn drag(params: &Params, speed: f64) -> f64 {
-    let load = params.static_wheel_load();
+/// Force against the motion of an upright robot at a speed along x, with these loads of its wheels: its power by the speed.
+fn drag(params: &Params, speed: f64, loads: [f64; 3]) -> f64 {
     let cosine = params.wheel_zenith.cos();
     params
         .wheel_azimuths
         .iter()
-        .map(|azimuth| {
+        .zip(loads)
+        .map(|(azimuth, load)| {
             let free = azimuth.cos().abs();
             let roller = (params.roller_friction + params.roller_friction_slope * speed * free) * load * free;
             // The joint turns with the other component.
@@ -129,19 +131,15 @@ fn drag(params: &Params, speed: f64) -> f64 {
 
 /// asRoBallet with the rollers that, beside its joint friction, make up its measured drag.
 fn with_rollers() -> Params {
-    Params {
-        roller_friction: 0.008,
-        roller_friction_slope: 0.084,
-        ..Params::preset("asroballet").unwrap()
-    }
+    Params { roller_friction: 0.008, roller_friction_slope: 0.084, ..Params::preset("asroballet").unwrap() }
 }
 
 /// Energy per distance that a robot loses in steady motion.
 fn rollers_have_the_drag_of_the_closed_form(simulation: Simulation) {
     let params = with_rollers();
     for (speed, measured) in [(0.05, 3.9), (0.2, 5.5), (0.5, 8.3)] {
-        let expected = drag(&params, speed);
-        assert!((expected / measured - 1.0_f64).abs() <= 0.02, "{expected} N, measured {measured} N at {speed} m/s");
+        let fitted = drag(&params, speed, [params.static_wheel_load(); 3]);
+        assert!((fitted / measured - 1.0_f64).abs() <= 0.02, "{fitted} N, measured {measured} N at {speed} m/s");
         let mut robot = simulation.robot(&params, 1e-3);
         let velocity = Vector2::new(speed, 0.0);
         robot.reset(&State::rolling(&params, velocity, 0.0, UnitQuaternion::identity(), Vector3::zeros())).unwrap();
@@ -150,8 +148,12 @@ fn rollers_have_the_drag_of_the_closed_form(simulation: Simulation) {
         let (before, start) = (robot.energy(), robot.state().ball_position.x);
         run(robot.as_mut(), [0.0; 3], 10);
         let found = (before - robot.energy()) / (robot.state().ball_position.x - start);
-        println!("{speed} m/s: {found} N, closed form {expected} N, measured {measured} N");
-        assert!((found / expected - 1.0).abs() <= 0.03, "{found} N, expected {expected} N at {speed} m/s");
+        // No motor holds the body: what the rollers do to it changes the loads by some percent.
+        let expected = drag(&params, speed, robot.contacts().wheel_normal_forces);
+        println!(
+            "{speed} m/s: {found} N, closed form {expected} N, with loads at rest {fitted} N, measured {measured} N"
+        );
+        assert!((found / expected - 1.0).abs() <= 0.01, "{found} N, expected {expected} N at {speed} m/s");
     }
 }
 

@@ -78,7 +78,11 @@ pub struct Losses {
 /// From a hard floor to a soft carpet; each absent in half of the robots.
 pub fn any_losses() -> impl Strategy<Value = Losses> {
     let some = |most: f64| prop_oneof![Just(0.0), 0.0..most];
-    ([some(0.1), some(0.1)], some(0.1), some(0.3)).prop_map(|(levers, rollers, slope)| Losses { levers, rollers, slope })
+    ([some(0.1), some(0.1)], some(0.1), some(0.3)).prop_map(|(levers, rollers, slope)| Losses {
+        levers,
+        rollers,
+        slope,
+    })
 }
 
 impl Losses {

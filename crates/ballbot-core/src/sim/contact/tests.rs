@@ -372,12 +372,37 @@ fn coupling_of_lossy_robots_is_the_effect_of_impulses_on_the_rows() {
             let after = speeds(c, &start.rows, &rollers, &velocities);
             for k in 0..ROWS {
                 let (found, expected) = (after[k] - before[k], problem.coupling[k][row]);
-                // The diagonal has a compliance of a millionth of it.
-                let limit = 1e-12 * (1.0 + expected.abs()) + if k == row { 1.1e-6 * expected } else { 0.0 };
+                // The diagonal has a compliance of 1e-8 of it.
+                let limit = 1e-12 * (1.0 + expected.abs()) + if k == row { 1.1e-8 * expected } else { 0.0 };
                 assert!((found - expected).abs() <= limit, "impulse {row}, row {k}: {found}, expected {expected}");
-                assert_eq!(expected, problem.coupling[row][k]);
             }
         }
+    }
+}
+
+/// Slipping, hopping and falling too: a step without a solution has the impulses of sweeps, and is counted.
+#[test]
+fn steps_of_lossy_robots_are_solved() {
+    for (torque, most) in [(0.1, 0.0), (0.3, 2e-3), (1.0, 1e-2)] {
+        let (mut unsolved, mut steps) = (0.0, 0.0);
+        for k in 0..20 {
+            let lossy = Params {
+                floor_rolling_friction: 1e-3,
+                floor_spinning_friction: 1e-3,
+                roller_friction: 0.02,
+                roller_friction_slope: 0.1,
+                wheel_coulomb_friction: if k % 2 == 0 { 0.0 } else { 2e-3 },
+                ..Params::paper()
+            };
+            let mut robot = ContactMotion::new(&lossy, 2e-3);
+            for step in 0..50 {
+                let phase = f64::from(7 * step + 3 * k);
+                robot.advance(&[phase.sin(), (1.3 * phase).sin(), (1.7 * phase).cos()].map(|t| t * torque), 5);
+            }
+            (unsolved, steps) = (unsolved + robot.memory().unsolved_steps, steps + robot.memory().steps);
+        }
+        println!("±{torque} N·m: {unsolved} of {steps} steps unsolved");
+        assert!(unsolved <= most * steps, "±{torque} N·m: {unsolved} of {steps} steps unsolved");
     }
 }
 

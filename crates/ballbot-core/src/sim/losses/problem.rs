@@ -1,13 +1,13 @@
 //! The conditions of a step.
 
 use super::law::{Bounds, Laws};
-use super::rows::{FLOOR, Present, ROWS, load};
+use super::rows::{FLOOR, Present, ROWS, load, partner};
 use crate::lanes::Lane;
 
 /// Compliance of the friction of rates, rollers and joints, as a share of the row's own. With all of them at rest the rows
 /// outnumber the degrees of freedom; the compliance makes their impulses unique. A robot that friction of the impulse λ
 /// holds creeps by this share of the speed that λ would give the row alone.
-const COMPLIANCE: f64 = 1e-6;
+const COMPLIANCE: f64 = 1e-8;
 
 /// The rows of one robot or of eight, and the bounds of their impulses.
 pub struct Problem<L> {
@@ -40,6 +40,12 @@ impl<L: Lane> Problem<L> {
                 coupling[row][row] = coupling[row][row] * (1.0 + COMPLIANCE);
             }
             masses[row] = one / coupling[row][row];
+        }
+        // In a disc, friction is against the motion only if both rows count alike.
+        for &row in present.rows() {
+            if let Some(other) = partner(row) {
+                masses[row] = masses[row].min(masses[other]);
+            }
         }
         Self { coupling, residuals, bounds, present, masses, static_impulse }
     }

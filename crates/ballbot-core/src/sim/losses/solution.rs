@@ -83,18 +83,10 @@ impl<L: Lane> Problem<L> {
     /// filtered normal impulse of each wheel.
     #[inline(always)]
     pub fn sweep(&self, estimate: &mut [L; 3], impulses: &mut [L; ROWS], speeds: &mut [L; ROWS]) {
-        let groups: [&[usize]; 4] = [
-            &[FLOOR],
-            &[FLOOR + 1, FLOOR + 2],
-            &[NORMAL, NORMAL + 1, NORMAL + 2],
-            &[DRIVE, DRIVE + 1, DRIVE + 2],
-        ];
-        let lossy: [&[usize]; 4] = [
-            &[TORQUE, TORQUE + 1],
-            &[TORQUE + 2],
-            &[ROLLER, ROLLER + 1, ROLLER + 2],
-            &[JOINT, JOINT + 1, JOINT + 2],
-        ];
+        let groups: [&[usize]; 4] =
+            [&[FLOOR], &[FLOOR + 1, FLOOR + 2], &[NORMAL, NORMAL + 1, NORMAL + 2], &[DRIVE, DRIVE + 1, DRIVE + 2]];
+        let lossy: [&[usize]; 4] =
+            [&[TORQUE, TORQUE + 1], &[TORQUE + 2], &[ROLLER, ROLLER + 1, ROLLER + 2], &[JOINT, JOINT + 1, JOINT + 2]];
         for group in groups.into_iter().chain(lossy) {
             if !self.present.rows().contains(&group[0]) {
                 continue;

@@ -123,9 +123,8 @@ fn more_rows_at_rest_than_degrees_of_freedom_are_solved() {
             let loaded = row == FLOOR || (NORMAL..DRIVE).contains(&row);
             if loaded { 0.5 + 0.1 * numbers.next() } else { 1e-3 * numbers.next() }
         });
-        problem.residuals = std::array::from_fn(|row| {
-            problem.coupling[row].iter().zip(&push).map(|(w, push)| -w * push).sum::<f64>()
-        });
+        problem.residuals =
+            std::array::from_fn(|row| problem.coupling[row].iter().zip(&push).map(|(w, push)| -w * push).sum::<f64>());
         let solution = problem.solution(&[0.0; ROWS], true);
         assert!(!solution.unsolved, "case {case}");
         assert_solved(&problem, &solution.impulses, case);

@@ -147,8 +147,7 @@ impl RigidMotion {
         let rows = Rows::new(&self.parts, &self.bot, &motion, &contacts, p.wheel_coulomb_friction > 0.0);
         let limits = self.limits(&contacts);
         let p = &self.params;
-        let losses =
-            p.has_losses().then(|| LossRows::new((p, &self.parts), &self.bot, &motion, &contacts, &limits));
+        let losses = p.has_losses().then(|| LossRows::new((p, &self.parts), &self.bot, &motion, &contacts, &limits));
         Plan {
             coupling: rows.coupling(&self.parts, &self.bot),
             rows,
