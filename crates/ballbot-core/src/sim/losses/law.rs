@@ -32,21 +32,24 @@ pub struct Laws<L> {
 }
 
 impl<L: Lane> Laws<L> {
-    /// Laws at the trial impulses `z`; `masses` of the rows, kg.
+    /// Laws of `rows` at the trial impulses `z`; `masses` of the rows, kg. A disc's are those of its first row.
     #[inline(always)]
-    pub fn at(bounds: &Bounds<L>, z: &[L; ROWS], masses: &[L; ROWS]) -> Self {
+    pub fn at(bounds: &Bounds<L>, z: &[L; ROWS], masses: &[L; ROWS], rows: &[usize]) -> Self {
+        const X: usize = FLOOR + 1;
+        const SPIN: usize = TORQUE + 2;
         let zero = bounds.floor.zero();
         let mut laws = Self { own: [zero; ROWS], cross: [zero; ROWS], share: [zero; ROWS], constant: [zero; ROWS] };
-        for row in [FLOOR, NORMAL, NORMAL + 1, NORMAL + 2] {
-            laws.own[row] = L::select(zero.lt(z[row]), zero.splat(1.0), zero);
-        }
-        laws.disc(FLOOR + 1, bounds.floor, z);
-        laws.disc(TORQUE, bounds.rolling, z);
-        laws.interval(TORQUE + 2, bounds.spinning, z);
-        for i in 0..3 {
-            laws.interval(ROLLER + i, bounds.rollers[i], z);
-            laws.interval(DRIVE + i, bounds.wheels[i], z);
-            laws.joint(JOINT + i, bounds, z, masses);
+        for &row in rows {
+            match row {
+                FLOOR | NORMAL..DRIVE => laws.own[row] = L::select(zero.lt(z[row]), zero.splat(1.0), zero),
+                X => laws.disc(row, bounds.floor, z),
+                TORQUE => laws.disc(row, bounds.rolling, z),
+                SPIN => laws.interval(row, bounds.spinning, z),
+                ROLLER..JOINT => laws.interval(row, bounds.rollers[row - ROLLER], z),
+                DRIVE..ROWS => laws.interval(row, bounds.wheels[row - DRIVE], z),
+                JOINT..FLOOR => laws.joint(row, bounds, z, masses),
+                _ => (),
+            }
         }
         laws
     }

@@ -78,7 +78,7 @@ impl<L: Lane> Problem<L> {
     #[inline(always)]
     pub fn violation(&self, impulses: &[L; ROWS], speeds: &[L; ROWS]) -> L {
         let trial = self.trial(impulses, speeds, 1.0);
-        let laws = Laws::at(&self.bounds, &trial, &self.masses);
+        let laws = Laws::at(&self.bounds, &trial, &self.masses, self.present.rows());
         let mut worst = self.static_impulse.zero();
         for &row in self.present.rows() {
             worst = (impulses[row] - laws.impulse(row, &trial)).abs().max(worst);
@@ -89,7 +89,7 @@ impl<L: Lane> Problem<L> {
     /// The impulses with the friction of contacts within the bounds of their loads.
     #[inline(always)]
     pub fn bounded(&self, impulses: &[L; ROWS]) -> [L; ROWS] {
-        let laws = Laws::at(&self.bounds, impulses, &self.masses);
+        let laws = Laws::at(&self.bounds, impulses, &self.masses, self.present.rows());
         let mut out = *impulses;
         for &row in self.present.rows() {
             if row >= FLOOR || load(row).is_some() {

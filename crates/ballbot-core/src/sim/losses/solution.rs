@@ -48,7 +48,8 @@ impl<L: Lane> Problem<L> {
             let mut speeds = self.speeds(&impulses);
             for step in 0..MOST_STEPS {
                 let weight = if round == 0 && step < DIRECT_STEPS { 1.0 } else { CAREFUL_WEIGHT };
-                let laws = Laws::at(&self.bounds, &self.trial(&impulses, &speeds, weight), &self.masses);
+                let trial = self.trial(&impulses, &speeds, weight);
+                let laws = Laws::at(&self.bounds, &trial, &self.masses, self.present.rows());
                 let found = self.solve(&laws, weight);
                 let mut size = self.static_impulse;
                 for impulse in found {
@@ -115,7 +116,7 @@ impl<L: Lane> Problem<L> {
         for &row in rows {
             trial[row] = speeds[row].neg_mul_add(self.masses[row], impulses[row]);
         }
-        let laws = Laws::at(&self.bounds, &trial, &self.masses);
+        let laws = Laws::at(&self.bounds, &trial, &self.masses, rows);
         for &row in rows {
             let new = laws.impulse(row, &trial) + 0.0;
             let change = new - impulses[row];
