@@ -1,8 +1,10 @@
 //! Sensors: from the state of the model to the state that a task observes.
 
 mod exact;
+mod readings;
 
 pub use exact::Exact;
+pub use readings::Readings;
 
 use crate::lane_state::LaneState;
 use crate::lanes::{Lane, Memory};
