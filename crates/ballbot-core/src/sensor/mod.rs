@@ -1,5 +1,6 @@
 //! Sensors: from the state of the model to the state that a task observes.
 
+pub mod estimator;
 mod exact;
 mod readings;
 
