@@ -116,13 +116,13 @@ impl<T: Task> EnvConfig<T> {
     /// # Errors
     /// Those of [`Onboard::new`].
     pub fn onboard(&self) -> Result<Option<Onboard>> {
-        let observed = self.observation == Observation::Sensors;
         let options = match &self.sensors {
             Some(options) => options.clone(),
-            None if observed => SensorOptions::default(),
+            None if self.observation == Observation::Sensors => SensorOptions::default(),
             None => return Ok(None),
         };
-        Onboard::new(&options, self.control_dt, observed).map(Some)
+        let observer = (self.observation == Observation::Sensors).then_some(&self.params);
+        Onboard::new(&options, self.control_dt, observer).map(Some)
     }
 
     /// Model steps in one control step.

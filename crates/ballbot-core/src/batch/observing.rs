@@ -19,13 +19,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             *number = cell.get(i);
         }
         let state = self.robots.lane_state(i);
-        let robot = self.robots.params(i);
-        let start = EpisodeStart {
-            params: self.events.as_ref().map_or(robot, |events| events.nominal(i)),
-            gravity: robot.gravity,
-            state: &state,
-            key: sensor_key(&self.rngs[i]),
-        };
+        let start =
+            EpisodeStart { gravity: self.robots.params(i).gravity, state: &state, key: sensor_key(&self.rngs[i]) };
         self.step.sensor.begin(&start, &mut self.one.sensor);
     }
 

@@ -15,6 +15,12 @@ impl<'a, L: Lane> Memory<'a, L> {
         Self { token, cells }
     }
 
+    /// The numbers from `first` on.
+    #[inline(always)]
+    pub fn after(&mut self, first: usize) -> Memory<'_, L> {
+        Memory { token: self.token, cells: &mut self.cells[first..] }
+    }
+
     /// Number `index`.
     #[inline(always)]
     pub fn get(&self, index: usize) -> L {

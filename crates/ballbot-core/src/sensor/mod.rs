@@ -1,8 +1,8 @@
 //! Sensors: from the state of the model to the state that a task observes.
 
 mod axes;
-mod dead_reckoning;
 mod encoders;
+pub mod estimator;
 mod exact;
 mod normal;
 mod onboard;

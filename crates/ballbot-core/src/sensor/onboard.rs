@@ -1,8 +1,8 @@
 //! Gyroscope, accelerometer and encoders, and the state that follows from them.
 
 use super::axes::Axes;
-use super::dead_reckoning;
 use super::encoders::Encoders;
+use super::estimator::{Estimator, EstimatorOptions};
 use super::normal::Draws;
 use super::options::SensorOptions;
 use super::readings::Readings;
@@ -10,9 +10,11 @@ use super::{EpisodeStart, Sensor};
 use crate::error::Result;
 use crate::lane_state::LaneState;
 use crate::lanes::{Lane, Memory, Quat, Scalar, Vec3, run_one};
+use crate::params::Params;
+use std::f64::consts::TAU;
 
 /// Sensors on the body and at the wheels, read once a control step.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Onboard {
     gyro: Axes,
     accelerometer: Axes,
@@ -24,8 +26,8 @@ pub struct Onboard {
     /// Control steps between a measurement and its reading.
     latency: usize,
     dt: f64,
-    /// Whether tasks observe what follows from the readings, not the true state.
-    observed: bool,
+    /// What tasks observe the robot by; the true state without one.
+    estimator: Option<Estimator>,
 }
 
 /// Blocks of random numbers of a reading; those of reading 0 are drawn once an episode.
@@ -52,20 +54,25 @@ const ATTITUDE: usize = 19;
 const ENCODERS: usize = 23;
 /// The readings that are out.
 const READ: usize = ENCODERS + Encoders::MEMORY;
-const STATE: usize = READ + NUMBERS;
-/// The readings that are under way, newest first.
-const UNDER_WAY: usize = STATE + dead_reckoning::MEMORY;
+/// The readings that are under way, newest first; then what the estimator keeps.
+const UNDER_WAY: usize = READ + NUMBERS;
+
+/// Least errors that an estimator expects, rad/s, m/s², rad, and rad or m/s.
+const LEAST_RATE_ERROR: f64 = 1e-4;
+const LEAST_FORCE_ERROR: f64 = 1e-2;
+const LEAST_ANGLE_ERROR: f64 = 1e-6;
+const LEAST_START_ERROR: f64 = 1e-3;
 
 /// Numbers of the readings.
 const NUMBERS: usize = 12;
 
 impl Onboard {
-    /// Sensors that are read every `control_dt` (s). Tasks observe what follows from the readings if `observed`, else the
-    /// true state.
+    /// Sensors that are read every `control_dt` (s). Tasks observe what an estimator makes of the readings, that of the robot
+    /// `observed` if it is given; else the true state.
     ///
     /// # Errors
-    /// Those of [`SensorOptions::validate`] and [`SensorOptions::latency_steps`].
-    pub fn new(options: &SensorOptions, control_dt: f64, observed: bool) -> Result<Self> {
+    /// Those of [`SensorOptions::validate`], [`SensorOptions::latency_steps`] and [`Estimator::new`].
+    pub fn new(options: &SensorOptions, control_dt: f64, observed: Option<&Params>) -> Result<Self> {
         options.validate()?;
         let o = options;
         let gyro = [o.gyro_noise, o.gyro_bias, o.gyro_bias_walk, o.gyro_range];
@@ -79,8 +86,16 @@ impl Onboard {
             misalignment: o.imu_misalignment,
             latency: o.latency_steps(control_dt)?,
             dt: control_dt,
-            observed,
+            estimator: observed
+                .map(|params| Estimator::new(params, &expected_errors(options, control_dt), control_dt))
+                .transpose()?,
         })
+    }
+
+    /// The first number of the estimator.
+    #[inline(always)]
+    fn estimated(&self) -> usize {
+        UNDER_WAY + NUMBERS * self.latency
     }
 
     /// Velocity of the IMU, inertial frame.
@@ -130,11 +145,11 @@ impl Onboard {
 }
 
 impl Sensor for Onboard {
-    /// Without latency; see [`Onboard::memory_len`].
+    /// Without latency and estimator; see [`Onboard::memory_len`].
     const MEMORY: usize = UNDER_WAY;
 
     fn memory_len(&self) -> usize {
-        UNDER_WAY + NUMBERS * self.latency
+        self.estimated() + if self.estimator.is_some() { Estimator::MEMORY } else { 0 }
     }
 
     fn begin(&self, start: &EpisodeStart<'_>, memory: &mut [f64]) {
@@ -155,13 +170,15 @@ impl Sensor for Onboard {
                 let upright = Quat { w: 1.0, v: Vec3::new(0.0, 0.0, 0.0) };
                 let [p, q, r, _] = draws.units(PHASES);
                 self.encoders.begin(state.wheel_angles, state.wheel_speeds, [p, q, r], &mut memory[ENCODERS..READ]);
-                dead_reckoning::begin(start.params, state, &mut memory[STATE..UNDER_WAY]);
                 let mut memory = Memory::<f64>::new(Scalar, memory);
                 memory.set3(GYRO_BIAS, self.gyro.first_bias(&draws));
                 memory.set3(ACCELEROMETER_BIAS, self.accelerometer.first_bias(&draws));
                 memory.set_quaternion(ALIGNMENT, upright.turned(half));
                 memory.set_vector(VELOCITY, self.velocity(state));
                 memory.set_quaternion(ATTITUDE, state.body_quaternion);
+                if let Some(estimator) = &self.estimator {
+                    estimator.begin(state, &mut memory.after(self.estimated()));
+                }
             },
         );
     }
@@ -182,13 +199,40 @@ impl Sensor for Onboard {
         for (k, number) in numbers(&read).into_iter().enumerate() {
             memory.set(READ + k, number);
         }
-        if self.observed { dead_reckoning::update(&read, self.dt, memory, STATE) } else { *state }
+        let Some(estimator) = &self.estimator else { return *state };
+        let mut memory = memory.after(self.estimated());
+        let estimate = estimator.update(&read, &mut memory);
+        if self.latency > 0 {
+            // The first readings are repeated until others arrive.
+            estimator.wait(before.lt(before.splat(self.latency as f64)), &mut memory);
+        }
+        estimate
     }
 
     fn readings(&self, number: impl Fn(usize) -> f64) -> Option<Readings<f64>> {
         let mut values = [0.0; NUMBERS];
         values.iter_mut().enumerate().for_each(|(k, value)| *value = number(READ + k));
         Some(readings(values))
+    }
+}
+
+/// What an estimator expects of sensors with these options. Readings without errors leave those of its model.
+fn expected_errors(options: &SensorOptions, dt: f64) -> EstimatorOptions {
+    let reading = |density: f64| density / dt.sqrt();
+    let tick = if options.encoder_ticks > 0.0 { TAU / options.encoder_ticks } else { 0.0 };
+    EstimatorOptions {
+        imu_position: options.imu_position,
+        gyro_noise: reading(options.gyro_noise).clamp(LEAST_RATE_ERROR, 10.0),
+        gyro_bias: options.gyro_bias.min(10.0),
+        gyro_bias_walk: options.gyro_bias_walk.min(10.0),
+        // A bias of the accelerometer is not estimated.
+        accelerometer_noise: reading(options.accelerometer_noise)
+            .hypot(options.accelerometer_bias)
+            .clamp(LEAST_FORCE_ERROR, 100.0),
+        encoder_noise: (tick / 12.0_f64.sqrt()).clamp(LEAST_ANGLE_ERROR, 1.0),
+        start_attitude: options.imu_misalignment.max(LEAST_START_ERROR),
+        start_velocity: LEAST_START_ERROR,
+        ..EstimatorOptions::default()
     }
 }
 

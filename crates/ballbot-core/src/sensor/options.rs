@@ -40,7 +40,7 @@ fields! {
         /// Largest magnitude that the accelerometer reads along an axis; 0: any.
         pub accelerometer_range: f64 = 0.0, "m/s²", Limit::NOT_NEGATIVE.to(1e6);
         /// Where gyroscope and accelerometer are, in the body frame, whose origin is the ball's center.
-        pub imu_position: [f64; 3] = [0.0; 3], "m", Limit::from(-1e3).to(1e3);
+        pub imu_position: [f64; 3] = [0.0; 3], "m", Limit::from(-10.0).to(10.0);
         /// Standard deviation of the angle about each body axis by which gyroscope and accelerometer are mounted wrongly,
         /// drawn for each episode.
         pub imu_misalignment: f64 = 0.0, "rad", Limit::NOT_NEGATIVE.to(0.1);

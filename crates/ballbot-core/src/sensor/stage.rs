@@ -3,12 +3,9 @@
 use super::readings::Readings;
 use crate::lane_state::LaneState;
 use crate::lanes::{Lane, Memory};
-use crate::params::Params;
 
 /// What a stage may take from the start of an episode.
 pub struct EpisodeStart<'a> {
-    /// Parameters that the robot has without events.
-    pub params: &'a Params,
     /// Acceleration of gravity, m/s².
     pub gravity: f64,
     /// The true first state.
