@@ -15,7 +15,15 @@ def pages() -> dict[str, str]:
 
 def actuators(page: str) -> str:
     """docs/actuators.md with its table of options written anew."""
-    rows = tables.actuator_rows()
+    return _with_options(page, tables.actuator_rows())
+
+
+def sensors(page: str) -> str:
+    """docs/sensors.md with its table of options written anew."""
+    return _with_options(page, tables.sensor_rows())
+
+
+def _with_options(page: str, rows: list[list[str]]) -> str:
     table = tables.markdown(("option", "unit", "default", "limit", "what"), rows)
     before, _, rest = page.partition(_BEGIN)
     after = rest.partition(_END)[2]

@@ -80,9 +80,14 @@ def _start(arguments: argparse.Namespace) -> "View":
         raise ValueError("the page's robots have ideal motors: --env-option actuators=... has no place here")
     if "events" in given:
         raise ValueError("the page's robots are nominal: --env-option events=... has no place here")
+    for name in ("sensors", "observation", "history"):
+        if name in given:
+            raise ValueError(f"the page's policies observe the true state: --env-option {name}=... has no place here")
     options = common_options([controller], given)
     if options.get("actuators") is not None:
         print("the page's robots have ideal motors, unlike those of the policy's training", file=sys.stderr)
+    if options.get("observation", "ground_truth") != "ground_truth":
+        print("the page's policies observe the true state, unlike in the policy's training", file=sys.stderr)
     robot, params = _robot(arguments, options.get("params", "paper"))
     urdfs = {} if arguments.urdf is None else {robot: tuple(arguments.urdf)}
     # The robot of the policy's training remains: a session tries the policy on any other.

@@ -6,6 +6,9 @@ use crate::lanes::{Lane, Memory, Quat, Vec3};
 /// Numbers before the covariance.
 const BEFORE: usize = 36;
 
+/// Where [`Belief::begun`] is.
+const BEGUN: usize = BEFORE - 1;
+
 /// Numbers of a [`Belief`].
 pub const LEN: usize = BEFORE + NUMBERS;
 
@@ -61,7 +64,7 @@ impl<L: Lane> Belief<L> {
             wheel_rates: three(memory, 26),
             expected: three(memory, 29),
             slipping: three(memory, 32),
-            begun: memory.get(35),
+            begun: memory.get(BEGUN),
             covariance: Covariance::load(memory, BEFORE),
         }
     }
@@ -112,6 +115,13 @@ impl<L: Lane> Belief<L> {
             memory.set(i, number);
         }
         self.covariance.store(memory, BEFORE);
+    }
+
+    /// Makes the next reading of the robots in `mask` the first of their episode.
+    #[inline(always)]
+    pub fn wait(mask: L::Mask, memory: &mut Memory<'_, L>) {
+        let begun = memory.get(BEGUN);
+        memory.set(BEGUN, L::select(mask, begun.zero(), begun));
     }
 
     /// [`Belief::store`] for the robots outside of `mask`; for those inside only what is read.

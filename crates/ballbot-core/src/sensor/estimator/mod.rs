@@ -153,6 +153,12 @@ impl Estimator {
         self.state(&belief, readings, &expected)
     }
 
+    /// Makes the next [`Estimator::update`] of the robots in `mask` the first of their episode: the last one was repeated.
+    #[inline(always)]
+    pub fn wait<L: Lane>(&self, mask: L::Mask, memory: &mut Memory<'_, L>) {
+        Belief::wait(mask, memory);
+    }
+
     /// The state that the last [`Estimator::update`] gave, which was one with `readings`.
     #[inline(always)]
     pub fn last<L: Lane>(&self, readings: &Readings<L>, memory: &Memory<'_, L>) -> LaneState<L> {
