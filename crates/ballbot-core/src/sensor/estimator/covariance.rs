@@ -112,8 +112,8 @@ impl<L: Lane> Covariance<L> {
     #[inline(always)]
     pub fn times(&self, row: &[L; STATES]) -> [L; STATES] {
         let mut out = [row[0].zero(); STATES];
-        for i in 0..STATES {
-            out[i] = dot(&self.rows[i], row);
+        for (out, own) in out.iter_mut().zip(&self.rows) {
+            *out = dot(own, row);
         }
         out
     }
