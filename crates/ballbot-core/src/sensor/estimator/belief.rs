@@ -109,6 +109,7 @@ impl<L: Lane> Belief<L> {
             s[0],
             s[1],
             s[2],
+            self.begun,
         ];
         for (i, number) in numbers.into_iter().enumerate() {
             memory.set(i, number);
