@@ -210,3 +210,18 @@ def test_a_policy_keeps_its_sensors(tmp_path, capsys):
     np.testing.assert_array_equal(driver.torques(states, (0.0, 0.0)), first)
     assert main(["view", "--no-open", "--env-option", "observation=sensors"]) == 1
     assert "policies observe the true state" in capsys.readouterr().err
+
+
+def test_estimates_are_beside_the_states():
+    batch = bb.Batch(9, sensors="kugle", observation="sensors", seed=3)
+    batch.reset()
+    np.testing.assert_allclose(batch.estimates()[:, 16:20], batch.states()[:, 16:20], atol=1e-12)
+    batch.rollout(bb.Lqr(), steps=100)
+    found, true = batch.estimates(), batch.states()
+    assert found.shape == (9, 32) and not np.array_equal(found, true)
+    errors = np.abs(found - true)
+    assert errors[:, 16:20].max() < 0.03, "attitude of the body"
+    assert errors[:, 7:9].max() < 0.05, "velocity of the ball, m/s"
+    assert errors[:, 0:2].max() < 0.05, "position of the ball, m"
+    with pytest.raises(ValueError, match="no estimator"):
+        bb.Batch(1, sensors="kugle").estimates()

@@ -415,6 +415,19 @@ impl PyBatch {
         rows(py, inner.batch.len(), inner.batch.privileged_observation_len(), read)
     }
 
+    /// States that follow from the last readings of the sensors, as the task observes them, shape (num_envs, 32), float64,
+    /// rows as `State.to_array` lays them out. Beside `states()` they show the errors of the estimator.
+    ///
+    /// Raises:
+    ///     ValueError: the task observes the true state (`observation="sensors"` makes it observe these).
+    fn estimates<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f64>> {
+        let inner = self.inner.read()?;
+        rows(py, inner.batch.len(), State::LEN, |i, row| {
+            row.copy_from_slice(&inner.batch.estimate(i).map_err(to_python)?.to_array());
+            Ok(())
+        })
+    }
+
     /// Last readings of the sensors, latency included, by name: `gyro` (rad/s), `specific_force` (m/s²), both in the body
     /// frame, `wheel_angles` (rad, since the start of the episode) and `wheel_rates` (rad/s).
     ///

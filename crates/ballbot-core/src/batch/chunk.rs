@@ -57,6 +57,9 @@ pub trait Chunk: Send + Sync {
     /// Last readings of the sensors, if the robot has any.
     fn readings(&self, i: usize) -> Option<Readings<f64>>;
 
+    /// State that follows from the last readings, if the task observes it.
+    fn estimate(&self, i: usize) -> Option<State>;
+
     /// Writes the rows of an observation of the true state.
     fn privileged_observation(&self, i: usize, out: &mut [f32]);
 
@@ -376,6 +379,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn readings(&self, i: usize) -> Option<Readings<f64>> {
         self.step.sensor.readings(|number| self.ledger.sensor[number].get(i))
+    }
+
+    fn estimate(&self, i: usize) -> Option<State> {
+        self.step.sensor.estimate(|number| self.ledger.sensor[number].get(i))
     }
 
     fn privileged_observation(&self, i: usize, out: &mut [f32]) {

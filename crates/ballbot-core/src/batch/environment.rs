@@ -166,6 +166,14 @@ impl<T: Task> Environment<T> {
         self.inner.readings(0).ok_or_else(super::observations::no_sensors)
     }
 
+    /// As [`super::Batch::estimate`].
+    ///
+    /// # Errors
+    /// As [`super::Batch::estimate`].
+    pub fn estimate(&self) -> Result<State> {
+        self.inner.estimate(0).ok_or_else(super::observations::no_estimator)
+    }
+
     /// As [`super::Batch::privileged_observation`].
     ///
     /// # Errors

@@ -3,6 +3,7 @@
 use super::batch::Batch;
 use crate::error::{Error, Result};
 use crate::sensor::Readings;
+use crate::state::State;
 
 impl Batch {
     /// How many numbers an observation has: its rows, [`Batch::history`] times.
@@ -35,6 +36,16 @@ impl Batch {
         self.chunks[chunk].readings(i).ok_or_else(no_sensors)
     }
 
+    /// State of one robot that follows from the last readings of its sensors, as the task observes it. The spin of the ball
+    /// is part of it, its attitude that of a ball that rolls.
+    ///
+    /// # Errors
+    /// As [`Batch::state`]; [`Error::Inconsistent`] if the task observes the true state ([`super::EnvConfig::observation`]).
+    pub fn estimate(&self, index: usize) -> Result<State> {
+        let (chunk, i) = self.locate(index)?;
+        self.chunks[chunk].estimate(i).ok_or_else(no_estimator)
+    }
+
     /// How many numbers a privileged observation has.
     pub fn privileged_observation_len(&self) -> usize {
         self.task().rows.len()
@@ -55,6 +66,11 @@ impl Batch {
 /// The error of reading robots that have no sensors.
 pub(super) fn no_sensors() -> Error {
     Error::Inconsistent("the robots have no sensors: make the environments with sensors, exact ones for example".into())
+}
+
+/// The error of asking for an estimate where there is none.
+pub(super) fn no_estimator() -> Error {
+    Error::Inconsistent("the robots have no estimator: make the environments with observation = sensors".into())
 }
 
 /// Checks the length of a privileged observation.

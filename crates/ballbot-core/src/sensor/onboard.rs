@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::lane_state::LaneState;
 use crate::lanes::{Lane, Memory, Quat, Scalar, Vec3, run_one};
 use crate::params::Params;
+use crate::state::State;
 use std::f64::consts::TAU;
 
 /// Sensors on the body and at the wheels, read once a control step.
@@ -213,6 +214,17 @@ impl Sensor for Onboard {
         let mut values = [0.0; NUMBERS];
         values.iter_mut().enumerate().for_each(|(k, value)| *value = number(READ + k));
         Some(readings(values))
+    }
+
+    fn estimate(&self, number: impl Fn(usize) -> f64) -> Option<State> {
+        let (estimator, read) = (self.estimator.as_ref()?, self.readings(&number)?);
+        let mut kept = [0.0; Estimator::MEMORY];
+        kept.iter_mut().enumerate().for_each(|(k, value)| *value = number(self.estimated() + k));
+        let state = run_one(
+            #[inline(always)]
+            || estimator.last(&read, &Memory::<f64>::new(Scalar, &mut kept)),
+        );
+        Some(state.into())
     }
 }
 

@@ -3,6 +3,7 @@
 use super::readings::Readings;
 use crate::lane_state::LaneState;
 use crate::lanes::{Lane, Memory};
+use crate::state::State;
 
 /// What a stage may take from the start of an episode.
 pub struct EpisodeStart<'a> {
@@ -40,6 +41,13 @@ pub trait Sensor: Clone + Send + Sync + 'static {
 
     /// The last readings, from the numbers of the memory by their index; `None` if the stage has none.
     fn readings(&self, number: impl Fn(usize) -> f64) -> Option<Readings<f64>> {
+        let _ = number;
+        None
+    }
+
+    /// The state that follows from the last readings, from the numbers of the memory by their index; `None` if the stage
+    /// estimates none.
+    fn estimate(&self, number: impl Fn(usize) -> f64) -> Option<State> {
         let _ = number;
         None
     }

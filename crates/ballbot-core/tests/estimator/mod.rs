@@ -18,7 +18,7 @@ use record::{Filter, Noise, Plan, Record, attitude_error, crooked};
 use crate::support::general::any_general_robot;
 use crate::support::{any_start, natural_rate};
 
-const IMU: [f64; 3] = [0.03, -0.02, 0.2];
+pub const IMU: [f64; 3] = [0.03, -0.02, 0.2];
 
 fn options() -> EstimatorOptions {
     EstimatorOptions { imu_position: IMU, ..EstimatorOptions::default() }
@@ -65,14 +65,16 @@ fn odometry_is_exact_along_a_motion() {
     }
 }
 
-/// Errors of attitude (rad), velocity (m/s) and position (m) at the end of a record without noise, their largest.
-fn largest_errors(record: &Record, options: &EstimatorOptions) -> [f64; 3] {
+/// Largest errors of tilt and yaw (rad), velocity (m/s) and position (m) along a record without noise.
+fn largest_errors(record: &Record, options: &EstimatorOptions) -> [f64; 4] {
     let mut filter = Filter::new(&record.params, options, record.dt, &record.states[0], &record.readings[0]);
-    let mut largest = [0.0_f64; 3];
+    let mut largest = [0.0_f64; 4];
     for (state, readings) in record.states.iter().zip(&record.readings).skip(1) {
         let found = filter.update(readings);
+        let attitude = attitude_error(state, &found);
         let errors = [
-            attitude_error(state, &found).norm(),
+            attitude.xy().norm(),
+            attitude.z.abs(),
             (state.ball_velocity - found.ball_velocity).norm(),
             (state.ball_position - found.ball_position).norm(),
         ];
@@ -84,14 +86,19 @@ fn largest_errors(record: &Record, options: &EstimatorOptions) -> [f64; 3] {
 
 #[test]
 fn estimates_follow_a_motion_without_noise() {
-    for params in [Params::paper(), crooked()] {
-        let errors = |dt| {
-            largest_errors(&Record::driven(&params, ModelKind::Spatial, &Plan { dt, ..Plan::default() }), &options())
-        };
-        let (coarse, fine) = (errors(0.01), errors(0.005));
-        println!("largest errors (rad, m/s, m) at 10 ms {coarse:.2e?}, at 5 ms {fine:.2e?}");
-        for (error, limit) in coarse.into_iter().zip([2e-4, 2e-3, 1e-3]) {
-            assert!(error < limit, "{coarse:?}");
+    // A filter that seeks a bias, and one that knows that there is none.
+    let sure = EstimatorOptions { gyro_bias: 0.0, gyro_bias_walk: 0.0, ..options() };
+    for (options, limits) in [(options(), [2e-3, 2e-3, 1e-3, 1e-3]), (sure, [2e-4, 2e-4, 1e-3, 1e-3])] {
+        for params in [Params::paper(), crooked()] {
+            let errors = |dt| {
+                let plan = Plan { dt, ..Plan::default() };
+                largest_errors(&Record::driven(&params, ModelKind::Spatial, &plan), &options)
+            };
+            let (coarse, fine) = (errors(0.01), errors(0.005));
+            println!("largest errors (rad, rad, m/s, m) at 10 ms {coarse:?}, at 5 ms {fine:?}");
+            for (error, limit) in coarse.into_iter().zip(limits) {
+                assert!(error < limit, "{coarse:?}");
+            }
         }
     }
 }
@@ -119,7 +126,7 @@ fn plain_filter(record: &Record) -> f64 {
 #[test]
 fn steady_lean_is_not_taken_for_upright() {
     let lean = 5.0_f64.to_radians();
-    for (name, off) in [("paper", 1.9), ("kugle", 3.7), ("rezero", 3.4), ("asroballet", 3.8)] {
+    for (name, off) in [("paper", 1.9), ("kugle", 3.7), ("rezero", 3.25), ("asroballet", 3.85)] {
         let params = Params::preset(name).unwrap();
         let (record, acceleration) = steady_lean(&params, lean, 0.01, 1000);
         // What the accelerometer sees is the lean less the angle whose tangent is the acceleration over gravity.
@@ -137,7 +144,7 @@ fn steady_lean_is_not_taken_for_upright() {
         }
         let error = (found.tilt() - lean).to_degrees();
         println!("{name}: plain filter {plain_off:.2} deg off, estimator {error:.4} deg");
-        assert!((plain_off - off).abs() < 0.15, "{name}: the plain filter is {plain_off} deg off, expected {off}");
+        assert!((plain_off - off).abs() < 0.05, "{name}: the plain filter is {plain_off} deg off, expected {off}");
         assert!(error.abs() < 0.1, "{name}: {error} deg off");
     }
 }

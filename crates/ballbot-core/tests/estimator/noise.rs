@@ -65,4 +65,7 @@ fn errors_are_what_the_covariance_says() {
     let mean = squares[1..].iter().sum::<f64>() / 1000.0;
     println!("{inside} of 1000 steps inside the 95 % band, mean {mean:.3}");
     assert!((BAND[0]..BAND[1]).contains(&mean), "mean NEES {mean}");
+    assert!(inside > 850, "{inside} of 1000 steps inside the band");
+    let [tilt, velocity, position] = rms;
+    assert!(tilt < 2e-3 && velocity < 0.015 && position < 0.02, "RMS {rms:?}");
 }

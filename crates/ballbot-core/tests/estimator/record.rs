@@ -34,7 +34,7 @@ impl Default for Plan {
 }
 
 impl Plan {
-    fn setpoint(&self, k: usize) -> Setpoint {
+    pub fn setpoint(&self, k: usize) -> Setpoint {
         let phase = TAU * self.dt * k as f64 / 5.0;
         Setpoint {
             position: Vector2::new(phase.sin(), (2.0 * phase).sin() * 0.5) * 0.4,

@@ -7,6 +7,10 @@ use super::gate::by_turning;
 use crate::lanes::{Lane, Mat3, Vec3};
 use crate::sensor::Readings;
 
+/// Deviation of a mean rate from that of the two ends of a step, as a share of their difference: motors and models do not
+/// accelerate evenly within it.
+const UNEVEN: f64 = 0.1;
+
 impl Estimator {
     /// Corrects the estimates by the wheels that do not slip.
     ///
@@ -69,7 +73,8 @@ impl Estimator {
                 let of_rate = by_rate[i].dot(by_rate[j]) * gyro_variance;
                 s[i][j] = dot(&h[i], &g[j]) + dot(&h[j], &shared[i]) + of_rate;
             }
-            s[i][i] = s[i][i] + encoder_variance;
+            let change = expected.wheel_rates[i] - belief.expected[i];
+            s[i][i] = change.squared().mul_add_all(UNEVEN * UNEVEN, s[i][i] + encoder_variance);
         }
         for i in 0..3 {
             let change = readings.wheel_rates[i] - belief.wheel_rates[i];
