@@ -35,7 +35,7 @@ COMMON = (
      "The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md."),
     ("observation", "Observed | str", "", ", ".join(OBSERVATIONS),
      "What observations are computed from: the true state, or what follows from the readings of the sensors."),
-    ("history", "int", "", ">= 1 and <= 1000", "How many observations, the last ones, are given together, oldest first."),
+    ("history", "int", "", ">= 1 and <= 1000", "How many observations, the last ones, are given together."),
     ("scale_observations", "bool", "", "",
      f"Whether each row, less its value at rest, is divided by its typical magnitude, within ±{SCALED_BOUND:g}."),
     ("reward", "Mapping[str, float]", "", "finite", "Scales of reward terms, by name."),
@@ -88,7 +88,13 @@ def actuator_rows() -> list[list[str]]:
 def sensor_rows() -> list[list[str]]:
     """Name, unit, default, limit and meaning of every option of sensors."""
     return [
-        [f"`{option['name']}`", option["unit"], values(option["default"]), option["limit"], option["doc"].replace("\n", " ")]
+        [
+            f"`{option['name']}`",
+            option["unit"],
+            values(option["default"]),
+            option["limit"],
+            option["doc"].replace("\n", " "),
+        ]
         for option in SENSOR_OPTIONS
     ]
 
