@@ -195,7 +195,8 @@ def test_a_policy_keeps_its_sensors(tmp_path, capsys):
         options = find(file).env_options
         assert {name: options[name] for name in OBSERVED} == OBSERVED
     given, own, truth = (
-        bb.evaluate(path, episodes=3, env_options=options) for options in (OBSERVED, {}, {"observation": "ground_truth"})
+        bb.evaluate(path, episodes=3, env_options=options)
+        for options in (OBSERVED, {}, {"observation": "ground_truth"})
     )
     assert own == given
     assert own.tilt_rms != truth.tilt_rms
@@ -218,7 +219,8 @@ def test_estimates_are_beside_the_states():
     np.testing.assert_allclose(batch.estimates()[:, 16:20], batch.states()[:, 16:20], atol=1e-12)
     batch.rollout(bb.Lqr(), steps=100)
     found, true = batch.estimates(), batch.states()
-    assert found.shape == (9, 32) and not np.array_equal(found, true)
+    assert found.shape == (9, 32)
+    assert not np.array_equal(found, true)
     errors = np.abs(found - true)
     assert errors[:, 16:20].max() < 0.03, "attitude of the body"
     assert errors[:, 7:9].max() < 0.05, "velocity of the ball, m/s"

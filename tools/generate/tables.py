@@ -5,7 +5,6 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ballbot_rs._core import (
-    ACTUATOR_OPTIONS,
     ACTUATORS,
     CONTROLLERS,
     EVENT_SETS,
@@ -13,7 +12,6 @@ from ballbot_rs._core import (
     OBSERVATIONS,
     ROBOTS,
     SCALED_BOUND,
-    SENSOR_OPTIONS,
     SENSORS,
     TASKS,
     Batch,
@@ -35,7 +33,7 @@ COMMON = (
      "The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md."),
     ("observation", "Observed | str", "", ", ".join(OBSERVATIONS),
      "What observations are computed from: the true state, or what follows from the readings of the sensors."),
-    ("history", "int", "", ">= 1 and <= 1000", "How many observations, the last ones, are given together, oldest first."),
+    ("history", "int", "", ">= 1 and <= 1000", "How many observations, the last ones, are given together."),
     ("scale_observations", "bool", "", "",
      f"Whether each row, less its value at rest, is divided by its typical magnitude, within ±{SCALED_BOUND:g}."),
     ("reward", "Mapping[str, float]", "", "finite", "Scales of reward terms, by name."),
@@ -77,20 +75,10 @@ def option_rows(task: str) -> list[list[str]]:
     return rows
 
 
-def actuator_rows() -> list[list[str]]:
-    """Name, unit, default, limit and meaning of every option of motors."""
-    return [
-        [f"`{option['name']}`", option["unit"], values(option["default"]), option["limit"], option["doc"]]
-        for option in ACTUATOR_OPTIONS
-    ]
-
-
-def sensor_rows() -> list[list[str]]:
-    """Name, unit, default, limit and meaning of every option of sensors."""
-    return [
-        [f"`{option['name']}`", option["unit"], values(option["default"]), option["limit"], option["doc"].replace("\n", " ")]
-        for option in SENSOR_OPTIONS
-    ]
+def stage_rows(options: Iterable[Any]) -> list[list[str]]:
+    """Name, unit, default, limit and meaning of every option of motors or sensors."""
+    facts = ((option, values(option["default"]), option["doc"].replace("\n", " ")) for option in options)
+    return [[f"`{option['name']}`", option["unit"], default, option["limit"], doc] for option, default, doc in facts]
 
 
 def observation_rows(task: str) -> list[list[str]]:

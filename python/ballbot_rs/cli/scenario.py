@@ -61,7 +61,7 @@ def add_controller(command: Any, *, several: bool = False) -> None:
 
 
 def add_robot(command: Any, *, otherwise: str = "the policy's own, else", actuators: bool = True) -> None:
-    """Adds the model, the robot, its motors and sensors (unless `actuators` is off) and other options of the environment."""
+    """Adds the model, the robot, its motors and sensors (unless `actuators` is off) and other options."""
     command.add_argument("--model", help=f"{', '.join(MODELS)} (default: {otherwise} contact)")
     command.add_argument(
         "--robot",

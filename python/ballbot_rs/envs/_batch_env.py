@@ -162,9 +162,7 @@ class ManyRobots(SharedAttributes):
         return self._batch.readings()
 
     def privileged_observations(self) -> npt.NDArray[np.float32]:
-        """The rows of the observations from the true states, shape (num_envs, k); see
-        `Batch.privileged_observations`.
-        """
+        """The rows of the observations from the true states; see `Batch.privileged_observations`."""
         return self._batch.privileged_observations()
 
     def set_params(self, params: Params | str, index: int | None = None) -> None:

@@ -114,13 +114,14 @@ impl<T: Task> EnvConfig<T> {
     /// are none.
     ///
     /// # Errors
-    /// Those of [`Onboard::new`].
+    /// Those of [`EnvConfig::substeps`] and [`Onboard::new`].
     pub fn onboard(&self) -> Result<Option<Onboard>> {
         let options = match &self.sensors {
             Some(options) => options.clone(),
             None if self.observation == Observation::Sensors => SensorOptions::default(),
             None => return Ok(None),
         };
+        self.substeps()?;
         let observer = (self.observation == Observation::Sensors).then_some(&self.params);
         Onboard::new(&options, self.control_dt, observer).map(Some)
     }

@@ -211,8 +211,9 @@ fn snapshots_carry_the_memory() {
         let exact = BalanceConfig { sensors: Some(SensorOptions::default()), ..config.clone() };
         for others in [without, truth, short, exact] {
             let mut others = batch(&others, n, Autoreset::SameStep);
-            for (from, to) in [(&run.batch.save(0).unwrap(), &mut others), (&others.batch.save(0).unwrap(), &mut run)] {
-                let error = to.batch.load(0, from).unwrap_err().to_string();
+            let (own, foreign) = (run.batch.save(0).unwrap(), others.batch.save(0).unwrap());
+            for (bytes, to) in [(&own, &mut others), (&foreign, &mut run)] {
+                let error = to.batch.load(0, bytes).unwrap_err().to_string();
                 assert!(error.contains("sensors, history or options of its task differ"), "{error}");
             }
         }
