@@ -27,6 +27,7 @@ from ballbot_rs._core import (
     __version__,
     load_actuators,
     load_events,
+    load_sensors,
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
@@ -75,6 +76,7 @@ __all__ = [
     "evaluate",
     "load_actuators",
     "load_events",
+    "load_sensors",
     "run",
     "save",
     "virtual_to_wheel_torques",

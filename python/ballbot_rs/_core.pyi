@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from typing_extensions import Self, Unpack, disjoint_base
 
-from ballbot_rs.envs.options import Actuators, TaskOptions
+from ballbot_rs.envs.options import Actuators, Sensors, TaskOptions
 
 __all__ = [
     "ACTUATORS",
@@ -17,9 +17,12 @@ __all__ = [
     "EVENT_SETS",
     "LABELS",
     "MODELS",
+    "OBSERVATIONS",
     "PAPER_BALL_VISCOUS_FRICTION",
     "ROBOTS",
     "SCALED_BOUND",
+    "SENSORS",
+    "SENSOR_OPTIONS",
     "TASKS",
     "Ballbot",
     "Batch",
@@ -36,6 +39,7 @@ __all__ = [
     "__version__",
     "load_actuators",
     "load_events",
+    "load_sensors",
     "virtual_to_wheel_torques",
     "wheel_to_virtual_torques",
 ]
@@ -85,6 +89,9 @@ EVENT_SETS: list[str]
 LABELS: list[str]
 ACTUATORS: list[str]
 ACTUATOR_OPTIONS: list[_Option]
+SENSORS: list[str]
+SENSOR_OPTIONS: list[_Option]
+OBSERVATIONS: list[str]
 TASKS: dict[str, _Task]
 CONTROLLERS: dict[str, _Controller]
 SCALED_BOUND: float
@@ -610,6 +617,7 @@ class LinearModel:
     def discretize(self, dt: float) -> tuple[_Array, _Array]:
         """Matrices A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact."""
 
+def load_sensors(name_or_path: str | PathLike[str]) -> Sensors: ...
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
     """Motors by name (`ACTUATORS` has them), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, of
     which the joints' `velocity` is `speed_limit`.
@@ -856,6 +864,8 @@ class Batch:
     def max_episode_steps(self) -> int:
         """Steps after which an episode is truncated."""
     @property
+    def history(self) -> int: ...
+    @property
     def observation_len(self) -> int:
         """How many numbers an observation has."""
     @property
@@ -919,6 +929,9 @@ class Batch:
         """States of all robots, shape (num_envs, 32), float64, rows as `State.to_array` lays them out."""
     def observations(self) -> npt.NDArray[np.float32]:
         """Last observations of all environments, shape (num_envs, observation_len), float32."""
+    def estimates(self) -> _Array: ...
+    def privileged_observations(self) -> npt.NDArray[np.float32]: ...
+    def readings(self, index: int | None = None) -> dict[str, _Array]: ...
     @overload
     def contacts(self, index: None = None) -> dict[str, npt.NDArray[Any]]: ...
     @overload

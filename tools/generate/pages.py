@@ -1,6 +1,6 @@
 """`docs/tasks`: a page for each task, and their index."""
 
-from ballbot_rs._core import SCALED_BOUND, TASKS
+from ballbot_rs._core import ACTUATOR_OPTIONS, SCALED_BOUND, SENSOR_OPTIONS, TASKS
 from generate import tables
 
 #: Around the generated table in a page that is written by hand.
@@ -15,7 +15,15 @@ def pages() -> dict[str, str]:
 
 def actuators(page: str) -> str:
     """docs/actuators.md with its table of options written anew."""
-    rows = tables.actuator_rows()
+    return _with_options(page, tables.stage_rows(ACTUATOR_OPTIONS))
+
+
+def sensors(page: str) -> str:
+    """docs/sensors.md with its table of options written anew."""
+    return _with_options(page, tables.stage_rows(SENSOR_OPTIONS))
+
+
+def _with_options(page: str, rows: list[list[str]]) -> str:
     table = tables.markdown(("option", "unit", "default", "limit", "what"), rows)
     before, _, rest = page.partition(_BEGIN)
     after = rest.partition(_END)[2]

@@ -5,13 +5,14 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ballbot_rs._core import (
-    ACTUATOR_OPTIONS,
     ACTUATORS,
     CONTROLLERS,
     EVENT_SETS,
     MODELS,
+    OBSERVATIONS,
     ROBOTS,
     SCALED_BOUND,
+    SENSORS,
     TASKS,
     Batch,
 )
@@ -28,6 +29,11 @@ COMMON = (
      "Torque of an action of 1; None follows from the traction of the upright robot."),
     ("actuators", "Actuators | str | PathLike[str] | None", "", f"{', '.join(ACTUATORS)}, FILE.toml, or FILE.urdf",
      "The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md."),
+    ("sensors", "Sensors | str | PathLike[str] | None", "", f"{', '.join(SENSORS)}, or FILE.toml",
+     "The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md."),
+    ("observation", "Observed | str", "", ", ".join(OBSERVATIONS),
+     "What observations are computed from: the true state, or what follows from the readings of the sensors."),
+    ("history", "int", "", ">= 1 and <= 1000", "How many observations, the last ones, are given together."),
     ("scale_observations", "bool", "", "",
      f"Whether each row, less its value at rest, is divided by its typical magnitude, within ±{SCALED_BOUND:g}."),
     ("reward", "Mapping[str, float]", "", "finite", "Scales of reward terms, by name."),
@@ -69,12 +75,10 @@ def option_rows(task: str) -> list[list[str]]:
     return rows
 
 
-def actuator_rows() -> list[list[str]]:
-    """Name, unit, default, limit and meaning of every option of motors."""
-    return [
-        [f"`{option['name']}`", option["unit"], values(option["default"]), option["limit"], option["doc"]]
-        for option in ACTUATOR_OPTIONS
-    ]
+def stage_rows(options: Iterable[Any]) -> list[list[str]]:
+    """Name, unit, default, limit and meaning of every option of motors or sensors."""
+    facts = ((option, values(option["default"]), option["doc"].replace("\n", " ")) for option in options)
+    return [[f"`{option['name']}`", option["unit"], default, option["limit"], doc] for option, default, doc in facts]
 
 
 def observation_rows(task: str) -> list[list[str]]:

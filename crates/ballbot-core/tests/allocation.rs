@@ -3,9 +3,10 @@
 
 use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Outcome, StepBuffers, When};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Outcome, StepBuffers, When};
 use ballbot_core::control::{Controller, Lqr, Pid, PidGains};
 use ballbot_core::kinematics::TorqueMap;
+use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{ACTION_LEN, Balance};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -97,9 +98,13 @@ fn steps_allocate_nothing() {
     let events = vec![push, friction, Event::new("gravity", [9.0, 10.0]), Event::new("ball_radius", [0.112, 0.113])];
     assert_eq!(allocations(&BalanceConfig { events, ..brief.clone() }, None), 0, "contact with events");
     let actuators = MotorOptions { delay: 0.026, lag: 0.01, speed_limit: 20.0, ..MotorOptions::default() };
+    let sensors = SensorOptions { gyro_noise: 0.01, encoder_ticks: 1e3, latency: 0.02, ..SensorOptions::default() };
     for config in [endless(ModelKind::Planar), endless(ModelKind::Spatial), brief] {
         let config = BalanceConfig { actuators: actuators.clone(), ..config };
         assert_eq!(allocations(&config, None), 0, "{} with motors", config.model);
+        let observation = Observation::Sensors;
+        let config = BalanceConfig { sensors: Some(sensors.clone()), observation, history: 3, ..config };
+        assert_eq!(allocations(&config, None), 0, "{} with sensors", config.model);
     }
     // For the record: a reset may allocate, and so does rapier.
     let brief = BalanceConfig { max_episode_steps: 2, ..endless(ModelKind::Spatial) };

@@ -1,4 +1,9 @@
-//! Controllers: the Riccati equation by its cost, the regulator and the paper's PID by the motion of the robot.
+//! Controllers: the Riccati equation by its cost, the regulator and the paper's PID by the motion of the robot; the estimator
+//! that they may run on.
+
+#[path = "estimator/mod.rs"]
+mod estimator;
+mod support;
 
 use ballbot_core::batch::{BalanceConfig, Environment};
 use ballbot_core::control::riccati::{self, Regulator};

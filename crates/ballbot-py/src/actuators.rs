@@ -1,10 +1,9 @@
 //! Motors of environments, from and to Python.
 
 use crate::errors::{call, to_python};
-use crate::numbers::one_or_more;
+use crate::fields::{field_dict, named_numbers};
 use crate::params::toml_path;
 use ballbot_core::actuator::MotorOptions;
-use ballbot_core::fields::Fields;
 use ballbot_core::urdf;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -49,18 +48,7 @@ fn from_urdf(path: &Path) -> PyResult<MotorOptions> {
 }
 
 fn from_mapping(options: &Bound<'_, PyMapping>) -> PyResult<MotorOptions> {
-    let mut fields = Vec::new();
-    for item in options.items()? {
-        let (name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
-        let Ok(name) = name.extract::<String>() else {
-            return Err(PyTypeError::new_err(format!("actuators has the key {}, expected names", name.repr()?)));
-        };
-        let values = one_or_more(&format!("actuators.{name}"), &value).map_err(|_| {
-            let kind = value.get_type().name().map_or_else(|_| "this".to_owned(), |name| name.to_string());
-            PyTypeError::new_err(format!("actuators.{name} must be a number, or an array of numbers, not {kind}"))
-        })?;
-        fields.push((name, values));
-    }
+    let fields = named_numbers("actuators", options)?;
     MotorOptions::from_fields(fields.iter().map(|(name, values)| (name.as_str(), values.as_slice()))).map_err(to_python)
 }
 
@@ -70,14 +58,7 @@ pub(crate) fn to_object(py: Python<'_>, options: &MotorOptions) -> PyResult<Opti
 }
 
 fn to_dict<'py>(py: Python<'py>, options: &MotorOptions) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
-    for (index, field) in MotorOptions::FIELDS.iter().enumerate() {
-        match options.values(index) {
-            [number] => dict.set_item(field.name, number)?,
-            numbers => dict.set_item(field.name, numbers)?,
-        }
-    }
-    Ok(dict)
+    field_dict(py, options)
 }
 
 /// Motors by name (`ACTUATORS` has them), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, of

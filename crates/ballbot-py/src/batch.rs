@@ -10,6 +10,7 @@ use crate::numbers::{count, index, optional_index, optional_whole, seed, seeds, 
 use crate::options::{configure, resolved};
 use crate::params::{PyParams, or_paper};
 use crate::rollout::{CONTACT_PARTS, Stepped};
+use crate::sensors::readings;
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
 use ballbot_core::batch::{Autoreset, Batch, Outcome, ResetRequest, StepBuffers, task_kind};
@@ -33,7 +34,8 @@ use pyo3::{PyTraverseError, PyVisit};
 ///     seed: of the first environment.
 ///     options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
 ///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file; None is
-///         ideal motors), `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: what is drawn at
+///         ideal motors), `sensors` (as `actuators`; None is none), `observation` ("ground_truth" or "sensors"), `history`
+///         (how many observations, the last ones, are given together), `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: what is drawn at
 ///         random), and the options of the task.
 ///
 /// Raises:
@@ -167,6 +169,9 @@ impl PyBatch {
         if let Some(Ok(actuators)) = options.get_item("actuators")?.map(|found| found.cast_into::<PyDict>()) {
             options.set_item("actuators", actuators.copy()?)?;
         }
+        if let Some(Ok(sensors)) = options.get_item("sensors")?.map(|found| found.cast_into::<PyDict>()) {
+            options.set_item("sensors", sensors.copy()?)?;
+        }
         if let Some(events) = options.get_item("events")? {
             options.set_item("events", py.import("copy")?.call_method1("deepcopy", (events,))?)?;
         }
@@ -209,7 +214,13 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.max_episode_steps())
     }
 
-    /// How many numbers an observation has.
+    /// How many observations, the last ones, are given together.
+    #[getter]
+    fn history(&self) -> PyResult<usize> {
+        Ok(self.inner.read()?.batch.history())
+    }
+
+    /// How many numbers an observation has: its rows, `history` times, the last ones at the end.
     #[getter]
     fn observation_len(&self) -> PyResult<usize> {
         Ok(self.inner.read()?.batch.observation_len())
@@ -394,6 +405,43 @@ impl PyBatch {
         let inner = self.inner.read()?;
         let read = |i, row: &mut [f32]| inner.batch.observation(i, row).map_err(to_python);
         rows(py, inner.batch.len(), inner.batch.observation_len(), read)
+    }
+
+    /// Rows of the observations of all environments computed from the true states, shape (num_envs, k), float32, scaled
+    /// alike: what a critic may see. With `observation="ground_truth"` and `history=1` they are the observations.
+    fn privileged_observations<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f32>> {
+        let inner = self.inner.read()?;
+        let read = |i, row: &mut [f32]| inner.batch.privileged_observation(i, row).map_err(to_python);
+        rows(py, inner.batch.len(), inner.batch.privileged_observation_len(), read)
+    }
+
+    /// States that follow from the last readings of the sensors, as the task observes them, shape (num_envs, 32), float64,
+    /// rows as `State.to_array` lays them out. Beside `states()` they show the errors of the estimator.
+    ///
+    /// Raises:
+    ///     ValueError: the task observes the true state (`observation="sensors"` makes it observe these).
+    fn estimates<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f64>> {
+        let inner = self.inner.read()?;
+        rows(py, inner.batch.len(), State::LEN, |i, row| {
+            row.copy_from_slice(&inner.batch.estimate(i).map_err(to_python)?.to_array());
+            Ok(())
+        })
+    }
+
+    /// Last readings of the sensors, latency included, by name: `gyro` (rad/s), `specific_force` (m/s²), both in the body
+    /// frame, `wheel_angles` (rad, since the start of the episode) and `wheel_rates` (rad/s).
+    ///
+    /// Of all environments, shape (num_envs, 3) each, or of environment `index`, shape (3,).
+    ///
+    /// Raises:
+    ///     ValueError: the robots have no sensors (`sensors=`).
+    #[pyo3(signature = (index=None))]
+    fn readings<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = optional_index)] index: Option<usize>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        readings(py, &self.inner.read()?.batch, index)
     }
 
     /// Contact forces of the last model step: of environment `index` as `Contacts`, or of all as a dict of arrays.

@@ -11,6 +11,7 @@ mod convert;
 mod errors;
 mod events;
 mod exclusive;
+mod fields;
 mod infos;
 mod models;
 mod numbers;
@@ -19,6 +20,7 @@ mod params;
 mod render;
 mod robot;
 mod rollout;
+mod sensors;
 mod signals;
 mod state;
 mod tasks;
@@ -55,6 +57,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<batch::PyBatch>()?;
     module.add_class::<render::PyRenderer>()?;
     module.add_function(wrap_pyfunction!(actuators::load_actuators, module)?)?;
+    module.add_function(wrap_pyfunction!(sensors::load_sensors, module)?)?;
     module.add_function(wrap_pyfunction!(models::virtual_to_wheel_torques, module)?)?;
     module.add_function(wrap_pyfunction!(models::wheel_to_virtual_torques, module)?)?;
     Ok(())

@@ -5,6 +5,7 @@ use crate::errors::to_python;
 use crate::events::{events, to_list};
 use crate::numbers::one_or_more;
 use crate::params::or_paper;
+use crate::sensors::{sensors, sensors_object};
 use ballbot_core::batch::TaskConfig;
 use ballbot_core::task::TaskDescription;
 use pyo3::exceptions::PyTypeError;
@@ -25,6 +26,11 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
             config.set_model(model.parse().map_err(to_python)?);
         }
         "actuators" => config.set_actuators(actuators(value)?),
+        "sensors" => config.set_sensors(sensors(value)?),
+        "observation" => {
+            let observation: String = value.extract().map_err(|_| wrong("the name of a kind of observation"))?;
+            config.set_observation(observation.parse().map_err(to_python)?);
+        }
         "reward" => {
             let scales = value.cast::<PyDict>().map_err(|_| wrong("a dict of scales by reward term"))?;
             for (term, scale) in scales {
@@ -55,16 +61,18 @@ pub(crate) fn resolved<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let resolved = PyDict::new(py);
     let own = task.options.iter().map(|option| option.name);
-    let common = ["sim_dt", "control_dt", "max_episode_steps", "max_wheel_torque", "scale_observations"];
+    let common = ["sim_dt", "control_dt", "max_episode_steps", "max_wheel_torque", "scale_observations", "history"];
     for name in common.into_iter().chain(own) {
         match config.get(name).unwrap_or_default().as_slice() {
             [flag] if name == "scale_observations" => resolved.set_item(name, *flag != 0.0)?,
-            [steps] if name == "max_episode_steps" => resolved.set_item(name, *steps as u64)?,
+            [steps] if matches!(name, "max_episode_steps" | "history") => resolved.set_item(name, *steps as u64)?,
             [number] => resolved.set_item(name, number)?,
             numbers => resolved.set_item(name, numbers)?,
         }
     }
     resolved.set_item("actuators", to_object(py, config.actuators())?)?;
+    resolved.set_item("sensors", sensors_object(py, config.sensors())?)?;
+    resolved.set_item("observation", config.observation().name())?;
     let reward = PyDict::new(py);
     for (name, scale) in config.reward() {
         reward.set_item(name, scale)?;

@@ -1,9 +1,10 @@
 //! Descriptions of tasks and controllers as plain Python data.
 
 use ballbot_core::actuator::MotorOptions;
-use ballbot_core::batch::task_kinds;
+use ballbot_core::batch::{Observation, task_kinds};
 use ballbot_core::control::controller_kinds;
 use ballbot_core::fields::{OptionDescription, describe_options};
+use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::SCALED_BOUND;
 use ballbot_core::{ModelKind, Params};
 use pyo3::prelude::*;
@@ -88,5 +89,8 @@ pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("ROBOTS", Params::preset_names())?;
     module.add("ACTUATORS", MotorOptions::preset_names())?;
     module.add("ACTUATOR_OPTIONS", options(py, &describe_options::<MotorOptions>())?)?;
+    module.add("SENSORS", SensorOptions::preset_names())?;
+    module.add("SENSOR_OPTIONS", options(py, &describe_options::<SensorOptions>())?)?;
+    module.add("OBSERVATIONS", Observation::ALL.map(Observation::name))?;
     module.add("SCALED_BOUND", SCALED_BOUND)
 }

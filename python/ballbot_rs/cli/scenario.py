@@ -14,10 +14,12 @@ from ballbot_rs._core import (
     EVENT_SETS,
     MODELS,
     ROBOTS,
+    SENSORS,
     TASKS,
     Params,
     load_actuators,
     load_events,
+    load_sensors,
 )
 from ballbot_rs._reading import read_regular
 from ballbot_rs.analysis.trajectory import Push, Trajectory, run
@@ -58,8 +60,8 @@ def add_controller(command: Any, *, several: bool = False) -> None:
         command.add_argument("--controller", default="lqr", metavar=CONTROLLER_METAVAR, help=f"{what} (default lqr)")
 
 
-def add_robot(command: Any, *, otherwise: str = "the policy's own, else") -> None:
-    """Adds the model, the robot, its motors and other options of the environment."""
+def add_robot(command: Any, *, otherwise: str = "the policy's own, else", sensors: bool = True) -> None:
+    """Adds the model, the robot, its motors, sensors (unless they are off) and other options of the environment."""
     command.add_argument("--model", help=f"{', '.join(MODELS)} (default: {otherwise} contact)")
     command.add_argument(
         "--robot",
@@ -86,6 +88,13 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else") -> Non
         help=f"motors: {', '.join(ACTUATORS)}, a TOML file with a table [actuators], or the URDF of the bot "
         f"(default: {otherwise} ideal)",
     )
+    if sensors:
+        command.add_argument(
+            "--sensors",
+            metavar="NAME|FILE.toml",
+            help=f"sensors: {', '.join(SENSORS)}, or a TOML file with a table [sensors]; observed by policies with "
+            f"--env-option observation=sensors (default: {otherwise} none)",
+        )
 
 
 def add_events(command: Any, *others: str) -> None:
@@ -125,9 +134,10 @@ def robot_option(name: str) -> Any:
         return name
     try:
         table = _toml.loads(read_regular(Path(name), MAX_ROBOT_FILE).decode())
-        # What --actuators reads.
-        if isinstance(table.get("actuators"), dict):
-            del table["actuators"]
+        # What --actuators and --sensors read.
+        for part in ("actuators", "sensors"):
+            if isinstance(table.get(part), dict):
+                del table[part]
         return Params(**table).to_dict()
     except (ValueError, TypeError) as error:
         raise ValueError(f"{name}: {error}") from error
@@ -190,6 +200,10 @@ def env_options(arguments: argparse.Namespace) -> dict[str, Any]:
         options["params"] = changed_robot(own, arguments.param).to_dict()
     if arguments.actuators is not None:
         options["actuators"] = actuators_option(arguments.actuators)
+    if getattr(arguments, "sensors", None) is not None:
+        # A file in full, so that what is kept of a run does not depend on it.
+        is_file = Path(arguments.sensors).suffix == ".toml"
+        options["sensors"] = load_sensors(arguments.sensors) if is_file else arguments.sensors
     if getattr(arguments, "events", None) is not None:
         # A file in full, so that what is kept of a run does not depend on it.
         is_file = Path(arguments.events).suffix == ".toml"

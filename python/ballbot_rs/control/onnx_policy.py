@@ -53,10 +53,10 @@ class OnnxPolicy:
         _check(file, self.metadata, task)
         ends = (*self._session.get_inputs(), *self._session.get_outputs())
         shapes = [(end.name, end.shape[1:]) for end in ends]
-        self._rows = len(TASKS[task]["observation"])
+        self._env_options = policy_file.completed(task, self.metadata["env_options"])
+        self._rows = len(TASKS[task]["observation"]) * self._env_options["history"]
         if shapes != [("observation", [self._rows]), ("action", [3])]:
             raise ValueError(f"{file} maps {shapes}, expected an observation of {self._rows} to an action of 3")
-        self._env_options = policy_file.completed(task, self.metadata["env_options"])
         self._run: Any = None
 
     @property

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from ballbot_rs._core import ACTUATORS, ROBOTS, TASKS
+from ballbot_rs._core import ACTUATORS, ROBOTS, SENSORS, TASKS
 from ballbot_rs.envs._batch_env import new_batch, resolved_options
 
 #: Options of policies from before 0.2.0: these had no scaling, and their actions this torque.
@@ -31,7 +31,7 @@ def completed(task: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """
     if isinstance(options.get("events"), str):
         raise ValueError(f"events = {options['events']!r}: a policy file has them as a list, not the name of a file")
-    for name, known in (("actuators", ACTUATORS), ("params", ROBOTS)):
+    for name, known in (("actuators", ACTUATORS), ("sensors", SENSORS), ("params", ROBOTS)):
         value = options.get(name)
         if isinstance(value, str) and value not in known:
             raise ValueError(f"{name} = {value!r}: a policy file has one of {', '.join(known)}, or all numbers")

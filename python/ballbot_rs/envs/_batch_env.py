@@ -108,6 +108,15 @@ class OneRobot(SharedAttributes):
         """What events have drawn of the robot, by term, a number or an array each; see `Batch.draws`."""
         return self._batch.draws(self._index)
 
+    def readings(self) -> dict[str, npt.NDArray[np.float64]]:
+        """Last readings of the robot's sensors by name, shape (3,) each; see `Batch.readings`."""
+        return self._batch.readings(self._index)
+
+    def privileged_observations(self) -> npt.NDArray[np.float32]:
+        """The rows of the observation from the true state, shape (k,); see `Batch.privileged_observations`."""
+        row: npt.NDArray[np.float32] = self._batch.privileged_observations()[self._index]
+        return row
+
     @property
     def state(self) -> State:
         """The robot's full state, of which the observation is a part."""
@@ -147,6 +156,14 @@ class ManyRobots(SharedAttributes):
     def draws(self) -> dict[str, npt.NDArray[np.float64]]:
         """What events have drawn, by term, the first axis that of the robots; see `Batch.draws`."""
         return self._batch.draws()
+
+    def readings(self) -> dict[str, npt.NDArray[np.float64]]:
+        """Last readings of the sensors by name, shape (num_envs, 3) each; see `Batch.readings`."""
+        return self._batch.readings()
+
+    def privileged_observations(self) -> npt.NDArray[np.float32]:
+        """The rows of the observations from the true states; see `Batch.privileged_observations`."""
+        return self._batch.privileged_observations()
 
     def set_params(self, params: Params | str, index: int | None = None) -> None:
         """Replaces the parameters of robot `index`, or of every robot; see `Batch.set_params`."""

@@ -11,7 +11,7 @@ from ballbot_rs._core import TASKS
 from ballbot_rs.envs._batch_env import BatchEnv, OneRobot
 from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
 from ballbot_rs.envs.registration import DEFAULT_TASK
-from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space
+from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space_of
 
 
 class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatArray]):
@@ -53,7 +53,7 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         **options: Any,
     ) -> None:
         self._make_batch(1, options, task=task, autoreset="disabled", num_threads=1, seed=None)
-        self.observation_space = observation_space(task, self._batch.scale_observations)
+        self.observation_space = observation_space_of(self._batch)
         self.action_space = action_space()
         self._set_render(render_mode, self.params, render_options, width=width, height=height, camera=camera)
         self._steps = 0

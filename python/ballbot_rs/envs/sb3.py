@@ -19,7 +19,7 @@ from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, OneRobot, fixed_opt
 from ballbot_rs.envs._render import Rendered
 from ballbot_rs.envs.options import TaskOptions
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
-from ballbot_rs.envs.spaces import action_space, observation_space
+from ballbot_rs.envs.spaces import action_space, observation_space_of
 
 
 class EnvView(OneRobot):
@@ -161,7 +161,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
             render_mode, self.params, render_options, num_threads, width=width, height=height, camera=camera
         )
         self._views = [EnvView(self, i) for i in range(num_envs)]
-        super().__init__(num_envs, observation_space(task, self._batch.scale_observations), action_space())
+        super().__init__(num_envs, observation_space_of(self._batch), action_space())
         metadata: dict[str, Any] = self.metadata
         metadata["render_fps"] = round(1.0 / self.control_dt)
 

@@ -6,16 +6,21 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from ballbot_rs._core import SCALED_BOUND, TASKS
+from ballbot_rs._core import SCALED_BOUND, TASKS, Batch
 
 FloatArray = npt.NDArray[np.float32]
 
 
-def observation_space(task: str, scaled: bool = True) -> spaces.Space[FloatArray]:
+def observation_space(task: str, scaled: bool = True, history: int = 1) -> spaces.Space[FloatArray]:
     """Space of one observation of a task: float32, finite bounds; `scaled` as the option `scale_observations`."""
     bounds = [SCALED_BOUND if scaled else row["bound"] for row in TASKS[task]["observation"]]
-    high = np.array(bounds, dtype=np.float32)
+    high = np.array(bounds * history, dtype=np.float32)
     return cast("spaces.Space[FloatArray]", spaces.Box(-high, high, dtype=np.float32))
+
+
+def observation_space_of(batch: Batch) -> spaces.Space[FloatArray]:
+    """Space of one observation of a batch."""
+    return observation_space(batch.task, batch.scale_observations, batch.history)
 
 
 def action_space() -> spaces.Space[FloatArray]:

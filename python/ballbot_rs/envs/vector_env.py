@@ -13,7 +13,7 @@ from ballbot_rs._core import TASKS, State
 from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, fixed_option
 from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
 from ballbot_rs.envs.registration import DEFAULT_TASK
-from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space
+from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space_of
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -84,7 +84,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         )
         rate = round(1.0 / self.control_dt)
         self.metadata = {**type(self).metadata, "render_fps": rate, "autoreset_mode": self.autoreset_mode}
-        self.single_observation_space = observation_space(task, self._batch.scale_observations)
+        self.single_observation_space = observation_space_of(self._batch)
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -176,14 +176,14 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         return info
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Calls a method of every environment, one of `push`, `set_params`, `reward_terms` and `draws`.
+        """Calls a method of every environment, one of `push`, `set_params`, `reward_terms`, `draws` and `readings`.
 
         A name that is not a method is read as `get_attr` reads it.
 
         Raises:
             AttributeError: there is no such method, or arguments came with an attribute.
         """
-        methods = ("push", "set_params", "reward_terms", "draws")
+        methods = ("push", "set_params", "reward_terms", "draws", "readings")
         if name in methods:
             method = getattr(self._batch, name)
             return tuple(method(i, *args, **kwargs) for i in range(self.num_envs))

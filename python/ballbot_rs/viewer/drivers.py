@@ -116,7 +116,10 @@ class PolicyDriver:
         self._policy = controller.policy
         # Any model observes a state alike, with any motors; `contact` takes every state, be it fallen or slipping.
         fixed = {"params": params, "model": "contact", "actuators": None, "events": None, "setpoint": (0.0, 0.0)}
+        fixed |= {"sensors": None, "observation": "ground_truth", "history": 1}
         options = {**controller.env_options, **fixed}
+        self._history = int(controller.env_options.get("history", 1))
+        self._past: list[list[npt.NDArray[np.float32]]] = [[] for _ in range(num_robots)]
         self._observers = [new_batch(1, num_threads=1, options=options) for _ in range(num_robots)]
         self.control_dt = self._observers[0].control_dt
         self.sim_dt = self._observers[0].sim_dt
@@ -138,7 +141,8 @@ class PolicyDriver:
             observation = self.observe(i, state, place)
             action = np.zeros(3)
             if observation is not None:
-                action = np.squeeze(np.asarray(self._policy(observation[np.newaxis])), axis=0)
+                rows = self._with_past(i, observation)
+                action = np.squeeze(np.asarray(self._policy(rows[np.newaxis])), axis=0)
             if action.shape != (3,) or not np.isfinite(action).all():
                 raise ValueError(f"the policy chose {action}: expected three finite numbers")
             self._last[i] = np.clip(action, -1.0, 1.0)
@@ -155,9 +159,17 @@ class PolicyDriver:
         observation[self._last_rows] = np.clip(self._last[index] / self._last_scale, -SCALED_BOUND, SCALED_BOUND)
         return observation
 
+    def _with_past(self, index: int, observation: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """The last observations of a robot, as the option `history` gives them."""
+        past = self._past[index] or [observation] * self._history
+        self._past[index] = [*past[1:], observation]
+        return np.concatenate(self._past[index])
+
     def reset(self, robot: int | None = None) -> None:
-        """Clears the last actions, or that of one robot."""
+        """Clears the last actions and observations, or those of one robot."""
         self._last[slice(None) if robot is None else robot] = 0.0
+        for i in range(len(self._past)) if robot is None else (robot,):
+            self._past[i] = []
 
 
 def lead_of(controller: ResolvedController, params: Params) -> float:

@@ -27,7 +27,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 ///
 /// Environment i is seeded with `seed + i`. Results do not depend on the number of threads.
 pub struct Batch {
-    description: TaskDescription,
+    pub(super) description: TaskDescription,
     model: ModelKind,
     sim_dt: f64,
     control_dt: f64,
@@ -35,6 +35,7 @@ pub struct Batch {
     max_episode_steps: usize,
     max_wheel_torque: f64,
     scaled: bool,
+    pub(super) history: usize,
     len: usize,
     pub(super) plan: Option<Arc<Plan>>,
     /// Environments in order, `width` to a chunk; the last may have fewer.
@@ -73,16 +74,30 @@ impl Batch {
         num_threads: Option<usize>,
         seed: u64,
     ) -> Result<Self> {
+        match config.onboard()? {
+            None => Self::with_sensor(config, &Exact, num_envs, autoreset, num_threads, seed),
+            Some(sensors) => Self::with_sensor(config, &sensors, num_envs, autoreset, num_threads, seed),
+        }
+    }
+
+    fn with_sensor<T: Task, S: Sensor>(
+        config: &EnvConfig<T>,
+        sensor: &S,
+        num_envs: usize,
+        autoreset: Autoreset,
+        num_threads: Option<usize>,
+        seed: u64,
+    ) -> Result<Self> {
         if config.actuators.is_ideal() {
             let actuator = Ideal { max_torque: config.action_torque() };
-            return Self::with_stages(config, &actuator, &Exact, num_envs, autoreset, num_threads, seed);
+            return Self::with_stages(config, &actuator, sensor, num_envs, autoreset, num_threads, seed);
         }
         config.validate()?;
-        Self::with_stages(config, &config.motors()?, &Exact, num_envs, autoreset, num_threads, seed)
+        Self::with_stages(config, &config.motors()?, sensor, num_envs, autoreset, num_threads, seed)
     }
 
     /// [`Batch::new`] with stages of one's own between action and torque, in place of [`EnvConfig::actuators`], and between
-    /// state and observation.
+    /// state and observation, in place of [`EnvConfig::sensors`].
     ///
     /// # Errors
     /// As [`Batch::new`].
@@ -105,15 +120,7 @@ impl Batch {
         let threads = thread_count(num_threads)?;
         let config = Arc::new(config.clone());
         let description = TaskDescription::of::<T>();
-        let step = Arc::new(TaskStep::new(
-            &config.task,
-            actuator,
-            sensor.clone(),
-            &description,
-            &config.reward,
-            config.scale_observations,
-            config.control_dt,
-        ));
+        let step = Arc::new(TaskStep::new(actuator, sensor.clone(), &description, &config));
         let plan = config.plan()?;
         let of_events = plan.as_ref().map_or(0, |plan| plan.bytes());
         require_memory(
@@ -153,6 +160,7 @@ impl Batch {
             max_episode_steps: config.max_episode_steps,
             max_wheel_torque: config.action_torque(),
             scaled: config.scale_observations,
+            history: config.history,
             len: num_envs,
             plan,
             chunks,
@@ -187,11 +195,6 @@ impl Batch {
     /// The task.
     pub fn task(&self) -> &TaskDescription {
         &self.description
-    }
-
-    /// How many numbers an observation has.
-    pub fn observation_len(&self) -> usize {
-        self.description.rows.len()
     }
 
     /// Whether observations are scaled.
@@ -271,17 +274,6 @@ impl Batch {
     pub fn set_params(&mut self, index: usize, params: &Params) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         self.chunks[chunk].set_params(i, params)
-    }
-
-    /// Last observation of one environment.
-    ///
-    /// # Errors
-    /// As [`Batch::state`]; [`Error::Length`] unless `out` has [`Batch::observation_len`] elements.
-    pub fn observation(&self, index: usize, out: &mut [f32]) -> Result<()> {
-        let (chunk, i) = self.locate(index)?;
-        self.expect_len("observation", out.len(), self.observation_len())?;
-        self.chunks[chunk].observation(i, out);
-        Ok(())
     }
 
     /// Terms of the last reward of one environment, in the order of [`TaskDescription::terms`].

@@ -11,9 +11,9 @@ use crate::actuator::Actuator;
 use crate::control::{Controller, LaneWidth};
 use crate::error::{Error, Result};
 use crate::lane_state::StateCells;
-use crate::lanes::{Cell, Scalar, run_one};
+use crate::lanes::Cell;
 use crate::params::Params;
-use crate::sensor::Sensor;
+use crate::sensor::{Readings, Sensor};
 use crate::setpoint::{Setpoint, SetpointCells};
 use crate::state::{Contacts, State};
 use crate::task::{ACTION_LEN, DIVERGED, Task};
@@ -53,6 +53,15 @@ pub trait Chunk: Send + Sync {
 
     /// Contact forces of the last model step.
     fn contacts(&self, i: usize) -> Contacts;
+
+    /// Last readings of the sensors, if the robot has any.
+    fn readings(&self, i: usize) -> Option<Readings<f64>>;
+
+    /// State that follows from the last readings, if the task observes it.
+    fn estimate(&self, i: usize) -> Option<State>;
+
+    /// Writes the rows of an observation of the true state.
+    fn privileged_observation(&self, i: usize, out: &mut [f32]);
 
     /// Parameters of the robot.
     fn params(&self, i: usize) -> &Params;
@@ -232,19 +241,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.over[i] = false;
         self.begun = true;
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
+        self.begin_readings(i);
         self.observe(i, observation);
-    }
-
-    /// Observes robot `i` anew; `one` is its ledger.
-    fn observe(&mut self, i: usize, observation: &mut [f32]) {
-        let state = self.robots.lane_state(i);
-        let (step, one) = (&self.step, &mut self.one);
-        run_one(
-            #[inline(always)]
-            || step.observe::<f64>(Scalar, &state, one),
-        );
-        R::Cell::put(&mut self.ledger, i, &self.one);
-        self.write_observation(i, observation);
+        self.repeat_observation(i, observation);
     }
 
     fn begin_at_random(&mut self, i: usize, observation: &mut [f32]) {
@@ -253,28 +252,6 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         let start = self.step.task.start(params, wheels, &mut self.rngs[i]);
         // The extreme starts were accepted, and bound this one.
         self.begin(i, &start, observation);
-    }
-
-    /// Draws commands where they are due; the observation then shows them.
-    fn renew_commands(&mut self, i: usize, observation: &mut [f32]) {
-        let episode = &self.ledger.episode;
-        if episode.steps.get(i) < episode.next_command.get(i) {
-            return;
-        }
-        R::Cell::take(&self.ledger, i, &mut self.one);
-        // The last reading is repeated, not followed by another.
-        let Ledger { sensor, last_sensor, .. } = &mut self.one;
-        sensor.copy_from_slice(last_sensor);
-        let steps = self.step.task.command(&mut self.rngs[i], &mut self.one.task);
-        self.one.episode.next_command = self.one.episode.steps + steps;
-        self.observe(i, observation);
-    }
-
-    #[inline]
-    fn write_observation(&self, i: usize, row: &mut [f32]) {
-        for (out, cell) in row.iter_mut().zip(&self.ledger.observation) {
-            *out = cell.get(i) as f32;
-        }
     }
 
     fn outcome(&self, i: usize) -> Outcome {
@@ -400,6 +377,18 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.robots.contacts(i)
     }
 
+    fn readings(&self, i: usize) -> Option<Readings<f64>> {
+        self.step.sensor.readings(|number| self.ledger.sensor[number].get(i))
+    }
+
+    fn estimate(&self, i: usize) -> Option<State> {
+        self.step.sensor.estimate(|number| self.ledger.sensor[number].get(i))
+    }
+
+    fn privileged_observation(&self, i: usize, out: &mut [f32]) {
+        self.observe_truth(i, out);
+    }
+
     fn params(&self, i: usize) -> &Params {
         self.robots.params(i)
     }
@@ -433,6 +422,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         if let Some(events) = &mut self.events {
             events.seed(i);
         }
+        self.seed_sensors(i);
     }
 
     fn shorten(&mut self, i: usize, steps: usize) {

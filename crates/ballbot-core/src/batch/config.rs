@@ -1,14 +1,19 @@
 //! Everything that defines an environment.
 
 use super::events::{Event, Plan, Tests};
+use super::observation::Observation;
 use crate::actuator::{MotorOptions, Motors};
 use crate::control::default_max_torque;
 use crate::error::{Error, Result, check, positive};
 use crate::model::same_geometry;
 use crate::params::Params;
 use crate::robot::{Ballbot, ModelKind, check_sim_dt};
+use crate::sensor::{Onboard, SensorOptions};
 use crate::task::{Balance, RewardScales, Task, TaskDescription};
 use std::sync::Arc;
+
+/// Most observations that are given together.
+const MAX_HISTORY: usize = 1000;
 
 /// Least torque of an action of 1, N·m.
 const LEAST_TORQUE: f64 = 1e-9;
@@ -31,6 +36,12 @@ pub struct EnvConfig<T> {
     pub max_wheel_torque: Option<f64>,
     /// The motors between actions and torques.
     pub actuators: MotorOptions,
+    /// The sensors of the robots; `None` for robots without, which nothing can be read of.
+    pub sensors: Option<SensorOptions>,
+    /// What the rows of an observation are computed from.
+    pub observation: Observation,
+    /// How many observations, the last ones, are given together.
+    pub history: usize,
     /// Whether observations are scaled: each row less its value at rest upright, over its typical magnitude, within ±10.
     pub scale_observations: bool,
     /// Scales of the reward's terms.
@@ -54,6 +65,9 @@ impl<T: Task> Default for EnvConfig<T> {
             max_episode_steps: T::MAX_EPISODE_STEPS,
             max_wheel_torque: None,
             actuators: MotorOptions::default(),
+            sensors: None,
+            observation: Observation::default(),
+            history: 1,
             scale_observations: true,
             reward: RewardScales::of(&TaskDescription::of::<T>().terms),
             task: T::default(),
@@ -75,7 +89,12 @@ impl<T: Task> EnvConfig<T> {
         let options = (0..T::FIELDS.len()).flat_map(|index| self.task.values(index));
         // Snapshots of environments with ideal motors are those of versions without others.
         let actuators = (!self.actuators.is_ideal()).then(|| self.actuators.numbers()).into_iter().flatten();
-        own.into_iter().chain(self.reward.values()).chain(options.copied()).chain(actuators).collect()
+        // The same holds for those without sensors and history; the count of numbers tells which are there.
+        let sensors = self.sensors.iter().flat_map(|sensors| [1.0].into_iter().chain(sensors.numbers()));
+        let observed = [f64::from(u8::from(self.observation == Observation::Sensors)), self.history as f64];
+        let observed = (observed != [0.0, 1.0]).then_some(observed).into_iter().flatten();
+        let numbers = own.into_iter().chain(self.reward.values()).chain(options.copied());
+        numbers.chain(actuators).chain(sensors).chain(observed).collect()
     }
 
     /// The motors, unless they are ideal.
@@ -89,6 +108,22 @@ impl<T: Task> EnvConfig<T> {
     /// Those of [`Motors::new`] and [`EnvConfig::substeps`].
     pub fn motors(&self) -> Result<Motors> {
         Motors::new(&self.actuators, &self.params, self.action_torque(), self.sim_dt, self.substeps()?)
+    }
+
+    /// The sensors of [`EnvConfig::sensors`], exact ones if a task observes by sensors that are not given; `None` if there
+    /// are none.
+    ///
+    /// # Errors
+    /// Those of [`EnvConfig::substeps`] and [`Onboard::new`].
+    pub fn onboard(&self) -> Result<Option<Onboard>> {
+        let options = match &self.sensors {
+            Some(options) => options.clone(),
+            None if self.observation == Observation::Sensors => SensorOptions::default(),
+            None => return Ok(None),
+        };
+        self.substeps()?;
+        let observer = (self.observation == Observation::Sensors).then_some(&self.params);
+        Onboard::new(&options, self.control_dt, observer).map(Some)
     }
 
     /// Model steps in one control step.
@@ -118,6 +153,11 @@ impl<T: Task> EnvConfig<T> {
         if self.max_episode_steps == 0 {
             return Err(Error::Inconsistent("max_episode_steps = 0, it must be at least 1".into()));
         }
+        let history = self.history as f64;
+        check("history", history, format_args!("a whole number from 1 to {MAX_HISTORY}"), |n| {
+            (1.0..=MAX_HISTORY as f64).contains(&n)
+        })?;
+        self.onboard()?;
         self.validate_robot(&self.params)?;
         self.task.check_limits()?;
         self.task.validate(&self.params)?;

@@ -10,7 +10,7 @@ use crate::actuator::{Actuator, Ideal};
 use crate::error::Result;
 use crate::params::Params;
 use crate::robot::{Ballbot, check_restored};
-use crate::sensor::{Exact, Sensor};
+use crate::sensor::{Exact, Readings, Sensor};
 use crate::state::State;
 use crate::task::{ACTION_LEN, Balance, Task, TaskDescription};
 use std::sync::Arc;
@@ -34,7 +34,7 @@ impl<T: Task, A: Actuator, S: Sensor> SingleChunk for Environments<Single, T, A,
     }
 }
 
-/// An environment of task `T` with the actuators of its configuration and exact sensors.
+/// An environment of task `T` with the actuators and sensors of its configuration.
 ///
 /// Random numbers come from ChaCha8, seeded by `seed_from_u64`: those of starts on stream 0, those of each event on the
 /// stream of its id.
@@ -52,29 +52,28 @@ impl<T: Task> Environment<T> {
     /// What [`EnvConfig::validate`] and [`Ballbot::new`] find.
     pub fn new(config: &EnvConfig<T>, seed: u64) -> Result<Self> {
         config.validate()?;
-        if config.actuators.is_ideal() {
-            return Self::with_actuator(config, Ideal { max_torque: config.action_torque() }, seed);
+        match config.onboard()? {
+            None => Self::with_sensor(config, &Exact, seed),
+            Some(sensors) => Self::with_sensor(config, &sensors, seed),
         }
-        Self::with_actuator(config, config.motors()?, seed)
     }
 
-    fn with_actuator(config: &EnvConfig<T>, actuator: impl Actuator, seed: u64) -> Result<Self> {
+    fn with_sensor(config: &EnvConfig<T>, sensor: &impl Sensor, seed: u64) -> Result<Self> {
+        if config.actuators.is_ideal() {
+            return Self::with_stages(config, Ideal { max_torque: config.action_torque() }, sensor, seed);
+        }
+        Self::with_stages(config, config.motors()?, sensor, seed)
+    }
+
+    fn with_stages(config: &EnvConfig<T>, actuator: impl Actuator, sensor: &impl Sensor, seed: u64) -> Result<Self> {
         let config = Arc::new(config.clone());
         let description = TaskDescription::of::<T>();
-        let step = Arc::new(TaskStep::new(
-            &config.task,
-            &actuator,
-            Exact,
-            &description,
-            &config.reward,
-            config.scale_observations,
-            config.control_dt,
-        ));
+        let step = Arc::new(TaskStep::new(&actuator, sensor.clone(), &description, &config));
         let robot = Single::new(Ballbot::new(&config.params, config.model, config.sim_dt)?);
         Ok(Self {
             inner: Box::new(Environments::new(&config, &step, actuator, robot, config.plan()?.as_ref(), 1, seed)?),
             terms: description.terms.iter().map(|term| term.name).collect(),
-            observation: vec![0.0; description.rows.len()],
+            observation: vec![0.0; description.rows.len() * config.history],
             config,
         })
     }
@@ -157,6 +156,32 @@ impl<T: Task> Environment<T> {
     /// As [`super::Batch::draws`].
     pub fn draws(&self) -> &[f64] {
         self.inner.draws(0)
+    }
+
+    /// As [`super::Batch::readings`].
+    ///
+    /// # Errors
+    /// As [`super::Batch::readings`].
+    pub fn readings(&self) -> Result<Readings<f64>> {
+        self.inner.readings(0).ok_or_else(super::observations::no_sensors)
+    }
+
+    /// As [`super::Batch::estimate`].
+    ///
+    /// # Errors
+    /// As [`super::Batch::estimate`].
+    pub fn estimate(&self) -> Result<State> {
+        self.inner.estimate(0).ok_or_else(super::observations::no_estimator)
+    }
+
+    /// As [`super::Batch::privileged_observation`].
+    ///
+    /// # Errors
+    /// As [`super::Batch::privileged_observation`].
+    pub fn privileged_observation(&self, out: &mut [f32]) -> Result<()> {
+        super::observations::check_len(out.len(), self.observation.len() / self.config.history)?;
+        self.inner.privileged_observation(0, out);
+        Ok(())
     }
 
     /// Replaces the robot's parameters; see [`super::Batch::set_params`].

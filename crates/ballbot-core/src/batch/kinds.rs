@@ -4,10 +4,12 @@ use super::autoreset::Autoreset;
 use super::batch::Batch;
 use super::config::EnvConfig;
 use super::events::Event;
+use super::observation::Observation;
 use crate::actuator::MotorOptions;
 use crate::error::{Error, Result};
 use crate::params::Params;
 use crate::robot::ModelKind;
+use crate::sensor::SensorOptions;
 use crate::task::{Balance, Task, TaskDescription};
 use std::marker::PhantomData;
 use std::sync::{PoisonError, RwLock};
@@ -22,6 +24,14 @@ pub trait TaskConfig: Send {
     fn set_actuators(&mut self, actuators: MotorOptions);
     /// The motors.
     fn actuators(&self) -> &MotorOptions;
+    /// Replaces the sensors.
+    fn set_sensors(&mut self, sensors: Option<SensorOptions>);
+    /// The sensors.
+    fn sensors(&self) -> Option<&SensorOptions>;
+    /// Replaces what observations are computed from.
+    fn set_observation(&mut self, observation: Observation);
+    /// What observations are computed from.
+    fn observation(&self) -> Observation;
     /// Sets an option by its name: a time step, a torque, a switch (0 or 1), or an option of the task.
     ///
     /// # Errors
@@ -120,6 +130,22 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
         &self.actuators
     }
 
+    fn set_sensors(&mut self, sensors: Option<SensorOptions>) {
+        self.sensors = sensors;
+    }
+
+    fn sensors(&self) -> Option<&SensorOptions> {
+        self.sensors.as_ref()
+    }
+
+    fn set_observation(&mut self, observation: Observation) {
+        self.observation = observation;
+    }
+
+    fn observation(&self) -> Observation {
+        self.observation
+    }
+
     fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {
         let one = || match values {
             [value] => Ok(*value),
@@ -132,6 +158,13 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
             "scale_observations" => {
                 let flag = crate::error::check(name, one()?, "0 or 1 (False or True)", |f| f == 0.0 || f == 1.0)?;
                 self.scale_observations = flag != 0.0;
+            }
+            "history" => {
+                let length = one()?;
+                crate::error::check(name, length, "a whole number from 1 on", |n| {
+                    (1.0..=f64::from(u32::MAX)).contains(&n) && n.fract() == 0.0
+                })?;
+                self.history = length as usize;
             }
             "max_episode_steps" => {
                 let steps = one()?;
@@ -151,6 +184,7 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
             "control_dt" => vec![self.control_dt],
             "max_wheel_torque" => vec![self.action_torque()],
             "scale_observations" => vec![f64::from(u8::from(self.scale_observations))],
+            "history" => vec![self.history as f64],
             "max_episode_steps" => vec![self.max_episode_steps as f64],
             _ => {
                 let index = T::FIELDS.iter().position(|field| field.name == name)?;

@@ -15,6 +15,9 @@ mod environment;
 mod events;
 mod kinds;
 mod ledger;
+mod observation;
+mod observations;
+mod observing;
 mod pieces;
 mod resetting;
 mod robots;
@@ -30,4 +33,5 @@ pub use events::{
     Direction, Distribution, Event, Operation, Value, When, event_sets, events_from_toml, events_to_toml, load_events,
 };
 pub use kinds::{TaskConfig, TaskKind, register_task, task_kind, task_kinds};
+pub use observation::Observation;
 pub use resetting::ResetRequest;

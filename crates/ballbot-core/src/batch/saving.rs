@@ -63,7 +63,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             )));
         }
         if snapshot.options != self.config.numbers() {
-            return Err(refused("time steps, torque, scaling, reward or options of its task differ".into()));
+            return Err(refused(
+                "time steps, torque, scaling, reward, sensors, history or options of its task differ".into(),
+            ));
         }
         if !self.one.fits(&snapshot.ledger) {
             return Err(refused("its task or stages keep other numbers".into()));

@@ -1,11 +1,12 @@
 //! The part of a control step that follows the simulation: sensor, reward, termination, observation.
 
+use super::config::EnvConfig;
 use super::ledger::{Ledger, Sizes};
 use crate::actuator::Actuator;
 use crate::lane_state::{LaneRobot, LaneState};
 use crate::lanes::{Lane, Memory, Vec3, atan2_positive, load3};
 use crate::sensor::Sensor;
-use crate::task::{ACTION_LEN, RewardScales, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
+use crate::task::{ACTION_LEN, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
 
 /// A task with its sensor, shared by all chunks of a batch.
 pub struct TaskStep<T, S> {
@@ -14,37 +15,38 @@ pub struct TaskStep<T, S> {
     scales: Vec<f64>,
     scaling: Option<RowScaling>,
     control_dt: f64,
+    /// Of one observation; those of a history are in the ledger, newest first.
+    rows: usize,
     sizes: Sizes,
 }
 
 impl<T: Task, S: Sensor> TaskStep<T, S> {
-    pub fn new(
-        task: &T,
-        actuator: &impl Actuator,
-        sensor: S,
-        description: &TaskDescription,
-        scales: &RewardScales,
-        scale_observations: bool,
-        control_dt: f64,
-    ) -> Self {
+    pub fn new(actuator: &impl Actuator, sensor: S, description: &TaskDescription, config: &EnvConfig<T>) -> Self {
+        let rows = description.rows.len();
         Self {
-            task: task.clone(),
-            sensor,
-            scales: scales.values().collect(),
-            scaling: scale_observations.then(|| description.scaling.clone()),
-            control_dt,
+            task: config.task.clone(),
+            scales: config.reward.values().collect(),
+            scaling: config.scale_observations.then(|| description.scaling.clone()),
+            control_dt: config.control_dt,
+            rows,
             sizes: Sizes {
                 task: T::MEMORY,
                 actuator: actuator.memory_len(),
-                sensor: S::MEMORY,
-                observation: description.rows.len(),
+                sensor: sensor.memory_len(),
+                observation: rows * config.history,
                 terms: description.terms.len(),
             },
+            sensor,
         }
     }
 
     pub fn sizes(&self) -> Sizes {
         self.sizes
+    }
+
+    /// How many rows an observation has.
+    pub fn rows(&self) -> usize {
+        self.rows
     }
 
     /// Counts the step, and computes reward, termination, truncation, success and observation. `com_direction` is the unit
@@ -101,6 +103,10 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         }
         last_sensor.copy_from_slice(sensor_memory);
         let measured = self.sensor.read(state, &mut Memory::new(token, sensor_memory));
+        let older = observation.len() - self.rows;
+        if older > 0 {
+            observation.copy_within(..older, self.rows);
+        }
         let mut rows = WriteRows { cells: observation, scaling: self.scaling.as_ref(), next: 0 };
         self.task.observe(&Sensed { state: &measured, last_action: action }, &memory, &mut rows);
     }
@@ -108,10 +114,16 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
     /// Computes the observation alone, at the start of an episode or under a new command.
     #[inline(always)]
     pub fn observe<L: Lane>(&self, token: L::Token, state: &LaneState<L>, ledger: &mut Ledger<L::Cell>) {
-        let last_action = load3(token, &ledger.episode.last_action);
         let measured = self.sensor.read(state, &mut Memory::new(token, &mut ledger.sensor));
+        self.observe_state(token, &measured, ledger);
+    }
+
+    /// The same of a state that is measured already.
+    #[inline(always)]
+    pub fn observe_state<L: Lane>(&self, token: L::Token, measured: &LaneState<L>, ledger: &mut Ledger<L::Cell>) {
+        let last_action = load3(token, &ledger.episode.last_action);
         let mut rows = WriteRows { cells: &mut ledger.observation, scaling: self.scaling.as_ref(), next: 0 };
         let memory = Memory::new(token, &mut ledger.task);
-        self.task.observe(&Sensed { state: &measured, last_action }, &memory, &mut rows);
+        self.task.observe(&Sensed { state: measured, last_action }, &memory, &mut rows);
     }
 }

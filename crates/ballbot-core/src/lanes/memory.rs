@@ -1,6 +1,6 @@
 //! Access in lanes to the internal numbers of a stage, a task or a controller.
 
-use super::Lane;
+use super::{Lane, Quat, Vec3};
 
 /// Numbers of one robot or of eight.
 pub struct Memory<'a, L: Lane> {
@@ -15,6 +15,12 @@ impl<'a, L: Lane> Memory<'a, L> {
         Self { token, cells }
     }
 
+    /// The numbers from `first` on.
+    #[inline(always)]
+    pub fn after(&mut self, first: usize) -> Memory<'_, L> {
+        Memory { token: self.token, cells: &mut self.cells[first..] }
+    }
+
     /// Number `index`.
     #[inline(always)]
     pub fn get(&self, index: usize) -> L {
@@ -25,6 +31,51 @@ impl<'a, L: Lane> Memory<'a, L> {
     #[inline(always)]
     pub fn set(&mut self, index: usize, value: L) {
         value.store(&mut self.cells[index]);
+    }
+
+    /// Numbers `first` to `first` + 2.
+    #[inline(always)]
+    pub fn get3(&self, first: usize) -> [L; 3] {
+        [self.get(first), self.get(first + 1), self.get(first + 2)]
+    }
+
+    /// Replaces numbers `first` to `first` + 2.
+    #[inline(always)]
+    pub fn set3(&mut self, first: usize, [a, b, c]: [L; 3]) {
+        self.set(first, a);
+        self.set(first + 1, b);
+        self.set(first + 2, c);
+    }
+
+    /// The vector in numbers `first` to `first` + 2.
+    #[inline(always)]
+    pub fn vector(&self, first: usize) -> Vec3<L> {
+        self.get3(first).into()
+    }
+
+    /// Replaces the vector in numbers `first` to `first` + 2.
+    #[inline(always)]
+    pub fn set_vector(&mut self, first: usize, vector: Vec3<L>) {
+        self.set3(first, [vector.x, vector.y, vector.z]);
+    }
+
+    /// The quaternion `[w, x, y, z]` in numbers `first` to `first` + 3.
+    #[inline(always)]
+    pub fn quaternion(&self, first: usize) -> Quat<L> {
+        Quat { w: self.get(first), v: self.vector(first + 1) }
+    }
+
+    /// Replaces the quaternion in numbers `first` to `first` + 3.
+    #[inline(always)]
+    pub fn set_quaternion(&mut self, first: usize, quaternion: Quat<L>) {
+        self.set(first, quaternion.w);
+        self.set_vector(first + 1, quaternion.v);
+    }
+
+    /// Proof of the instructions of the lanes.
+    #[inline(always)]
+    pub fn token(&self) -> L::Token {
+        self.token
     }
 
     /// A constant with the same value for all robots.

@@ -226,6 +226,15 @@ impl<L: Lane> Quat<L> {
         step_rotation(half).times(self).normalized()
     }
 
+    /// The rotation halfway to another one, on the shorter way.
+    #[inline(always)]
+    pub fn halfway(self, other: Self) -> Self {
+        let product = self.w.mul_add(other.w, self.v.dot(other.v));
+        let opposite = product.lt(product.zero());
+        let (w, v) = (L::select(opposite, -other.w, other.w), Vec3::select(opposite, -other.v, other.v));
+        Self { w: self.w + w, v: self.v + v }.normalized()
+    }
+
     #[inline(always)]
     fn normalized(self) -> Self {
         let inverse = self.w.splat(1.0) / self.w.mul_add(self.w, self.v.norm_squared()).sqrt();

@@ -37,8 +37,8 @@ impl Params {
         RobotFile::read(path, Self::from_toml)
     }
 
-    /// Parameters from TOML text, one key a field. A table `[actuators]` beside them is left to
-    /// [`crate::actuator::MotorOptions::from_toml`].
+    /// Parameters from TOML text, one key a field. Tables `[actuators]` and `[sensors]` beside them are left to
+    /// [`crate::actuator::MotorOptions::from_toml`] and [`crate::sensor::SensorOptions::from_toml`].
     ///
     /// # Errors
     /// [`Error::Decode`] for malformed text or values that are not numbers; those of [`Params::from_fields`].

@@ -1,4 +1,4 @@
-//! A robot's TOML file: its parameters, and its motors in the table `[actuators]`.
+//! A robot's TOML file: its parameters, its motors in the table `[actuators]`, and its sensors in the table `[sensors]`.
 
 use crate::error::{Error, Result};
 use crate::files;
@@ -23,6 +23,9 @@ const NAMES: [&str; PRESETS.len()] = {
 /// The table of the motors.
 const ACTUATORS: &str = "actuators";
 
+/// The table of the sensors.
+const SENSORS: &str = "sensors";
+
 /// Numbers by name, one or several each.
 pub(crate) type NamedNumbers = Vec<(String, Vec<f64>)>;
 
@@ -32,6 +35,8 @@ pub(crate) struct RobotFile {
     pub params: NamedNumbers,
     /// Options of the motors.
     pub actuators: Option<NamedNumbers>,
+    /// Options of the sensors.
+    pub sensors: Option<NamedNumbers>,
 }
 
 impl RobotFile {
@@ -66,12 +71,13 @@ impl RobotFile {
     /// [`Error::Decode`] for malformed text or values that are not numbers.
     pub(crate) fn parse(text: &str) -> Result<Self> {
         let mut table: toml::Table = text.parse().map_err(|e: toml::de::Error| decode(e.to_string()))?;
-        let actuators = match table.remove(ACTUATORS) {
-            Some(toml::Value::Table(options)) => Some(numbers(&options)?),
-            Some(other) => return Err(decode(format!("{ACTUATORS} = {other} is not a table"))),
-            None => None,
+        let mut options = |name: &str| match table.remove(name) {
+            Some(toml::Value::Table(options)) => numbers(&options).map(Some),
+            Some(other) => Err(decode(format!("{name} = {other} is not a table"))),
+            None => Ok(None),
         };
-        Ok(Self { params: numbers(&table)?, actuators })
+        let (actuators, sensors) = (options(ACTUATORS)?, options(SENSORS)?);
+        Ok(Self { params: numbers(&table)?, actuators, sensors })
     }
 }
 

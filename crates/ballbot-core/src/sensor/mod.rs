@@ -1,17 +1,18 @@
 //! Sensors: from the state of the model to the state that a task observes.
 
+mod axes;
+mod encoders;
+pub mod estimator;
 mod exact;
+mod normal;
+mod onboard;
+mod options;
+mod philox;
+mod readings;
+mod stage;
 
 pub use exact::Exact;
-
-use crate::lane_state::LaneState;
-use crate::lanes::{Lane, Memory};
-
-/// The stage between the true state and the observation, once a control step. Written once over lanes.
-pub trait Sensor: Clone + Send + Sync + 'static {
-    /// How many numbers the stage keeps from one reading to the next; zeros at the start of an episode.
-    const MEMORY: usize;
-
-    /// The state as it is measured.
-    fn read<L: Lane>(&self, state: &LaneState<L>, memory: &mut Memory<'_, L>) -> LaneState<L>;
-}
+pub use onboard::Onboard;
+pub use options::SensorOptions;
+pub use readings::Readings;
+pub use stage::{EpisodeStart, Sensor};

@@ -1,10 +1,12 @@
-//! The motors of environments: closed forms of each effect, and what batches do with their memory.
+//! Motors and sensors of environments: closed forms of each effect, and what batches do with their memory.
 
 mod batches;
 mod closed_forms;
 mod options;
+mod readings;
 #[path = "../support/run.rs"]
 mod run;
+mod sensing;
 mod wheels;
 
 use ballbot_core::actuator::{Actuator, MotorOptions, Motors};

@@ -1,0 +1,82 @@
+//! What is observed of the robots of a batch: by tasks, by sensors, and without them.
+
+use super::batch::Batch;
+use crate::error::{Error, Result};
+use crate::sensor::Readings;
+use crate::state::State;
+
+impl Batch {
+    /// How many numbers an observation has: its rows, [`Batch::history`] times.
+    pub fn observation_len(&self) -> usize {
+        self.description.rows.len() * self.history
+    }
+
+    /// How many observations, the last ones, are given together.
+    pub fn history(&self) -> usize {
+        self.history
+    }
+
+    /// Last observation of one environment.
+    ///
+    /// # Errors
+    /// As [`Batch::state`]; [`Error::Length`] unless `out` has [`Batch::observation_len`] elements.
+    pub fn observation(&self, index: usize, out: &mut [f32]) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        self.expect_len("observation", out.len(), self.observation_len())?;
+        self.chunks[chunk].observation(i, out);
+        Ok(())
+    }
+
+    /// Last readings of the sensors of one robot.
+    ///
+    /// # Errors
+    /// As [`Batch::state`]; [`Error::Inconsistent`] for robots without sensors ([`super::EnvConfig::sensors`]).
+    pub fn readings(&self, index: usize) -> Result<Readings<f64>> {
+        let (chunk, i) = self.locate(index)?;
+        self.chunks[chunk].readings(i).ok_or_else(no_sensors)
+    }
+
+    /// State of one robot that follows from the last readings of its sensors, as the task observes it. The spin of the ball
+    /// is part of it, its attitude that of a ball that rolls.
+    ///
+    /// # Errors
+    /// As [`Batch::state`]; [`Error::Inconsistent`] if the task observes the true state ([`super::EnvConfig::observation`]).
+    pub fn estimate(&self, index: usize) -> Result<State> {
+        let (chunk, i) = self.locate(index)?;
+        self.chunks[chunk].estimate(i).ok_or_else(no_estimator)
+    }
+
+    /// How many numbers a privileged observation has.
+    pub fn privileged_observation_len(&self) -> usize {
+        self.task().rows.len()
+    }
+
+    /// The rows of the observation of one environment, computed from the true state, scaled alike.
+    ///
+    /// # Errors
+    /// As [`Batch::state`]; [`Error::Length`] unless `out` has [`Batch::privileged_observation_len`] elements.
+    pub fn privileged_observation(&self, index: usize, out: &mut [f32]) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        check_len(out.len(), self.privileged_observation_len())?;
+        self.chunks[chunk].privileged_observation(i, out);
+        Ok(())
+    }
+}
+
+/// The error of reading robots that have no sensors.
+pub(super) fn no_sensors() -> Error {
+    Error::Inconsistent("the robots have no sensors: make the environments with sensors, exact ones for example".into())
+}
+
+/// The error of asking for an estimate where there is none.
+pub(super) fn no_estimator() -> Error {
+    Error::Inconsistent("the robots have no estimator: make the environments with observation = sensors".into())
+}
+
+/// Checks the length of a privileged observation.
+pub(super) fn check_len(found: usize, expected: usize) -> Result<()> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(Error::Length { name: "privileged observation".into(), found, expected })
+}

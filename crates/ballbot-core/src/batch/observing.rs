@@ -1,0 +1,106 @@
+//! What is observed of the robots of a chunk.
+
+use super::chunk::Environments;
+use super::ledger::{Ledger, Ledgers};
+use super::robots::Robots;
+use crate::actuator::Actuator;
+use crate::lanes::{Cell, Scalar, run_one};
+use crate::sensor::{EpisodeStart, Sensor};
+use crate::task::Task;
+use rand_chacha::ChaCha8Rng;
+
+impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
+    /// Begins the episode of the sensors of robot `i`; `one` is its ledger.
+    pub(super) fn begin_readings(&mut self, i: usize) {
+        if self.one.sensor.is_empty() {
+            return;
+        }
+        for (number, cell) in self.one.sensor.iter_mut().zip(&self.ledger.sensor) {
+            *number = cell.get(i);
+        }
+        let state = self.robots.lane_state(i);
+        let start =
+            EpisodeStart { gravity: self.robots.params(i).gravity, state: &state, key: sensor_key(&self.rngs[i]) };
+        self.step.sensor.begin(&start, &mut self.one.sensor);
+    }
+
+    /// Gives the first observation of an episode in place of those that there are not yet.
+    pub(super) fn repeat_observation(&mut self, i: usize, observation: &mut [f32]) {
+        let rows = self.step.rows();
+        let (newest, older) = self.ledger.observation.split_at_mut(rows);
+        for observation in older.chunks_exact_mut(rows) {
+            observation.iter_mut().zip(&*newest).for_each(|(cell, first)| cell.set(i, first.get(i)));
+        }
+        if !older.is_empty() {
+            self.write_observation(i, observation);
+        }
+    }
+
+    /// Observes robot `i` anew; `one` is its ledger.
+    pub(super) fn observe(&mut self, i: usize, observation: &mut [f32]) {
+        let state = self.robots.lane_state(i);
+        let (step, one) = (&self.step, &mut self.one);
+        run_one(
+            #[inline(always)]
+            || step.observe::<f64>(Scalar, &state, one),
+        );
+        R::Cell::put(&mut self.ledger, i, &self.one);
+        self.write_observation(i, observation);
+    }
+
+    /// Draws commands where they are due; the observation then shows them.
+    pub(super) fn renew_commands(&mut self, i: usize, observation: &mut [f32]) {
+        let episode = &self.ledger.episode;
+        if episode.steps.get(i) < episode.next_command.get(i) {
+            return;
+        }
+        R::Cell::take(&self.ledger, i, &mut self.one);
+        // The last reading is repeated, not followed by another.
+        let Ledger { sensor, last_sensor, .. } = &mut self.one;
+        sensor.copy_from_slice(last_sensor);
+        let steps = self.step.task.command(&mut self.rngs[i], &mut self.one.task);
+        self.one.episode.next_command = self.one.episode.steps + steps;
+        self.observe(i, observation);
+    }
+
+    #[inline]
+    pub(super) fn write_observation(&self, i: usize, row: &mut [f32]) {
+        let rows = self.step.rows();
+        // The newest comes last.
+        for (out, cells) in row.chunks_exact_mut(rows).rev().zip(self.ledger.observation.chunks_exact(rows)) {
+            for (out, cell) in out.iter_mut().zip(cells) {
+                *out = cell.get(i) as f32;
+            }
+        }
+    }
+
+    /// Writes the rows of an observation of the true state.
+    pub(super) fn observe_truth(&self, i: usize, row: &mut [f32]) {
+        let mut one = Ledger::new(self.step.sizes());
+        R::Cell::take(&self.ledger, i, &mut one);
+        let state = self.robots.lane_state(i);
+        run_one(
+            #[inline(always)]
+            || self.step.observe_state::<f64>(Scalar, &state, &mut one),
+        );
+        row.iter_mut().zip(&one.observation).for_each(|(out, value)| *out = *value as f32);
+    }
+
+    /// Starts the random numbers of the sensors anew.
+    pub(super) fn seed_sensors(&mut self, i: usize) {
+        if self.ledger.sensor.is_empty() {
+            return;
+        }
+        R::Cell::take(&self.ledger, i, &mut self.one);
+        self.step.sensor.seeded(&mut self.one.sensor);
+        // A reading that is repeated starts from these.
+        self.step.sensor.seeded(&mut self.one.last_sensor);
+        R::Cell::put(&mut self.ledger, i, &self.one);
+    }
+}
+
+/// Key of the random numbers of sensors: the first words of the environment's seed, for a generator of their own.
+fn sensor_key(rng: &ChaCha8Rng) -> [u32; 2] {
+    let seed = rng.get_seed();
+    [0, 4].map(|first| u32::from_le_bytes([seed[first], seed[first + 1], seed[first + 2], seed[first + 3]]))
+}

@@ -1,0 +1,170 @@
+//! Options of the sensors.
+
+use crate::error::{Error, Result, check};
+use crate::fields;
+use crate::fields::{Fields, Limit};
+use crate::params::robot_file::RobotFile;
+use std::path::Path;
+
+/// Least range of a sensor that has one.
+const LEAST_RANGE: f64 = 1e-6;
+
+/// What a name of sensors stands for in messages.
+const KIND: &str = "sensors";
+
+/// The name of exact sensors.
+const EXACT: &str = "exact";
+
+/// Most control steps of a latency.
+const MAX_LATENCY: f64 = 100.0;
+
+fields! {
+    /// What a gyroscope, an accelerometer and three encoders read. The default is exact. SI units and radians; the three
+    /// axes of a sensor are alike and independent, and so are the encoders.
+    pub struct SensorOptions {
+        /// Density of the gyroscope's white noise; a reading has the standard deviation `gyro_noise` / √`control_dt`.
+        pub gyro_noise: f64 = 0.0, "rad/s/√Hz", Limit::NOT_NEGATIVE.to(1e3);
+        /// Standard deviation of the gyroscope's bias at the start of an episode, drawn for each.
+        pub gyro_bias: f64 = 0.0, "rad/s", Limit::NOT_NEGATIVE.to(1e3);
+        /// Random walk of that bias: its standard deviation after one second.
+        pub gyro_bias_walk: f64 = 0.0, "rad/s/√s", Limit::NOT_NEGATIVE.to(1e3);
+        /// Largest magnitude that the gyroscope reads about an axis; 0: any.
+        pub gyro_range: f64 = 0.0, "rad/s", Limit::NOT_NEGATIVE.to(1e6);
+        /// Density of the accelerometer's white noise; a reading has the standard deviation `accelerometer_noise` /
+        /// √`control_dt`.
+        pub accelerometer_noise: f64 = 0.0, "m/s²/√Hz", Limit::NOT_NEGATIVE.to(1e4);
+        /// Standard deviation of the accelerometer's bias at the start of an episode, drawn for each.
+        pub accelerometer_bias: f64 = 0.0, "m/s²", Limit::NOT_NEGATIVE.to(1e4);
+        /// Random walk of that bias: its standard deviation after one second.
+        pub accelerometer_bias_walk: f64 = 0.0, "m/s²/√s", Limit::NOT_NEGATIVE.to(1e4);
+        /// Largest magnitude that the accelerometer reads along an axis; 0: any.
+        pub accelerometer_range: f64 = 0.0, "m/s²", Limit::NOT_NEGATIVE.to(1e6);
+        /// Where gyroscope and accelerometer are, in the body frame, whose origin is the ball's center.
+        pub imu_position: [f64; 3] = [0.0; 3], "m", Limit::from(-10.0).to(10.0);
+        /// Standard deviation of the angle about each body axis by which gyroscope and accelerometer are mounted wrongly,
+        /// drawn for each episode.
+        pub imu_misalignment: f64 = 0.0, "rad", Limit::NOT_NEGATIVE.to(0.1);
+        /// Ticks of an encoder in one turn of its wheel, gear included; 0: exact angles.
+        pub encoder_ticks: f64 = 0.0, "", Limit::NOT_NEGATIVE.to(1e9);
+        /// Age of the readings of all sensors, a whole number of control steps; at most 100 of them.
+        pub latency: f64 = 0.0, "s", Limit::NOT_NEGATIVE.to(100.0);
+    }
+}
+
+impl SensorOptions {
+    /// Options from named numbers, the others at their defaults.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`], [`Error::Length`]; those of [`SensorOptions::validate`].
+    pub fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
+        let mut options = Self::default();
+        for (name, values) in fields {
+            if !Self::FIELDS.iter().any(|field| field.name == name) {
+                let known: Vec<_> = Self::FIELDS.iter().map(|field| field.name).collect();
+                return Err(Error::unknown("option of sensors", name, &known));
+            }
+            options.set(name, values).map_err(|error| match error {
+                Error::Length { name, found, expected } => Error::Length { name: qualified(&name), found, expected },
+                other => other,
+            })?;
+        }
+        options.validate()?;
+        Ok(options)
+    }
+
+    /// Sensors by name: `exact`, or those of a published robot.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] for a name that is not in [`SensorOptions::preset_names`].
+    pub fn preset(name: &str) -> Result<Self> {
+        if name == EXACT {
+            return Ok(Self::default());
+        }
+        let file = RobotFile::preset(name).transpose()?;
+        match file.and_then(|file| file.sensors) {
+            Some(fields) => Self::from_named(&fields),
+            None => Err(Error::unknown(KIND, name, &Self::preset_names())),
+        }
+    }
+
+    /// Names that [`SensorOptions::preset`] accepts: `exact`, and the robots whose sensors are published.
+    pub fn preset_names() -> Vec<&'static str> {
+        let published = RobotFile::preset_names().iter().copied().filter(|name| {
+            let file = RobotFile::preset(name).and_then(Result::ok);
+            file.is_some_and(|file| file.sensors.is_some())
+        });
+        [EXACT].into_iter().chain(published).collect()
+    }
+
+    /// Sensors from the table `[sensors]` of a robot's TOML file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] for a file that cannot be read; [`Error::Decode`] with the file and the reason that
+    /// [`SensorOptions::from_toml`] gives.
+    pub fn from_toml_file(path: &Path) -> Result<Self> {
+        RobotFile::read(path, Self::from_toml)
+    }
+
+    /// Sensors from the table `[sensors]` of TOML text.
+    ///
+    /// # Errors
+    /// [`Error::Decode`] for malformed text, values that are not numbers, or no such table; those of
+    /// [`SensorOptions::from_fields`].
+    pub fn from_toml(text: &str) -> Result<Self> {
+        match RobotFile::parse(text)?.sensors {
+            Some(fields) => Self::from_named(&fields),
+            None => Err(Error::Decode { what: KIND.into(), reason: "there is no table [sensors]".into() }),
+        }
+    }
+
+    fn from_named(fields: &[(String, Vec<f64>)]) -> Result<Self> {
+        Self::from_fields(fields.iter().map(|(name, values)| (name.as_str(), values.as_slice())))
+    }
+
+    /// All numbers, in the order of the fields.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
+        (0..Self::FIELDS.len()).flat_map(|index| self.values(index)).copied()
+    }
+
+    /// Control steps of `control_dt` (s) in the latency.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for one that is no whole number of at most 100.
+    pub fn latency_steps(&self, control_dt: f64) -> Result<usize> {
+        let (latency, steps) = (self.latency, self.latency / control_dt);
+        check(
+            "sensors.latency / control_dt",
+            steps,
+            format_args!(
+                "a whole number of at most {MAX_LATENCY} (latency = {latency} s, control_dt = {control_dt} s)"
+            ),
+            |n| (n - n.round()).abs() <= 1e-6 * n && n <= MAX_LATENCY + 0.5,
+        )?;
+        Ok(steps.round() as usize)
+    }
+
+    /// Checks the numbers against their limits.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] naming the value and the limit.
+    pub fn validate(&self) -> Result<()> {
+        self.check_limits().map_err(|error| match error {
+            Error::OutOfRange { name, value, limit } => Error::OutOfRange { name: qualified(&name), value, limit },
+            other => other,
+        })?;
+        for (name, range, unit) in
+            [("gyro_range", self.gyro_range, "rad/s"), ("accelerometer_range", self.accelerometer_range, "m/s²")]
+        {
+            check(qualified(name), range, format_args!("0 (any) or at least {LEAST_RANGE} {unit}"), |r| {
+                r == 0.0 || r >= LEAST_RANGE
+            })?;
+        }
+        check(qualified("encoder_ticks"), self.encoder_ticks, "0 (exact) or at least 1", |n| n == 0.0 || n >= 1.0)?;
+        Ok(())
+    }
+}
+
+/// The name of an option as messages have it.
+fn qualified(name: &str) -> String {
+    format!("sensors.{name}")
+}

@@ -1,0 +1,16 @@
+//! What the sensors of a robot read.
+
+use crate::lanes::{Lane, Vec3};
+
+/// Readings of one robot or of eight at the end of a control step.
+#[derive(Clone, Copy, Debug)]
+pub struct Readings<L: Lane> {
+    /// Angular velocity of the body, body frame, rad/s.
+    pub gyro: Vec3<L>,
+    /// Acceleration of the IMU less gravity, body frame, m/s²: its mean over the last control step.
+    pub specific_force: Vec3<L>,
+    /// Rotation of each wheel relative to the body since the start of the episode, rad.
+    pub wheel_angles: [L; 3],
+    /// Change of the wheel angles over the last control step, divided by its duration, rad/s.
+    pub wheel_rates: [L; 3],
+}

@@ -1,0 +1,54 @@
+//! The stage between the state of the model and the state that a task observes.
+
+use super::readings::Readings;
+use crate::lane_state::LaneState;
+use crate::lanes::{Lane, Memory};
+use crate::state::State;
+
+/// What a stage may take from the start of an episode.
+pub struct EpisodeStart<'a> {
+    /// Acceleration of gravity, m/s².
+    pub gravity: f64,
+    /// The true first state.
+    pub state: &'a LaneState<f64>,
+    /// Key of the environment's random numbers.
+    pub key: [u32; 2],
+}
+
+/// The stage between the true state and the observation, once a control step. Written once over lanes.
+pub trait Sensor: Clone + Send + Sync + 'static {
+    /// How many numbers the stage keeps from one reading to the next.
+    const MEMORY: usize;
+
+    /// [`Sensor::MEMORY`], or another number where it follows from the options of the stage.
+    fn memory_len(&self) -> usize {
+        Self::MEMORY
+    }
+
+    /// Begins an episode, before its first reading. `memory` has what the last one left, zeros before the first.
+    fn begin(&self, start: &EpisodeStart<'_>, memory: &mut [f64]) {
+        let _ = start;
+        memory.fill(0.0);
+    }
+
+    /// The random numbers of the environment start anew with its next episode.
+    fn seeded(&self, memory: &mut [f64]) {
+        let _ = memory;
+    }
+
+    /// The state as it is measured.
+    fn read<L: Lane>(&self, state: &LaneState<L>, memory: &mut Memory<'_, L>) -> LaneState<L>;
+
+    /// The last readings, from the numbers of the memory by their index; `None` if the stage has none.
+    fn readings(&self, number: impl Fn(usize) -> f64) -> Option<Readings<f64>> {
+        let _ = number;
+        None
+    }
+
+    /// The state that follows from the last readings, from the numbers of the memory by their index; `None` if the stage
+    /// estimates none.
+    fn estimate(&self, number: impl Fn(usize) -> f64) -> Option<State> {
+        let _ = number;
+        None
+    }
+}

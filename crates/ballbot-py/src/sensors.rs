@@ -1,0 +1,85 @@
+//! Sensors of environments, from and to Python.
+
+use crate::errors::{call, to_python};
+use crate::fields::{field_dict, named_numbers};
+use crate::params::toml_path;
+use ballbot_core::batch::Batch;
+use ballbot_core::sensor::SensorOptions;
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyMapping};
+
+/// Names of the parts of readings, three numbers each.
+const PARTS: [&str; 4] = ["gyro", "specific_force", "wheel_angles", "wheel_rates"];
+
+/// Sensors from None (none), a mapping of options, a name or the path of a TOML file.
+pub(crate) fn sensors(value: &Bound<'_, PyAny>) -> PyResult<Option<SensorOptions>> {
+    if value.is_none() {
+        return Ok(None);
+    }
+    if let Ok(options) = value.cast::<PyMapping>() {
+        let fields = named_numbers("sensors", options)?;
+        let fields = fields.iter().map(|(name, values)| (name.as_str(), values.as_slice()));
+        return SensorOptions::from_fields(fields).map(Some).map_err(to_python);
+    }
+    let options = named(value).unwrap_or_else(|| {
+        let kind = value.get_type().name()?;
+        let expected = "a dict of options, a name, the path of a TOML file, or None";
+        Err(PyTypeError::new_err(format!("sensors must be {expected}, not {kind}")))
+    })?;
+    Ok(Some(options))
+}
+
+/// Sensors from a name or the path of a TOML file; `None` for anything else.
+fn named(value: &Bound<'_, PyAny>) -> Option<PyResult<SensorOptions>> {
+    if let Some(path) = toml_path(value) {
+        return Some(call(|| SensorOptions::from_toml_file(&path)));
+    }
+    let name = value.extract::<String>().ok()?;
+    Some(SensorOptions::preset(&name).map_err(to_python))
+}
+
+/// All options of sensors by name; None for robots without.
+pub(crate) fn sensors_object(py: Python<'_>, options: Option<&SensorOptions>) -> PyResult<Option<Py<PyDict>>> {
+    options.map(|options| field_dict(py, options).map(Bound::unbind)).transpose()
+}
+
+/// What [`crate::batch::PyBatch::readings`] returns.
+pub(crate) fn readings<'py>(py: Python<'py>, batch: &Batch, index: Option<usize>) -> PyResult<Bound<'py, PyDict>> {
+    let chosen = index.map_or(0..batch.len(), |index| index..index + 1);
+    let mut parts = PARTS.map(|_| Vec::with_capacity(3 * chosen.len()));
+    for i in chosen.clone() {
+        let read = batch.readings(i).map_err(to_python)?;
+        let [gyro, force] = [read.gyro, read.specific_force].map(|v| [v.x, v.y, v.z]);
+        for (part, numbers) in parts.iter_mut().zip([gyro, force, read.wheel_angles, read.wheel_rates]) {
+            part.extend(numbers);
+        }
+    }
+    let dict = PyDict::new(py);
+    for (name, numbers) in PARTS.into_iter().zip(parts) {
+        let array = PyArray1::from_vec(py, numbers);
+        match index {
+            Some(_) => dict.set_item(name, array)?,
+            None => dict.set_item(name, array.reshape([chosen.len(), 3])?)?,
+        }
+    }
+    Ok(dict)
+}
+
+/// Sensors by name (`SENSORS` has them), or from the table `[sensors]` of a robot's TOML file.
+///
+/// Every option with its value, as `sensors=` of an environment takes them. A string that ends in ".toml" is a path.
+///
+/// Raises:
+///     ValueError: an unknown name or option, malformed TOML, or a number out of range; the message has the value and the
+///         limit.
+///     OSError: the file cannot be read.
+#[pyfunction]
+pub(crate) fn load_sensors<'py>(py: Python<'py>, name_or_path: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
+    let options = named(name_or_path).unwrap_or_else(|| {
+        let kind = name_or_path.get_type().name()?;
+        Err(PyTypeError::new_err(format!("name_or_path must be a name or the path of a TOML file, not {kind}")))
+    })?;
+    field_dict(py, &options)
+}

@@ -1,0 +1,229 @@
+"""Sensors of environments: the same on every front end, from any source, in copies and files of policies."""
+
+import copy
+import json
+import math
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+
+import ballbot_rs as bb
+from ballbot_rs import _core
+from ballbot_rs.cli import main
+from ballbot_rs.control.resolve import find
+from ballbot_rs.viewer.drivers import PolicyDriver
+from tests.envs.test_actuators import ACTIONS, front_ends
+from tests.support.names import BALANCE
+
+#: Every error at once.
+EVERYTHING = {
+    "gyro_noise": 0.001,
+    "gyro_bias": 0.02,
+    "gyro_bias_walk": 0.01,
+    "gyro_range": 5.0,
+    "accelerometer_noise": 0.01,
+    "accelerometer_bias": 0.1,
+    "accelerometer_bias_walk": 0.05,
+    "accelerometer_range": 30.0,
+    "imu_position": [0.01, 0.0, 0.2],
+    "imu_misalignment": 0.02,
+    "encoder_ticks": 4096.0,
+    "latency": 0.02,
+}
+OBSERVED = {"sensors": EVERYTHING, "observation": "sensors", "history": 3}
+ROWS = len(_core.TASKS["balance"]["observation"])
+
+
+@pytest.mark.parametrize("model", _core.MODELS)
+def test_every_front_end_has_the_same_sensors(model):
+    ends = front_ends(model=model, **OBSERVED)
+    expected = np.array(ends["Batch"](3))
+    assert expected.shape == (len(ACTIONS) + 1, 3 * ROWS)
+    assert not np.array_equal(expected[:, -ROWS:], np.array(front_ends(model=model)["Batch"](3)))
+    for name, observations in ends.items():
+        np.testing.assert_array_equal(np.array(observations(3)), expected, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda **options: bb.BalanceEnv(**options),
+        lambda **options: bb.BallbotVectorEnv(2, **options),
+        lambda **options: bb.BallbotVecEnv(2, **options),
+    ],
+)
+def test_readings_and_the_true_rows_of_every_front_end(make):
+    env, batch = make(sensors=EVERYTHING, observation="sensors"), bb.Batch(2, seed=5)
+    if isinstance(env, bb.BallbotVecEnv):
+        env.seed(5)
+        observation = env.reset()
+    else:
+        observation, _ = env.reset(seed=5)
+    privileged, readings = env.privileged_observations(), env.readings()
+    truth = batch.reset()
+    assert set(readings) == {"gyro", "specific_force", "wheel_angles", "wheel_rates"}
+    if isinstance(env, bb.BalanceEnv):
+        truth = truth[0]
+    np.testing.assert_array_equal(privileged, truth)
+    assert not np.array_equal(observation, truth)
+    assert env.observation_space.shape in ((ROWS,), (2, ROWS))
+    for part in readings.values():
+        assert part.shape == (*truth.shape[:-1], 3)
+        assert np.isfinite(part).all()
+    np.testing.assert_allclose(np.linalg.norm(readings["specific_force"], axis=-1), 9.81, atol=1.5)
+
+
+def test_readings_of_one_robot_are_its_row():
+    batch = bb.Batch(9, sensors=EVERYTHING)
+    batch.reset()
+    batch.step(np.full((9, 3), 0.1))
+    readings = batch.readings()
+    for i in (0, 8):
+        for name, part in batch.readings(i).items():
+            np.testing.assert_array_equal(part, readings[name][i])
+    envs = bb.BallbotVectorEnv(2, sensors={})
+    envs.reset(seed=0)
+    first, second = envs.call("readings")
+    np.testing.assert_array_equal(envs.readings()["gyro"], [first["gyro"], second["gyro"]])
+    with pytest.raises(ValueError, match="environment index = 9"):
+        batch.readings(9)
+    with pytest.raises(ValueError, match="the robots have no sensors"):
+        bb.Batch(1).readings()
+
+
+def test_exact_sensors_leave_the_observation_of_the_truth_alone():
+    expected = np.array(front_ends()["Batch"](3))
+    for sensors in (None, "exact", EVERYTHING):
+        np.testing.assert_array_equal(np.array(front_ends(sensors=sensors)["Batch"](3)), expected)
+
+
+def test_history_is_oldest_first_and_within_the_space():
+    long, short = front_ends(history=4), front_ends()
+    rows, single = np.array(long["BalanceEnv"](3)), np.array(short["BalanceEnv"](3))
+    for k in range(len(single)):
+        expected = [single[max(k - age, 0)] for age in (3, 2, 1, 0)]
+        np.testing.assert_array_equal(rows[k], np.concatenate(expected))
+    space = bb.BalanceEnv(history=4, scale_observations=False).observation_space
+    once = bb.BalanceEnv(scale_observations=False).observation_space
+    np.testing.assert_array_equal(space.high, np.tile(once.high, 4))
+    batch = bb.Batch(3, history=4)
+    assert (batch.history, batch.observation_len) == (4, 4 * ROWS)
+    assert batch.reset().shape == batch.observations().shape == (3, 4 * ROWS)
+    assert batch.rollout(bb.Lqr(), steps=2, record=("observations",))["observations"].shape == (3, 3, 4 * ROWS)
+
+
+def test_sensors_come_from_names_files_and_dicts(tmp_path):
+    kugle = bb.load_sensors("kugle")
+    path = tmp_path / "mine.toml"
+    path.write_text(bb.Params.paper().to_toml() + "\n[sensors]\nencoder_ticks = 1000\nlatency = 0.02\n")
+    exact = bb.load_sensors("exact")
+    mine = {**exact, "encoder_ticks": 1000.0, "latency": 0.02}
+    assert bb.load_sensors(path) == bb.load_sensors(str(path)) == mine
+    for given, expected in [
+        (None, None),
+        ({}, exact),
+        ("exact", exact),
+        ("kugle", kugle),
+        (kugle, kugle),
+        (path, mine),
+        ({"encoder_ticks": np.int64(1000), "latency": np.float32(0.02) * 0 + 0.02}, mine),
+    ]:
+        batch = bb.Batch(1, params=path, sensors=given)
+        assert batch.options["sensors"] == expected
+        assert json.loads(json.dumps(batch.options))["sensors"] == expected
+        assert bb.Batch(1, **batch.options).options == batch.options
+    batch.options["sensors"]["latency"] = 5.0
+    assert batch.options["sensors"]["latency"] == 0.02
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "message"),
+    [
+        ({"sensors": {"gyro": 1.0}}, ValueError, "unknown option of sensors 'gyro': expected one of gyro_noise"),
+        ({"sensors": {"gyro_noise": -1.0}}, ValueError, "sensors.gyro_noise = -1 is out of range: it must be >= 0"),
+        ({"sensors": {"gyro_bias": math.nan}}, ValueError, "sensors.gyro_bias = NaN"),
+        ({"sensors": {"imu_position": [1.0, 2.0]}}, ValueError, "sensors.imu_position has 2 values, expected 3"),
+        ({"sensors": {"latency": 0.005}}, ValueError, r"sensors.latency / control_dt = 0.5 .*latency = 0.005 s"),
+        ({"sensors": {"latency": "late"}}, TypeError, "sensors.latency must be a number"),
+        ({"sensors": {1: 2.0}}, TypeError, "sensors has the key 1, expected names"),
+        ({"sensors": "kugel"}, ValueError, "unknown sensors 'kugel': expected one of exact, kugle"),
+        ({"sensors": 3}, TypeError, "sensors must be a dict of options, a name, the path of .* or None, not int"),
+        ({"observation": "camera"}, ValueError, "unknown observation 'camera': expected one of ground_truth, sensors"),
+        ({"observation": 1}, TypeError, "observation must be the name of a kind of observation, not int"),
+        ({"history": 0}, ValueError, "history = 0"),
+        ({"history": 1001}, ValueError, "history = 1001 .*1000"),
+        ({"history": 1.5}, ValueError, "history = 1.5"),
+    ],
+)
+def test_what_is_wrong_is_refused_by_every_front_end(options, kind, message):
+    for make in (
+        lambda: bb.Batch(1, **options),
+        lambda: bb.BalanceEnv(**options),
+        lambda: bb.BallbotVectorEnv(2, **options),
+        lambda: bb.BallbotVecEnv(2, **options),
+        lambda: gymnasium.make(BALANCE, **options),
+    ):
+        with pytest.raises(kind, match=message):
+            make()
+
+
+@pytest.mark.parametrize("name", ["sensors", "observation", "history"])
+def test_sensors_are_fixed_once_an_environment_is_made(name):
+    with pytest.raises(AttributeError, match=f"{name} is fixed once an environment is made"):
+        bb.BallbotVecEnv(1).set_attr(name, None)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_reads_the_same(copied):
+    env = bb.BalanceEnv(**OBSERVED)
+    env.reset(seed=1)
+    for action in ACTIONS[:7]:
+        env.step(action)
+    other = copied(env)
+    for action in ACTIONS[7:]:
+        np.testing.assert_array_equal(other.step(action)[0], env.step(action)[0])
+
+
+def test_a_policy_keeps_its_sensors(tmp_path, capsys):
+    env = bb.BallbotVecEnv(1, model="spatial", **OBSERVED)
+    path = bb.save(PPO("MlpPolicy", env, policy_kwargs={"net_arch": [8]}, seed=0), tmp_path / "p.zip")
+    assert main(["export", str(path), "-o", str(tmp_path / "p.onnx")]) == 0
+    for file in (path, tmp_path / "p.onnx"):
+        options = find(file).env_options
+        assert {name: options[name] for name in OBSERVED} == OBSERVED
+    given, own, truth = (
+        bb.evaluate(path, episodes=3, env_options=options)
+        for options in (OBSERVED, {}, {"observation": "ground_truth"})
+    )
+    assert own == given
+    assert own.tilt_rms != truth.tilt_rms
+    assert main(["evaluate", "--episodes", "2", "--quiet", "--controller", str(path), "--sensors", "kugle"]) == 0
+    # The page shows such a policy on what it observes of the true state.
+    driver = PolicyDriver(find(path), bb.Params.paper(), 2)
+    states = [bb.State.at_rest(bb.Params.paper(), tilt=(0.02, 0.0))] * 2
+    first, second = (driver.torques(states, (0.0, 0.0)) for _ in range(2))
+    assert first.shape == (2, 3)
+    assert not np.array_equal(first, second)
+    driver.reset()
+    np.testing.assert_array_equal(driver.torques(states, (0.0, 0.0)), first)
+    assert main(["view", "--no-open", "--env-option", "observation=sensors"]) == 1
+    assert "policies observe the true state" in capsys.readouterr().err
+
+
+def test_estimates_are_beside_the_states():
+    batch = bb.Batch(9, sensors="kugle", observation="sensors", seed=3)
+    batch.reset()
+    np.testing.assert_allclose(batch.estimates()[:, 16:20], batch.states()[:, 16:20], atol=1e-12)
+    batch.rollout(bb.Lqr(), steps=100)
+    found, true = batch.estimates(), batch.states()
+    assert found.shape == (9, 32)
+    assert not np.array_equal(found, true)
+    errors = np.abs(found - true)
+    assert errors[:, 16:20].max() < 0.03, "attitude of the body"
+    assert errors[:, 7:9].max() < 0.05, "velocity of the ball, m/s"
+    assert errors[:, 0:2].max() < 0.05, "position of the ball, m"
+    with pytest.raises(ValueError, match="no estimator"):
+        bb.Batch(1, sensors="kugle").estimates()
