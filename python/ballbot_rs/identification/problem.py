@@ -1,0 +1,226 @@
+"""The least-squares problem: residuals of all windows, with the starts of the windows eliminated."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.parameters import Fitted, Robot
+from ballbot_rs.identification.simulation import SENSORS, Column, Simulator, measured
+from ballbot_rs.identification.starts import STEPS
+from ballbot_rs.identification.windows import Windows
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+#: Steps of differences, in typical sizes of the parameters.
+DIFFERENCE: Final = 1e-4
+#: Simulations of all windows in a search of their starts, and the decreases of a window's sum of squares that end it: as a share,
+#: and in units of the noise's variance.
+MAX_SEARCH: Final = 30
+DECREASE: Final = 1e-6
+NEGLIGIBLE: Final = 1e-2
+#: Shortest share of a Gauss-Newton step that is tried.
+SHORTEST: Final = 0.05
+#: Longest step of a tilt within a search, rad.
+MAX_TILT_STEP: Final = 0.3
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """Residuals of all windows at some values, at the starts that fit best."""
+
+    values: Array
+    robot: Robot
+    #: Shape (w, 8).
+    starts: Array
+    #: In standard deviations of the noise, less the mean of each window's wheel angles, shape (m, channels).
+    residuals: Array
+    #: Orthonormal bases of what the start of each window can do, shape (rows · channels, 8) each.
+    bases: list[Array]
+    #: Sum of squares of each window, shape (w,); infinite where the robot fell.
+    costs: Array
+
+
+class Problem:
+    """Residuals and their derivatives.
+
+    Args:
+        log: the log.
+        windows: of it.
+        simulator: of these windows.
+        fitted: the numbers that are fitted.
+        base: the robot that has the other numbers.
+        called: after each simulation.
+    """
+
+    def __init__(
+        self,
+        log: SensorLog,
+        windows: Windows,
+        simulator: Simulator,
+        fitted: Fitted,
+        base: Robot,
+        called: Callable[[], None],
+    ) -> None:
+        self.windows, self.fitted = windows, fitted
+        self._simulator, self._base, self._called = simulator, base, called
+        self._measured = measured(log, windows)
+        self.channels = simulator.channels
+        #: Which numbers are measurements: the specific force of a window's first row is none.
+        self.used: Mask = np.ones(self._measured.shape, dtype=np.bool_)
+        self.used[windows.bounds[:-1], SENSORS["acceleration"]] = False
+        self.sensors: Mapping[str, slice] = {
+            name: place for name, place in SENSORS.items() if place.stop <= self.channels
+        }
+
+    def spread(self, noise: Mapping[str, float]) -> Array:
+        """Standard deviation of each channel."""
+        found = np.empty(self.channels)
+        for name, place in self.sensors.items():
+            found[place] = noise[name]
+        return found
+
+    def at(self, values: Array, starts: Array, noise: Mapping[str, float]) -> Point:
+        """The point at some values, its starts searched from `starts` on by Gauss-Newton steps in each window.
+
+        Raises:
+            ValueError: the values do not describe a robot.
+        """
+        robot = self.fitted.robot(values, self._base)
+        best, steps = self._linearized(values, robot, starts, noise)
+        factor = np.ones(len(self.windows))
+        for _ in range(MAX_SEARCH):
+            searched = (self._promise(best) > np.maximum(DECREASE * best.costs, NEGLIGIBLE)) & (factor > SHORTEST)
+            if not searched.any():
+                break
+            point, next_steps = self._linearized(
+                values, robot, best.starts + np.where(searched, factor, 0.0)[:, None] * steps, noise
+            )
+            better = searched & (point.costs < best.costs)
+            factor = np.where(better, 1.0, 0.25 * factor)
+            steps = np.where(better[:, None], next_steps, steps)
+            best = self._merged(best, point, better)
+        return best
+
+    def _promise(self, point: Point) -> Array:
+        """What the next step would take away of the sum of squares of each window if the robot were linear."""
+        found = np.zeros(len(self.windows))
+        for index, basis in enumerate(point.bases):
+            if np.isfinite(point.costs[index]):
+                taken = basis.T @ point.residuals[self.windows.rows_of(index)].reshape(-1)
+                found[index] = taken @ taken
+        return found
+
+    def _merged(self, best: Point, point: Point, better: Mask) -> Point:
+        rows = better[self.windows.window][:, None]
+        return Point(
+            best.values,
+            best.robot,
+            np.where(better[:, None], point.starts, best.starts),
+            np.where(rows, point.residuals, best.residuals),
+            [new if one else old for one, new, old in zip(better, point.bases, best.bases, strict=True)],
+            np.where(better, point.costs, best.costs),
+        )
+
+    def _linearized(
+        self, values: Array, robot: Robot, starts: Array, noise: Mapping[str, float]
+    ) -> tuple[Point, Array]:
+        """A point at given starts, and the Gauss-Newton step of each."""
+        changed = [Column(robot, starts + change) for change in np.diag(STEPS)]
+        found, upright = self._run([Column(robot, starts), *changed])
+        spread = self.spread(noise)
+        residuals = self._centered((self._measured - found[0]) / spread)
+        columns = np.stack([self._centered((one - found[0]) / spread) for one in found[1:]], axis=-1) / STEPS
+        bases, steps, costs = [], np.zeros_like(starts), np.full(len(self.windows), np.inf)
+        for index in range(len(self.windows)):
+            rows = self.windows.rows_of(index)
+            own = residuals[rows].reshape(-1)
+            basis, triangle = np.linalg.qr(columns[rows].reshape(-1, len(STEPS)))
+            bases.append(basis)
+            if upright[:, index].all():
+                costs[index] = own @ own
+                steps[index] = np.linalg.lstsq(triangle, basis.T @ own, rcond=1e-12)[0]
+        tilted = np.abs(steps[:, :2]).max(axis=1, keepdims=True)
+        steps *= np.minimum(1.0, MAX_TILT_STEP / np.maximum(tilted, 1e-300))
+        return Point(values, robot, starts, residuals, bases, costs), steps
+
+    def derivatives(self, point: Point, noise: Mapping[str, float]) -> Array:
+        """Derivatives of the predicted measurements with respect to the fitted numbers in units of their scales, in standard
+        deviations of the noise and less what the starts can do, shape (m, channels, p).
+
+        Raises:
+            ValueError: a number cannot be changed either way.
+        """
+        fitted, spread = self.fitted, self.spread(noise)
+        found = np.zeros((*self._measured.shape, len(fitted.names)))
+        moved: list[int] = []
+        columns: list[Column] = []
+        spans: list[float] = []
+        for index in range(len(fitted.names)):
+            bias = fitted.bias_of(index)
+            if bias is not None:
+                channel = SENSORS["gyro" if bias[0] == "gyro_bias" else "acceleration"].start + bias[1]
+                found[:, channel, index] = fitted.scales[index] * self.used[:, channel]
+                continue
+            ends = []
+            for sign in (1.0, -1.0):
+                neighbor = point.values.copy()
+                change = sign * DIFFERENCE * fitted.scales[index]
+                neighbor[index] = np.clip(neighbor[index] + change, fitted.low[index], fitted.high[index])
+                try:
+                    columns.append(Column(fitted.robot(neighbor, self._base), point.starts))
+                except ValueError:
+                    # A one-sided difference at the edge of what is a robot.
+                    neighbor = point.values
+                    columns.append(Column(point.robot, point.starts))
+                ends.append(neighbor[index])
+            if ends[0] == ends[1]:
+                raise InvalidInputError(
+                    f"{fitted.names[index]} = {ends[0]:g} cannot be changed either way: the robot would be none; leave it out of fields"
+                )
+            moved.append(index)
+            spans.append((ends[0] - ends[1]) / fitted.scales[index])
+        if columns:
+            read, _ = self._run(columns)
+            found[..., moved] = np.moveaxis((read[0::2] - read[1::2]), 0, -1) / np.array(spans)
+        found /= spread[:, None]
+        for index in range(found.shape[-1]):
+            found[..., index] = self._centered(found[..., index])
+        for index, basis in enumerate(point.bases):
+            rows = self.windows.rows_of(index)
+            own = found[rows].reshape(-1, found.shape[-1])
+            found[rows] = (own - basis @ (basis.T @ own)).reshape(found[rows].shape)
+        return found
+
+    def _run(self, columns: list[Column]) -> tuple[Array, Mask]:
+        found, upright = self._simulator.run(columns)
+        self._called()
+        return np.where(self.used, found, 0.0), upright
+
+    def _centered(self, rows: Array) -> Array:
+        """Rows less the mean of each window's wheel angles, whose origin is free."""
+        bounds = self.windows.bounds
+        place = SENSORS["wheel_angle"]
+        sums = np.add.reduceat(rows[:, place], bounds[:-1], axis=0)
+        centered = rows.copy()
+        centered[:, place] -= (sums / np.diff(bounds)[:, None])[self.windows.window]
+        return centered
+
+    def leverage(self, point: Point, derivatives: Array, kept: Mask) -> Array:
+        """Share of each measurement that the fit takes up, shape (m, channels): its sum is the count of fitted numbers."""
+        found = np.zeros(self._measured.shape)
+        rows_of = np.diff(self.windows.bounds)
+        found[:, SENSORS["wheel_angle"]] = (1.0 / rows_of)[self.windows.window][:, None]
+        for index, basis in enumerate(point.bases):
+            rows = self.windows.rows_of(index)
+            found[rows] += (basis**2).sum(axis=1).reshape(found[rows].shape)
+        chosen = kept[self.windows.window]
+        flat = derivatives[chosen].reshape(-1, derivatives.shape[-1])
+        basis = np.linalg.svd(flat, full_matrices=False)[0]
+        found[chosen] += (basis**2).sum(axis=1).reshape(-1, self.channels)
+        return found
