@@ -22,11 +22,11 @@ NOISE: Final[Mapping[str, float]] = {"wheel_angle": 1e-3, "gyro": 5e-3, "acceler
 MAX_SECONDS: Final = 3600.0
 #: Frequencies of the multisine, Hz, and the largest amplitude of its sum as a share of the torque at which wheels slip.
 FREQUENCIES: Final = (0.3, 0.7, 1.1, 1.7, 2.3, 3.1, 4.3, 5.9, 7.9)
-MULTISINE: Final = 0.35
+MULTISINE: Final = 0.3
 #: Setpoints: a step of each every so many seconds, uniform within ± m and ± rad.
 STEP_EVERY: Final = 2.0
-POSITION: Final = 0.25
-YAW: Final = 1.0
+POSITION: Final = 0.15
+YAW: Final = 0.8
 
 
 def record_log(

@@ -42,13 +42,17 @@ SETTLED: Final = 0.02
 #: Evaluations of the residuals in a pass.
 MAX_EVALUATIONS: Final = 60
 #: Simulations of a usual fit, for the progress.
-USUAL: Final = 40
-#: Largest condition number: beyond it differences of the simulations are rounding.
-MAX_CONDITION: Final = 1e5
+USUAL: Final = 100
+#: Largest condition number. What cannot be told apart exactly reaches 1e4 in `contact`, whose time steps distinguish a little more.
+MAX_CONDITION: Final = 3e3
+#: Effect on the measurements below which there is none, as a share of the largest one.
+SILENT: Final = 1e-5
 #: Largest standard deviation along any direction, in typical sizes of the parameters.
 MAX_UNCERTAINTY: Final = 1.0
 #: Share of a direction that a parameter has to be named for it.
 NAMED: Final = 0.2
+#: Distance from a limit, in typical sizes, within which a number is at it.
+LIMIT: Final = 1e-4
 #: Largest share of windows that may be rejected.
 MAX_REJECTED: Final = 1.0 / 3.0
 
@@ -117,7 +121,7 @@ def identify(
         MAX_LAG if base.motors.lag or "lag" in wanted.fields else 0.0
     )
     windows = split(log, window, sim_dt, settling)
-    simulator = Simulator(log, windows, model, sim_dt, offset, num_threads)
+    simulator = Simulator(log, model, sim_dt, offset, num_threads)
     count = 0
 
     def called() -> None:
@@ -151,10 +155,10 @@ def _passes(
     standing = np.isfinite(point.costs)
     kept = standing.copy()
     _check_kept(problem, kept, log)
-    _check_condition(problem, problem.derivatives(point, spreads), kept)
+    _check_condition(problem, problem.derivatives(point, spreads)[0], kept)
     for _ in range(MAX_PASSES):
         point = _fit(problem, point, spreads, kept)
-        derivatives = problem.derivatives(point, spreads)
+        derivatives, _ = problem.derivatives(point, spreads)
         leverage = problem.leverage(point, derivatives, kept)
         before, old = kept, spreads
         if rejection is not None:
@@ -167,7 +171,7 @@ def _passes(
         point = problem.at(point.values, point.starts, spreads)
     ratio = problem.spread(old) / problem.spread(spreads)
     derivatives = derivatives * ratio[:, None]
-    _check_condition(problem, derivatives, kept, uncertainty=True)
+    _check_condition(problem, derivatives, kept, point)
     return point, derivatives, spreads, kept
 
 
@@ -177,21 +181,21 @@ def _fit(problem: Problem, first: Point, spreads: Mapping[str, float], kept: Mas
 
     wanted, rows = problem.fitted, kept[problem.windows.window]
     known: dict[bytes, Point | None] = {}
-    last = first
+    # Where the derivatives are known: a trial starts from its best starts there, moved along their tangents.
+    last, tangents = first, np.zeros((*first.starts.shape, len(wanted.names)))
     # A robot that cannot be, or that falls, is refused as a step that reduces nothing.
     refused = np.full(int(rows.sum()) * problem.channels, 10.0 * np.sqrt(np.mean(first.residuals[rows] ** 2) + 1.0))
 
     def at(scaled: Array) -> Point | None:
-        nonlocal last
         key = scaled.tobytes()
         if key not in known:
+            starts = last.starts + tangents @ (scaled - last.values / wanted.scales)
             try:
-                point = problem.at(scaled * wanted.scales, last.starts, spreads)
+                point = problem.at(scaled * wanted.scales, starts, spreads)
             except ValueError:
                 known[key] = None
             else:
                 known[key] = point if np.isfinite(point.costs[kept]).all() else None
-                last = point if known[key] is not None else last
         return known[key]
 
     def residuals(scaled: Array) -> Array:
@@ -199,10 +203,13 @@ def _fit(problem: Problem, first: Point, spreads: Mapping[str, float], kept: Mas
         return refused if point is None else point.residuals[rows].reshape(-1)
 
     def jacobian(scaled: Array) -> Array:
+        nonlocal last, tangents
         point = at(scaled)
         if point is None:
             return np.zeros((len(refused), len(scaled)))
-        return -problem.derivatives(point, spreads)[rows].reshape(len(refused), -1)
+        derivatives, tangents = problem.derivatives(point, spreads)
+        last = point
+        return -derivatives[rows].reshape(len(refused), -1)
 
     low, high = wanted.low / wanted.scales, wanted.high / wanted.scales
     margin = 1e-9
@@ -229,26 +236,32 @@ def _check_kept(problem: Problem, kept: Mask, log: SensorLog) -> None:
         )
 
 
-def _check_condition(problem: Problem, derivatives: Array, kept: Mask, *, uncertainty: bool = False) -> None:
-    """A ValueError names the parameters that the log does not determine."""
-    names = np.array(problem.fitted.names)
-    flat = derivatives[kept[problem.windows.window]].reshape(-1, len(names))
+def _check_condition(problem: Problem, derivatives: Array, kept: Mask, fit: Point | None = None) -> None:
+    """A ValueError names the parameters that the log does not determine; after a fit, also those that are uncertain.
+
+    Numbers at a limit are no question after a fit.
+    """
+    wanted, flat = problem.fitted, derivatives[kept[problem.windows.window]].reshape(-1, derivatives.shape[-1])
+    free = np.ones(len(wanted.names), dtype=np.bool_) if fit is None else ~_at_limit(wanted, fit.values)
+    names, flat = np.array(wanted.names)[free], flat[:, free]
+    if not len(names):
+        return
     sizes = np.linalg.norm(flat, axis=0)
-    silent = sizes <= sizes.max() / MAX_CONDITION
+    silent = sizes <= SILENT * sizes.max()
     if silent.any():
         raise InvalidInputError(
-            f"the log does not depend on {', '.join(names[silent])}: a change by its typical size changes the measurements less than "
-            f"1/{MAX_CONDITION:g} of what {names[sizes.argmax()]} does; leave it out of fields"
+            f"the log does not depend on {', '.join(names[silent])}: a change by its typical size changes the measurements by less than "
+            f"{SILENT:.0e} of what {names[sizes.argmax()]} does; leave it out of fields"
         )
-    _, singular, directions = np.linalg.svd(flat, full_matrices=False)
+    _, singular, directions = np.linalg.svd(np.linalg.qr(flat)[1])
     condition = singular[0] / max(singular[-1], 1e-300)
     deviation = 1.0 / max(singular[-1], 1e-300)
-    if condition > MAX_CONDITION or (uncertainty and deviation > MAX_UNCERTAINTY):
+    if condition > MAX_CONDITION or (fit is not None and deviation > MAX_UNCERTAINTY):
         share = np.abs(directions[-1])
         group = names[share > NAMED * share.max()]
         what = f"{group[0]}" if len(group) == 1 else f"{', '.join(group)} apart from each other"
         raise InvalidInputError(
-            f"the log does not determine {what}: the condition number is {condition:.2g} (limit {MAX_CONDITION:.0e}) and the standard "
+            f"the log does not determine {what}: the condition number is {condition:.2g} (limit {MAX_CONDITION:g}) and the standard "
             f"deviation of their combination {deviation:.2g} of their typical size (limit {MAX_UNCERTAINTY:g}); leave one of them out "
             "of fields, or record more excitation"
         )
@@ -270,8 +283,9 @@ def _result(
     wanted, windows = problem.fitted, problem.windows
     chosen = kept[windows.window]
     flat = derivatives[chosen].reshape(-1, len(wanted.names))
-    _, singular, directions = np.linalg.svd(flat, full_matrices=False)
-    covariance = (directions.T / singular**2) @ directions
+    # What is at a limit has no derivative worth an interval, and takes none of the others'.
+    free = ~_at_limit(wanted, point.values)
+    singular, covariance = _covariance(flat, free)
     errors = np.sqrt(np.diag(covariance))
     measurements = int(problem.used[chosen].sum())
     free = measurements - 11 * int(kept.sum()) - len(wanted.names)
@@ -289,7 +303,7 @@ def _result(
         correlation=covariance / np.outer(errors, errors),
         intervals=np.stack([point.values - half, point.values + half], axis=-1),
         nominal=_nominal(wanted, base),
-        at_limit=_at_limit(wanted, point.values, errors * wanted.scales),
+        at_limit=tuple(np.array(wanted.names)[_at_limit(wanted, point.values)].tolist()),
         condition_number=float(singular[0] / singular[-1]),
         noise=spreads,
         rejected=tuple((float(log.time[one[0]]), float(log.time[one[-1]])) for one in rows),
@@ -300,10 +314,18 @@ def _result(
     )
 
 
+def _covariance(flat: Array, free: Mask) -> tuple[Array, Array]:
+    """Singular values of the derivatives, and the covariance: that of numbers at a limit is the one they have alone."""
+    _, singular, directions = np.linalg.svd(np.linalg.qr(flat[:, free])[1])
+    covariance = np.diag(1.0 / np.maximum((flat**2).sum(axis=0), 1e-300))
+    covariance[np.ix_(free, free)] = (directions.T / singular**2) @ directions
+    return singular, covariance
+
+
 def _nominal(wanted: Fitted, base: Robot) -> Array:
     return np.array([wanted.number(base, place) for place in wanted.places])
 
 
-def _at_limit(wanted: Fitted, values: Array, errors: Array) -> tuple[str, ...]:
-    near = np.minimum(values - wanted.low, wanted.high - values) <= 0.01 * errors
-    return tuple(np.array(wanted.names)[near].tolist())
+def _at_limit(wanted: Fitted, values: Array) -> Mask:
+    near: Mask = np.minimum(values - wanted.low, wanted.high - values) <= LIMIT * wanted.scales
+    return near

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import ACTUATOR_OPTIONS, load_actuators
 from ballbot_rs._errors import InvalidInputError
 
@@ -15,6 +16,8 @@ Array = npt.NDArray[np.float64]
 #: Largest delay and lag that a fit tries, s.
 MAX_DELAY: Final = 0.1
 MAX_LAG: Final = 0.2
+#: Limits of the options.
+LIMITS: Final[Mapping[str, tuple[float, float]]] = {"delay": (0.0, MAX_DELAY), "lag": (0.0, MAX_LAG), "strength": (0.0, 10.0)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,20 +40,19 @@ class Motors:
         """
         if actuators is None:
             return cls()
-        options = load_actuators(actuators)
-        own = {field.name for field in dataclasses.fields(cls)}
-        for option in ACTUATOR_OPTIONS:
-            name = option["name"]
-            if name not in own and options.get(name, option["default"]) != option["default"]:
+        options = dict(actuators) if isinstance(actuators, Mapping) else load_actuators(actuators)
+        own = [field.name for field in dataclasses.fields(cls)]
+        defaults = {option["name"]: option["default"] for option in ACTUATOR_OPTIONS}
+        for name, value in options.items():
+            if name not in defaults:
+                raise InvalidInputError(f"unknown actuator option {name!r}: expected {', '.join(own)}{did_you_mean(name, own)}")
+            if name not in own and value != defaults[name]:
                 raise InvalidInputError(
-                    f"actuators: {name} = {options[name]} cannot be part of an identification, which has {', '.join(sorted(own))}"
+                    f"actuators: {name} = {value} cannot be part of an identification, which has {', '.join(own)}"
                 )
-        strength = np.broadcast_to(np.asarray(options.get("strength", 1.0), dtype=np.float64), 3)
-        motors = cls(float(options.get("delay", 0.0)), float(options.get("lag", 0.0)), tuple(strength.tolist()))
-        for name, limit in (("delay", MAX_DELAY), ("lag", MAX_LAG)):
-            if getattr(motors, name) > limit:
-                raise InvalidInputError(f"actuators: {name} = {getattr(motors, name)} s, the limit is {limit} s")
-        return motors
+        numbers = {name: _checked(name, options[name]) for name in own if name in options}
+        strength = numbers.pop("strength", np.ones(1))
+        return cls(**{name: float(value[0]) for name, value in numbers.items()}, strength=tuple((strength * np.ones(3)).tolist()))
 
     def torques(self, times: Array, commands: Array, sim_dt: float, steps: int, limit: float) -> Array:
         """Torque of each wheel in each model step after the first row, N·m, shape (steps, 3).
@@ -79,3 +81,15 @@ class Motors:
             share = -np.expm1(-sim_dt / self.lag)
             torques, _ = lfilter([share], [1.0, share - 1.0], torques, axis=0, zi=(1.0 - share) * torques[:1])
         return np.clip(torques, -limit, limit)
+
+
+def _checked(name: str, value: Any) -> Array:
+    """The numbers of an option, shape (1,) or (3,); an error names one that is out of range."""
+    numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    if numbers.shape not in ((1,), (3,) if name == "strength" else (1,)):
+        raise InvalidInputError(f"actuators: {name} has the shape {numbers.shape}, expected {'1 or 3 numbers' if name == 'strength' else 'one number'}")
+    low, high = LIMITS[name]
+    for number in numbers.tolist():
+        if not low <= number <= high:
+            raise InvalidInputError(f"actuators: {name} = {number:g} is out of range: it must be from {low:g} to {high:g}")
+    return numbers

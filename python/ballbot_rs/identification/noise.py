@@ -13,8 +13,8 @@ from ballbot_rs.identification.problem import Point, Problem
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-#: Standard deviations with their units. Below these residuals are rounding, not noise.
-LEAST: Final[Mapping[str, float]] = {"wheel_angle": 1e-7, "gyro": 1e-6, "acceleration": 1e-5}
+#: Smallest standard deviations, far below those of sensors: rad, rad/s, m/s².
+LEAST: Final[Mapping[str, float]] = {"wheel_angle": 1e-5, "gyro": 1e-4, "acceleration": 1e-3}
 #: Windows whose mean square is within this share of the noise always count as explained.
 EXACT: Final = 0.1
 
@@ -27,7 +27,7 @@ def first_guess(log: SensorLog) -> dict[str, float]:
         if values is not None:
             # The third difference of white noise has 1 + 9 + 9 + 1 times its variance.
             middle = np.median(np.abs(np.diff(values, n=3, axis=0)))
-            found[name] = max(float(middle) / 0.6745 / np.sqrt(20.0), LEAST[name])
+            found[name] = max(float(middle / 0.6745 / np.sqrt(20.0)), LEAST[name])
     return found
 
 
@@ -56,7 +56,7 @@ def estimated(problem: Problem, point: Point, leverage: Array, kept: Mask, noise
         used = problem.used[chosen][:, place]
         freedom = used.sum() - leverage[chosen][:, place][used].sum()
         square = (point.residuals[chosen][:, place] ** 2).sum() / max(freedom, 1.0)
-        found[name] = max(noise[name] * float(np.sqrt(square)), LEAST[name])
+        found[name] = max(float(noise[name] * np.sqrt(square)), LEAST[name])
     return found
 
 

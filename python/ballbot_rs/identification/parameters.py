@@ -10,12 +10,15 @@ import numpy.typing as npt
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import ACTUATOR_OPTIONS, Params
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.identification.motors import MAX_DELAY, MAX_LAG, Motors
+from ballbot_rs.identification.motors import LIMITS as MOTOR_LIMITS
+from ballbot_rs.identification.motors import Motors
 
 Array = npt.NDArray[np.float64]
 
-#: Options of the motors that can be fitted, with their limits.
-MOTORS: Final[Mapping[str, tuple[float, float]]] = {"delay": (0.0, MAX_DELAY), "lag": (0.0, MAX_LAG), "strength": (0.0, 10.0)}
+#: Options of the motors that can be fitted.
+MOTORS: Final = tuple(MOTOR_LIMITS)
+#: Smallest lag that is fitted, in time steps of the model.
+SHORTEST_LAG: Final = 0.5
 #: Constant errors of the IMU, with their units and typical sizes.
 BIASES: Final[Mapping[str, tuple[str, float]]] = {"gyro_bias": ("rad/s", 0.01), "acc_bias": ("m/s²", 0.1)}
 #: A limit of the motor, which a fit of motions cannot find.
@@ -72,7 +75,7 @@ class Fitted:
             else:
                 changes.setdefault(field, list(_value(base, field)))[component] = value
         params = {name: value for name, value in changes.items() if name not in MOTORS and name not in BIASES}
-        motors = {name: changes[name] for name in MOTORS if name in changes}
+        motors = {name: _frozen(changes[name]) for name in MOTORS if name in changes}
         biases = {name: tuple(changes[name]) for name in BIASES if name in changes}
         return Robot(
             base.params.replace(**params) if params else base.params,
@@ -89,6 +92,10 @@ class Fitted:
         """The IMU's bias and axis that a number is; None for what moves the robot."""
         field, component = self.places[index]
         return None if field not in BIASES or component is None else (field, component)
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
 
 
 def known_fields() -> tuple[str, ...]:
@@ -123,7 +130,8 @@ def fitted(fields: Sequence[str], base: Robot, sim_dt: float) -> Fitted:
     limits = np.array([_limits(field) for field, _ in places])
     for index, (field, _) in enumerate(places):
         if field == "lag":
-            # Far below a time step a lag has no effect, and no derivative to start with.
+            # Far below a time step a lag has no effect, and no derivative.
+            limits[index, 0] = SHORTEST_LAG * sim_dt
             start[index] = max(start[index], sim_dt)
     names = tuple(_printed(place) for place in places)
     return Fitted(tuple(fields), names, tuple(places), limits[:, 0], limits[:, 1], scales, start)
@@ -173,7 +181,7 @@ def _printed(place: tuple[str, int | None]) -> str:
 
 def _limits(field: str) -> tuple[float, float]:
     if field in MOTORS:
-        return MOTORS[field]
+        return MOTOR_LIMITS[field]
     return (-np.inf, np.inf) if field in SIGNED else (0.0, np.inf)
 
 

@@ -42,6 +42,8 @@ class Point:
     residuals: Array
     #: Orthonormal bases of what the start of each window can do, shape (rows · channels, 8) each.
     bases: list[Array]
+    #: The derivatives of each window with respect to its start are its basis times this matrix, shape (8, 8).
+    triangles: list[Array]
     #: Sum of squares of each window, shape (w,); infinite where the robot fell.
     costs: Array
 
@@ -92,19 +94,21 @@ class Problem:
             ValueError: the values do not describe a robot.
         """
         robot = self.fitted.robot(values, self._base)
-        best, steps = self._linearized(values, robot, starts, noise)
+        everything = np.ones(len(self.windows), dtype=np.bool_)
+        best, steps = self._linearized(values, robot, starts, noise, everything)
         factor = np.ones(len(self.windows))
         for _ in range(MAX_SEARCH):
             searched = (self._promise(best) > np.maximum(DECREASE * best.costs, NEGLIGIBLE)) & (factor > SHORTEST)
             if not searched.any():
                 break
-            point, next_steps = self._linearized(
-                values, robot, best.starts + np.where(searched, factor, 0.0)[:, None] * steps, noise
-            )
-            better = searched & (point.costs < best.costs)
+            trial = best.starts + factor[:, None] * steps
+            point, next_steps = self._linearized(values, robot, trial, noise, searched)
+            better = np.zeros_like(searched)
+            better[searched] = point.costs < best.costs[searched]
+            taken = better[searched]
+            steps[better] = next_steps[taken]
             factor = np.where(better, 1.0, 0.25 * factor)
-            steps = np.where(better[:, None], next_steps, steps)
-            best = self._merged(best, point, better)
+            self._take(best, point, better, searched)
         return best
 
     def _promise(self, point: Point) -> Array:
@@ -116,42 +120,48 @@ class Problem:
                 found[index] = taken @ taken
         return found
 
-    def _merged(self, best: Point, point: Point, better: Mask) -> Point:
-        rows = better[self.windows.window][:, None]
-        return Point(
-            best.values,
-            best.robot,
-            np.where(better[:, None], point.starts, best.starts),
-            np.where(rows, point.residuals, best.residuals),
-            [new if one else old for one, new, old in zip(better, point.bases, best.bases, strict=True)],
-            np.where(better, point.costs, best.costs),
-        )
+    def _take(self, best: Point, point: Point, better: Mask, searched: Mask) -> None:
+        """Puts windows that are better into the best point; the other point has the windows that were searched."""
+        taken = better[searched]
+        best.starts[better] = point.starts[taken]
+        best.costs[better] = point.costs[taken]
+        rows, windows = better[self.windows.window], self.windows.window[searched[self.windows.window]]
+        best.residuals[rows] = point.residuals[better[windows]]
+        for place, index in enumerate(np.flatnonzero(searched).tolist()):
+            if better[index]:
+                best.bases[index], best.triangles[index] = point.bases[place], point.triangles[place]
 
     def _linearized(
-        self, values: Array, robot: Robot, starts: Array, noise: Mapping[str, float]
+        self, values: Array, robot: Robot, starts: Array, noise: Mapping[str, float], chosen: Mask
     ) -> tuple[Point, Array]:
-        """A point at given starts, and the Gauss-Newton step of each."""
+        """The point of some windows at given starts, and the Gauss-Newton step of each."""
+        windows, starts = self.windows.subset(chosen), starts[chosen]
+        rows = chosen[self.windows.window]
         changed = [Column(robot, starts + change) for change in np.diag(STEPS)]
-        found, upright = self._run([Column(robot, starts), *changed])
+        found, upright = self._run(windows, rows, [Column(robot, starts), *changed])
         spread = self.spread(noise)
-        residuals = self._centered((self._measured - found[0]) / spread)
-        columns = np.stack([self._centered((one - found[0]) / spread) for one in found[1:]], axis=-1) / STEPS
-        bases, steps, costs = [], np.zeros_like(starts), np.full(len(self.windows), np.inf)
-        for index in range(len(self.windows)):
-            rows = self.windows.rows_of(index)
-            own = residuals[rows].reshape(-1)
-            basis, triangle = np.linalg.qr(columns[rows].reshape(-1, len(STEPS)))
-            bases.append(basis)
+        residuals = _centered((self._measured[rows] - found[0]) / spread, windows)
+        changes = [_centered((one - found[0]) / spread, windows) for one in found[1:]]
+        columns = np.stack(changes, axis=-1) / STEPS
+        point = Point(values, robot, starts.copy(), residuals, [], [], np.full(len(windows), np.inf))
+        steps = np.zeros_like(starts)
+        for index in range(len(windows)):
+            own = residuals[windows.rows_of(index)].reshape(-1)
+            basis, triangle = np.linalg.qr(columns[windows.rows_of(index)].reshape(-1, len(STEPS)))
+            point.bases.append(basis)
+            point.triangles.append(triangle)
             if upright[:, index].all():
-                costs[index] = own @ own
+                point.costs[index] = own @ own
                 steps[index] = np.linalg.lstsq(triangle, basis.T @ own, rcond=1e-12)[0]
         tilted = np.abs(steps[:, :2]).max(axis=1, keepdims=True)
-        steps *= np.minimum(1.0, MAX_TILT_STEP / np.maximum(tilted, 1e-300))
-        return Point(values, robot, starts, residuals, bases, costs), steps
+        return point, steps * np.minimum(1.0, MAX_TILT_STEP / np.maximum(tilted, 1e-300))
 
-    def derivatives(self, point: Point, noise: Mapping[str, float]) -> Array:
-        """Derivatives of the predicted measurements with respect to the fitted numbers in units of their scales, in standard
-        deviations of the noise and less what the starts can do, shape (m, channels, p).
+    def derivatives(self, point: Point, noise: Mapping[str, float]) -> tuple[Array, Array]:
+        """Derivatives with respect to the fitted numbers in units of their scales.
+
+        Returns:
+            Those of the predicted measurements in standard deviations of the noise, less what the starts can do, shape
+            (m, channels, p); those of the best starts, shape (w, 8, p).
 
         Raises:
             ValueError: a number cannot be changed either way.
@@ -186,30 +196,24 @@ class Problem:
             moved.append(index)
             spans.append((ends[0] - ends[1]) / fitted.scales[index])
         if columns:
-            read, _ = self._run(columns)
+            read, _ = self._run(self.windows, np.ones(len(found), dtype=np.bool_), columns)
             found[..., moved] = np.moveaxis((read[0::2] - read[1::2]), 0, -1) / np.array(spans)
         found /= spread[:, None]
         for index in range(found.shape[-1]):
-            found[..., index] = self._centered(found[..., index])
-        for index, basis in enumerate(point.bases):
+            found[..., index] = _centered(found[..., index], self.windows)
+        tangents = np.zeros((*point.starts.shape, found.shape[-1]))
+        for index, (basis, triangle) in enumerate(zip(point.bases, point.triangles, strict=True)):
             rows = self.windows.rows_of(index)
             own = found[rows].reshape(-1, found.shape[-1])
-            found[rows] = (own - basis @ (basis.T @ own)).reshape(found[rows].shape)
-        return found
+            shared = basis.T @ own
+            tangents[index] = -np.linalg.lstsq(triangle, shared, rcond=1e-12)[0]
+            found[rows] = (own - basis @ shared).reshape(found[rows].shape)
+        return found, tangents
 
-    def _run(self, columns: list[Column]) -> tuple[Array, Mask]:
-        found, upright = self._simulator.run(columns)
+    def _run(self, windows: Windows, rows: Mask, columns: list[Column]) -> tuple[Array, Mask]:
+        found, upright = self._simulator.run(windows, columns)
         self._called()
-        return np.where(self.used, found, 0.0), upright
-
-    def _centered(self, rows: Array) -> Array:
-        """Rows less the mean of each window's wheel angles, whose origin is free."""
-        bounds = self.windows.bounds
-        place = SENSORS["wheel_angle"]
-        sums = np.add.reduceat(rows[:, place], bounds[:-1], axis=0)
-        centered = rows.copy()
-        centered[:, place] -= (sums / np.diff(bounds)[:, None])[self.windows.window]
-        return centered
+        return np.where(self.used[rows], found, 0.0), upright
 
     def leverage(self, point: Point, derivatives: Array, kept: Mask) -> Array:
         """Share of each measurement that the fit takes up, shape (m, channels): its sum is the count of fitted numbers."""
@@ -221,6 +225,15 @@ class Problem:
             found[rows] += (basis**2).sum(axis=1).reshape(found[rows].shape)
         chosen = kept[self.windows.window]
         flat = derivatives[chosen].reshape(-1, derivatives.shape[-1])
-        basis = np.linalg.svd(flat, full_matrices=False)[0]
+        basis = np.linalg.qr(flat)[0]
         found[chosen] += (basis**2).sum(axis=1).reshape(-1, self.channels)
         return found
+
+
+def _centered(rows: Array, windows: Windows) -> Array:
+    """Rows less the mean of each window's wheel angles, whose origin is free."""
+    place = SENSORS["wheel_angle"]
+    sums = np.add.reduceat(rows[:, place], windows.bounds[:-1], axis=0)
+    centered = rows.copy()
+    centered[:, place] -= (sums / np.diff(windows.bounds)[:, None])[windows.window]
+    return centered

@@ -44,6 +44,19 @@ class Windows:
     def __len__(self) -> int:
         return len(self.starts)
 
+    def subset(self, chosen: npt.NDArray[np.bool_]) -> "Windows":
+        """Some of the windows alone."""
+        rows = chosen[self.window]
+        sizes = np.diff(self.bounds)[chosen]
+        return Windows(
+            self.starts[chosen],
+            self.steps,
+            self.rows[rows],
+            np.repeat(np.arange(len(sizes)), sizes),
+            self.place[rows],
+            np.concatenate([[0], np.cumsum(sizes)]),
+        )
+
     def rows_of(self, index: int) -> slice:
         """Where the rows of a window are."""
         return slice(int(self.bounds[index]), int(self.bounds[index + 1]))
