@@ -11,6 +11,7 @@ from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.fit import FIELDS, identify
+from ballbot_rs.identification.noise import UNITS
 from ballbot_rs.identification.windows import WINDOW_LIMITS
 
 #: Models that a fit can have.
@@ -22,10 +23,15 @@ def add_to(commands: Any) -> None:
     command = commands.add_parser("identify", help="fit parameters of a robot to a log of torques and sensors")
     command.add_argument("log", type=Path, metavar="LOG", help="a log, .csv or .npz; docs/identify.md has its columns")
     command.add_argument(
-        "--robot", default="paper", metavar="NAME|FILE.toml", help=f"to start from: {', '.join(ROBOTS)}, or a file (default paper)"
+        "--robot",
+        default="paper",
+        metavar="NAME|FILE.toml",
+        help=f"to start from: {', '.join(ROBOTS)}, or a file (default paper)",
     )
     command.add_argument(
-        "--actuators", metavar="NAME|FILE", help=f"motors to start from: {', '.join(ACTUATORS)}, or a file (default ideal)"
+        "--actuators",
+        metavar="NAME|FILE",
+        help=f"motors to start from: {', '.join(ACTUATORS)}, or a file (default ideal)",
     )
     command.add_argument(
         "--fields",
@@ -39,7 +45,10 @@ def add_to(commands: Any) -> None:
         "--sim-dt", type=real(0.0, 0.05, above=True), default=0.002, help="time step of the model, s (default 0.002)"
     )
     command.add_argument(
-        "--window", type=real(*WINDOW_LIMITS), default=0.5, help="length of the spans that are simulated, s (default 0.5)"
+        "--window",
+        type=real(*WINDOW_LIMITS),
+        default=0.5,
+        help="length of the spans that are simulated, s (default 0.5)",
     )
     command.add_argument(
         "--imu-position",
@@ -82,9 +91,11 @@ def run(arguments: argparse.Namespace) -> None:
         print(json.dumps({**found.to_dict(), "file": None if out is None else str(out)}, indent=2))
         return
     print(found.table())
-    units = {"wheel_angle": "rad", "gyro": "rad/s", "acceleration": "m/s²"}
-    noise = ", ".join(f"{name} {value:.2g} {units[name]}" for name, value in found.noise.items())
-    print(f"\n{found.measurements} measurements in {found.windows} windows, condition number {found.condition_number:.0f}.")
+    noise = ", ".join(f"{name} {value:.2g} {UNITS[name]}" for name, value in found.noise.items())
+    print(
+        f"\n{found.measurements} measurements in {found.windows} windows, condition number "
+        f"{found.condition_number:.0f}."
+    )
     print(f"Noise of the sensors (standard deviation): {noise}.")
     for begin, end in found.rejected:
         print(f"left out: {begin:.2f} to {end:.2f} s, which the model does not explain")

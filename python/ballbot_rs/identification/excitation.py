@@ -46,8 +46,9 @@ def record_log(
 ) -> SensorLog:
     """A log of a simulated robot that LQR balances while a multisine of torques and steps of the setpoint excite it.
 
-    The multisine has nine frequencies from 0.3 to 7.9 Hz, of equal amplitude, with phases of its own for each wheel. Position and yaw
-    step to new setpoints every 2 s. Commands are limited to the torque at which a wheel of the upright robot slips, times 0.9.
+    The multisine has nine frequencies from 0.3 to 7.9 Hz, of equal amplitude, with phases of its own for each wheel.
+    Position and yaw step to new setpoints every 2 s. Commands are limited to the torque at which a wheel of the upright
+    robot slips, times 0.9.
 
     Args:
         params: the robot; None is the paper's.
@@ -58,8 +59,8 @@ def record_log(
         sim_dt: time step of the model, s.
         control_dt: time between two rows, s.
         imu_position: place of the accelerometer in the body frame, m.
-        noise: standard deviations of white noise: `wheel_angle` (rad), `gyro` (rad/s), `acceleration` (m/s²); None or a missing one
-            is no noise.
+        noise: standard deviations of white noise: `wheel_angle` (rad), `gyro` (rad/s), `acceleration` (m/s²); None or a
+            missing one is no noise.
         excitation: factor of multisine and steps.
         seed: of phases, setpoints and noise.
         progress: called with the number of rows done and their total.
@@ -78,7 +79,12 @@ def record_log(
         raise InvalidInputError(f"imu_position is {imu_position}, expected three finite numbers")
     rng = np.random.default_rng(check_seed(seed))
     rows = max(round(seconds / control_dt), 1) + 1
-    options: dict[str, Any] = {"params": params or Params.paper(), "model": model, "sim_dt": sim_dt, "control_dt": control_dt}
+    options: dict[str, Any] = {
+        "params": params or Params.paper(),
+        "model": model,
+        "sim_dt": sim_dt,
+        "control_dt": control_dt,
+    }
     ends = {"max_episode_steps": rows + 1, "fall_tilt": np.pi / 2}
     batch = Batch(1, autoreset="disabled", num_threads=1, actuators=actuators, **ends, **options)
     robot, limit = batch.nominal_params(0), batch.max_wheel_torque

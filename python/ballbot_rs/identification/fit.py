@@ -43,7 +43,8 @@ SETTLED: Final = 0.02
 MAX_EVALUATIONS: Final = 60
 #: Simulations of a usual fit, for the progress.
 USUAL: Final = 100
-#: Largest condition number. What cannot be told apart exactly reaches 1e4 in `contact`, whose time steps distinguish a little more.
+#: Largest condition number. What cannot be told apart exactly reaches 1e4 in `contact`, whose time steps distinguish a
+#: little more.
 MAX_CONDITION: Final = 3e3
 #: Effect on the measurements below which there is none, as a share of the largest one.
 SILENT: Final = 1e-5
@@ -74,29 +75,31 @@ def identify(
 ) -> IdentifiedParams:
     """Fits parameters of a robot to a log by nonlinear least squares.
 
-    The log is divided into windows. Each is simulated under the logged torques from a start of its own, which is fitted, too; the
-    residuals are measured less simulated wheel angles, body rates and specific forces, by the noise of their sensor.
-    docs/identify.md has the formulas, how to record a log, and what cannot be told apart.
+    The log is divided into windows. Each is simulated under the logged torques from a start of its own, which is
+    fitted, too; the residuals are measured less simulated wheel angles, body rates and specific forces, by the noise of
+    their sensor. docs/identify.md has the formulas, how to record a log, and what cannot be told apart.
 
     Args:
         log: the log, or the path of its file, as `SensorLog.read` takes it.
         params: the robot to start from, with the values of all parameters that are not fitted; None is the paper's.
-        fields: parameters of `Params` by name (but for `max_wheel_torque`), `delay`, `lag` and `strength` of the motors, and
-            `gyro_bias` and `acc_bias` of the IMU. A vector is fitted with all its components.
-        actuators: motors to start from, as `actuators=` of an environment, with a delay, a lag and strengths alone; None is ideal.
+        fields: parameters of `Params` by name (but for `max_wheel_torque`), `delay`, `lag` and `strength` of the
+            motors, and `gyro_bias` and `acc_bias` of the IMU. A vector is fitted with all its components.
+        actuators: motors to start from, as `actuators=` of an environment, with a delay, a lag and strengths alone;
+            None is ideal.
         model: of the simulations: `spatial`, `contact` or `rigid`.
         sim_dt: time step of the model, s, at most the log's median step.
         window: length of a window, s, from 0.05 to 2.
         imu_position: place of the accelerometer in the body frame, m.
-        noise: standard deviation of each sensor, with the keys `wheel_angle` (rad), `gyro` (rad/s) and, with accelerations,
-            `acceleration` (m/s²); None estimates them from the residuals.
-        rejection: windows with a mean square residual of more than this many times the median are left out; None leaves none out.
+        noise: standard deviation of each sensor, with the keys `wheel_angle` (rad), `gyro` (rad/s) and, with
+            accelerations, `acceleration` (m/s²); None estimates them from the residuals.
+        rejection: windows with a mean square residual of more than this many times the median are left out; None leaves
+            none out.
         num_threads: of the simulations; None takes all cores.
         progress: called with the number of simulations of all windows done, and how many are expected.
 
     Raises:
-        ValueError: a bad log or argument; parameters that the log does not determine, which the message names; a log that the model
-            does not explain.
+        ValueError: a bad log or argument; parameters that the log does not determine, which the message names; a log
+            that the model does not explain.
         OSError: a file cannot be read.
         ModuleNotFoundError: SciPy is not installed.
         KeyboardInterrupt: Ctrl-C.
@@ -150,10 +153,12 @@ def _robot(params: Params | str | PathLike[str] | None) -> Params:
 def _passes(
     problem: Problem, starts: Array, spreads: dict[str, float], estimate: bool, rejection: float | None, log: SensorLog
 ) -> tuple[Point, Array, dict[str, float], Mask]:
-    """The fit, again and again until noise and windows stay: the last point, its derivatives, the noise and what counts."""
+    """The fit, again and again until noise and windows stay: the last point, its derivatives, the noise and what "
+    "counts."""
     point = problem.at(problem.fitted.start, starts, spreads)
     standing = np.isfinite(point.costs)
     kept = standing.copy()
+    expected = spreads
     _check_kept(problem, kept, log)
     _check_condition(problem, problem.derivatives(point, spreads)[0], kept)
     for _ in range(MAX_PASSES):
@@ -169,6 +174,7 @@ def _passes(
         if (kept == before).all() and all(abs(spreads[name] / old[name] - 1.0) < SETTLED for name in old):
             break
         point = problem.at(point.values, point.starts, spreads)
+    noise_of.check(noise_of.estimated(problem, point, leverage, kept, old), expected)
     ratio = problem.spread(old) / problem.spread(spreads)
     derivatives = derivatives * ratio[:, None]
     _check_condition(problem, derivatives, kept, point)
@@ -220,7 +226,8 @@ def _fit(problem: Problem, first: Point, spreads: Mapping[str, float], kept: Mas
     point = at(done.x)
     if point is None or done.status == 0:
         raise InvalidInputError(
-            f"the fit has not converged after {done.nfev} evaluations: start from a robot that is closer, or name fewer fields"
+            f"the fit has not converged after {done.nfev} evaluations: start from a robot that is closer, or name "
+            f"fewer fields"
         )
     return point
 
@@ -231,8 +238,10 @@ def _check_kept(problem: Problem, kept: Mask, log: SensorLog) -> None:
     if left_out > limit:
         first = log.time[problem.windows.rows[problem.windows.bounds[int(np.argmin(kept))]]]
         raise InvalidInputError(
-            f"{left_out} of {len(kept)} windows contradict the model, the limit is {limit}; the first begins at {first:g} s: wheels "
-            "slip there, something touches the robot, the signs or units of a column are wrong, or fields lacks a parameter"
+            f"{left_out} of {len(kept)} windows contradict the model, the limit is {limit}; the first begins at "
+            f"{first:g} s: wheels "
+            "slip there, something touches the robot, the signs or units of a column are wrong, or fields lacks a "
+            "parameter"
         )
 
 
@@ -250,7 +259,8 @@ def _check_condition(problem: Problem, derivatives: Array, kept: Mask, fit: Poin
     silent = sizes <= SILENT * sizes.max()
     if silent.any():
         raise InvalidInputError(
-            f"the log does not depend on {', '.join(names[silent])}: a change by its typical size changes the measurements by less than "
+            f"the log does not depend on {', '.join(names[silent])}: a change by its typical size changes the "
+            f"measurements by less than "
             f"{SILENT:.0e} of what {names[sizes.argmax()]} does; leave it out of fields"
         )
     _, singular, directions = np.linalg.svd(np.linalg.qr(flat)[1])
@@ -261,8 +271,10 @@ def _check_condition(problem: Problem, derivatives: Array, kept: Mask, fit: Poin
         group = names[share > NAMED * share.max()]
         what = f"{group[0]}" if len(group) == 1 else f"{', '.join(group)} apart from each other"
         raise InvalidInputError(
-            f"the log does not determine {what}: the condition number is {condition:.2g} (limit {MAX_CONDITION:g}) and the standard "
-            f"deviation of their combination {deviation:.2g} of their typical size (limit {MAX_UNCERTAINTY:g}); leave one of them out "
+            f"the log does not determine {what}: the condition number is {condition:.2g} (limit {MAX_CONDITION:g}) and "
+            f"the standard "
+            f"deviation of their combination {deviation:.2g} of their typical size (limit {MAX_UNCERTAINTY:g}); leave "
+            f"one of them out "
             "of fields, or record more excitation"
         )
 

@@ -46,20 +46,21 @@ SPECIFIC_FORCE: Final = (5.0, 20.0)
 class SensorLog:
     """Torques and measurements of one robot, a row a sample.
 
-    `torques[k]` acts from `time[k]` to `time[k + 1]`; all else is measured at `time[k]`. Steps in time may differ, and rows may
-    be missing.
+    `torques[k]` acts from `time[k]` to `time[k + 1]`; all else is measured at `time[k]`. Steps in time may differ, and
+    rows may be missing.
 
     Args:
         time: s, increasing, shape (n,).
         torques: of wheels 1 to 3 as commanded, N·m, shape (n, 3).
         wheel_angles: of wheels 1 to 3 relative to the body, not wrapped, rad, shape (n, 3).
         gyro: angular velocity of the body, body frame, rad/s, shape (n, 3).
-        accelerations: specific force at the IMU, body frame, m/s², shape (n, 3): the change of velocity since the row before,
-            divided by the time between them, less gravity. At rest upright it is (0, 0, 9.81). None: not measured.
+        accelerations: specific force at the IMU, body frame, m/s², shape (n, 3): the change of velocity since the row
+            before, divided by the time between them, less gravity. At rest upright it is (0, 0, 9.81). None: not
+            measured.
 
     Raises:
-        ValueError: a shape, a number that is not finite, a time that does not increase, or a magnitude that no robot reaches in
-            these units; the message has the column, the row (from 0), the value and the limit.
+        ValueError: a shape, a number that is not finite, a time that does not increase, or a magnitude that no robot
+            reaches in these units; the message has the column, the row (from 0), the value and the limit.
     """
 
     time: Array
@@ -94,7 +95,8 @@ class SensorLog:
     def read(cls, path: str | PathLike[str]) -> "SensorLog":
         """A log from a CSV file with a header, or from an npz file with one array a column; other columns are ignored.
 
-        Columns: `time` (s), `torque_1` to `torque_3` (N·m), `wheel_angle_1` to `wheel_angle_3` (rad), `gyro_x`, `gyro_y`, `gyro_z`
+        Columns: `time` (s), `torque_1` to `torque_3` (N·m), `wheel_angle_1` to `wheel_angle_3` (rad), `gyro_x`,
+            `gyro_y`, `gyro_z`
         (rad/s), and optionally `acc_x`, `acc_y`, `acc_z` (m/s²).
 
         Raises:
@@ -168,7 +170,7 @@ def _csv_columns(contents: bytes) -> dict[str, Array]:
         except ValueError:
             place, title = next(one for one in kept if not _is_number(row[one[0]]))
             raise InvalidInputError(f"{title} of row {count} is '{row[place]}', not a number") from None
-    values = np.array(numbers, dtype=np.float64).reshape(-1, len(kept))
+    values = np.array(numbers, dtype=np.float64).reshape(len(numbers), len(kept))
     return {**dict.fromkeys(header, np.zeros(0)), **{title: values[:, i] for i, (_, title) in enumerate(kept)}}
 
 
@@ -189,7 +191,9 @@ def _npz_columns(contents: bytes) -> dict[str, Array]:
     wanted = {title for titles in COLUMNS.values() for title in titles}
     for name in wanted & found.keys():
         if found[name].dtype.kind not in "fiu" or found[name].ndim != 1:
-            raise InvalidInputError(f"{name} is of type {found[name].dtype} with shape {found[name].shape}, not one row of numbers")
+            raise InvalidInputError(
+                f"{name} is of type {found[name].dtype} with shape {found[name].shape}, not one row of numbers"
+            )
         if len(found[name]) != len(found.get("time", found[name])):
             raise InvalidInputError(f"{name} has {len(found[name])} rows, time has {len(found['time'])}")
     return found
@@ -201,7 +205,8 @@ def _check_finite(name: str, array: Array) -> None:
         row, column = bad[0][0], bad[0][1] if array.ndim > 1 else 0
         rows = len(np.unique(bad[:, 0]))
         raise InvalidInputError(
-            f"{COLUMNS[name][column]} of row {row} is {array[tuple(bad[0])]}; {rows} of {len(array)} rows are not finite: leave "
+            f"{COLUMNS[name][column]} of row {row} is {array[tuple(bad[0])]}; {rows} of {len(array)} rows are not "
+            f"finite: leave "
             "them out, gaps in time are allowed"
         )
 
@@ -225,7 +230,8 @@ def _check_units(log: SensorLog) -> None:
     if rates.max() > MAX_RATE:
         row, column = np.unravel_index(rates.argmax(), rates.shape)
         raise InvalidInputError(
-            f"{COLUMNS['gyro'][column]} of row {row} is {log.gyro[row, column]:g} rad/s, the limit is ±{MAX_RATE:g} rad/s: "
+            f"{COLUMNS['gyro'][column]} of row {row} is {log.gyro[row, column]:g} rad/s, the limit is ±{MAX_RATE:g} "
+            f"rad/s: "
             "give rates in rad/s, not deg/s"
         )
     turns = np.abs(np.diff(log.wheel_angles, axis=0))
@@ -242,6 +248,7 @@ def _check_units(log: SensorLog) -> None:
         low, high = SPECIFIC_FORCE
         if not low <= mean <= high:
             raise InvalidInputError(
-                f"the mean magnitude of acc_x, acc_y, acc_z is {mean:g} m/s², expected {low:g} to {high:g} m/s²: give the specific "
+                f"the mean magnitude of acc_x, acc_y, acc_z is {mean:g} m/s², expected {low:g} to {high:g} m/s²: give "
+                f"the specific "
                 "force, gravity included, in m/s²"
             )

@@ -17,7 +17,11 @@ Array = npt.NDArray[np.float64]
 MAX_DELAY: Final = 0.1
 MAX_LAG: Final = 0.2
 #: Limits of the options.
-LIMITS: Final[Mapping[str, tuple[float, float]]] = {"delay": (0.0, MAX_DELAY), "lag": (0.0, MAX_LAG), "strength": (0.0, 10.0)}
+LIMITS: Final[Mapping[str, tuple[float, float]]] = {
+    "delay": (0.0, MAX_DELAY),
+    "lag": (0.0, MAX_LAG),
+    "strength": (0.0, 10.0),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,20 +49,25 @@ class Motors:
         defaults = {option["name"]: option["default"] for option in ACTUATOR_OPTIONS}
         for name, value in options.items():
             if name not in defaults:
-                raise InvalidInputError(f"unknown actuator option {name!r}: expected {', '.join(own)}{did_you_mean(name, own)}")
+                raise InvalidInputError(
+                    f"unknown actuator option {name!r}: expected {', '.join(own)}{did_you_mean(name, own)}"
+                )
             if name not in own and value != defaults[name]:
                 raise InvalidInputError(
                     f"actuators: {name} = {value} cannot be part of an identification, which has {', '.join(own)}"
                 )
         numbers = {name: _checked(name, options[name]) for name in own if name in options}
         strength = numbers.pop("strength", np.ones(1))
-        return cls(**{name: float(value[0]) for name, value in numbers.items()}, strength=tuple((strength * np.ones(3)).tolist()))
+        return cls(
+            **{name: float(value[0]) for name, value in numbers.items()},
+            strength=tuple((strength * np.ones(3)).tolist()),
+        )
 
     def torques(self, times: Array, commands: Array, sim_dt: float, steps: int, limit: float) -> Array:
         """Torque of each wheel in each model step after the first row, N·m, shape (steps, 3).
 
-        A command holds from its row to the next one. A step has the mean of the delayed commands over its duration, which is
-        the command itself where the rows and the delay are whole numbers of steps.
+        A command holds from its row to the next one. A step has the mean of the delayed commands over its duration,
+        which is the command itself where the rows and the delay are whole numbers of steps.
 
         Args:
             times: of the rows, s, shape (n,).
@@ -87,9 +96,14 @@ def _checked(name: str, value: Any) -> Array:
     """The numbers of an option, shape (1,) or (3,); an error names one that is out of range."""
     numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
     if numbers.shape not in ((1,), (3,) if name == "strength" else (1,)):
-        raise InvalidInputError(f"actuators: {name} has the shape {numbers.shape}, expected {'1 or 3 numbers' if name == 'strength' else 'one number'}")
+        raise InvalidInputError(
+            f"actuators: {name} has the shape {numbers.shape}, expected "
+            f"{'1 or 3 numbers' if name == 'strength' else 'one number'}"
+        )
     low, high = LIMITS[name]
     for number in numbers.tolist():
         if not low <= number <= high:
-            raise InvalidInputError(f"actuators: {name} = {number:g} is out of range: it must be from {low:g} to {high:g}")
+            raise InvalidInputError(
+                f"actuators: {name} = {number:g} is out of range: it must be from {low:g} to {high:g}"
+            )
     return numbers

@@ -1,4 +1,5 @@
-"""Noise of the sensors, estimated from the log alone and from the residuals of a fit; and windows that no robot explains."""
+"""Noise of the sensors, estimated from the log alone and from the residuals of a fit; and windows that no robot "
+"explains."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -15,6 +16,9 @@ Mask = npt.NDArray[np.bool_]
 
 #: Smallest standard deviations, far below those of sensors: rad, rad/s, m/s².
 LEAST: Final[Mapping[str, float]] = {"wheel_angle": 1e-5, "gyro": 1e-4, "acceleration": 1e-3}
+UNITS: Final[Mapping[str, str]] = {"wheel_angle": "rad", "gyro": "rad/s", "acceleration": "m/s²"}
+#: Largest residuals, in standard deviations of the noise that is given or that third differences show.
+MAX_EXCESS: Final = 10.0
 #: Windows whose mean square is within this share of the noise always count as explained.
 EXACT: Final = 0.1
 
@@ -26,9 +30,22 @@ def first_guess(log: SensorLog) -> dict[str, float]:
     for name, values in series.items():
         if values is not None:
             # The third difference of white noise has 1 + 9 + 9 + 1 times its variance.
-            middle = np.median(np.abs(np.diff(values, n=3, axis=0)))
-            found[name] = max(float(middle / 0.6745 / np.sqrt(20.0)), LEAST[name])
+            differences = np.diff(values, n=3, axis=0)
+            found[name] = max(float(np.sqrt(np.mean(differences**2) / 20.0)), LEAST[name])
     return found
+
+
+def check(found: Mapping[str, float], expected: Mapping[str, float]) -> None:
+    """A ValueError names a sensor whose residuals are far beyond its noise: what is left is no noise."""
+    for name, value in found.items():
+        if value > MAX_EXCESS * expected[name]:
+            raise InvalidInputError(
+                f"the model does not explain the log: the residuals of {name} are {value:.2g} {UNITS[name]}, the limit "
+                f"is {MAX_EXCESS:g} "
+                f"times its noise of {expected[name]:.2g} {UNITS[name]}; the signs, units or order of columns are "
+                f"wrong, the robot has "
+                "other parameters, or fields lacks one"
+            )
 
 
 def given(noise: Mapping[str, float], log: SensorLog) -> dict[str, float]:
@@ -48,7 +65,9 @@ def given(noise: Mapping[str, float], log: SensorLog) -> dict[str, float]:
     return {name: float(noise[name]) for name in needed}
 
 
-def estimated(problem: Problem, point: Point, leverage: Array, kept: Mask, noise: Mapping[str, float]) -> dict[str, float]:
+def estimated(
+    problem: Problem, point: Point, leverage: Array, kept: Mask, noise: Mapping[str, float]
+) -> dict[str, float]:
     """Noise of each sensor: the root of its sum of squares by its degrees of freedom."""
     chosen = kept[problem.windows.window]
     found = {}

@@ -32,7 +32,14 @@ SUFFIXES: Final[Mapping[str, Sequence[str]]] = {
     "acc_bias": ("x", "y", "z"),
 }
 #: Numbers that may be negative.
-SIGNED: Final = ("body_com_offset", "body_products_of_inertia", "wheel_azimuths", "wheel_zenith_offsets", "gyro_bias", "acc_bias")
+SIGNED: Final = (
+    "body_com_offset",
+    "body_products_of_inertia",
+    "wheel_azimuths",
+    "wheel_zenith_offsets",
+    "gyro_bias",
+    "acc_bias",
+)
 
 
 @dataclasses.dataclass(frozen=True)

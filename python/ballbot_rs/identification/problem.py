@@ -19,8 +19,8 @@ Mask = npt.NDArray[np.bool_]
 
 #: Steps of differences, in typical sizes of the parameters.
 DIFFERENCE: Final = 1e-4
-#: Simulations of all windows in a search of their starts, and the decreases of a window's sum of squares that end it: as a share,
-#: and in units of the noise's variance.
+#: Simulations of all windows in a search of their starts, and the decreases of a window's sum of squares that end it:
+#: as a share, and in units of the noise's variance.
 MAX_SEARCH: Final = 30
 DECREASE: Final = 1e-6
 NEGLIGIBLE: Final = 1e-2
@@ -191,7 +191,8 @@ class Problem:
                 ends.append(neighbor[index])
             if ends[0] == ends[1]:
                 raise InvalidInputError(
-                    f"{fitted.names[index]} = {ends[0]:g} cannot be changed either way: the robot would be none; leave it out of fields"
+                    f"{fitted.names[index]} = {ends[0]:g} cannot be changed either way: the robot would be none; leave "
+                    f"it out of fields"
                 )
             moved.append(index)
             spans.append((ends[0] - ends[1]) / fitted.scales[index])
@@ -216,7 +217,8 @@ class Problem:
         return np.where(self.used[rows], found, 0.0), upright
 
     def leverage(self, point: Point, derivatives: Array, kept: Mask) -> Array:
-        """Share of each measurement that the fit takes up, shape (m, channels): its sum is the count of fitted numbers."""
+        """Share of each measurement that the fit takes up, shape (m, channels): its sum is the count of fitted "
+        "numbers."""
         found = np.zeros(self._measured.shape)
         rows_of = np.diff(self.windows.bounds)
         found[:, SENSORS["wheel_angle"]] = (1.0 / rows_of)[self.windows.window][:, None]

@@ -101,7 +101,8 @@ class IdentifiedParams:
         }
 
     def to_toml(self) -> str:
-        """A robot's TOML file, for `--robot FILE` and `Params.from_toml`; the fitted numbers are in comments with their intervals.
+        """A robot's TOML file, for `--robot FILE` and `Params.from_toml`; the fitted numbers are in comments with their
+        intervals.
 
         Motors, if they were fitted, are its table `[actuators]`, for `--actuators FILE`.
         """
@@ -146,5 +147,3 @@ def actuators_of(fields: tuple[str, ...], motors: Any, sim_dt: float) -> dict[st
     }
     ideal = {"delay": 0.0, "strength": [1.0, 1.0, 1.0], "lag": 0.0}
     return {name: value for name, value in options.items() if name in fields or value != ideal[name]}
-
-

@@ -1,4 +1,5 @@
-"""What the sensors would have read in each window: all windows, and all changes of starts and parameters, as one batch."""
+"""What the sensors would have read in each window: all windows, and all changes of starts and parameters, as one "
+"batch."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -45,9 +46,7 @@ class Simulator:
         num_threads: as in `Batch`.
     """
 
-    def __init__(
-        self, log: SensorLog, model: str, sim_dt: float, imu_position: Array, num_threads: int | None
-    ) -> None:
+    def __init__(self, log: SensorLog, model: str, sim_dt: float, imu_position: Array, num_threads: int | None) -> None:
         self._log, self._imu_position = log, imu_position
         self._model, self._sim_dt, self._num_threads = model, sim_dt, num_threads
 
@@ -109,7 +108,8 @@ class Simulator:
         return np.stack([found[column.robot.motors] for column in columns])
 
     def _read(self, kept: Array, windows: Windows, columns: Sequence[Column]) -> Array:
-        """What the sensors read, shape (columns, m, channels), from parts of states, shape (steps + 1, columns · w, 13)."""
+        """What the sensors read, shape (columns, m, channels), from parts of states, shape (steps + 1, columns · w, "
+        "13)."""
         # Rows between two model steps are interpolated; the last step may be beyond a window's last row.
         before = np.minimum(np.floor(windows.place).astype(np.int64), windows.steps - 1)
         share = (windows.place - before)[:, None]
@@ -166,5 +166,6 @@ def check_torques(log: SensorLog, robot: Robot) -> None:
     if beyond.max() > limit:
         row, wheel = np.unravel_index(beyond.argmax(), beyond.shape)
         raise InvalidInputError(
-            f"torque_{wheel + 1} of row {row} is {log.torques[row, wheel]:g} N·m, beyond max_wheel_torque = {limit:g} N·m"
+            f"torque_{wheel + 1} of row {row} is {log.torques[row, wheel]:g} N·m, beyond max_wheel_torque = {limit:g} "
+            f"N·m"
         )

@@ -11,8 +11,8 @@ from ballbot_rs.identification.windows import Windows
 
 Array = npt.NDArray[np.float64]
 
-#: Coordinates of a start at yaw 0, with steps of their differences. Where the ball is has no effect, nor have its attitude and the
-#: heading; the rates of the wheels follow from rolling.
+#: Coordinates of a start at yaw 0, with steps of their differences. Where the ball is has no effect, nor have its
+#: attitude and the heading; the rates of the wheels follow from rolling.
 COORDINATES: Final = {
     "tilt_x": 1e-5,
     "tilt_y": 1e-5,

@@ -96,7 +96,8 @@ def split(log: SensorLog, window: float, sim_dt: float, settling: float) -> Wind
         first = last
     if len(starts) < MIN_WINDOWS:
         raise InvalidInputError(
-            f"the log has {len(starts)} windows of {window:g} s without a gap, at least {MIN_WINDOWS} of {MIN_ROWS} rows each are "
+            f"the log has {len(starts)} windows of {window:g} s without a gap, at least {MIN_WINDOWS} of {MIN_ROWS} "
+            f"rows each are "
             f"needed: it has {len(place)} rows over {log.time[-1] - log.time[0]:g} s"
         )
     sizes = [len(group) for group in groups]
