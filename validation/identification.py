@@ -68,7 +68,10 @@ def drawn(nominal: bb.Params, rng: np.random.Generator) -> tuple[bb.Params, floa
 def run(logs: int, *, seconds: float = 20.0, first: int = 0, num_threads: int | None = None) -> Study:
     """Records and fits logs of random robots, the draw and the log of number i seeded with i."""
     nominal = bb.Params.paper()
-    found, failures, durations, names = [], [], [], ()
+    found: list[tuple[Array, Array, npt.NDArray[np.bool_]]] = []
+    failures: list[str] = []
+    durations: list[float] = []
+    names: tuple[str, ...] = ()
     for seed in range(first, first + logs):
         robot, delay = drawn(nominal, np.random.default_rng(seed))
         # LQR is made for the nominal robot: the true one is not known where a log is recorded.

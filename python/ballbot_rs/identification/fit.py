@@ -39,6 +39,8 @@ FIELDS: Final = (
 #: Passes, and the relative change of the noise that ends them.
 MAX_PASSES: Final = 8
 SETTLED: Final = 0.02
+#: Decrease of the sum of squares by other starts of the windows that ends them, in units of the noise's variance.
+GAIN: Final = 0.5
 #: Evaluations of the residuals in a pass.
 MAX_EVALUATIONS: Final = 60
 #: Simulations of a usual fit, for the progress.
@@ -153,16 +155,18 @@ def _robot(params: Params | str | PathLike[str] | None) -> Params:
 def _passes(
     problem: Problem, starts: Array, spreads: dict[str, float], estimate: bool, rejection: float | None, log: SensorLog
 ) -> tuple[Point, Array, dict[str, float], Mask]:
-    """The fit, again and again until noise and windows stay: the last point, its derivatives, the noise and what "
-    "counts."""
+    """Fits until noise and windows stay: the last point, its derivatives, the noise, and which windows count."""
     point = problem.at(problem.fitted.start, starts, spreads)
     standing = np.isfinite(point.costs)
     kept = standing.copy()
     expected = spreads
     _check_kept(problem, kept, log)
     _check_condition(problem, problem.derivatives(point, spreads)[0], kept)
+    rng = np.random.default_rng(0)
     for _ in range(MAX_PASSES):
-        point = _fit(problem, point, spreads, kept)
+        fit = _fit(problem, point, spreads, kept)
+        point = problem.explored(fit, spreads, rng)
+        gain = float((fit.costs - point.costs)[kept].sum())
         derivatives, _ = problem.derivatives(point, spreads)
         leverage = problem.leverage(point, derivatives, kept)
         before, old = kept, spreads
@@ -171,7 +175,8 @@ def _passes(
             _check_kept(problem, kept, log)
         if estimate:
             spreads = noise_of.estimated(problem, point, leverage, kept, spreads)
-        if (kept == before).all() and all(abs(spreads[name] / old[name] - 1.0) < SETTLED for name in old):
+        steady = (kept == before).all() and all(abs(spreads[name] / old[name] - 1.0) < SETTLED for name in old)
+        if steady and gain < GAIN:
             break
         point = problem.at(point.values, point.starts, spreads)
     noise_of.check(noise_of.estimated(problem, point, leverage, kept, old), expected)
@@ -300,9 +305,9 @@ def _result(
     singular, covariance = _covariance(flat, free)
     errors = np.sqrt(np.diag(covariance))
     measurements = int(problem.used[chosen].sum())
-    free = measurements - 11 * int(kept.sum()) - len(wanted.names)
-    half = float(stdtrit(max(free, 1), 0.975)) * errors * wanted.scales
-    rows = [windows.rows[windows.rows_of(i)] for i in np.flatnonzero(~kept)]
+    freedom = measurements - 11 * int(kept.sum()) - len(wanted.names)
+    half = float(stdtrit(max(freedom, 1), 0.975)) * errors * wanted.scales
+    rows = [windows.rows[windows.rows_of(i)] for i in np.flatnonzero(~kept).tolist()]
     return IdentifiedParams(
         params=point.robot.params,
         actuators=actuators_of(wanted.fields, point.robot.motors, sim_dt),
@@ -316,7 +321,7 @@ def _result(
         intervals=np.stack([point.values - half, point.values + half], axis=-1),
         nominal=_nominal(wanted, base),
         at_limit=tuple(np.array(wanted.names)[_at_limit(wanted, point.values)].tolist()),
-        condition_number=float(singular[0] / singular[-1]),
+        condition_number=float(singular[0] / singular[-1]) if len(singular) else 1.0,
         noise=spreads,
         rejected=tuple((float(log.time[one[0]]), float(log.time[one[-1]])) for one in rows),
         windows=len(windows),

@@ -44,7 +44,7 @@ class Motors:
         """
         if actuators is None:
             return cls()
-        options = dict(actuators) if isinstance(actuators, Mapping) else load_actuators(actuators)
+        options: dict[str, Any] = dict(actuators if isinstance(actuators, Mapping) else load_actuators(actuators))
         own = [field.name for field in dataclasses.fields(cls)]
         defaults = {option["name"]: option["default"] for option in ACTUATOR_OPTIONS}
         for name, value in options.items():

@@ -1,5 +1,4 @@
-"""Noise of the sensors, estimated from the log alone and from the residuals of a fit; and windows that no robot "
-"explains."""
+"""Noise of the sensors, from the log alone and from the residuals of a fit; windows that no robot explains."""
 
 from collections.abc import Mapping
 from typing import Final

@@ -26,6 +26,9 @@ DECREASE: Final = 1e-6
 NEGLIGIBLE: Final = 1e-2
 #: Shortest share of a Gauss-Newton step that is tried.
 SHORTEST: Final = 0.05
+#: Starts that are tried around the best one, and their distances, in standard deviations.
+TRIALS: Final = 8
+SIZES: Final = (0.1, 0.3, 1.0)
 #: Longest step of a tilt within a search, rad.
 MAX_TILT_STEP: Final = 0.3
 
@@ -119,6 +122,36 @@ class Problem:
                 taken = basis.T @ point.residuals[self.windows.rows_of(index)].reshape(-1)
                 found[index] = taken @ taken
         return found
+
+    def explored(self, point: Point, noise: Mapping[str, float], rng: np.random.Generator) -> Point:
+        """The point with starts around its own tried, within their uncertainty, and searched on from where one is better.
+
+        Dry friction and slip give the sum of squares of a window kinks, so that its search may end beside the least one.
+        """
+        trials = []
+        for size in np.repeat(SIZES, TRIALS):
+            draws = size * rng.standard_normal(point.starts.shape)
+            changes = [np.linalg.lstsq(one, own, rcond=1e-12)[0] for one, own in zip(point.triangles, draws, strict=True)]
+            trials.append(Column(point.robot, point.starts + np.array(changes)))
+        found, upright = self._run(self.windows, np.ones(len(self._measured), dtype=np.bool_), trials)
+        starts, least = point.starts.copy(), point.costs.copy()
+        for read, standing, trial in zip(found, upright, trials, strict=True):
+            squares = _centered((self._measured - read) / self.spread(noise), self.windows) ** 2
+            costs = np.add.reduceat(squares.sum(axis=1), self.windows.bounds[:-1])
+            better = standing & (costs < least)
+            starts[better], least[better] = trial.starts[better], costs[better]
+        other = self.at(point.values, starts, noise)
+        better = other.costs < point.costs
+        best = dataclasses.replace(
+            point,
+            starts=point.starts.copy(),
+            residuals=point.residuals.copy(),
+            bases=list(point.bases),
+            triangles=list(point.triangles),
+            costs=point.costs.copy(),
+        )
+        self._take(best, other, better, np.ones_like(better))
+        return best
 
     def _take(self, best: Point, point: Point, better: Mask, searched: Mask) -> None:
         """Puts windows that are better into the best point; the other point has the windows that were searched."""
@@ -217,8 +250,7 @@ class Problem:
         return np.where(self.used[rows], found, 0.0), upright
 
     def leverage(self, point: Point, derivatives: Array, kept: Mask) -> Array:
-        """Share of each measurement that the fit takes up, shape (m, channels): its sum is the count of fitted "
-        "numbers."""
+        """Share of each measurement that the fit takes up, shape (m, channels); their sum is the count of unknowns."""
         found = np.zeros(self._measured.shape)
         rows_of = np.diff(self.windows.bounds)
         found[:, SENSORS["wheel_angle"]] = (1.0 / rows_of)[self.windows.window][:, None]
@@ -229,7 +261,7 @@ class Problem:
         flat = derivatives[chosen].reshape(-1, derivatives.shape[-1])
         basis = np.linalg.qr(flat)[0]
         found[chosen] += (basis**2).sum(axis=1).reshape(-1, self.channels)
-        return found
+        return np.asarray(found)
 
 
 def _centered(rows: Array, windows: Windows) -> Array:

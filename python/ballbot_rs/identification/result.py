@@ -101,10 +101,10 @@ class IdentifiedParams:
         }
 
     def to_toml(self) -> str:
-        """A robot's TOML file, for `--robot FILE` and `Params.from_toml`; the fitted numbers are in comments with their
-        intervals.
+        """A robot's TOML file, for `--robot FILE` and `Params.from_toml`.
 
-        Motors, if they were fitted, are its table `[actuators]`, for `--actuators FILE`.
+        The fitted numbers are in comments with their intervals. Motors that are fitted or not ideal are its table
+        `[actuators]`, for `--actuators FILE`.
         """
         lines = [f"# Identified from {self.measurements} measurements; 95 % intervals."]
         lines += [f"# {line}" for line in self.table().splitlines()]

@@ -1,9 +1,8 @@
-"""What the sensors would have read in each window: all windows, and all changes of starts and parameters, as one "
-"batch."""
+"""What the sensors read in simulations of the windows: all windows and all finite differences as one batch."""
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -79,7 +78,7 @@ class Simulator:
 
     def _batch(self, count: int, steps: int, columns: Sequence[Column]) -> Batch:
         first = columns[0].robot.params
-        options = {
+        options: dict[str, Any] = {
             "params": first,
             "model": self._model,
             "sim_dt": self._sim_dt,
@@ -89,7 +88,7 @@ class Simulator:
             # A fall is what the model has of it, not what a task counts as one.
             "fall_tilt": np.pi,
         }
-        batch = Batch(len(columns) * count, num_threads=self._num_threads, **options)  # type: ignore[misc]
+        batch = Batch(len(columns) * count, num_threads=self._num_threads, **options)
         for index, column in enumerate(columns):
             if column.robot.params != first:
                 for window in range(count):
@@ -108,8 +107,7 @@ class Simulator:
         return np.stack([found[column.robot.motors] for column in columns])
 
     def _read(self, kept: Array, windows: Windows, columns: Sequence[Column]) -> Array:
-        """What the sensors read, shape (columns, m, channels), from parts of states, shape (steps + 1, columns · w, "
-        "13)."""
+        """The readings, shape (columns, m, channels), from parts of states, shape (steps + 1, columns · w, 13)."""
         # Rows between two model steps are interpolated; the last step may be beyond a window's last row.
         before = np.minimum(np.floor(windows.place).astype(np.int64), windows.steps - 1)
         share = (windows.place - before)[:, None]
