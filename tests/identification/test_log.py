@@ -1,5 +1,7 @@
 """Logs: what a file must have, what is refused, and the torques of the model's steps."""
 
+import importlib.util
+
 import numpy as np
 import pytest
 
@@ -137,6 +139,7 @@ def test_the_impulse_of_the_commands_is_kept_at_any_times_and_delay():
     )
 
 
+@pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="SciPy is not installed")
 def test_a_lag_answers_a_step_as_the_closed_form():
     time = 0.01 * np.arange(100)
     commands = np.where(time[:, None] < 0.5 - 1e-9, 0.0, 1.0) * np.ones(3)

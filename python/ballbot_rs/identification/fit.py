@@ -14,6 +14,7 @@ from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.identification import noise as noise_of
 from ballbot_rs.identification import starts as starts_of
+from ballbot_rs.identification.determined import at_limit, check_determined, check_windows, covariance_of
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.motors import MAX_DELAY, MAX_LAG, Motors
 from ballbot_rs.identification.parameters import Fitted, Robot, fitted
@@ -45,19 +46,6 @@ GAIN: Final = 0.5
 MAX_EVALUATIONS: Final = 60
 #: Simulations of a usual fit, for the progress.
 USUAL: Final = 100
-#: Largest condition number. What cannot be told apart exactly reaches 1e4 in `contact`, whose time steps distinguish a
-#: little more.
-MAX_CONDITION: Final = 3e3
-#: Effect on the measurements below which there is none, as a share of the largest one.
-SILENT: Final = 1e-5
-#: Largest standard deviation along any direction, in typical sizes of the parameters.
-MAX_UNCERTAINTY: Final = 1.0
-#: Share of a direction that a parameter has to be named for it.
-NAMED: Final = 0.2
-#: Distance from a limit, in typical sizes, within which a number is at it.
-LIMIT: Final = 1e-4
-#: Largest share of windows that may be rejected.
-MAX_REJECTED: Final = 1.0 / 3.0
 
 
 def identify(
@@ -160,8 +148,8 @@ def _passes(
     standing = np.isfinite(point.costs)
     kept = standing.copy()
     expected = spreads
-    _check_kept(problem, kept, log)
-    _check_condition(problem, problem.derivatives(point, spreads)[0], kept)
+    check_windows(problem, kept, log)
+    check_determined(problem, problem.derivatives(point, spreads)[0], kept)
     rng = np.random.default_rng(0)
     for _ in range(MAX_PASSES):
         fit = _fit(problem, point, spreads, kept)
@@ -172,7 +160,7 @@ def _passes(
         before, old = kept, spreads
         if rejection is not None:
             kept = standing & noise_of.explained(problem, point, leverage, kept, rejection)
-            _check_kept(problem, kept, log)
+            check_windows(problem, kept, log)
         if estimate:
             spreads = noise_of.estimated(problem, point, leverage, kept, spreads)
         steady = (kept == before).all() and all(abs(spreads[name] / old[name] - 1.0) < SETTLED for name in old)
@@ -182,7 +170,7 @@ def _passes(
     noise_of.check(noise_of.estimated(problem, point, leverage, kept, old), expected)
     ratio = problem.spread(old) / problem.spread(spreads)
     derivatives = derivatives * ratio[:, None]
-    _check_condition(problem, derivatives, kept, point)
+    check_determined(problem, derivatives, kept, point)
     return point, derivatives, spreads, kept
 
 
@@ -232,56 +220,9 @@ def _fit(problem: Problem, first: Point, spreads: Mapping[str, float], kept: Mas
     if point is None or done.status == 0:
         raise InvalidInputError(
             f"the fit has not converged after {done.nfev} evaluations: start from a robot that is closer, or name "
-            f"fewer fields"
+            "fewer fields"
         )
     return point
-
-
-def _check_kept(problem: Problem, kept: Mask, log: SensorLog) -> None:
-    left_out = int((~kept).sum())
-    limit = int(MAX_REJECTED * len(kept))
-    if left_out > limit:
-        first = log.time[problem.windows.rows[problem.windows.bounds[int(np.argmin(kept))]]]
-        raise InvalidInputError(
-            f"{left_out} of {len(kept)} windows contradict the model, the limit is {limit}; the first begins at "
-            f"{first:g} s: wheels "
-            "slip there, something touches the robot, the signs or units of a column are wrong, or fields lacks a "
-            "parameter"
-        )
-
-
-def _check_condition(problem: Problem, derivatives: Array, kept: Mask, fit: Point | None = None) -> None:
-    """A ValueError names the parameters that the log does not determine; after a fit, also those that are uncertain.
-
-    Numbers at a limit are no question after a fit.
-    """
-    wanted, flat = problem.fitted, derivatives[kept[problem.windows.window]].reshape(-1, derivatives.shape[-1])
-    free = np.ones(len(wanted.names), dtype=np.bool_) if fit is None else ~_at_limit(wanted, fit.values)
-    names, flat = np.array(wanted.names)[free], flat[:, free]
-    if not len(names):
-        return
-    sizes = np.linalg.norm(flat, axis=0)
-    silent = sizes <= SILENT * sizes.max()
-    if silent.any():
-        raise InvalidInputError(
-            f"the log does not depend on {', '.join(names[silent])}: a change by its typical size changes the "
-            f"measurements by less than "
-            f"{SILENT:.0e} of what {names[sizes.argmax()]} does; leave it out of fields"
-        )
-    _, singular, directions = np.linalg.svd(np.linalg.qr(flat)[1])
-    condition = singular[0] / max(singular[-1], 1e-300)
-    deviation = 1.0 / max(singular[-1], 1e-300)
-    if condition > MAX_CONDITION or (fit is not None and deviation > MAX_UNCERTAINTY):
-        share = np.abs(directions[-1])
-        group = names[share > NAMED * share.max()]
-        what = f"{group[0]}" if len(group) == 1 else f"{', '.join(group)} apart from each other"
-        raise InvalidInputError(
-            f"the log does not determine {what}: the condition number is {condition:.2g} (limit {MAX_CONDITION:g}) and "
-            f"the standard "
-            f"deviation of their combination {deviation:.2g} of their typical size (limit {MAX_UNCERTAINTY:g}); leave "
-            f"one of them out "
-            "of fields, or record more excitation"
-        )
 
 
 def _result(
@@ -301,8 +242,8 @@ def _result(
     chosen = kept[windows.window]
     flat = derivatives[chosen].reshape(-1, len(wanted.names))
     # What is at a limit has no derivative worth an interval, and takes none of the others'.
-    free = ~_at_limit(wanted, point.values)
-    singular, covariance = _covariance(flat, free)
+    free = ~at_limit(wanted, point.values)
+    singular, covariance = covariance_of(flat, free)
     errors = np.sqrt(np.diag(covariance))
     measurements = int(problem.used[chosen].sum())
     freedom = measurements - 11 * int(kept.sum()) - len(wanted.names)
@@ -320,7 +261,7 @@ def _result(
         correlation=covariance / np.outer(errors, errors),
         intervals=np.stack([point.values - half, point.values + half], axis=-1),
         nominal=_nominal(wanted, base),
-        at_limit=tuple(np.array(wanted.names)[_at_limit(wanted, point.values)].tolist()),
+        at_limit=tuple(np.array(wanted.names)[at_limit(wanted, point.values)].tolist()),
         condition_number=float(singular[0] / singular[-1]) if len(singular) else 1.0,
         noise=spreads,
         rejected=tuple((float(log.time[one[0]]), float(log.time[one[-1]])) for one in rows),
@@ -331,18 +272,5 @@ def _result(
     )
 
 
-def _covariance(flat: Array, free: Mask) -> tuple[Array, Array]:
-    """Singular values of the derivatives, and the covariance: that of numbers at a limit is the one they have alone."""
-    _, singular, directions = np.linalg.svd(np.linalg.qr(flat[:, free])[1])
-    covariance = np.diag(1.0 / np.maximum((flat**2).sum(axis=0), 1e-300))
-    covariance[np.ix_(free, free)] = (directions.T / singular**2) @ directions
-    return singular, covariance
-
-
 def _nominal(wanted: Fitted, base: Robot) -> Array:
     return np.array([wanted.number(base, place) for place in wanted.places])
-
-
-def _at_limit(wanted: Fitted, values: Array) -> Mask:
-    near: Mask = np.minimum(values - wanted.low, wanted.high - values) <= LIMIT * wanted.scales
-    return near

@@ -124,15 +124,16 @@ class Problem:
         return found
 
     def explored(self, point: Point, noise: Mapping[str, float], rng: np.random.Generator) -> Point:
-        """The point with starts around its own tried, within their uncertainty, and searched on from where one is better.
+        """The point after starts around its own were tried and searched on, where they are better.
 
-        Dry friction and slip give the sum of squares of a window kinks, so that its search may end beside the least one.
+        Dry friction and slip give the sum of squares of a window kinks: its search may end beside the least one.
         """
         trials = []
         for size in np.repeat(SIZES, TRIALS):
             draws = size * rng.standard_normal(point.starts.shape)
-            changes = [np.linalg.lstsq(one, own, rcond=1e-12)[0] for one, own in zip(point.triangles, draws, strict=True)]
-            trials.append(Column(point.robot, point.starts + np.array(changes)))
+            pairs = zip(point.triangles, draws, strict=True)
+            changes = np.array([np.linalg.lstsq(triangle, draw, rcond=1e-12)[0] for triangle, draw in pairs])
+            trials.append(Column(point.robot, point.starts + changes))
         found, upright = self._run(self.windows, np.ones(len(self._measured), dtype=np.bool_), trials)
         starts, least = point.starts.copy(), point.costs.copy()
         for read, standing, trial in zip(found, upright, trials, strict=True):
