@@ -85,11 +85,11 @@ def record_log(
         "sim_dt": sim_dt,
         "control_dt": control_dt,
     }
-    ends = {"max_episode_steps": rows + 1, "fall_tilt": np.pi / 2}
+    ends: dict[str, Any] = {"max_episode_steps": rows + 1, "fall_tilt": np.pi / 2}
     batch = Batch(1, autoreset="disabled", num_threads=1, actuators=actuators, **ends, **options)
     robot, limit = batch.nominal_params(0), batch.max_wheel_torque
     lqr = Lqr(controller_params or robot, control_dt, max_torque=limit)
-    times = control_dt * np.arange(rows)
+    times: Array = np.asarray(control_dt * np.arange(rows), dtype=np.float64)
     sines = excitation * MULTISINE * limit * _multisine(times, rng)
     steps = rng.uniform(-1.0, 1.0, (int(seconds / STEP_EVERY) + 1, 3)) * [POSITION, POSITION, YAW] * excitation
     batch.reset(starts=[State.at_equilibrium(robot)])

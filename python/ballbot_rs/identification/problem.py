@@ -269,6 +269,6 @@ def _centered(rows: Array, windows: Windows) -> Array:
     """Rows less the mean of each window's wheel angles, whose origin is free."""
     place = SENSORS["wheel_angle"]
     sums = np.add.reduceat(rows[:, place], windows.bounds[:-1], axis=0)
-    centered = rows.copy()
+    centered: Array = rows.copy()
     centered[:, place] -= (sums / np.diff(windows.bounds)[:, None])[windows.window]
     return centered
