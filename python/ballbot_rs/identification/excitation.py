@@ -1,6 +1,6 @@
 """Logs made by simulation: a balancing robot under torques and setpoints that excite all its motions."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, Final
 
@@ -38,7 +38,7 @@ def record_log(
     model: str = "contact",
     sim_dt: float = 0.002,
     control_dt: float = 0.01,
-    imu_position: npt.ArrayLike = (0.0, 0.0, 0.0),
+    imu_position: Sequence[float] = (0.0, 0.0, 0.0),
     noise: Mapping[str, float] | None = NOISE,
     excitation: float = 1.0,
     seed: int = 0,
@@ -85,8 +85,8 @@ def record_log(
         "sim_dt": sim_dt,
         "control_dt": control_dt,
     }
-    ends: dict[str, Any] = {"max_episode_steps": rows + 1, "fall_tilt": np.pi / 2}
-    batch = Batch(1, autoreset="disabled", num_threads=1, actuators=actuators, **ends, **options)
+    more: dict[str, Any] = {"actuators": actuators, "max_episode_steps": rows + 1, "fall_tilt": np.pi / 2}
+    batch = Batch(1, autoreset="disabled", num_threads=1, **more, **options)
     robot, limit = batch.nominal_params(0), batch.max_wheel_torque
     lqr = Lqr(controller_params or robot, control_dt, max_torque=limit)
     times: Array = np.asarray(control_dt * np.arange(rows), dtype=np.float64)
