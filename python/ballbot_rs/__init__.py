@@ -2,7 +2,8 @@
 
 The physics is in Rust; this package gives it to Python: single robots (`Ballbot`), batches (`Batch`), closed-form
 models (`SpatialModel`, `PlanarModel`, `LinearModel`), controllers (`Pid`, `Lqr`), environments for reinforcement
-learning, and the comparison of controllers and policies (`compare`, `run`). Importing it registers every task with
+learning, the comparison of controllers and policies (`compare`, `run`), and the identification of parameters from logs
+(`identify`). Importing it registers every task with
 Gymnasium, among them `ballbot/Balance-v0`.
 SI units and radians throughout; quaternions are `[w, x, y, z]`.
 """
@@ -39,6 +40,10 @@ from ballbot_rs.envs.gymnasium_env import BallbotEnv
 from ballbot_rs.envs.registration import register_environments
 from ballbot_rs.envs.tasks import BalanceEnv, BalanceVectorEnv
 from ballbot_rs.envs.vector_env import BallbotVectorEnv
+from ballbot_rs.identification.excitation import record_log
+from ballbot_rs.identification.fit import identify
+from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.result import IdentifiedParams
 
 if TYPE_CHECKING:
     from ballbot_rs.control.sb3_policy import save
@@ -57,6 +62,7 @@ __all__ = [
     "Contacts",
     "Controller",
     "DivergedError",
+    "IdentifiedParams",
     "InvalidInputError",
     "LinearModel",
     "Lqr",
@@ -67,6 +73,7 @@ __all__ = [
     "Push",
     "Renderer",
     "Result",
+    "SensorLog",
     "SpatialModel",
     "State",
     "Trajectory",
@@ -74,9 +81,11 @@ __all__ = [
     "__version__",
     "compare",
     "evaluate",
+    "identify",
     "load_actuators",
     "load_events",
     "load_sensors",
+    "record_log",
     "run",
     "save",
     "virtual_to_wheel_torques",

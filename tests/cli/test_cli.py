@@ -39,6 +39,7 @@ def test_version(capsys):
 HELP = [
     ["--help"],
     *([name, "--help"] for name in ("train", "evaluate", "report", "export", "plot", "record", "view", "info")),
+    *([name, "--help"] for name in ("record-log", "identify")),
 ]
 
 

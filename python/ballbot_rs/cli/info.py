@@ -15,7 +15,7 @@ from ballbot_rs.control.resolve import NAMES
 
 #: What the package may work with.
 LIBRARIES = (
-    *("numpy", "gymnasium", "stable-baselines3", "torch", "matplotlib", "moviepy", "rich", "tensorboard"),
+    *("numpy", "scipy", "gymnasium", "stable-baselines3", "torch", "matplotlib", "moviepy", "rich", "tensorboard"),
     *("onnx", "onnxruntime", "onnxscript", "viser", "websockets", "trimesh", "yourdfpy", "plotly", "pillow", "pygame"),
 )
 #: Features of a processor on which the speed of the core depends.

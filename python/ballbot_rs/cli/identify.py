@@ -1,0 +1,103 @@
+"""`ballbot identify`: fit parameters of a robot to a log, and write the robot as a TOML file."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any, Final
+
+from ballbot_rs import _files
+from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS, Params, load_actuators
+from ballbot_rs.cli import scenario
+from ballbot_rs.cli.numbers import real, whole
+from ballbot_rs.cli.progress import bar
+from ballbot_rs.identification.fit import FIELDS, identify
+from ballbot_rs.identification.noise import UNITS
+from ballbot_rs.identification.windows import WINDOW_LIMITS
+
+#: Models that a fit can have.
+_MODELS: Final = tuple(name for name in MODELS if name != "planar")
+
+
+def add_to(commands: Any) -> None:
+    """Adds the command to the parser."""
+    command = commands.add_parser("identify", help="fit parameters of a robot to a log of torques and sensors")
+    command.add_argument("log", type=Path, metavar="LOG", help="a log, .csv or .npz; docs/identify.md has its columns")
+    command.add_argument(
+        "--robot",
+        default="paper",
+        metavar="NAME|FILE.toml",
+        help=f"to start from: {', '.join(ROBOTS)}, or a file (default paper)",
+    )
+    command.add_argument(
+        "--actuators",
+        metavar="NAME|FILE",
+        help=f"motors to start from: {', '.join(ACTUATORS)}, or a file (default ideal)",
+    )
+    command.add_argument(
+        "--fields",
+        type=lambda text: tuple(name.strip() for name in text.split(",")),
+        default=FIELDS,
+        metavar="NAME,NAME",
+        help=f"what to fit (default {','.join(FIELDS)})",
+    )
+    command.add_argument("--model", default="contact", help=f"{', '.join(_MODELS)} (default contact)")
+    command.add_argument(
+        "--sim-dt", type=real(0.0, 0.05, above=True), default=0.002, help="time step of the model, s (default 0.002)"
+    )
+    command.add_argument(
+        "--window",
+        type=real(*WINDOW_LIMITS),
+        default=0.5,
+        help="length of the spans that are simulated, s (default 0.5)",
+    )
+    command.add_argument(
+        "--imu-position",
+        type=real(),
+        nargs=3,
+        metavar=("X", "Y", "Z"),
+        default=(0.0, 0.0, 0.0),
+        help="of the accelerometer in the body frame, m (default 0 0 0)",
+    )
+    command.add_argument("--threads", type=whole(1, 256), help="threads of the simulations (default: all cores)")
+    scenario.add_output(command, "FILE.toml", "the robot, for --robot and --actuators (default: none is written)")
+    scenario.add_verbosity(command, "the result")
+    command.set_defaults(carry_out=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Carries the command out."""
+    out = arguments.output
+    if out is not None and out.suffix != ".toml":
+        raise ValueError(f"{out}: the name of a robot's file ends in .toml")
+    robot = scenario.robot_option(arguments.robot)
+    params = Params.preset(robot) if isinstance(robot, str) else Params(**robot)
+    actuators = None if arguments.actuators is None else load_actuators(arguments.actuators)
+    with bar("identifying", arguments.quiet or arguments.json) as progress:
+        found = identify(
+            arguments.log,
+            params,
+            arguments.fields,
+            actuators=actuators,
+            model=arguments.model,
+            sim_dt=arguments.sim_dt,
+            window=arguments.window,
+            imu_position=arguments.imu_position,
+            num_threads=arguments.threads,
+            progress=progress,
+        )
+    if out is not None:
+        _files.write(out, found.to_toml())
+    if arguments.json:
+        print(json.dumps({**found.to_dict(), "file": None if out is None else str(out)}, indent=2))
+        return
+    print(found.table())
+    noise = ", ".join(f"{name} {value:.2g} {UNITS[name]}" for name, value in found.noise.items())
+    print(
+        f"\n{found.measurements} measurements in {found.windows} windows, condition number "
+        f"{found.condition_number:.0f}."
+    )
+    print(f"Noise of the sensors (standard deviation): {noise}.")
+    for begin, end in found.rejected:
+        print(f"left out: {begin:.2f} to {end:.2f} s, which the model does not explain")
+    if out is not None:
+        print(f"wrote {out}")

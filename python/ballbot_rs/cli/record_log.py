@@ -1,0 +1,60 @@
+"""`ballbot record-log`: a log of a simulated robot that is excited while it balances, for `ballbot identify`."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS, Params, load_actuators
+from ballbot_rs.cli import scenario
+from ballbot_rs.cli.numbers import MAX_SEED, real
+from ballbot_rs.cli.progress import bar
+from ballbot_rs.identification.excitation import MAX_SECONDS, NOISE, record_log
+
+
+def add_to(commands: Any) -> None:
+    """Adds the command to the parser."""
+    command = commands.add_parser("record-log", help="record a log of a simulated robot, for identify")
+    command.add_argument(
+        "--robot", default="paper", metavar="NAME|FILE.toml", help=f"{', '.join(ROBOTS)}, or a file (default paper)"
+    )
+    command.add_argument(
+        "--actuators", metavar="NAME|FILE", help=f"motors: {', '.join(ACTUATORS)}, or a file (default ideal)"
+    )
+    command.add_argument("--model", default="contact", help=f"{', '.join(MODELS)} (default contact)")
+    command.add_argument(
+        "--seconds", type=real(0.0, MAX_SECONDS, above=True), default=20.0, help="duration (default 20)"
+    )
+    command.add_argument(
+        "--excitation", type=real(0.0, 10.0), default=1.0, help="factor of the multisine and the steps (default 1)"
+    )
+    command.add_argument("--exact", action="store_true", help="sensors without noise")
+    scenario.add_seed(command, "of the excitation and the noise (default 0)", 0, MAX_SEED)
+    scenario.add_output(command, "FILE.csv|FILE.npz", "the log (default log.csv)")
+    scenario.add_verbosity(command, "the file")
+    command.set_defaults(carry_out=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Carries the command out."""
+    out = arguments.output or Path("log.csv")
+    if out.suffix not in (".csv", ".npz"):
+        raise ValueError(f"{out}: the name of a log ends in .csv or .npz")
+    robot = scenario.robot_option(arguments.robot)
+    with bar("recording", arguments.quiet or arguments.json) as progress:
+        log = record_log(
+            Params.preset(robot) if isinstance(robot, str) else Params(**robot),
+            arguments.seconds,
+            actuators=None if arguments.actuators is None else load_actuators(arguments.actuators),
+            model=arguments.model,
+            noise=None if arguments.exact else NOISE,
+            excitation=arguments.excitation,
+            seed=arguments.seed,
+            progress=progress,
+        )
+    log.write(out)
+    rows, seconds = len(log.time), float(log.time[-1])
+    if arguments.json:
+        print(json.dumps({"log": str(out), "rows": rows, "seconds": seconds}, indent=2))
+    else:
+        print(f"{rows} rows over {seconds:g} s\nwrote {out}")

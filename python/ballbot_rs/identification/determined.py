@@ -1,0 +1,86 @@
+"""What a log determines: windows that the model explains, parameters that differ in their effects, their covariance."""
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.parameters import Fitted
+from ballbot_rs.identification.problem import Point, Problem
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+#: Largest share of windows that may be rejected.
+MAX_REJECTED: Final = 1.0 / 3.0
+#: Largest condition number. What cannot be told apart exactly reaches 1e4 in `contact`, whose time steps distinguish a
+#: little more.
+MAX_CONDITION: Final = 3e3
+#: Effect on the measurements below which there is none, as a share of the largest one.
+SILENT: Final = 1e-5
+#: Largest standard deviation along any direction, in typical sizes of the parameters.
+MAX_UNCERTAINTY: Final = 1.0
+#: Share of a direction that a parameter has to be named for it.
+NAMED: Final = 0.2
+#: Distance from a limit, in typical sizes, within which a number is at it.
+LIMIT: Final = 1e-4
+
+
+def check_windows(problem: Problem, kept: Mask, log: SensorLog) -> None:
+    """A ValueError says where the log contradicts the model if too many windows do."""
+    left_out = int((~kept).sum())
+    limit = int(MAX_REJECTED * len(kept))
+    if left_out > limit:
+        first = log.time[problem.windows.rows[problem.windows.bounds[int(np.argmin(kept))]]]
+        raise InvalidInputError(
+            f"{left_out} of {len(kept)} windows contradict the model, the limit is {limit}; the first begins at "
+            f"{first:g} s: wheels slip there, something touches the robot, the signs or units of a column are wrong, "
+            "or fields lacks a parameter"
+        )
+
+
+def check_determined(problem: Problem, derivatives: Array, kept: Mask, fit: Point | None = None) -> None:
+    """A ValueError names the parameters that the log does not determine; after a fit, also those that are uncertain.
+
+    Numbers at a limit are no question after a fit.
+    """
+    wanted, flat = problem.fitted, derivatives[kept[problem.windows.window]].reshape(-1, derivatives.shape[-1])
+    free = np.ones(len(wanted.names), dtype=np.bool_) if fit is None else ~at_limit(wanted, fit.values)
+    names, flat = np.array(wanted.names)[free], flat[:, free]
+    if not len(names):
+        return
+    sizes = np.linalg.norm(flat, axis=0)
+    silent = sizes <= SILENT * sizes.max()
+    if silent.any():
+        raise InvalidInputError(
+            f"the log does not depend on {', '.join(names[silent])}: a change by its typical size changes the "
+            f"measurements by less than {SILENT:.0e} of the largest effect; leave it out of fields"
+        )
+    _, singular, directions = np.linalg.svd(np.linalg.qr(flat)[1])
+    condition = singular[0] / max(singular[-1], 1e-300)
+    deviation = 1.0 / max(singular[-1], 1e-300)
+    if condition > MAX_CONDITION or (fit is not None and deviation > MAX_UNCERTAINTY):
+        share = np.abs(directions[-1])
+        group = names[share > NAMED * share.max()]
+        what = f"{group[0]}" if len(group) == 1 else f"{', '.join(group)} apart from each other"
+        raise InvalidInputError(
+            f"the log does not determine {what}: the condition number is {condition:.2g} (limit {MAX_CONDITION:g}) and "
+            f"the standard deviation of their combination {deviation:.2g} of their typical size (limit "
+            f"{MAX_UNCERTAINTY:g}); leave one of them out of fields, or record more excitation"
+        )
+
+
+def at_limit(wanted: Fitted, values: Array) -> Mask:
+    """Which numbers are at a limit of theirs."""
+    near: Mask = np.minimum(values - wanted.low, wanted.high - values) <= LIMIT * wanted.scales
+    return near
+
+
+def covariance_of(flat: Array, free: Mask) -> tuple[Array, Array]:
+    """Singular values of the derivatives, and the covariance: that of numbers at a limit is the one they have alone."""
+    _, singular, directions = np.linalg.svd(np.linalg.qr(flat[:, free])[1])
+    covariance = np.diag(1.0 / np.maximum((flat**2).sum(axis=0), 1e-300))
+    covariance[np.ix_(free, free)] = (directions.T / singular**2) @ directions
+    return singular, covariance

@@ -1,0 +1,276 @@
+"""The fit: nonlinear least squares over the parameters, in passes that renew the noise and the windows that count."""
+
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._core import MODELS, Params
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._extras import require
+from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs.identification import noise as noise_of
+from ballbot_rs.identification import starts as starts_of
+from ballbot_rs.identification.determined import at_limit, check_determined, check_windows, covariance_of
+from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.motors import MAX_DELAY, MAX_LAG, Motors
+from ballbot_rs.identification.parameters import Fitted, Robot, fitted
+from ballbot_rs.identification.problem import Point, Problem
+from ballbot_rs.identification.result import IdentifiedParams, actuators_of, units_of
+from ballbot_rs.identification.simulation import Simulator, check_torques
+from ballbot_rs.identification.windows import split
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+#: What is fitted unless something else is named.
+FIELDS: Final = (
+    "body_mass",
+    "body_inertia",
+    "body_com_height",
+    "body_com_offset",
+    "ball_viscous_friction",
+    "wheel_viscous_friction",
+    "wheel_coulomb_friction",
+    "delay",
+)
+#: Passes, and the relative change of the noise that ends them.
+MAX_PASSES: Final = 8
+SETTLED: Final = 0.02
+#: Decrease of the sum of squares by other starts of the windows that ends them, in units of the noise's variance.
+GAIN: Final = 0.5
+#: Evaluations of the residuals in a pass.
+MAX_EVALUATIONS: Final = 60
+#: Simulations of a usual fit, for the progress.
+USUAL: Final = 100
+
+
+def identify(
+    log: SensorLog | str | PathLike[str],
+    params: Params | str | PathLike[str] | None = None,
+    fields: Sequence[str] = FIELDS,
+    *,
+    actuators: Mapping[str, Any] | str | None = None,
+    model: Literal["spatial", "contact", "rigid"] | str = "contact",
+    sim_dt: float = 0.002,
+    window: float = 0.5,
+    imu_position: Sequence[float] = (0.0, 0.0, 0.0),
+    noise: Mapping[str, float] | None = None,
+    rejection: float | None = 3.0,
+    num_threads: int | None = None,
+    progress: Progress = no_progress,
+) -> IdentifiedParams:
+    """Fits parameters of a robot to a log by nonlinear least squares.
+
+    The log is divided into windows. Each is simulated under the logged torques from a start of its own, which is
+    fitted, too; the residuals are measured less simulated wheel angles, body rates and specific forces, by the noise of
+    their sensor. docs/identify.md has the formulas, how to record a log, and what cannot be told apart.
+
+    Args:
+        log: the log, or the path of its file, as `SensorLog.read` takes it.
+        params: the robot to start from, with the values of all parameters that are not fitted; None is the paper's.
+        fields: parameters of `Params` by name (but for `max_wheel_torque`), `delay`, `lag` and `strength` of the
+            motors, and `gyro_bias` and `acc_bias` of the IMU. A vector is fitted with all its components.
+        actuators: motors to start from, as `actuators=` of an environment, with a delay, a lag and strengths alone;
+            None is ideal.
+        model: of the simulations: `spatial`, `contact` or `rigid`.
+        sim_dt: time step of the model, s, at most the log's median step.
+        window: length of a window, s, from 0.05 to 2.
+        imu_position: place of the accelerometer in the body frame, m.
+        noise: standard deviation of each sensor, with the keys `wheel_angle` (rad), `gyro` (rad/s) and, with
+            accelerations, `acceleration` (m/s²); None estimates them from the residuals.
+        rejection: windows with a mean square residual of more than this many times the median are left out; None leaves
+            none out.
+        num_threads: of the simulations; None takes all cores.
+        progress: called with the number of simulations of all windows done, and how many are expected.
+
+    Raises:
+        ValueError: a bad log or argument; parameters that the log does not determine, which the message names; a log
+            that the model does not explain.
+        OSError: a file cannot be read.
+        ModuleNotFoundError: SciPy is not installed.
+        KeyboardInterrupt: Ctrl-C.
+    """
+    with require("identification", "identify"):
+        import scipy.optimize  # noqa: F401
+    if not isinstance(log, SensorLog):
+        log = SensorLog.read(log)
+    base = Robot(_robot(params), Motors.of(actuators))
+    offset = np.asarray(imu_position, dtype=np.float64)
+    if offset.shape != (3,) or not np.isfinite(offset).all():
+        raise InvalidInputError(f"imu_position is {imu_position}, expected three finite numbers")
+    if model not in MODELS or model == "planar":
+        raise InvalidInputError(f"model = {model!r}: expected {', '.join(name for name in MODELS if name != 'planar')}")
+    if rejection is not None and not rejection > 1.0:
+        raise InvalidInputError(f"rejection = {rejection}, it must be above 1")
+    wanted = fitted(fields, base, sim_dt)
+    if "acc_bias" in wanted.fields and log.accelerations is None:
+        raise InvalidInputError("fields has acc_bias, but the log has no acc_x, acc_y, acc_z")
+    check_torques(log, base)
+    settling = (MAX_DELAY if base.motors.delay or "delay" in wanted.fields else 0.0) + (
+        MAX_LAG if base.motors.lag or "lag" in wanted.fields else 0.0
+    )
+    windows = split(log, window, sim_dt, settling)
+    simulator = Simulator(log, model, sim_dt, offset, num_threads)
+    count = 0
+
+    def called() -> None:
+        nonlocal count
+        count += 1
+        progress(count, max(USUAL, count + 1))
+
+    problem = Problem(log, windows, simulator, wanted, base, called)
+    starts = starts_of.estimated(log, windows, base.params)
+    spreads = noise_of.first_guess(log) if noise is None else noise_of.given(noise, log)
+    found = _passes(problem, starts, spreads, noise is None, rejection, log)
+    progress(count, count)
+    return _result(problem, base, log, *found, model, sim_dt)
+
+
+def _robot(params: Params | str | PathLike[str] | None) -> Params:
+    if params is None:
+        return Params.paper()
+    if isinstance(params, Params):
+        return params
+    if Path(params).suffix == ".toml":
+        return Params.from_toml(Path(params))
+    return Params.preset(str(params))
+
+
+def _passes(
+    problem: Problem, starts: Array, spreads: dict[str, float], estimate: bool, rejection: float | None, log: SensorLog
+) -> tuple[Point, Array, dict[str, float], Mask]:
+    """Fits until noise and windows stay: the last point, its derivatives, the noise, and which windows count."""
+    point = problem.at(problem.fitted.start, starts, spreads)
+    standing = np.isfinite(point.costs)
+    kept = standing.copy()
+    expected = spreads
+    check_windows(problem, kept, log)
+    check_determined(problem, problem.derivatives(point, spreads)[0], kept)
+    rng = np.random.default_rng(0)
+    for _ in range(MAX_PASSES):
+        fit = _fit(problem, point, spreads, kept)
+        point = problem.explored(fit, spreads, rng)
+        gain = float((fit.costs - point.costs)[kept].sum())
+        derivatives, _ = problem.derivatives(point, spreads)
+        leverage = problem.leverage(point, derivatives, kept)
+        before, old = kept, spreads
+        if rejection is not None:
+            kept = standing & noise_of.explained(problem, point, leverage, kept, rejection)
+            check_windows(problem, kept, log)
+        if estimate:
+            spreads = noise_of.estimated(problem, point, leverage, kept, spreads)
+        steady = (kept == before).all() and all(abs(spreads[name] / old[name] - 1.0) < SETTLED for name in old)
+        if steady and gain < GAIN:
+            break
+        point = problem.at(point.values, point.starts, spreads)
+    noise_of.check(noise_of.estimated(problem, point, leverage, kept, old), expected)
+    ratio = problem.spread(old) / problem.spread(spreads)
+    derivatives = derivatives * ratio[:, None]
+    check_determined(problem, derivatives, kept, point)
+    return point, derivatives, spreads, kept
+
+
+def _fit(problem: Problem, first: Point, spreads: Mapping[str, float], kept: Mask) -> Point:
+    """One nonlinear least squares over the fitted numbers, in units of their scales."""
+    from scipy.optimize import least_squares
+
+    wanted, rows = problem.fitted, kept[problem.windows.window]
+    known: dict[bytes, Point | None] = {}
+    # Where the derivatives are known: a trial starts from its best starts there, moved along their tangents.
+    last, tangents = first, np.zeros((*first.starts.shape, len(wanted.names)))
+    # A robot that cannot be, or that falls, is refused as a step that reduces nothing.
+    refused = np.full(int(rows.sum()) * problem.channels, 10.0 * np.sqrt(np.mean(first.residuals[rows] ** 2) + 1.0))
+
+    def at(scaled: Array) -> Point | None:
+        key = scaled.tobytes()
+        if key not in known:
+            starts = last.starts + tangents @ (scaled - last.values / wanted.scales)
+            try:
+                point = problem.at(scaled * wanted.scales, starts, spreads)
+            except ValueError:
+                known[key] = None
+            else:
+                known[key] = point if np.isfinite(point.costs[kept]).all() else None
+        return known[key]
+
+    def residuals(scaled: Array) -> Array:
+        point = at(scaled)
+        return refused if point is None else point.residuals[rows].reshape(-1)
+
+    def jacobian(scaled: Array) -> Array:
+        nonlocal last, tangents
+        point = at(scaled)
+        if point is None:
+            return np.zeros((len(refused), len(scaled)))
+        derivatives, tangents = problem.derivatives(point, spreads)
+        last = point
+        return -derivatives[rows].reshape(len(refused), -1)
+
+    low, high = wanted.low / wanted.scales, wanted.high / wanted.scales
+    margin = 1e-9
+    begin = np.clip(first.values / wanted.scales, low + margin, high - margin)
+    done = least_squares(
+        residuals, begin, jacobian, bounds=(low, high), xtol=1e-5, ftol=1e-6, gtol=1e-8, max_nfev=MAX_EVALUATIONS
+    )
+    point = at(done.x)
+    if point is None or done.status == 0:
+        raise InvalidInputError(
+            f"the fit has not converged after {done.nfev} evaluations: start from a robot that is closer, or name "
+            "fewer fields"
+        )
+    return point
+
+
+def _result(
+    problem: Problem,
+    base: Robot,
+    log: SensorLog,
+    point: Point,
+    derivatives: Array,
+    spreads: dict[str, float],
+    kept: Mask,
+    model: str,
+    sim_dt: float,
+) -> IdentifiedParams:
+    from scipy.special import stdtrit
+
+    wanted, windows = problem.fitted, problem.windows
+    chosen = kept[windows.window]
+    flat = derivatives[chosen].reshape(-1, len(wanted.names))
+    # What is at a limit has no derivative worth an interval, and takes none of the others'.
+    free = ~at_limit(wanted, point.values)
+    singular, covariance = covariance_of(flat, free)
+    errors = np.sqrt(np.diag(covariance))
+    measurements = int(problem.used[chosen].sum())
+    freedom = measurements - 11 * int(kept.sum()) - len(wanted.names)
+    half = float(stdtrit(max(freedom, 1), 0.975)) * errors * wanted.scales
+    rows = [windows.rows[windows.rows_of(i)] for i in np.flatnonzero(~kept).tolist()]
+    return IdentifiedParams(
+        params=point.robot.params,
+        actuators=actuators_of(wanted.fields, point.robot.motors, sim_dt),
+        gyro_bias=point.robot.gyro_bias,
+        acc_bias=point.robot.acc_bias,
+        names=wanted.names,
+        units=units_of(wanted.places),
+        values=point.values,
+        standard_errors=errors * wanted.scales,
+        correlation=covariance / np.outer(errors, errors),
+        intervals=np.stack([point.values - half, point.values + half], axis=-1),
+        nominal=_nominal(wanted, base),
+        at_limit=tuple(np.array(wanted.names)[at_limit(wanted, point.values)].tolist()),
+        condition_number=float(singular[0] / singular[-1]) if len(singular) else 1.0,
+        noise=spreads,
+        rejected=tuple((float(log.time[one[0]]), float(log.time[one[-1]])) for one in rows),
+        windows=len(windows),
+        measurements=measurements,
+        model=model,
+        sim_dt=sim_dt,
+    )
+
+
+def _nominal(wanted: Fitted, base: Robot) -> Array:
+    return np.array([wanted.number(base, place) for place in wanted.places])

@@ -1,0 +1,254 @@
+"""A log of a robot: torques, wheel encoders and IMU over time, in memory and in files."""
+
+import csv
+import dataclasses
+import io
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs import _files
+from ballbot_rs._checks import did_you_mean
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._reading import read_regular
+
+Array = npt.NDArray[np.float64]
+
+#: Largest file of a log, bytes: an hour at 1 kHz with all columns.
+MAX_LOG_FILE: Final = 1 << 30
+
+#: Columns of a file by field of `SensorLog`.
+COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
+    "time": ("time",),
+    "torques": ("torque_1", "torque_2", "torque_3"),
+    "wheel_angles": ("wheel_angle_1", "wheel_angle_2", "wheel_angle_3"),
+    "gyro": ("gyro_x", "gyro_y", "gyro_z"),
+    "accelerations": ("acc_x", "acc_y", "acc_z"),
+}
+#: Fields that a log may lack.
+OPTIONAL: Final = ("accelerations",)
+
+#: Longest median time between two rows, s.
+MAX_STEP: Final = 0.05
+#: Largest rate of a gyroscope, rad/s: 2000 deg/s, the usual range of MEMS gyroscopes.
+MAX_RATE: Final = 35.0
+#: Largest change of a wheel angle between two rows, rad. Half a turn is the wrap of an encoder.
+MAX_TURN: Final = np.pi
+#: Mean magnitude of the specific force, m/s², of a robot that stays upright.
+SPECIFIC_FORCE: Final = (5.0, 20.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class SensorLog:
+    """Torques and measurements of one robot, a row a sample.
+
+    `torques[k]` acts from `time[k]` to `time[k + 1]`; all else is measured at `time[k]`. Steps in time may differ, and
+    rows may be missing.
+
+    Args:
+        time: s, increasing, shape (n,).
+        torques: of wheels 1 to 3 as commanded, N·m, shape (n, 3).
+        wheel_angles: of wheels 1 to 3 relative to the body, not wrapped, rad, shape (n, 3).
+        gyro: angular velocity of the body, body frame, rad/s, shape (n, 3).
+        accelerations: specific force at the IMU, body frame, m/s², shape (n, 3): the change of velocity since the row
+            before, divided by the time between them, less gravity. At rest upright it is (0, 0, 9.81). None: not
+            measured.
+
+    Raises:
+        ValueError: a shape, a number that is not finite, a time that does not increase, or a magnitude that no robot
+            reaches in these units; the message has the column, the row (from 0), the value and the limit.
+    """
+
+    time: Array
+    torques: Array
+    wheel_angles: Array
+    gyro: Array
+    accelerations: Array | None = None
+
+    def __post_init__(self) -> None:
+        for name, columns in COLUMNS.items():
+            value = getattr(self, name)
+            if value is None and name in OPTIONAL:
+                continue
+            array = np.array(value, dtype=np.float64)
+            shape = (len(array) if array.ndim else 0, len(columns))[: 1 if name == "time" else 2]
+            if array.shape != shape or (name != "time" and len(array) != len(self.time)):
+                rows = "n" if name == "time" else str(len(self.time))
+                expected = f"({rows},)" if name == "time" else f"({rows}, 3)"
+                raise InvalidInputError(f"{name} has the shape {array.shape}, expected {expected}")
+            _check_finite(name, array)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        _check_time(self.time)
+        _check_units(self)
+
+    @property
+    def step(self) -> float:
+        """Median time between two rows, s."""
+        return float(np.median(np.diff(self.time)))
+
+    @classmethod
+    def read(cls, path: str | PathLike[str]) -> "SensorLog":
+        """A log from a CSV file with a header, or from an npz file with one array a column; other columns are ignored.
+
+        Columns: `time` (s), `torque_1` to `torque_3` (N·m), `wheel_angle_1` to `wheel_angle_3` (rad), `gyro_x`,
+            `gyro_y`, `gyro_z`
+        (rad/s), and optionally `acc_x`, `acc_y`, `acc_z` (m/s²).
+
+        Raises:
+            ValueError: a column is missing, a cell is no number, or as the constructor; the message has the file.
+            OSError: the file cannot be read.
+        """
+        path = Path(path)
+        if path.suffix not in (".csv", ".npz"):
+            raise InvalidInputError(f"{path}: the name of a log ends in .csv or .npz")
+        contents = read_regular(path, MAX_LOG_FILE)
+        try:
+            columns = _csv_columns(contents) if path.suffix == ".csv" else _npz_columns(contents)
+            return cls(**_fields(columns))
+        except ValueError as error:
+            raise InvalidInputError(f"{path}: {error}") from error
+
+    def write(self, path: str | PathLike[str]) -> None:
+        """Writes the log; `read` restores it to the last bit.
+
+        Raises:
+            ValueError: the name ends in neither .csv nor .npz.
+            OSError: the file cannot be written; an earlier one stays as it is.
+        """
+        path = Path(path)
+        columns: dict[str, Array] = {}
+        for name, titles in COLUMNS.items():
+            values = getattr(self, name)
+            if values is not None:
+                columns.update(zip(titles, np.atleast_2d(values.T), strict=True))
+        if path.suffix == ".npz":
+            packed = io.BytesIO()
+            np.savez_compressed(packed, **columns)  # type: ignore[arg-type]
+            _files.write(path, packed.getvalue())
+        elif path.suffix == ".csv":
+            rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+            lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+            _files.write(path, "\n".join(lines) + "\n")
+        else:
+            raise InvalidInputError(f"{path}: the name of a log ends in .csv or .npz")
+
+
+def _fields(columns: Mapping[str, Array]) -> dict[str, Array]:
+    fields = {}
+    for name, titles in COLUMNS.items():
+        missing = [title for title in titles if title not in columns]
+        if name in OPTIONAL and len(missing) == len(titles):
+            continue
+        if missing:
+            hint = did_you_mean(missing[0], columns)
+            raise InvalidInputError(f"column {', '.join(missing)} is missing; there are {', '.join(columns)}{hint}")
+        values = [columns[title] for title in titles]
+        fields[name] = values[0] if name == "time" else np.stack(values, axis=-1)
+    return fields
+
+
+def _csv_columns(contents: bytes) -> dict[str, Array]:
+    rows = csv.reader(io.StringIO(contents.decode("utf-8-sig"), newline=""))
+    header = [title.strip() for title in next(rows, [])]
+    if len(set(header)) < len(header):
+        raise InvalidInputError(f"two columns have one name: {', '.join(header)}")
+    wanted = {title for titles in COLUMNS.values() for title in titles}
+    kept = [(place, title) for place, title in enumerate(header) if title in wanted]
+    numbers: list[list[float]] = []
+    for count, row in enumerate(rows):
+        if not row:
+            continue
+        if len(row) != len(header):
+            raise InvalidInputError(f"row {count} has {len(row)} cells, the header has {len(header)}")
+        try:
+            numbers.append([float(row[place]) for place, _ in kept])
+        except ValueError:
+            place, title = next(one for one in kept if not _is_number(row[one[0]]))
+            raise InvalidInputError(f"{title} of row {count} is '{row[place]}', not a number") from None
+    values = np.array(numbers, dtype=np.float64).reshape(len(numbers), len(kept))
+    return {**dict.fromkeys(header, np.zeros(0)), **{title: values[:, i] for i, (_, title) in enumerate(kept)}}
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _npz_columns(contents: bytes) -> dict[str, Array]:
+    try:
+        with np.load(io.BytesIO(contents), allow_pickle=False) as file:
+            found = {name: np.asarray(file[name]) for name in file.files}
+    except (OSError, EOFError, KeyError, ValueError) as error:
+        raise InvalidInputError(f"not an npz file: {error}") from error
+    wanted = {title for titles in COLUMNS.values() for title in titles}
+    for name in wanted & found.keys():
+        if found[name].dtype.kind not in "fiu" or found[name].ndim != 1:
+            raise InvalidInputError(
+                f"{name} is of type {found[name].dtype} with shape {found[name].shape}, not one row of numbers"
+            )
+        if len(found[name]) != len(found.get("time", found[name])):
+            raise InvalidInputError(f"{name} has {len(found[name])} rows, time has {len(found['time'])}")
+    return found
+
+
+def _check_finite(name: str, array: Array) -> None:
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        row, column = bad[0][0], bad[0][1] if array.ndim > 1 else 0
+        rows = len(np.unique(bad[:, 0]))
+        raise InvalidInputError(
+            f"{COLUMNS[name][column]} of row {row} is {array[tuple(bad[0])]}; {rows} of {len(array)} rows are not "
+            f"finite: leave "
+            "them out, gaps in time are allowed"
+        )
+
+
+def _check_time(time: Array) -> None:
+    if len(time) < 2:
+        raise InvalidInputError(f"the log has {len(time)} rows, at least 2 are needed")
+    steps = np.diff(time)
+    if (steps <= 0).any():
+        row = int(np.argmax(steps <= 0)) + 1
+        raise InvalidInputError(f"time of row {row} is {time[row]:g} s after {time[row - 1]:g} s: it must increase")
+    median = float(np.median(steps))
+    if median > MAX_STEP:
+        raise InvalidInputError(
+            f"the median time step is {median:g} s, the limit is {MAX_STEP} s: sample faster, and give time in seconds"
+        )
+
+
+def _check_units(log: SensorLog) -> None:
+    rates = np.abs(log.gyro)
+    if rates.max() > MAX_RATE:
+        row, column = np.unravel_index(rates.argmax(), rates.shape)
+        raise InvalidInputError(
+            f"{COLUMNS['gyro'][column]} of row {row} is {log.gyro[row, column]:g} rad/s, the limit is ±{MAX_RATE:g} "
+            f"rad/s: "
+            "give rates in rad/s, not deg/s"
+        )
+    turns = np.abs(np.diff(log.wheel_angles, axis=0))
+    # Wheels may turn far in a gap.
+    turns[np.diff(log.time) > 1.5 * log.step] = 0.0
+    if turns.max() > MAX_TURN:
+        row, column = np.unravel_index(turns.argmax(), turns.shape)
+        raise InvalidInputError(
+            f"{COLUMNS['wheel_angles'][column]} changes by {turns[row, column]:g} rad to row {row + 1}, the limit is "
+            f"{MAX_TURN:.4g} rad: unwrap the encoders, and give angles in rad"
+        )
+    if log.accelerations is not None:
+        mean = float(np.linalg.norm(log.accelerations, axis=1).mean())
+        low, high = SPECIFIC_FORCE
+        if not low <= mean <= high:
+            raise InvalidInputError(
+                f"the mean magnitude of acc_x, acc_y, acc_z is {mean:g} m/s², expected {low:g} to {high:g} m/s²: give "
+                f"the specific "
+                "force, gravity included, in m/s²"
+            )

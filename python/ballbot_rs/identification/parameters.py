@@ -1,0 +1,215 @@
+"""What is fitted: numbers by name, their limits and typical sizes, and the robot that they make."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._checks import did_you_mean
+from ballbot_rs._core import ACTUATOR_OPTIONS, Params
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.identification.motors import LIMITS as MOTOR_LIMITS
+from ballbot_rs.identification.motors import Motors
+
+Array = npt.NDArray[np.float64]
+
+#: Options of the motors that can be fitted.
+MOTORS: Final = tuple(MOTOR_LIMITS)
+#: Smallest lag that is fitted, in time steps of the model.
+SHORTEST_LAG: Final = 0.5
+#: Constant errors of the IMU, with their units and typical sizes.
+BIASES: Final[Mapping[str, tuple[str, float]]] = {"gyro_bias": ("rad/s", 0.01), "acc_bias": ("m/s²", 0.1)}
+#: A limit of the motor, which a fit of motions cannot find.
+EXCLUDED: Final = ("max_wheel_torque",)
+#: Components of vectors, as they are printed.
+SUFFIXES: Final[Mapping[str, Sequence[str]]] = {
+    "body_inertia": ("xx", "yy", "zz"),
+    "body_products_of_inertia": ("xy", "xz", "yz"),
+    "body_com_offset": ("x", "y"),
+    "gyro_bias": ("x", "y", "z"),
+    "acc_bias": ("x", "y", "z"),
+}
+#: Numbers that may be negative.
+SIGNED: Final = (
+    "body_com_offset",
+    "body_products_of_inertia",
+    "wheel_azimuths",
+    "wheel_zenith_offsets",
+    "gyro_bias",
+    "acc_bias",
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Robot:
+    """Everything that a fit may change."""
+
+    params: Params
+    motors: Motors
+    gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    acc_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """The numbers that are fitted, in the order of the fields; vectors count as their components."""
+
+    #: As given.
+    fields: tuple[str, ...]
+    #: As printed, for example `body_inertia_zz`.
+    names: tuple[str, ...]
+    #: Field and component of each number; the component of a scalar is None.
+    places: tuple[tuple[str, int | None], ...]
+    low: Array
+    high: Array
+    #: Typical sizes: differences and condition numbers are in these units.
+    scales: Array
+    #: Values at which the fit starts.
+    start: Array
+
+    def robot(self, values: Array, base: Robot) -> Robot:
+        """The robot with these values.
+
+        Raises:
+            ValueError: they do not describe a robot.
+        """
+        changes: dict[str, Any] = {}
+        for (field, component), value in zip(self.places, values.tolist(), strict=True):
+            if component is None:
+                changes[field] = value
+            else:
+                changes.setdefault(field, list(_value(base, field)))[component] = value
+        params = {name: value for name, value in changes.items() if name not in MOTORS and name not in BIASES}
+        motors = {name: _frozen(changes[name]) for name in MOTORS if name in changes}
+        biases = {name: tuple(changes[name]) for name in BIASES if name in changes}
+        return Robot(
+            base.params.replace(**params) if params else base.params,
+            dataclasses.replace(base.motors, **motors),
+            **{"gyro_bias": base.gyro_bias, "acc_bias": base.acc_bias, **biases},
+        )
+
+    @staticmethod
+    def number(robot: Robot, place: tuple[str, int | None]) -> float:
+        """The number of a robot at a field and component."""
+        return _number(robot, place)
+
+    def bias_of(self, index: int) -> tuple[str, int] | None:
+        """The IMU's bias and axis that a number is; None for what moves the robot."""
+        field, component = self.places[index]
+        return None if field not in BIASES or component is None else (field, component)
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def known_fields() -> tuple[str, ...]:
+    """Names that `fields` may have."""
+    params = tuple(name for name in Params.paper().to_dict() if name not in EXCLUDED)
+    return (*params, *MOTORS, *BIASES)
+
+
+def fitted(fields: Sequence[str], base: Robot, sim_dt: float) -> Fitted:
+    """The numbers of the fields named.
+
+    Raises:
+        ValueError: an unknown name, one named twice, or none.
+    """
+    if isinstance(fields, str):
+        fields = (fields,)
+    known = known_fields()
+    if not fields:
+        raise InvalidInputError("fields is empty: name at least one parameter")
+    places: list[tuple[str, int | None]] = []
+    for field in fields:
+        if field not in known:
+            raise InvalidInputError(
+                f"unknown field {field!r}: expected one of {', '.join(known)}{did_you_mean(str(field), known)}"
+            )
+        if any(field == other for other, _ in places):
+            raise InvalidInputError(f"fields names {field} twice")
+        value = _value(base, field)
+        places += [(field, None)] if isinstance(value, float) else [(field, i) for i in range(len(value))]
+    start = np.array([_number(base, place) for place in places])
+    scales = np.array([_scale(base, field, value) for (field, _), value in zip(places, start, strict=True)])
+    limits = np.array([_limits(field) for field, _ in places])
+    for index, (field, _) in enumerate(places):
+        if field == "lag":
+            # Far below a time step a lag has no effect, and no derivative.
+            limits[index, 0] = SHORTEST_LAG * sim_dt
+            start[index] = max(start[index], sim_dt)
+    names = tuple(_printed(place) for place in places)
+    return Fitted(tuple(fields), names, tuple(places), limits[:, 0], limits[:, 1], scales, start)
+
+
+def unit_of(field: str) -> str:
+    """Unit of a field."""
+    if field in BIASES:
+        return BIASES[field][0]
+    for option in ACTUATOR_OPTIONS:
+        if option["name"] == field:
+            return option["unit"]
+    return _UNITS.get(field, "")
+
+
+_UNITS: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("ball_mass", "body_mass", "wheel_mass"), "kg"),
+    **dict.fromkeys(("ball_inertia", "body_inertia", "wheel_inertia", "body_products_of_inertia"), "kg·m²"),
+    **dict.fromkeys(("ball_radius", "wheel_radius", "body_com_height", "body_com_offset"), "m"),
+    **dict.fromkeys(("wheel_zenith", "wheel_azimuths", "wheel_zenith_offsets"), "rad"),
+    "gravity": "m/s²",
+    "ball_viscous_friction": "N/(m/s)",
+    "wheel_viscous_friction": "N·m/(rad/s)",
+    "wheel_coulomb_friction": "N·m",
+    "friction_critical_velocity": "m/s",
+}
+
+
+def _value(base: Robot, field: str) -> Any:
+    if field in BIASES:
+        return getattr(base, field)
+    return getattr(base.motors if field in MOTORS else base.params, field)
+
+
+def _number(base: Robot, place: tuple[str, int | None]) -> float:
+    field, component = place
+    value = _value(base, field)
+    return float(value if component is None else value[component])
+
+
+def _printed(place: tuple[str, int | None]) -> str:
+    field, component = place
+    if component is None:
+        return field
+    return f"{field}_{SUFFIXES[field][component] if field in SUFFIXES else component + 1}"
+
+
+def _limits(field: str) -> tuple[float, float]:
+    if field in MOTORS:
+        return MOTOR_LIMITS[field]
+    return (-np.inf, np.inf) if field in SIGNED else (0.0, np.inf)
+
+
+def _scale(base: Robot, field: str, value: float) -> float:
+    """Typical size: that of the value, and where it may be zero that of a small effect on this robot."""
+    params = base.params
+    weight = params.gravity * (params.body_mass + params.ball_mass)
+    dry = 0.02 * weight * params.wheel_radius
+    least = {
+        "delay": 0.01,
+        "lag": 0.01,
+        "strength": 1.0,
+        "body_com_offset": 0.05 * params.body_com_height,
+        "body_products_of_inertia": 0.1 * float(np.mean(params.body_inertia)),
+        "wheel_coulomb_friction": dry,
+        "wheel_viscous_friction": dry / 10.0,
+        "ball_viscous_friction": 0.02 * weight,
+        "wheel_zenith_offsets": 0.05,
+        "wheel_azimuths": 0.1,
+        **{name: typical for name, (_, typical) in BIASES.items()},
+    }
+    if field == "wheel_azimuths":
+        return least[field]
+    return max(abs(value), least.get(field, 0.0)) or 1.0

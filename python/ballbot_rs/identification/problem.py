@@ -1,0 +1,274 @@
+"""The least-squares problem: residuals of all windows, with the starts of the windows eliminated."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.parameters import Fitted, Robot
+from ballbot_rs.identification.simulation import SENSORS, Column, Simulator, measured
+from ballbot_rs.identification.starts import STEPS
+from ballbot_rs.identification.windows import Windows
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+#: Steps of differences, in typical sizes of the parameters.
+DIFFERENCE: Final = 1e-4
+#: Simulations of all windows in a search of their starts, and the decreases of a window's sum of squares that end it:
+#: as a share, and in units of the noise's variance.
+MAX_SEARCH: Final = 30
+DECREASE: Final = 1e-6
+NEGLIGIBLE: Final = 1e-2
+#: Shortest share of a Gauss-Newton step that is tried.
+SHORTEST: Final = 0.05
+#: Starts that are tried around the best one, and their distances, in standard deviations.
+TRIALS: Final = 8
+SIZES: Final = (0.1, 0.3, 1.0)
+#: Longest step of a tilt within a search, rad.
+MAX_TILT_STEP: Final = 0.3
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """Residuals of all windows at some values, at the starts that fit best."""
+
+    values: Array
+    robot: Robot
+    #: Shape (w, 8).
+    starts: Array
+    #: In standard deviations of the noise, less the mean of each window's wheel angles, shape (m, channels).
+    residuals: Array
+    #: Orthonormal bases of what the start of each window can do, shape (rows · channels, 8) each.
+    bases: list[Array]
+    #: The derivatives of each window with respect to its start are its basis times this matrix, shape (8, 8).
+    triangles: list[Array]
+    #: Sum of squares of each window, shape (w,); infinite where the robot fell.
+    costs: Array
+
+
+class Problem:
+    """Residuals and their derivatives.
+
+    Args:
+        log: the log.
+        windows: of it.
+        simulator: of these windows.
+        fitted: the numbers that are fitted.
+        base: the robot that has the other numbers.
+        called: after each simulation.
+    """
+
+    def __init__(
+        self,
+        log: SensorLog,
+        windows: Windows,
+        simulator: Simulator,
+        fitted: Fitted,
+        base: Robot,
+        called: Callable[[], None],
+    ) -> None:
+        self.windows, self.fitted = windows, fitted
+        self._simulator, self._base, self._called = simulator, base, called
+        self._measured = measured(log, windows)
+        self.channels = simulator.channels
+        #: Which numbers are measurements: the specific force of a window's first row is none.
+        self.used: Mask = np.ones(self._measured.shape, dtype=np.bool_)
+        self.used[windows.bounds[:-1], SENSORS["acceleration"]] = False
+        self.sensors: Mapping[str, slice] = {
+            name: place for name, place in SENSORS.items() if place.stop <= self.channels
+        }
+
+    def spread(self, noise: Mapping[str, float]) -> Array:
+        """Standard deviation of each channel."""
+        found = np.empty(self.channels)
+        for name, place in self.sensors.items():
+            found[place] = noise[name]
+        return found
+
+    def at(self, values: Array, starts: Array, noise: Mapping[str, float]) -> Point:
+        """The point at some values, its starts searched from `starts` on by Gauss-Newton steps in each window.
+
+        Raises:
+            ValueError: the values do not describe a robot.
+        """
+        robot = self.fitted.robot(values, self._base)
+        everything = np.ones(len(self.windows), dtype=np.bool_)
+        best, steps = self._linearized(values, robot, starts, noise, everything)
+        factor = np.ones(len(self.windows))
+        for _ in range(MAX_SEARCH):
+            searched = (self._promise(best) > np.maximum(DECREASE * best.costs, NEGLIGIBLE)) & (factor > SHORTEST)
+            if not searched.any():
+                break
+            trial = best.starts + factor[:, None] * steps
+            point, next_steps = self._linearized(values, robot, trial, noise, searched)
+            better = np.zeros_like(searched)
+            better[searched] = point.costs < best.costs[searched]
+            taken = better[searched]
+            steps[better] = next_steps[taken]
+            factor = np.where(better, 1.0, 0.25 * factor)
+            self._take(best, point, better, searched)
+        return best
+
+    def _promise(self, point: Point) -> Array:
+        """What the next step would take away of the sum of squares of each window if the robot were linear."""
+        found = np.zeros(len(self.windows))
+        for index, basis in enumerate(point.bases):
+            if np.isfinite(point.costs[index]):
+                taken = basis.T @ point.residuals[self.windows.rows_of(index)].reshape(-1)
+                found[index] = taken @ taken
+        return found
+
+    def explored(self, point: Point, noise: Mapping[str, float], rng: np.random.Generator) -> Point:
+        """The point after starts around its own were tried and searched on, where they are better.
+
+        Dry friction and slip give the sum of squares of a window kinks: its search may end beside the least one.
+        """
+        trials = []
+        for size in np.repeat(SIZES, TRIALS):
+            draws = size * rng.standard_normal(point.starts.shape)
+            pairs = zip(point.triangles, draws, strict=True)
+            changes = np.array([np.linalg.lstsq(triangle, draw, rcond=1e-12)[0] for triangle, draw in pairs])
+            trials.append(Column(point.robot, point.starts + changes))
+        found, upright = self._run(self.windows, np.ones(len(self._measured), dtype=np.bool_), trials)
+        starts, least = point.starts.copy(), point.costs.copy()
+        for read, standing, trial in zip(found, upright, trials, strict=True):
+            squares = _centered((self._measured - read) / self.spread(noise), self.windows) ** 2
+            costs = np.add.reduceat(squares.sum(axis=1), self.windows.bounds[:-1])
+            better = standing & (costs < least)
+            starts[better], least[better] = trial.starts[better], costs[better]
+        other = self.at(point.values, starts, noise)
+        better = other.costs < point.costs
+        best = dataclasses.replace(
+            point,
+            starts=point.starts.copy(),
+            residuals=point.residuals.copy(),
+            bases=list(point.bases),
+            triangles=list(point.triangles),
+            costs=point.costs.copy(),
+        )
+        self._take(best, other, better, np.ones_like(better))
+        return best
+
+    def _take(self, best: Point, point: Point, better: Mask, searched: Mask) -> None:
+        """Puts windows that are better into the best point; the other point has the windows that were searched."""
+        taken = better[searched]
+        best.starts[better] = point.starts[taken]
+        best.costs[better] = point.costs[taken]
+        rows, windows = better[self.windows.window], self.windows.window[searched[self.windows.window]]
+        best.residuals[rows] = point.residuals[better[windows]]
+        for place, index in enumerate(np.flatnonzero(searched).tolist()):
+            if better[index]:
+                best.bases[index], best.triangles[index] = point.bases[place], point.triangles[place]
+
+    def _linearized(
+        self, values: Array, robot: Robot, starts: Array, noise: Mapping[str, float], chosen: Mask
+    ) -> tuple[Point, Array]:
+        """The point of some windows at given starts, and the Gauss-Newton step of each."""
+        windows, starts = self.windows.subset(chosen), starts[chosen]
+        rows = chosen[self.windows.window]
+        changed = [Column(robot, starts + change) for change in np.diag(STEPS)]
+        found, upright = self._run(windows, rows, [Column(robot, starts), *changed])
+        spread = self.spread(noise)
+        residuals = _centered((self._measured[rows] - found[0]) / spread, windows)
+        changes = [_centered((one - found[0]) / spread, windows) for one in found[1:]]
+        columns = np.stack(changes, axis=-1) / STEPS
+        point = Point(values, robot, starts.copy(), residuals, [], [], np.full(len(windows), np.inf))
+        steps = np.zeros_like(starts)
+        for index in range(len(windows)):
+            own = residuals[windows.rows_of(index)].reshape(-1)
+            basis, triangle = np.linalg.qr(columns[windows.rows_of(index)].reshape(-1, len(STEPS)))
+            point.bases.append(basis)
+            point.triangles.append(triangle)
+            if upright[:, index].all():
+                point.costs[index] = own @ own
+                steps[index] = np.linalg.lstsq(triangle, basis.T @ own, rcond=1e-12)[0]
+        tilted = np.abs(steps[:, :2]).max(axis=1, keepdims=True)
+        return point, steps * np.minimum(1.0, MAX_TILT_STEP / np.maximum(tilted, 1e-300))
+
+    def derivatives(self, point: Point, noise: Mapping[str, float]) -> tuple[Array, Array]:
+        """Derivatives with respect to the fitted numbers in units of their scales.
+
+        Returns:
+            Those of the predicted measurements in standard deviations of the noise, less what the starts can do, shape
+            (m, channels, p); those of the best starts, shape (w, 8, p).
+
+        Raises:
+            ValueError: a number cannot be changed either way.
+        """
+        fitted, spread = self.fitted, self.spread(noise)
+        found = np.zeros((*self._measured.shape, len(fitted.names)))
+        moved: list[int] = []
+        columns: list[Column] = []
+        spans: list[float] = []
+        for index in range(len(fitted.names)):
+            bias = fitted.bias_of(index)
+            if bias is not None:
+                channel = SENSORS["gyro" if bias[0] == "gyro_bias" else "acceleration"].start + bias[1]
+                found[:, channel, index] = fitted.scales[index] * self.used[:, channel]
+                continue
+            ends = []
+            for sign in (1.0, -1.0):
+                neighbor = point.values.copy()
+                change = sign * DIFFERENCE * fitted.scales[index]
+                neighbor[index] = np.clip(neighbor[index] + change, fitted.low[index], fitted.high[index])
+                try:
+                    columns.append(Column(fitted.robot(neighbor, self._base), point.starts))
+                except ValueError:
+                    # A one-sided difference at the edge of what is a robot.
+                    neighbor = point.values
+                    columns.append(Column(point.robot, point.starts))
+                ends.append(neighbor[index])
+            if ends[0] == ends[1]:
+                raise InvalidInputError(
+                    f"{fitted.names[index]} = {ends[0]:g} cannot be changed either way: the robot would be none; leave "
+                    f"it out of fields"
+                )
+            moved.append(index)
+            spans.append((ends[0] - ends[1]) / fitted.scales[index])
+        if columns:
+            read, _ = self._run(self.windows, np.ones(len(found), dtype=np.bool_), columns)
+            found[..., moved] = np.moveaxis((read[0::2] - read[1::2]), 0, -1) / np.array(spans)
+        found /= spread[:, None]
+        for index in range(found.shape[-1]):
+            found[..., index] = _centered(found[..., index], self.windows)
+        tangents = np.zeros((*point.starts.shape, found.shape[-1]))
+        for index, (basis, triangle) in enumerate(zip(point.bases, point.triangles, strict=True)):
+            rows = self.windows.rows_of(index)
+            own = found[rows].reshape(-1, found.shape[-1])
+            shared = basis.T @ own
+            tangents[index] = -np.linalg.lstsq(triangle, shared, rcond=1e-12)[0]
+            found[rows] = (own - basis @ shared).reshape(found[rows].shape)
+        return found, tangents
+
+    def _run(self, windows: Windows, rows: Mask, columns: list[Column]) -> tuple[Array, Mask]:
+        found, upright = self._simulator.run(windows, columns)
+        self._called()
+        return np.where(self.used[rows], found, 0.0), upright
+
+    def leverage(self, point: Point, derivatives: Array, kept: Mask) -> Array:
+        """Share of each measurement that the fit takes up, shape (m, channels); their sum is the count of unknowns."""
+        found = np.zeros(self._measured.shape)
+        rows_of = np.diff(self.windows.bounds)
+        found[:, SENSORS["wheel_angle"]] = (1.0 / rows_of)[self.windows.window][:, None]
+        for index, basis in enumerate(point.bases):
+            rows = self.windows.rows_of(index)
+            found[rows] += (basis**2).sum(axis=1).reshape(found[rows].shape)
+        chosen = kept[self.windows.window]
+        flat = derivatives[chosen].reshape(-1, derivatives.shape[-1])
+        basis = np.linalg.qr(flat)[0]
+        found[chosen] += (basis**2).sum(axis=1).reshape(-1, self.channels)
+        return np.asarray(found)
+
+
+def _centered(rows: Array, windows: Windows) -> Array:
+    """Rows less the mean of each window's wheel angles, whose origin is free."""
+    place = SENSORS["wheel_angle"]
+    sums = np.add.reduceat(rows[:, place], windows.bounds[:-1], axis=0)
+    centered: Array = rows.copy()
+    centered[:, place] -= (sums / np.diff(windows.bounds)[:, None])[windows.window]
+    return centered

@@ -1,0 +1,58 @@
+"""States in which windows start: coordinates of a robot that rolls, and a first estimate of them from a log."""
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._core import Params
+from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.windows import Windows
+
+Array = npt.NDArray[np.float64]
+
+#: Coordinates of a start at yaw 0, with steps of their differences. Where the ball is has no effect, nor have its
+#: attitude and the heading; the rates of the wheels follow from rolling.
+COORDINATES: Final = {
+    "tilt_x": 1e-5,
+    "tilt_y": 1e-5,
+    "rate_x": 1e-5,
+    "rate_y": 1e-5,
+    "rate_z": 1e-5,
+    "velocity_x": 1e-5,
+    "velocity_y": 1e-5,
+    "spin": 1e-5,
+}
+STEPS: Final = np.array(list(COORDINATES.values()))
+#: Rows from which rates at a start are estimated.
+_ROWS: Final = 8
+
+
+def quaternions_of(tilts: Array) -> Array:
+    """Quaternions (w, x, y, z) of tilts at yaw 0, shape (w, 4), from their components, rad, shape (w, 2)."""
+    angle = np.linalg.norm(tilts, axis=1)
+    found = np.zeros((len(tilts), 4))
+    found[:, 0] = np.cos(angle / 2.0)
+    found[:, 1:3] = tilts * (0.5 * np.sinc(angle / (2.0 * np.pi)))[:, None]
+    return found
+
+
+def estimated(log: SensorLog, windows: Windows, params: Params) -> Array:
+    """First estimate of the starts, shape (w, 8): upright, with the rates that gyroscope and encoders show.
+
+    Encoders and gyroscope give the ball's angular velocity without a model: psi' = k U (R^T w_k - Omega).
+    """
+    zeniths, azimuths = np.array(params.wheel_zeniths), np.array(params.wheel_azimuths)
+    axles = np.stack(
+        [-np.cos(zeniths) * np.cos(azimuths), -np.cos(zeniths) * np.sin(azimuths), np.sin(zeniths)], axis=-1
+    )
+    ratio = params.ball_radius / params.wheel_radius
+    found = np.zeros((len(windows), 8))
+    for index in range(len(windows)):
+        rows = windows.rows[windows.rows_of(index)][:_ROWS]
+        times = log.time[rows] - log.time[rows[0]]
+        rates = np.polyfit(times, log.gyro[rows], 1)[-1]
+        wheel_speeds = np.polyfit(times, log.wheel_angles[rows], 2)[-2]
+        ball = np.linalg.solve(axles, wheel_speeds) / ratio + rates
+        found[index] = [0.0, 0.0, *rates, params.ball_radius * ball[1], -params.ball_radius * ball[0], ball[2]]
+    return found
