@@ -129,7 +129,7 @@ def test_sensors_come_from_names_files_and_dicts(tmp_path):
         ("kugle", kugle),
         (kugle, kugle),
         (path, mine),
-        ({"encoder_ticks": np.int64(1000), "latency": np.float32(0.02) * 0 + 0.02}, mine),
+        ({"encoder_ticks": np.int64(1000), "latency": 0.02}, mine),
     ]:
         batch = bb.Batch(1, params=path, sensors=given)
         assert batch.options["sensors"] == expected

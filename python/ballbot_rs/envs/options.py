@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ballbot_rs._core import Params
 
 Model = Literal["planar", "spatial", "contact", "rigid"]
+Observed = Literal["ground_truth", "sensors"]
 
 
 class Actuators(TypedDict, total=False):
@@ -40,6 +41,40 @@ class Actuators(TypedDict, total=False):
     peak_torque: float
 
 
+class Sensors(TypedDict, total=False):
+    """Options of sensors; docs/sensors.md."""
+
+    #: Density of the gyroscope's white noise; a reading has the standard deviation `gyro_noise` / √`control_dt`.
+    #: (rad/s/√Hz, >= 0 and <= 1000)
+    gyro_noise: float
+    #: Standard deviation of the gyroscope's bias at the start of an episode, drawn for each. (rad/s, >= 0 and <= 1000)
+    gyro_bias: float
+    #: Random walk of that bias: its standard deviation after one second. (rad/s/√s, >= 0 and <= 1000)
+    gyro_bias_walk: float
+    #: Largest magnitude that the gyroscope reads about an axis; 0: any. (rad/s, >= 0 and <= 1e6)
+    gyro_range: float
+    #: Density of the accelerometer's white noise; a reading has the standard deviation `accelerometer_noise` /
+    #: √`control_dt`. (m/s²/√Hz, >= 0 and <= 10000)
+    accelerometer_noise: float
+    #: Standard deviation of the accelerometer's bias at the start of an episode, drawn for each. (m/s², >= 0 and <=
+    #: 10000)
+    accelerometer_bias: float
+    #: Random walk of that bias: its standard deviation after one second. (m/s²/√s, >= 0 and <= 10000)
+    accelerometer_bias_walk: float
+    #: Largest magnitude that the accelerometer reads along an axis; 0: any. (m/s², >= 0 and <= 1e6)
+    accelerometer_range: float
+    #: Where gyroscope and accelerometer are, in the body frame, whose origin is the ball's center. (m, >= -10 and <=
+    #: 10)
+    imu_position: npt.ArrayLike
+    #: Standard deviation of the angle about each body axis by which gyroscope and accelerometer are mounted wrongly,
+    #: drawn for each episode. (rad, >= 0 and <= 0.1)
+    imu_misalignment: float
+    #: Ticks of an encoder in one turn of its wheel, gear included; 0: exact angles. (>= 0 and <= 1e9)
+    encoder_ticks: float
+    #: Age of the readings of all sensors, a whole number of control steps; at most 100 of them. (s, >= 0 and <= 100)
+    latency: float
+
+
 class CommonOptions(TypedDict, total=False):
     """Options of every task."""
 
@@ -60,6 +95,14 @@ class CommonOptions(TypedDict, total=False):
     #: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md. (ideal,
     #: kugle, FILE.toml, or FILE.urdf)
     actuators: Actuators | str | PathLike[str] | None
+    #: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (exact, kugle, or
+    #: FILE.toml)
+    sensors: Sensors | str | PathLike[str] | None
+    #: What observations are computed from: the true state, or what follows from the readings of the sensors.
+    #: (ground_truth, sensors)
+    observation: Observed | str
+    #: How many observations, the last ones, are given together. (>= 1 and <= 1000)
+    history: int
     #: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
     scale_observations: bool
     #: Scales of reward terms, by name. (finite)

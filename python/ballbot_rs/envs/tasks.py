@@ -82,6 +82,11 @@ class BalanceEnv(BallbotEnv):
       > 0 and <= `params.max_wheel_torque`)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
+    - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
+      exact, kugle, or FILE.toml)
+    - `observation`: What observations are computed from: the true state, or what follows from the readings of the
+      sensors. (default ground_truth; ground_truth, sensors)
+    - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `reward`: Scales of reward terms, by name. (default see above; finite)

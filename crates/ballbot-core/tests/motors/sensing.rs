@@ -96,7 +96,7 @@ fn sensors_leave_all_else_alone() {
 #[test]
 fn sensors_in_lanes_equal_single_environments() {
     for (model, n) in models() {
-        let config = config(model);
+        let config = BalanceConfig { task: Balance { fall_tilt: PI, ..Balance::default() }, ..config(model) };
         let mut run = batch(&config, n, Autoreset::Disabled);
         let mut singles: Vec<_> = (0..n).map(|i| Environment::new(&config, SEED + i as u64).unwrap()).collect();
         let mut row = vec![0.0; 3 * ROWS];
