@@ -3,10 +3,10 @@
 use super::Autoreset;
 use super::buffers::{Outcome, StepBuffers};
 use super::chunk::{Chunk, Environments};
-use super::config::EnvConfig;
+use super::config::{Drive, EnvConfig};
 use super::robots::Single;
 use super::task_step::TaskStep;
-use crate::actuator::{Actuator, Ideal};
+use crate::actuator::{Actuator, MotorOptions};
 use crate::error::Result;
 use crate::params::Params;
 use crate::robot::{Ballbot, check_restored};
@@ -52,10 +52,11 @@ impl<T: Task> Environment<T> {
     /// What [`EnvConfig::validate`] and [`Ballbot::new`] find.
     pub fn new(config: &EnvConfig<T>, seed: u64) -> Result<Self> {
         config.validate()?;
-        if config.actuators.is_ideal() {
-            return Self::with_actuator(config, Ideal { max_torque: config.action_torque() }, seed);
+        match config.drive()? {
+            Drive::Ideal(ideal) => Self::with_actuator(config, ideal, seed),
+            Drive::Motors(motors) => Self::with_actuator(config, motors, seed),
+            Drive::Individual(motors) => Self::with_actuator(config, motors, seed),
         }
-        Self::with_actuator(config, config.motors()?, seed)
     }
 
     fn with_actuator(config: &EnvConfig<T>, actuator: impl Actuator, seed: u64) -> Result<Self> {
@@ -157,6 +158,16 @@ impl<T: Task> Environment<T> {
     /// As [`super::Batch::draws`].
     pub fn draws(&self) -> &[f64] {
         self.inner.draws(0)
+    }
+
+    /// As [`super::Batch::actuators`].
+    pub fn actuators(&self) -> &MotorOptions {
+        self.inner.drawn_actuators(0).unwrap_or(&self.config.actuators)
+    }
+
+    /// As [`super::Batch::repeated_draws`].
+    pub fn repeated_draws(&self) -> u32 {
+        self.inner.repeated_draws(0)
     }
 
     /// Replaces the robot's parameters; see [`super::Batch::set_params`].

@@ -9,6 +9,14 @@ use std::f64::consts::TAU;
 /// Seed of an environment, as its generator of starts has it. That generator is on stream 0.
 pub type Key = [u8; 32];
 
+/// Where the random numbers of an episode come from.
+#[derive(Clone, Copy, Debug)]
+pub struct Source {
+    pub key: Key,
+    /// Counts from the seed on; 0 is before the first.
+    pub episode: u32,
+}
+
 /// Standard deviations at which the normal distribution is truncated.
 pub const TRUNCATION: f64 = 3.0;
 
@@ -16,16 +24,26 @@ pub const TRUNCATION: f64 = 3.0;
 const WORDS_LOG2: u32 = 6;
 /// Draws of an event in an episode.
 const COUNT_LOG2: u32 = 30;
+/// Attempts of a draw, and the bit of the stream that all but the first have.
+const ATTEMPTS_LOG2: u32 = 6;
+const ATTEMPTS_STREAM: u64 = 1 << 63;
+
+/// How often a draw is repeated that makes a robot that cannot be.
+pub const ATTEMPTS: u32 = 1 << ATTEMPTS_LOG2;
 
 /// The random numbers of one draw of one event.
 pub struct Sampler(ChaCha8Rng);
 
 impl Sampler {
-    /// Of draw `count` (from 0) of the event with stream `stream` in episode `episode`; episode 0 is before the first.
-    pub fn new(key: Key, stream: u64, episode: u32, count: u32) -> Self {
-        let mut rng = ChaCha8Rng::from_seed(key);
+    /// Of draw `count` of the event with stream `stream`, for the `attempt`th time; both count from 0.
+    pub fn new(source: Source, stream: u64, count: u32, attempt: u32) -> Self {
+        let mut rng = ChaCha8Rng::from_seed(source.key);
+        let (stream, place) = match attempt {
+            0 => (stream, u128::from(count)),
+            _ => (stream | ATTEMPTS_STREAM, (u128::from(count) << ATTEMPTS_LOG2) + u128::from(attempt)),
+        };
         rng.set_stream(stream);
-        rng.set_word_pos(((u128::from(episode) << COUNT_LOG2) + u128::from(count)) << WORDS_LOG2);
+        rng.set_word_pos(((u128::from(source.episode) << COUNT_LOG2) + place) << WORDS_LOG2);
         Self(rng)
     }
 
@@ -44,6 +62,13 @@ impl Sampler {
         };
         // Against rounding.
         value.clamp(low, high)
+    }
+
+    /// One of the whole multiples of a time from the first to the last, each as likely.
+    pub fn draw_whole(&mut self, [first, last]: [f64; 2], grain: f64) -> f64 {
+        let steps = ((last - first) / grain).round();
+        let chosen = (self.unit() * (steps + 1.0)).floor().min(steps);
+        (((first / grain).round() + chosen) * grain).clamp(first, last)
     }
 
     /// Box and Muller; draws beyond the truncation are drawn again.
