@@ -3,7 +3,7 @@
 use super::autoreset::Autoreset;
 use super::buffers::{Outcome, StepBuffers};
 use super::config::EnvConfig;
-use super::events::{Plan, Randomized, Setup, Source};
+use super::events::{Plan, Randomized, Setup, Source, key_of};
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
 use super::task_step::TaskStep;
@@ -190,7 +190,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         if let Some(events) = &mut environments.events {
             let judge = judge(&environments.actuator, &environments.config);
             for (i, rng) in environments.rngs.iter().enumerate() {
-                let source = Source { key: rng.get_seed(), episode: 0 };
+                let source = Source { key: key_of(rng.get_seed()), episode: 0 };
                 events.start(&mut environments.robots, i, source, &judge);
             }
         }
@@ -219,7 +219,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     fn renew(&mut self, i: usize) {
         self.episodes[i] = self.episodes[i].wrapping_add(1);
         if let Some(events) = &mut self.events {
-            let source = Source { key: self.rngs[i].get_seed(), episode: self.episodes[i] };
+            let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
             events.begin(&mut self.robots, i, source, &judge(&self.actuator, &self.config));
             self.note_com(i);
         }
@@ -245,7 +245,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             let Some(events) = self.events.as_mut().filter(|events| events.plan.timed) else { return };
             let step = self.ledger.episode.steps.get(i);
             if events.due(i, step) && !(autoreset == Autoreset::NextStep && self.over[i]) {
-                let source = Source { key: self.rngs[i].get_seed(), episode: self.episodes[i] };
+                let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
                 // The shape stays, and with it the place of the CoM.
                 if events.fire(&mut self.robots, i, source, step, &judge(&self.actuator, &self.config)) {
                     self.equip(i);
@@ -278,8 +278,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     fn begin(&mut self, i: usize, start: &State, observation: &mut [f32]) {
         self.robots.place(i, start);
         self.one.begin(self.config.max_episode_steps as f64);
-        let [a, b, c, d, e, f, g, h, ..] = self.rngs[i].get_seed();
-        let key = [[a, b, c, d], [e, f, g, h]].map(u32::from_le_bytes);
+        let key = key_of(self.rngs[i].get_seed());
         self.actuator.begin(key, self.episodes[i], &mut self.one.actuator);
         if let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) {
             self.actuator.equip(events.actuators(i), self.robots.params(i), &mut self.one.actuator);
@@ -430,8 +429,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
     fn accepts(&self, i: usize, start: &State, seed: Option<u64>) -> Result<()> {
         let Some(events) = &self.events else { return self.robots.accepts(i, start) };
         let source = match seed {
-            Some(seed) => Source { key: ChaCha8Rng::seed_from_u64(seed).get_seed(), episode: 1 },
-            None => Source { key: self.rngs[i].get_seed(), episode: self.episodes[i].wrapping_add(1) },
+            Some(seed) => Source { key: key_of(ChaCha8Rng::seed_from_u64(seed).get_seed()), episode: 1 },
+            None => Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i].wrapping_add(1) },
         };
         let judge = judge(&self.actuator, &self.config);
         let params = events.of_next_episode(&self.robots, i, source, seed.is_some(), &judge);

@@ -36,8 +36,8 @@ impl<T: Task, A: Actuator, S: Sensor> SingleChunk for Environments<Single, T, A,
 
 /// An environment of task `T` with the actuators of its configuration and exact sensors.
 ///
-/// Random numbers come from ChaCha8, seeded by `seed_from_u64`: those of starts on stream 0, those of each event on the
-/// stream of its id.
+/// Random numbers of starts come from ChaCha8, seeded by `seed_from_u64`; those of events and motors from Philox4x32-10, whose
+/// key is the first two words of that seed.
 pub struct Environment<T: Task = Balance> {
     config: Arc<EnvConfig<T>>,
     inner: Box<dyn SingleChunk>,

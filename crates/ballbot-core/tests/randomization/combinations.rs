@@ -96,26 +96,27 @@ fn a_robot_that_cannot_be_is_drawn_again() {
 /// The same within an episode, where what was drawn before stays.
 #[test]
 fn a_draw_within_an_episode_is_repeated_by_itself() {
+    const ROBOTS: usize = 512;
     // A third of the body is 6.23 times a wheel: more than any three of the factors.
     let mass = |id: u64| Event { id: Some(id), ..scaled("wheel_mass", [1.0, 1.63]) };
-    let steps = 400;
+    let steps = 60;
     let events = [mass(1), mass(2), mass(3), every([0.01, 0.01], mass(4))];
     let config = BalanceConfig { max_episode_steps: 10 * steps, ..with(&events) };
-    let batch = Batch::new(&config, N, Autoreset::Disabled, Some(1), SEED);
+    let batch = Batch::new(&config, ROBOTS, Autoreset::Disabled, Some(1), SEED);
     let mut run = super::run::Run::new(batch.unwrap());
-    let first: Vec<_> = (0..N).map(|i| run.batch.draws(i).unwrap()[..3].to_vec()).collect();
+    let first: Vec<_> = (0..ROBOTS).map(|i| run.batch.draws(i).unwrap()[..3].to_vec()).collect();
     let (mut sum, mut changes) = (0, 0);
     for k in 0..steps {
-        let before: Vec<_> = (0..N).map(|i| run.batch.draws(i).unwrap()[3]).collect();
-        run.step(&actions(0, N, k, 0.0)).unwrap();
-        for i in 0..N {
+        let before: Vec<_> = (0..ROBOTS).map(|i| run.batch.draws(i).unwrap()[3]).collect();
+        run.step(&actions(0, ROBOTS, k, 0.0)).unwrap();
+        for i in 0..ROBOTS {
             let draws = run.batch.draws(i).unwrap();
             assert_eq!(draws[..3], first[i], "robot {i}, step {k}");
             assert!(k == 0 || draws[3].is_finite());
             changes += usize::from(draws[3] != before[i]);
             run.batch.params(i).unwrap().validate().unwrap();
         }
-        sum = (0..N).map(|i| run.batch.repeated_draws(i).unwrap()).sum();
+        sum = (0..ROBOTS).map(|i| run.batch.repeated_draws(i).unwrap()).sum();
     }
-    assert!(sum > 3 && changes > (steps - 2) * N, "{sum} repeated, {changes} changes");
+    assert!(sum > 3 && changes > (steps - 2) * ROBOTS, "{sum} repeated, {changes} changes");
 }

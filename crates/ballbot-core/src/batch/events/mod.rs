@@ -17,7 +17,7 @@ pub(super) use check::Tests;
 pub use event::{Direction, Distribution, Event, Operation, When};
 pub(super) use plan::Plan;
 pub(super) use robots::{Randomized, Saved};
-pub(super) use sampler::Source;
+pub(super) use sampler::{Source, key_of};
 pub use sets::{event_sets, events_from_toml, events_to_toml, load_events};
 pub(super) use setup::Setup;
 pub use value::Value;

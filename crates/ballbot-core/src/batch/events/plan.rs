@@ -34,8 +34,8 @@ pub enum Target {
 pub struct Planned {
     pub event: Event,
     pub target: Target,
-    /// Stream of its random numbers.
-    stream: u64,
+    /// Key of its random numbers.
+    id: u64,
     /// One pair a number of the term.
     ranges: Vec<[f64; 2]>,
     /// The time of which a draw is a whole multiple, s, if it is one.
@@ -81,8 +81,8 @@ impl Plan {
         for (place, event) in events.iter().enumerate() {
             let planned = Planned::new(event, plan.width, sim_dt, control_dt);
             let planned = planned.map_err(|e| refused(place, &event.term, &e))?;
-            if let Some((other, same)) = plan.events.iter().enumerate().find(|(_, p)| p.stream == planned.stream) {
-                let key = planned.stream;
+            if let Some((other, same)) = plan.events.iter().enumerate().find(|(_, p)| p.id == planned.id) {
+                let key = planned.id;
                 let reason = if same.event.term == event.term {
                     format!("events[{other}] is of the same term: give one of them another id (both have {key})")
                 } else {
@@ -157,7 +157,6 @@ impl Planned {
         };
         let id = event.id.unwrap_or_else(|| u64::from(crc32fast::hash(event.term.as_bytes())));
         let most = i64::MAX.unsigned_abs();
-        // Stream 0 is that of the starts.
         check("id", id as f64, "from 1 to 2^63 - 1", |_| (1..=most).contains(&id))?;
         check_range(event, if event.term == PUSH { 1 } else { width })?;
         check_times(event, control_dt)?;
@@ -172,7 +171,7 @@ impl Planned {
                 *range = whole(*range, grain)?;
             }
         }
-        Ok(Self { event: event.clone(), target, stream: id, ranges, grain, first, width })
+        Ok(Self { event: event.clone(), target, id, ranges, grain, first, width })
     }
 
     /// Whether robots under it need motors of their own.
@@ -187,14 +186,14 @@ impl Planned {
     /// Seconds to draw `count` of an event that repeats itself, from the one before or the start of the episode.
     pub fn gap(&self, source: Source, count: u32) -> f64 {
         match self.event.when {
-            When::Every(gap) => Sampler::new(source, self.stream, count, 0).draw(Distribution::Uniform, gap),
+            When::Every(gap) => Sampler::new(source, self.id, count, 0).draw(Distribution::Uniform, gap),
             _ => f64::INFINITY,
         }
     }
 
     /// Draws the numbers of an event; `attempt` counts the draws that made a robot that cannot be.
     pub fn draw(&self, source: Source, count: u32, attempt: u32, out: &mut [f64]) {
-        let mut sampler = Sampler::new(source, self.stream, count, attempt);
+        let mut sampler = Sampler::new(source, self.id, count, attempt);
         // The first number is that of the gap.
         sampler.unit();
         let distribution = self.event.distribution;

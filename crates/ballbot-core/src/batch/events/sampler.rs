@@ -1,13 +1,17 @@
-//! Random numbers by key: ChaCha8 with the environment's seed, on a stream of the event.
+//! Random numbers by key and counter: Philox4x32-10 with the environment's seed, a key of its own for each event.
 
 use super::event::Distribution;
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use crate::lanes::philox;
 use std::f64::consts::TAU;
 
-/// Seed of an environment, as its generator of starts has it. That generator is on stream 0.
-pub type Key = [u8; 32];
+/// Of an environment.
+pub type Key = [u32; 2];
+
+/// The key that follows from the seed of an environment's generator of starts.
+pub fn key_of(seed: [u8; 32]) -> Key {
+    let [a, b, c, d, e, f, g, h, ..] = seed;
+    [[a, b, c, d], [e, f, g, h]].map(u32::from_le_bytes)
+}
 
 /// Where the random numbers of an episode come from.
 #[derive(Clone, Copy, Debug)]
@@ -20,36 +24,38 @@ pub struct Source {
 /// Standard deviations at which the normal distribution is truncated.
 pub const TRUNCATION: f64 = 3.0;
 
-/// Words of a draw's place: one refill of the generator.
-const WORDS_LOG2: u32 = 6;
-/// Draws of an event in an episode.
-const COUNT_LOG2: u32 = 30;
-/// Attempts of a draw, and the bit of the stream that all but the first have.
-const ATTEMPTS_LOG2: u32 = 6;
-const ATTEMPTS_STREAM: u64 = 1 << 63;
+/// What keeps the keys of events apart from random numbers of other uses under the same key.
+const STREAM: [u32; 2] = [u32::from_le_bytes(*b"draw"), 1];
 
 /// How often a draw is repeated that makes a robot that cannot be.
-pub const ATTEMPTS: u32 = 1 << ATTEMPTS_LOG2;
+pub const ATTEMPTS: u32 = 64;
 
 /// The random numbers of one draw of one event.
-pub struct Sampler(ChaCha8Rng);
+pub struct Sampler {
+    key: Key,
+    /// Blocks of words so far, attempt, count and episode.
+    counter: [u32; 4],
+    words: [u32; 4],
+    used: usize,
+}
 
 impl Sampler {
-    /// Of draw `count` of the event with stream `stream`, for the `attempt`th time; both count from 0.
-    pub fn new(source: Source, stream: u64, count: u32, attempt: u32) -> Self {
-        let mut rng = ChaCha8Rng::from_seed(source.key);
-        let (stream, place) = match attempt {
-            0 => (stream, u128::from(count)),
-            _ => (stream | ATTEMPTS_STREAM, (u128::from(count) << ATTEMPTS_LOG2) + u128::from(attempt)),
-        };
-        rng.set_stream(stream);
-        rng.set_word_pos(((u128::from(source.episode) << COUNT_LOG2) + place) << WORDS_LOG2);
-        Self(rng)
+    /// Of draw `count` of the event with id `id`, for the `attempt`th time; both count from 0.
+    pub fn new(source: Source, id: u64, count: u32, attempt: u32) -> Self {
+        let [a, b, ..] = philox(source.key, [id as u32, (id >> 32) as u32, STREAM[0], STREAM[1]]);
+        Self { key: [a, b], counter: [0, attempt, count, source.episode], words: [0; 4], used: 4 }
     }
 
     /// A number in [0, 1).
     pub fn unit(&mut self) -> f64 {
-        self.0.random()
+        if self.used == self.words.len() {
+            self.words = philox(self.key, self.counter);
+            self.counter[0] = self.counter[0].wrapping_add(1);
+            self.used = 0;
+        }
+        let [low, high] = [self.words[self.used], self.words[self.used + 1]].map(u64::from);
+        self.used += 2;
+        ((high << 32 | low) >> 11) as f64 * (0.5 * f64::EPSILON)
     }
 
     /// A number of the distribution; `pair` is low and high, or mean and standard deviation.
