@@ -5,11 +5,11 @@ use super::{SEED, config, every, scaled, started};
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Event, Operation, ResetRequest};
 use ballbot_core::{ModelKind, Params, State};
 
-const N: usize = 64;
+const N: usize = 128;
 
 /// Ranges whose five ends together leave wheel 0 without load, and no four of them.
 fn five() -> [Event; 5] {
-    let azimuths = vec![[0.0; 2], [-0.3, 0.0], [0.0; 2]];
+    let azimuths = vec![[0.0; 2], [-0.27, 0.0], [0.0; 2]];
     [
         Event { range: vec![[-0.03, 0.0], [0.0; 2]], ..Event::new("body_com_offset", [0.0; 2]) },
         scaled("body_com_height", [0.8, 1.0]),
@@ -21,6 +21,18 @@ fn five() -> [Event; 5] {
 
 fn with(events: &[Event]) -> BalanceConfig {
     config(ModelKind::Contact, 2, events)
+}
+
+/// [`five`] in an order in which none of the draws that are tried when an environment is made hits the corner.
+fn unnoticed() -> [Event; 5] {
+    let mut events = five();
+    for _ in 0..events.len() {
+        if with(&events).validate().is_ok() {
+            return events;
+        }
+        events.rotate_left(1);
+    }
+    panic!("each order was refused");
 }
 
 #[test]
@@ -45,7 +57,8 @@ fn only_all_five_ends_together_cannot_be() {
 
 #[test]
 fn a_robot_that_cannot_be_is_drawn_again() {
-    let mut run = started(&with(&five()), N, Autoreset::Disabled, SEED);
+    let events = unnoticed();
+    let mut run = started(&with(&events), N, Autoreset::Disabled, SEED);
     let (mut repeated, mut episodes) = (vec![0; N], 0);
     let mut found = None;
     while episodes < 1000 {
@@ -62,14 +75,14 @@ fn a_robot_that_cannot_be_is_drawn_again() {
         }
     }
     let sum: u32 = repeated.iter().sum();
-    // Two in ten thousand.
-    assert!((4..40).contains(&sum), "{sum} of {}", 1000 * N);
+    // Eight in a hundred thousand.
+    assert!((2..40).contains(&sum), "{sum} of {}", 1000 * N);
     // It is the same in a batch of one, in a single environment, and in what a given start is checked against.
     let (i, episode) = found.unwrap();
     let seed = SEED + i as u64;
-    let mut again = started(&with(&five()), N, Autoreset::Disabled, SEED);
-    let mut alone = started(&with(&five()), 1, Autoreset::Disabled, seed);
-    let mut single = Environment::new(&with(&five()), seed).unwrap();
+    let mut again = started(&with(&events), N, Autoreset::Disabled, SEED);
+    let mut alone = started(&with(&events), 1, Autoreset::Disabled, seed);
+    let mut single = Environment::new(&with(&events), seed).unwrap();
     let mut observation = vec![0.0; single.observation_len()];
     single.reset(&mut observation);
     for _ in 2..episode {
@@ -96,10 +109,10 @@ fn a_robot_that_cannot_be_is_drawn_again() {
 /// The same within an episode, where what was drawn before stays.
 #[test]
 fn a_draw_within_an_episode_is_repeated_by_itself() {
-    const ROBOTS: usize = 512;
+    const ROBOTS: usize = 2048;
     // A third of the body is 6.23 times a wheel: more than any three of the factors.
     let mass = |id: u64| Event { id: Some(id), ..scaled("wheel_mass", [1.0, 1.63]) };
-    let steps = 60;
+    let steps = 20;
     let events = [mass(1), mass(2), mass(3), every([0.01, 0.01], mass(4))];
     let config = BalanceConfig { max_episode_steps: 10 * steps, ..with(&events) };
     let batch = Batch::new(&config, ROBOTS, Autoreset::Disabled, Some(1), SEED);
