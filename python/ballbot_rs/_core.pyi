@@ -280,6 +280,11 @@ class Params:
     def wheel_zeniths(self) -> tuple[float, float, float]:
         """Zenith angle of each wheel contact, rad: `wheel_zenith` plus `wheel_zenith_offsets`."""
     @property
+    def slender_half_length(self) -> float:
+        """Half length of a slender mast about the CoM with the body's largest moment of inertia about an axis across the mast,
+        m: the body is drawn, and touches the floor, as tall as this.
+        """
+    @property
     def equilibrium_wheel_loads(self) -> tuple[float, float, float]:
         """Load of each wheel on the ball in equilibrium, where the CoM is above the ball's center and no motor drives, N."""
     @property
@@ -944,6 +949,12 @@ class Batch:
     def draws(self, index: None = None) -> dict[str, _Array]: ...
     @overload
     def draws(self, index: int) -> dict[str, Any]: ...
+    def repeated_draws(self, index: int = 0) -> int:
+        """How many draws of the events of environment `index` made a robot that cannot be, and were repeated, since its seed."""
+    def actuators(self, index: int = 0) -> dict[str, Any]:
+        """Options of the motors of environment `index`, every one with its value: those of the batch, or what events made of
+        them.
+        """
     def set_params(self, index: int, params: _Robot) -> None:
         """Replaces the parameters of the robot of environment `index`; they outlive resets, and are those that events draw
         from.
@@ -980,7 +991,7 @@ class Batch:
         steps: int,
         setpoints: Mapping[str, npt.ArrayLike] | None = None,
         record: Sequence[str] = ...,
-    ) -> dict[str, npt.NDArray[Any]]:
+    ) -> dict[str, Any]:
         """Runs `steps` control steps under a controller, without Python in the loop.
 
         Args:
@@ -988,12 +999,12 @@ class Batch:
             steps: how many.
             setpoints: as in `control`, the same at all steps.
             record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
-                `wheel_slip_speeds`, `floor_force`, each with steps + 1 rows of which the first is before the first step,
-                and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
+                `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
+                step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
 
         Returns:
-            Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number a robot. Where an
-            episode ends, the row after it depends on `autoreset`.
+            Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number a robot; `draws` is
+            a dict of them by term. Where an episode ends, the row after it depends on `autoreset`.
 
         Raises:
             ValueError: an unknown record, or as `control` and `step`.

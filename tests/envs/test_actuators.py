@@ -27,6 +27,7 @@ EVERYTHING = {
     "no_load_speed": 40.0,
     "speed_limit": 20.0,
     "peak_torque": 0.4,
+    "delay_jitter": 0.004,
 }
 #: Without a seed of their own.
 ACTIONS = 0.3 * np.sin(np.arange(60).reshape(20, 3)).astype(np.float32)

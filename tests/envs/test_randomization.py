@@ -20,6 +20,8 @@ EVENTS = [
     {"term": "body_inertia", "op": "scale", "range": [0.95, 1.05]},
     {"term": "floor_dynamic_friction", "every": [0.05, 0.1], "range": [0.5, 1.0], "dist": "log_uniform"},
     {"term": "push", "at": 0.03, "range": [0.0, 0.1], "height": 0.2},
+    {"term": "actuators.strength", "op": "scale", "range": [0.8, 1.2]},
+    {"term": "actuators.delay", "range": [0.0, 0.02]},
 ]
 SEED = 30
 
@@ -35,9 +37,10 @@ def test_draws_have_a_place_for_every_robot_and_number():
     assert all(np.isnan(values).all() for values in batch.draws().values())
     batch.reset()
     draws = batch.draws()
-    assert list(draws) == ["body_mass", "body_mass:1", "body_inertia", "floor_dynamic_friction", "push"]
+    terms = ["body_mass", "body_mass:1", "body_inertia", "floor_dynamic_friction", "push"]
+    assert list(draws) == [*terms, "actuators.strength", "actuators.delay"]
     assert draws["body_mass"].shape == (5,)
-    assert draws["body_inertia"].shape == draws["push"].shape == (5, 3)
+    assert draws["body_inertia"].shape == draws["push"].shape == draws["actuators.strength"].shape == (5, 3)
     assert np.isnan(draws["push"]).all()
     assert np.isnan(draws["floor_dynamic_friction"]).all()
     nominal = bb.Params.paper()
@@ -46,6 +49,11 @@ def test_draws_have_a_place_for_every_robot_and_number():
         assert batch.nominal_params(i) == nominal
         assert params.body_mass == nominal.body_mass * draws["body_mass"][i] + draws["body_mass:1"][i]
         same(batch.draws(i), {term: values[i] for term, values in draws.items()})
+        motors = batch.actuators(i)
+        assert motors["strength"] == list(draws["actuators.strength"][i])
+        assert motors["delay"] == draws["actuators.delay"][i]
+        assert motors["lag"] == 0.0
+        assert batch.repeated_draws(i) == 0
     for _ in range(11):
         batch.step(np.zeros((5, 3), np.float32))
     draws = batch.draws()
@@ -53,8 +61,56 @@ def test_draws_have_a_place_for_every_robot_and_number():
     assert ((draws["push"][:, 0] >= 0.0) & (draws["push"][:, 0] <= 0.1)).all()
     assert [batch.params(i).floor_dynamic_friction for i in range(5)] == list(draws["floor_dynamic_friction"])
     assert bb.Batch(5).draws() == {}
+    assert bb.Batch(5, actuators={"lag": 0.1}).actuators(4)["lag"] == 0.1
     with pytest.raises(ValueError, match="num_envs = 5"):
         batch.draws(5)
+
+
+def test_records_have_the_draws():
+    batch = bb.Batch(4, events=EVENTS, seed=SEED, max_episode_steps=7, autoreset="same_step")
+    batch.reset()
+    rows = [batch.draws()]
+    law = bb.Lqr(batch.params())
+    records = batch.rollout(law, 12, record=("draws", "rewards"))["draws"]
+    batch = bb.Batch(4, events=EVENTS, seed=SEED, max_episode_steps=7, autoreset="same_step")
+    batch.reset()
+    for _ in range(12):
+        batch.step(batch.control(law))
+        rows.append(batch.draws())
+    same(records, {term: np.stack([row[term] for row in rows]) for term in rows[0]})
+    assert len(set(records["body_mass"][:, 0])) == 2
+    without = bb.Batch(1)
+    without.reset()
+    assert without.rollout(bb.Lqr(), 2, record=("draws",)) == {"draws": {}}
+
+
+def test_trajectories_have_the_draws():
+    trajectory = bb.run("lqr", seconds=0.2, env_options={"events": EVENTS})
+    rows = len(trajectory.times)
+    assert {term: values.shape for term, values in trajectory.draws.items()} == {
+        "body_mass": (rows,),
+        "body_mass:1": (rows,),
+        "body_inertia": (rows, 3),
+        "floor_dynamic_friction": (rows,),
+        "push": (rows, 3),
+        "actuators.strength": (rows, 3),
+        "actuators.delay": (rows,),
+    }
+    mass, friction = trajectory.draws["body_mass"], trajectory.draws["floor_dynamic_friction"]
+    assert (mass == mass[0]).all()
+    # From its first event on, that of the params at the end.
+    assert np.isnan(friction[0])
+    assert friction[-1] == trajectory.params.floor_dynamic_friction
+    assert bb.run("lqr", seconds=0.1).draws == {}
+    fallen = bb.run("lqr", seconds=2.0, tilt=(1.0, 0.0), env_options={"events": EVENTS})
+    assert fallen.fell_at is not None
+    assert len(fallen.draws["body_mass"]) == len(fallen.times)
+
+
+def test_a_law_runs_on_motors_weaker_than_the_nominal_ones():
+    weak = {"term": "max_wheel_torque", "op": "scale", "range": [0.02, 0.5]}
+    result = bb.evaluate("lqr", episodes=4, env_options={"events": weak, "max_episode_steps": 50})
+    assert result.episodes == 4
 
 
 def test_front_ends_draw_the_same():

@@ -48,6 +48,7 @@ fn motors(criterion: &mut Criterion) {
         no_load_speed: 40.0,
         speed_limit: 20.0,
         peak_torque: 0.4,
+        delay_jitter: 0.0,
     };
     let mut group = criterion.benchmark_group("motors");
     group.sampling_mode(SamplingMode::Flat);

@@ -38,6 +38,7 @@ pub mod lanes;
 mod memory;
 mod model;
 pub mod models;
+mod names;
 mod params;
 #[cfg(feature = "render")]
 pub mod render;

@@ -5,6 +5,7 @@ use crate::interrupt::Watch;
 use crate::lane_state::LaneState;
 use crate::model::{Model, same_geometry};
 use crate::models::{PlanarMotion, SpatialMotion};
+use crate::names;
 use crate::params::Params;
 use crate::sim::ContactMotion;
 #[cfg(feature = "rigid")]
@@ -86,10 +87,7 @@ impl FromStr for ModelKind {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|kind| kind.name() == name)
-            .ok_or_else(|| Error::unknown("model", name, &Self::ALL.map(Self::name)))
+        names::find("model", name, Self::ALL, Self::name)
     }
 }
 

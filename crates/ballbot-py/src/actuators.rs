@@ -57,7 +57,8 @@ pub(crate) fn to_object(py: Python<'_>, options: &MotorOptions) -> PyResult<Opti
     if options.is_ideal() { Ok(None) } else { to_dict(py, options).map(|dict| Some(dict.unbind())) }
 }
 
-fn to_dict<'py>(py: Python<'py>, options: &MotorOptions) -> PyResult<Bound<'py, PyDict>> {
+/// All options of motors by name.
+pub(crate) fn to_dict<'py>(py: Python<'py>, options: &MotorOptions) -> PyResult<Bound<'py, PyDict>> {
     field_dict(py, options)
 }
 

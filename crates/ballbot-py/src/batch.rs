@@ -1,5 +1,6 @@
 //! `Batch`: the environments behind every Python front end.
 
+use crate::actuators::to_dict;
 use crate::control::{PyController, setpoints};
 use crate::convert::{elements, read_elements, vector};
 use crate::errors::{call, to_python};
@@ -510,6 +511,23 @@ impl PyBatch {
         draws(py, &self.inner.read()?.batch, index)
     }
 
+    /// How many draws of the events of environment `index` made a robot that cannot be, and were repeated, since its seed.
+    #[pyo3(signature = (index=0))]
+    fn repeated_draws(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<u32> {
+        self.inner.read()?.batch.repeated_draws(index).map_err(to_python)
+    }
+
+    /// Options of the motors of environment `index`, every one with its value: those of the batch, or what events made of
+    /// them.
+    #[pyo3(signature = (index=0))]
+    fn actuators<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = index)] index: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        to_dict(py, self.inner.read()?.batch.actuators(index).map_err(to_python)?)
+    }
+
     /// Replaces the parameters of the robot of environment `index`; they outlive resets, and are those that events draw
     /// from.
     ///
@@ -581,12 +599,12 @@ impl PyBatch {
     ///     steps: how many.
     ///     setpoints: as in `control`, the same at all steps.
     ///     record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
-    ///         `wheel_slip_speeds`, `floor_force`, each with steps + 1 rows of which the first is before the first step,
-    ///         and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
+    ///         `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
+    ///         step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
     ///
     /// Returns:
-    ///     Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number a robot. Where an
-    ///     episode ends, the row after it depends on `autoreset`.
+    ///     Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number a robot; `draws` is
+    ///     a dict of them by term. Where an episode ends, the row after it depends on `autoreset`.
     ///
     /// Raises:
     ///     ValueError: an unknown record, or as `control` and `step`.

@@ -132,6 +132,28 @@ pub(crate) fn draws<'py>(py: Python<'py>, batch: &Batch, index: Option<usize>) -
     Ok(dict)
 }
 
+/// Recorded draws of all robots by term, `rows` of each.
+pub(crate) fn draw_records<'py>(
+    py: Python<'py>,
+    batch: &Batch,
+    values: &[f64],
+    rows: usize,
+) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    let all: usize = batch.draw_columns().map(|(_, width)| width).sum();
+    let mut first = 0;
+    for (label, width) in batch.draw_columns() {
+        let of_term = values.chunks_exact(all).flat_map(|row| &row[first..first + width]);
+        let array = PyArray1::from_iter(py, of_term.copied());
+        match width {
+            1 => dict.set_item(label, array.reshape([rows, batch.len()])?)?,
+            _ => dict.set_item(label, array.reshape([rows, batch.len(), width])?)?,
+        }
+        first += width;
+    }
+    Ok(dict)
+}
+
 /// The events that a name stands for, as a list of dicts, one an event: what `events=` takes.
 ///
 /// Args:

@@ -310,6 +310,13 @@ impl PyParams {
         self.0.wheel_zeniths().into()
     }
 
+    /// Half length of a slender mast about the CoM with the body's largest moment of inertia about an axis across the mast,
+    /// m: the body is drawn, and touches the floor, as tall as this.
+    #[getter]
+    fn slender_half_length(&self) -> f64 {
+        self.0.slender_half_length()
+    }
+
     /// Load of each wheel on the ball in equilibrium, where the CoM is above the ball's center and no motor drives, N.
     #[getter]
     fn equilibrium_wheel_loads(&self) -> (f64, f64, f64) {

@@ -1,6 +1,7 @@
 //! A closed loop on a batch, recorded without Python in it.
 
 use crate::errors::to_python;
+use crate::events::draw_records;
 use crate::signals::interruptible;
 use ballbot_core::batch::{Batch, Outcome, StepBuffers};
 use ballbot_core::control::{Controller, Setpoint};
@@ -34,6 +35,8 @@ enum Source {
     Flag(fn(&Outcome) -> bool),
     /// The contacts.
     Contact(fn(&Contacts) -> [f64; 3]),
+    /// What events have drawn.
+    Draws,
 }
 
 /// A quantity that a rollout can record.
@@ -61,7 +64,7 @@ const fn contact(part: &ContactPart) -> Record {
 }
 
 /// All quantities that can be recorded.
-static RECORDS: [Record; 12] = [
+static RECORDS: [Record; 13] = [
     Record {
         name: "states",
         width: |_| State::LEN,
@@ -113,6 +116,12 @@ static RECORDS: [Record; 12] = [
     contact(&CONTACT_PARTS[1]),
     contact(&CONTACT_PARTS[2]),
     contact(&CONTACT_PARTS[3]),
+    Record {
+        name: "draws",
+        width: |batch| batch.draw_columns().map(|(_, width)| width).sum(),
+        at_start: true,
+        source: Source::Draws,
+    },
 ];
 
 impl Record {
@@ -135,6 +144,11 @@ impl Record {
             Source::Contact(of) => {
                 if let Ok(contacts) = batch.contacts(i) {
                     out.copy_from_slice(&of(&contacts));
+                }
+            }
+            Source::Draws => {
+                if let Ok(draws) = batch.draws(i) {
+                    out.copy_from_slice(draws);
                 }
             }
         }
@@ -186,6 +200,10 @@ impl Stepped<'_> {
         self.run(py, law, setpoints, steps, &records, &mut recorded)?;
         let dict = PyDict::new(py);
         for (record, values) in records.iter().zip(recorded) {
+            if matches!(record.source, Source::Draws) {
+                dict.set_item(record.name, draw_records(py, self.batch, &values, record.rows(steps))?)?;
+                continue;
+            }
             dict.set_item(record.name, record.array(py, values, shape(record, self.batch))?)?;
         }
         Ok(dict)
@@ -238,6 +256,9 @@ fn write_records(batch: &Batch, last: &Last<'_>, step: usize, records: &[&Record
             continue;
         }
         let width = (record.width)(batch);
+        if width == 0 {
+            continue;
+        }
         let row = if record.at_start { step } else { step - 1 };
         for (i, out) in out[row * n * width..(row + 1) * n * width].chunks_exact_mut(width).enumerate() {
             record.write(batch, last, i, out);

@@ -136,6 +136,8 @@ class Run:
     contacts: Sequence[Contacts]
     #: From a row to the next one, as commanded, N·m, shape (n - 1, 3).
     torques: Array
+    #: What events had drawn at each row, by term, as `Batch.draws`.
+    draws: Sequence[Mapping[str, Any]]
     #: Row at which the task counted the robot as fallen and its motors were switched off.
     fell_at: int | None
 
@@ -162,7 +164,7 @@ def run_one(
     law = _core_law(controller, batch)
     act = _bind(controller, batch) if law is None else lambda observations: batch.control(law)  # noqa: ARG005
     observations = batch.reset(seeds=[seed], starts=[start])
-    states, contacts = [batch.state(0)], [batch.contacts(0)]
+    states, contacts, draws = [batch.state(0)], [batch.contacts(0)], [batch.draws(0)]
     torques: list[Array] = []
     for step in range(steps):
         action = act(observations)
@@ -170,14 +172,17 @@ def run_one(
             batch.push(0, pushes[step])
         observations, _, terminated, _ = batch.step(action)
         if batch.ending(0)[1] == "diverged":
-            return Run(states, contacts, np.array(torques).reshape(-1, 3), step)
+            return Run(states, contacts, np.array(torques).reshape(-1, 3), draws, step)
         torques.append(action[0].astype(float) * batch.max_wheel_torque)
         states.append(batch.state(0))
         contacts.append(batch.contacts(0))
+        draws.append(batch.draws(0))
         if terminated[0]:
             _lie(batch, states, contacts, torques, steps, pushes)
-            return Run(states, contacts, np.array(torques), step + 1)
-    return Run(states, contacts, np.array(torques), None)
+            # No event fires on the robot that lies.
+            draws += [draws[-1]] * (len(states) - len(draws))
+            return Run(states, contacts, np.array(torques), draws, step + 1)
+    return Run(states, contacts, np.array(torques), draws, None)
 
 
 def _lie(

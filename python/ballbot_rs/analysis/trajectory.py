@@ -40,6 +40,9 @@ class Trajectory:
     contacts: Sequence[Contacts]
     #: Of the wheels, as commanded, N·m, shape (n, 3); the last row repeats the one before.
     torques: Array
+    #: What events had drawn at each row, by term, shape (n,) or (n, k), as `Batch.draws`; NaN where nothing was. Empty
+    #: without events.
+    draws: Mapping[str, Array]
     #: Time at which the robot counted as fallen and its motors were switched off, s; None if it never did.
     fell_at: float | None
 
@@ -110,5 +113,6 @@ def run(
         states=done.states,
         contacts=done.contacts,
         torques=np.concatenate([done.torques, last]),
+        draws={term: np.array([row[term] for row in done.draws]) for term in done.draws[0]},
         fell_at=None if done.fell_at is None else done.fell_at * batch.control_dt,
     )

@@ -2,8 +2,12 @@
 
 import argparse
 import json
+import math
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SECONDS, MAX_SEED, real, whole
@@ -66,6 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
         "model": trajectory.model,
         "seconds": float(trajectory.times[-1]),
         "fell_at": trajectory.fell_at,
+        "draws": {term: _last(rows) for term, rows in trajectory.draws.items()},
     }
     if arguments.still is not None:
         time = trajectory.times[trajectory.of_states("tilt").argmax()] if arguments.still is True else arguments.still
@@ -91,3 +96,10 @@ def run(arguments: argparse.Namespace) -> None:
     for kind in ("video", "still"):
         if kind in report:
             print(f"wrote {report[kind]}")
+
+
+def _last(rows: npt.NDArray[np.float64]) -> Any:
+    """The last row of draws, with null in place of NaN."""
+    row = rows[-1].tolist()
+    numbers = [None if math.isnan(number) else number for number in (row if isinstance(row, list) else [row])]
+    return numbers if isinstance(row, list) else numbers[0]

@@ -39,6 +39,9 @@ class Actuators(TypedDict, total=False):
     #: Largest torque, that of the current limit; 0: `params.max_wheel_torque`, which it may not exceed. (N·m, >= 0 and
     #: <= 1e9)
     peak_torque: float
+    #: Longest dead time that is added to `delay` at random, a whole number of model steps, drawn anew for each command.
+    #: (s, >= 0 and <= 1)
+    delay_jitter: float
 
 
 class Sensors(TypedDict, total=False):

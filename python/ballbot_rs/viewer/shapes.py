@@ -84,9 +84,8 @@ def from_params(params: Params) -> Look:
     """A robot made from its parameters alone; they carry no outlines, so it is as tall as its inertia asks for."""
     reach = params.ball_radius + params.wheel_radius
     width = reach * math.sin(max(params.wheel_zeniths))
-    half_height = math.sqrt(3.0 * max(params.body_inertia[:2]) / params.body_mass)
     deck = reach * math.cos(min(params.wheel_zeniths)) + params.wheel_radius
-    top = max(params.body_com_height + half_height, deck + params.wheel_radius)
+    top = max(params.body_com_height + params.slender_half_length, deck + params.wheel_radius)
     body = [
         _cylinder(width, deck, deck + 0.02, PLATE),
         _cylinder(0.25 * width, deck, top, MAST),

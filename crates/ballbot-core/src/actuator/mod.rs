@@ -1,14 +1,20 @@
 //! Actuators: from the commands of a control step to the torques of each model step.
 
+mod chain;
 mod ideal;
+mod individual;
+mod line;
 mod motors;
 mod options;
 
 pub use ideal::Ideal;
+pub use individual::IndividualMotors;
 pub use motors::Motors;
 pub use options::MotorOptions;
 
+use crate::error::Result;
 use crate::lanes::{Lane, Memory};
+use crate::params::Params;
 
 /// The stage between a command in [-1, 1] and the torque at a wheel's shaft. Written once over lanes.
 pub trait Actuator: Clone + Send + Sync + 'static {
@@ -18,9 +24,32 @@ pub trait Actuator: Clone + Send + Sync + 'static {
     /// How many numbers the stage keeps from one model step to the next; zeros at the start of an episode.
     const MEMORY: usize;
 
+    /// Whether each robot has options of its own, which [`Actuator::equip`] takes; events may change them then.
+    const INDIVIDUAL: bool = false;
+
     /// [`Actuator::MEMORY`], or another number where it follows from the options of the stage.
     fn memory_len(&self) -> usize {
         Self::MEMORY
+    }
+
+    /// Begins an episode of one robot, in a memory of zeros. Random numbers of the stage follow from the key, that of the
+    /// environment's seed, and the episode, which counts from the seed on.
+    fn begin(&self, key: [u32; 2], episode: u32, memory: &mut [f64]) {
+        let _ = (key, episode, memory);
+    }
+
+    /// Checks that a robot may have these options.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] or [`crate::Error::Inconsistent`] naming the value and the limit.
+    fn fits(&self, options: &MotorOptions, params: &Params) -> Result<()> {
+        let _ = (options, params);
+        Ok(())
+    }
+
+    /// Gives one robot its options, which fit, at the start of an episode or within it.
+    fn equip(&self, options: &MotorOptions, params: &Params, memory: &mut [f64]) {
+        let _ = (options, params, memory);
     }
 
     /// Torques of the next model step, N·m. `wheel_speeds` are those of the encoders, rad/s. An episode begins with the

@@ -33,6 +33,8 @@ fields! {
         pub speed_limit: f64 = 0.0, "rad/s", Limit::NOT_NEGATIVE.to(1e6);
         /// Largest torque, that of the current limit; 0: `params.max_wheel_torque`, which it may not exceed.
         pub peak_torque: f64 = 0.0, "N·m", Limit::NOT_NEGATIVE.to(1e9);
+        /// Longest dead time that is added to `delay` at random, a whole number of model steps, drawn anew for each command.
+        pub delay_jitter: f64 = 0.0, "s", Limit::NOT_NEGATIVE.to(1.0);
     }
 }
 
@@ -116,6 +118,11 @@ impl MotorOptions {
         *self == Self::default()
     }
 
+    /// Whether an option is a time in whole model steps; `index` counts in [`Fields::FIELDS`].
+    pub(crate) fn in_model_steps(index: usize) -> bool {
+        ["delay", "delay_jitter"].contains(&Self::FIELDS[index].name)
+    }
+
     /// All numbers, in the order of the fields.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
         (0..Self::FIELDS.len()).flat_map(|index| self.values(index)).copied()
@@ -138,15 +145,18 @@ impl MotorOptions {
             )));
         }
         for (name, value) in [("no_load_speed", speed), ("speed_limit", self.speed_limit)] {
-            check(qualified(name), value, format_args!("0 (none) or at least {LEAST_SPEED} rad/s"), |v| {
-                v == 0.0 || v >= LEAST_SPEED
-            })?;
+            check(
+                format_args!("actuators.{name}"),
+                value,
+                format_args!("0 (none) or at least {LEAST_SPEED} rad/s"),
+                |v| v == 0.0 || v >= LEAST_SPEED,
+            )?;
         }
         Ok(())
     }
 }
 
 /// The name of an option as messages have it.
-pub(super) fn qualified(name: &str) -> String {
+fn qualified(name: &str) -> String {
     format!("actuators.{name}")
 }

@@ -1,6 +1,7 @@
 //! What happens to an environment whose episode has ended.
 
 use crate::error::{Error, Result};
+use crate::names;
 use std::str::FromStr;
 
 /// What happens to an environment whose episode has ended.
@@ -33,9 +34,6 @@ impl FromStr for Autoreset {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|mode| mode.name() == name)
-            .ok_or_else(|| Error::unknown("autoreset mode", name, &Self::ALL.map(Self::name)))
+        names::find("autoreset mode", name, Self::ALL, Self::name)
     }
 }

@@ -3,19 +3,19 @@
 use super::autoreset::Autoreset;
 use super::buffers::StepBuffers;
 use super::chunk::{Chunk, Environments};
-use super::config::EnvConfig;
+use super::config::{Drive, EnvConfig};
 use super::events::Plan;
 use super::pieces::pieces;
 use super::robots::Single;
 use super::task_step::TaskStep;
-use crate::actuator::{Actuator, Ideal};
+use crate::actuator::{Actuator, MotorOptions};
 use crate::error::{Error, Result};
 use crate::interrupt::{Stop, Watch};
 use crate::lanes::EIGHT;
 use crate::memory::require_memory;
 use crate::params::Params;
 use crate::robot::{Ballbot, ModelKind, check_restored};
-use crate::sensor::{Exact, Sensor};
+use crate::sensor::Sensor;
 use crate::sim::contact::ContactLanes;
 use crate::state::{Contacts, State};
 use crate::task::{ACTION_LEN, Task, TaskDescription};
@@ -38,6 +38,8 @@ pub struct Batch {
     pub(super) history: usize,
     len: usize,
     pub(super) plan: Option<Arc<Plan>>,
+    /// Options of the motors, without events.
+    pub(super) actuators: MotorOptions,
     /// Environments in order, `width` to a chunk; the last may have fewer.
     pub(super) chunks: Vec<Box<dyn Chunk>>,
     pub(super) width: usize,
@@ -59,6 +61,17 @@ const WORK_PER_THREAD: f64 = 50e-6;
 /// Into how many pieces a step is cut for each thread, to even out the cost of falling robots and busy processors.
 const PIECES_PER_THREAD: usize = 8;
 
+/// Checks a number of environments.
+fn check_count(num_envs: usize) -> Result<()> {
+    if num_envs == 0 {
+        return Err(Error::Inconsistent("num_envs = 0, it must be at least 1".into()));
+    }
+    if num_envs > MAX_ENVS {
+        return Err(Error::Inconsistent(format!("num_envs = {num_envs}, it must be at most {MAX_ENVS}")));
+    }
+    Ok(())
+}
+
 impl Batch {
     /// `num_envs` environments on up to `num_threads` threads: as many as there are cores if `None`, never more than there
     /// are environments (eights of them in the contact model), and fewer where waking one would not pay.
@@ -74,33 +87,22 @@ impl Batch {
         num_threads: Option<usize>,
         seed: u64,
     ) -> Result<Self> {
-        match config.onboard()? {
-            None => Self::with_sensor(config, &Exact, num_envs, autoreset, num_threads, seed),
-            Some(sensors) => Self::with_sensor(config, &sensors, num_envs, autoreset, num_threads, seed),
-        }
-    }
-
-    fn with_sensor<T: Task, S: Sensor>(
-        config: &EnvConfig<T>,
-        sensor: &S,
-        num_envs: usize,
-        autoreset: Autoreset,
-        num_threads: Option<usize>,
-        seed: u64,
-    ) -> Result<Self> {
-        if config.actuators.is_ideal() {
-            let actuator = Ideal { max_torque: config.action_torque() };
-            return Self::with_stages(config, &actuator, sensor, num_envs, autoreset, num_threads, seed);
-        }
+        check_count(num_envs)?;
         config.validate()?;
-        Self::with_stages(config, &config.motors()?, sensor, num_envs, autoreset, num_threads, seed)
+        let sensors = config.onboard()?;
+        match config.drive()? {
+            Drive::Ideal(ideal) => Self::build(config, &ideal, &sensors, num_envs, autoreset, num_threads, seed),
+            Drive::Motors(motors) => Self::build(config, &motors, &sensors, num_envs, autoreset, num_threads, seed),
+            Drive::Individual(motors) => Self::build(config, &motors, &sensors, num_envs, autoreset, num_threads, seed),
+        }
     }
 
     /// [`Batch::new`] with stages of one's own between action and torque, in place of [`EnvConfig::actuators`], and between
     /// state and observation, in place of [`EnvConfig::sensors`].
     ///
     /// # Errors
-    /// As [`Batch::new`].
+    /// As [`Batch::new`]; [`Error::Inconsistent`] for events on `max_wheel_torque` or the actuators unless
+    /// [`Actuator::INDIVIDUAL`].
     pub fn with_stages<T: Task, A: Actuator, S: Sensor>(
         config: &EnvConfig<T>,
         actuator: &A,
@@ -110,13 +112,21 @@ impl Batch {
         num_threads: Option<usize>,
         seed: u64,
     ) -> Result<Self> {
-        if num_envs == 0 {
-            return Err(Error::Inconsistent("num_envs = 0, it must be at least 1".into()));
-        }
-        if num_envs > MAX_ENVS {
-            return Err(Error::Inconsistent(format!("num_envs = {num_envs}, it must be at most {MAX_ENVS}")));
-        }
+        check_count(num_envs)?;
         config.validate()?;
+        Self::build(config, actuator, sensor, num_envs, autoreset, num_threads, seed)
+    }
+
+    /// Of a valid configuration.
+    fn build<T: Task, A: Actuator, S: Sensor>(
+        config: &EnvConfig<T>,
+        actuator: &A,
+        sensor: &S,
+        num_envs: usize,
+        autoreset: Autoreset,
+        num_threads: Option<usize>,
+        seed: u64,
+    ) -> Result<Self> {
         let threads = thread_count(num_threads)?;
         let config = Arc::new(config.clone());
         let description = TaskDescription::of::<T>();
@@ -163,6 +173,7 @@ impl Batch {
             history: config.history,
             len: num_envs,
             plan,
+            actuators: config.actuators.clone(),
             chunks,
             width,
             autoreset,

@@ -3,11 +3,11 @@
 use super::autoreset::Autoreset;
 use super::buffers::{Outcome, StepBuffers};
 use super::config::EnvConfig;
-use super::events::{Plan, Randomized};
+use super::events::{Plan, Randomized, Setup, Source, key_of};
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
 use super::task_step::TaskStep;
-use crate::actuator::Actuator;
+use crate::actuator::{Actuator, MotorOptions};
 use crate::control::{Controller, LaneWidth};
 use crate::error::{Error, Result};
 use crate::lane_state::StateCells;
@@ -72,6 +72,12 @@ pub trait Chunk: Send + Sync {
     /// Present draws of the events; NaN where there is none.
     fn draws(&self, i: usize) -> &[f64];
 
+    /// Options of the motors of the robot, if events may change them.
+    fn drawn_actuators(&self, i: usize) -> Option<&MotorOptions>;
+
+    /// How many draws of the events made a robot that cannot be, and were repeated, since the last seed.
+    fn repeated_draws(&self, i: usize) -> u32;
+
     /// Replaces the parameters that the robot has without events; see [`super::Batch::set_params`].
     ///
     /// # Errors
@@ -113,11 +119,19 @@ pub(super) struct ControlMemory<C> {
     pub(super) cells: Vec<C>,
 }
 
+/// Whether a robot that events have made can be, besides what its model asks of its parameters.
+pub(super) fn judge<T: Task, A: Actuator>(actuator: &A, config: &EnvConfig<T>) -> impl Fn(&Setup) -> Result<()> {
+    |robot| {
+        actuator.fits(&robot.actuators, &robot.params)?;
+        config.task.validate(&robot.params)
+    }
+}
+
 /// Environments whose robots are `R`, with task `T`, actuator `A` and sensor `S`.
 pub struct Environments<R: Robots, T, A, S> {
     pub(super) config: Arc<EnvConfig<T>>,
     pub(super) step: Arc<TaskStep<T, S>>,
-    actuator: A,
+    pub(super) actuator: A,
     substeps: usize,
     action_torque: f64,
     /// How many robots are environments; the others stand still.
@@ -133,6 +147,8 @@ pub struct Environments<R: Robots, T, A, S> {
     pub(super) begun: bool,
     pub(super) over: Vec<bool>,
     pub(super) rngs: Vec<ChaCha8Rng>,
+    /// Episodes begun since the last seed.
+    pub(super) episodes: Vec<u32>,
     /// What is drawn at random of the robots, if anything is.
     pub(super) events: Option<Box<Randomized>>,
 }
@@ -141,7 +157,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// Environments with seeds `seed`, `seed + 1`, ...; each must be reset before its first step.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] if the model does not accept every start that the task may draw.
+    /// [`Error::Inconsistent`] if the model does not accept every start that the task may draw, and for events on motors that
+    /// the actuator does not take.
     pub fn new(
         config: &Arc<EnvConfig<T>>,
         step: &Arc<TaskStep<T, S>>,
@@ -151,7 +168,15 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         used: usize,
         seed: u64,
     ) -> Result<Self> {
-        let nominal = Arc::new(robots.params(0).clone());
+        let nominal = Setup { params: robots.params(0).clone(), actuators: config.actuators.clone() };
+        let nominal = Arc::new(nominal);
+        if !A::INDIVIDUAL && plan.is_some_and(|plan| plan.individual_motors) {
+            return Err(Error::Inconsistent(
+                "events change options of the actuators or max_wheel_torque, but the motors are a stage of the caller's \
+                 own, alike on all robots"
+                    .into(),
+            ));
+        }
         let mut environments = Self {
             step: Arc::clone(step),
             com_directions: [R::Cell::default(); 3],
@@ -165,14 +190,17 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             begun: false,
             over: vec![true; used],
             rngs: (0..used).map(|i| ChaCha8Rng::seed_from_u64(seed.wrapping_add(i as u64))).collect(),
+            episodes: vec![0; used],
             events: plan.map(|plan| Box::new(Randomized::new(plan, &nominal, used))),
             robots,
             config: Arc::clone(config),
         };
         environments.check_starts(0)?;
         if let Some(events) = &mut environments.events {
+            let judge = judge(&environments.actuator, &environments.config);
             for (i, rng) in environments.rngs.iter().enumerate() {
-                events.start(&mut environments.robots, i, rng.get_seed());
+                let source = Source { key: key_of(rng.get_seed()), episode: 0 };
+                events.start(&mut environments.robots, i, source, &judge);
             }
         }
         (0..R::Cell::WIDTH).for_each(|i| environments.note_com(i));
@@ -198,20 +226,39 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// Makes robot `i` what it is in a new episode; it must then be placed.
     fn renew(&mut self, i: usize) {
+        self.episodes[i] = self.episodes[i].wrapping_add(1);
         if let Some(events) = &mut self.events {
-            events.begin(&mut self.robots, i, self.rngs[i].get_seed());
+            let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
+            events.begin(&mut self.robots, i, source, &judge(&self.actuator, &self.config));
             self.note_com(i);
         }
     }
 
+    /// Whether each robot has motors of its own.
+    fn has_own_motors(&self) -> bool {
+        A::INDIVIDUAL && self.events.is_some()
+    }
+
+    /// Gives robot `i` its present motors, within an episode.
+    pub(super) fn equip(&mut self, i: usize) {
+        let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) else { return };
+        let (all, one) = (&mut self.ledger.actuator, &mut self.one.actuator);
+        one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
+        self.actuator.equip(events.actuators(i), self.robots.params(i), one);
+        all.iter_mut().zip(&*one).for_each(|(cell, one)| cell.set(i, *one));
+    }
+
     /// Fires the events that are due.
     fn fire_events(&mut self, autoreset: Autoreset) {
-        let Some(events) = self.events.as_mut().filter(|events| events.plan.timed) else { return };
         for i in 0..self.used {
+            let Some(events) = self.events.as_mut().filter(|events| events.plan.timed) else { return };
             let step = self.ledger.episode.steps.get(i);
             if events.due(i, step) && !(autoreset == Autoreset::NextStep && self.over[i]) {
+                let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
                 // The shape stays, and with it the place of the CoM.
-                events.fire(&mut self.robots, i, self.rngs[i].get_seed(), step);
+                if events.fire(&mut self.robots, i, source, step, &judge(&self.actuator, &self.config)) {
+                    self.equip(i);
+                }
             }
         }
     }
@@ -219,7 +266,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// Replaces the parameters of robot `i` as they are.
     pub(super) fn replace_robot(&mut self, i: usize, params: &Params) -> Result<()> {
         params.validate()?;
-        self.config.validate_robot(params)?;
+        // A robot that events made may have weaker motors than an action asks for.
+        if !self.has_own_motors() {
+            self.config.validate_robot(params)?;
+        }
         self.config.task.validate(params)?;
         let (old, motion) = (self.robots.params(i).clone(), self.robots.save(i));
         let goes_on = self.robots.set_params(i, params)?;
@@ -237,6 +287,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     fn begin(&mut self, i: usize, start: &State, observation: &mut [f32]) {
         self.robots.place(i, start);
         self.one.begin(self.config.max_episode_steps as f64);
+        let key = key_of(self.rngs[i].get_seed());
+        self.actuator.begin(key, self.episodes[i], &mut self.one.actuator);
+        if let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) {
+            self.actuator.equip(events.actuators(i), self.robots.params(i), &mut self.one.actuator);
+        }
         self.one.episode.next_command = self.step.task.command(&mut self.rngs[i], &mut self.one.task);
         self.over[i] = false;
         self.begun = true;
@@ -350,9 +405,12 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn accepts(&self, i: usize, start: &State, seed: Option<u64>) -> Result<()> {
         let Some(events) = &self.events else { return self.robots.accepts(i, start) };
-        let rng = seed.map(ChaCha8Rng::seed_from_u64);
-        let key = rng.as_ref().unwrap_or(&self.rngs[i]).get_seed();
-        let params = events.of_next_episode(i, key, seed.is_some());
+        let source = match seed {
+            Some(seed) => Source { key: key_of(ChaCha8Rng::seed_from_u64(seed).get_seed()), episode: 1 },
+            None => Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i].wrapping_add(1) },
+        };
+        let judge = judge(&self.actuator, &self.config);
+        let params = events.of_next_episode(&self.robots, i, source, seed.is_some(), &judge);
         if params == *self.robots.params(i) {
             return self.robots.accepts(i, start);
         }
@@ -401,15 +459,25 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.events.as_ref().map_or(&[], |events| events.draws(i))
     }
 
+    fn drawn_actuators(&self, i: usize) -> Option<&MotorOptions> {
+        self.events.as_ref().map(|events| events.actuators(i))
+    }
+
+    fn repeated_draws(&self, i: usize) -> u32 {
+        self.events.as_ref().map_or(0, |events| events.repeated(i))
+    }
+
     fn set_params(&mut self, i: usize, params: &Params) -> Result<()> {
         let Some(events) = &self.events else { return self.replace_robot(i, params) };
         params.validate()?;
         self.config.check_events(&events.plan, params)?;
         let robot = events.made_of(i, params);
-        self.replace_robot(i, &robot)?;
+        judge(&self.actuator, &self.config)(&robot)?;
+        self.replace_robot(i, &robot.params)?;
         if let Some(events) = &mut self.events {
             events.set_nominal(i, params);
         }
+        self.equip(i);
         Ok(())
     }
 
@@ -419,6 +487,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn seed(&mut self, i: usize, seed: u64) {
         self.rngs[i] = ChaCha8Rng::seed_from_u64(seed);
+        self.episodes[i] = 0;
         if let Some(events) = &mut self.events {
             events.seed(i);
         }

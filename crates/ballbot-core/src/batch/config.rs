@@ -1,8 +1,8 @@
 //! Everything that defines an environment.
 
-use super::events::{Event, Plan, Tests};
+use super::events::{Event, Plan, Setup, Tests};
 use super::observation::Observation;
-use crate::actuator::{MotorOptions, Motors};
+use crate::actuator::{Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::control::default_max_torque;
 use crate::error::{Error, Result, check, positive};
 use crate::model::same_geometry;
@@ -52,6 +52,13 @@ pub struct EnvConfig<T> {
     pub events: Vec<Event>,
 }
 
+/// The stages between actions and torques.
+pub(super) enum Drive {
+    Ideal(Ideal),
+    Motors(Motors),
+    Individual(IndividualMotors),
+}
+
 /// [`EnvConfig`] of the balance task.
 pub type BalanceConfig = EnvConfig<Balance>;
 
@@ -87,14 +94,28 @@ impl<T: Task> EnvConfig<T> {
         let scaled = f64::from(u8::from(self.scale_observations));
         let own = [self.sim_dt, self.control_dt, self.max_episode_steps as f64, self.action_torque(), scaled];
         let options = (0..T::FIELDS.len()).flat_map(|index| self.task.values(index));
-        // Snapshots of environments with ideal motors are those of versions without others.
-        let actuators = (!self.actuators.is_ideal()).then(|| self.actuators.numbers()).into_iter().flatten();
-        // The same holds for those without sensors and history; the count of numbers tells which are there.
-        let sensors = self.sensors.iter().flat_map(|sensors| [1.0].into_iter().chain(sensors.numbers()));
+        let sensors = self.sensors.iter().flat_map(|sensors| sensors.numbers());
         let observed = [f64::from(u8::from(self.observation == Observation::Sensors)), self.history as f64];
-        let observed = (observed != [0.0, 1.0]).then_some(observed).into_iter().flatten();
-        let numbers = own.into_iter().chain(self.reward.values()).chain(options.copied());
-        numbers.chain(actuators).chain(sensors).chain(observed).collect()
+        let numbers =
+            own.into_iter().chain(self.reward.values()).chain(options.copied()).chain(self.actuators.numbers());
+        numbers.chain(observed).chain(sensors).collect()
+    }
+
+    /// The stage between actions and torques.
+    ///
+    /// # Errors
+    /// Those of [`Motors::new`] and [`EnvConfig::validate`].
+    pub(super) fn drive(&self) -> Result<Drive> {
+        if let Some(plan) = self.plan()?.filter(|plan| plan.individual_motors) {
+            let nominal = Setup { params: self.params.clone(), actuators: self.actuators.clone() };
+            let largest = plan.largest_options(&nominal);
+            let motors = IndividualMotors::new(&largest, self.action_torque(), self.sim_dt, self.substeps()?)?;
+            return Ok(Drive::Individual(motors));
+        }
+        Ok(match self.not_ideal()? {
+            None => Drive::Ideal(Ideal { max_torque: self.action_torque() }),
+            Some(motors) => Drive::Motors(motors),
+        })
     }
 
     /// The motors, unless they are ideal.
@@ -173,7 +194,7 @@ impl<T: Task> EnvConfig<T> {
         if self.events.is_empty() {
             return Ok(None);
         }
-        Ok(Some(Arc::new(Plan::new(&self.events, self.control_dt)?)))
+        Ok(Some(Arc::new(Plan::new(&self.events, self.sim_dt, self.control_dt)?)))
     }
 
     /// Checks that every robot that the events may make of a valid one can be run.
@@ -181,26 +202,34 @@ impl<T: Task> EnvConfig<T> {
     /// # Errors
     /// [`Error::Inconsistent`] with the term of an event that may make another.
     pub(super) fn check_events(&self, plan: &Plan, nominal: &Params) -> Result<()> {
+        self.validate_robot(nominal)?;
         // Computed once: it takes longer than all else.
-        let (torque, motors) = (self.action_torque(), self.not_ideal()?);
-        let robot = |params: &Params| {
+        let (torque, motors, substeps) = (self.action_torque(), self.not_ideal()?, self.substeps()?);
+        let robot = |robot: &Setup| {
+            let params = &robot.params;
             params.validate()?;
-            check_drive(torque, motors.as_ref(), params, self.sim_dt)?;
+            if plan.individual_motors {
+                Motors::new(&robot.actuators, params, torque, self.sim_dt, substeps)?;
+            } else {
+                check_drive(torque, motors.as_ref(), params, self.sim_dt)?;
+            }
             self.task.validate(params)
         };
-        robot(nominal)?;
+        let nominal = Setup { params: nominal.clone(), actuators: self.actuators.clone() };
+        robot(&nominal)?;
         if self.model != ModelKind::Contact {
-            Ballbot::new(nominal, self.model, self.sim_dt)?;
+            Ballbot::new(&nominal.params, self.model, self.sim_dt)?;
         }
-        let starts = |params: &Params| {
+        let starts = |robot: &Setup| {
+            let params = &robot.params;
             // `contact` takes every robot, and refuses starts by the robot's shape alone.
-            if self.model == ModelKind::Contact && same_geometry(params, nominal) {
+            if *params == nominal.params || self.model == ModelKind::Contact && same_geometry(params, &nominal.params) {
                 return Ok(());
             }
             let robot = Ballbot::new(params, self.model, self.sim_dt)?;
             self.task.extreme_starts(params).iter().try_for_each(|start| robot.accepts(start))
         };
-        plan.check(nominal, &Tests { robot: &robot, starts: &starts })
+        plan.check(&nominal, &Tests { robot: &robot, starts: &starts })
     }
 
     /// Checks that a robot (a valid one) can be driven by the actions of this environment.

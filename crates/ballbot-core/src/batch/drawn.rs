@@ -1,6 +1,7 @@
 //! What events have drawn of the robots of a batch.
 
 use super::batch::Batch;
+use crate::actuator::MotorOptions;
 use crate::error::Result;
 use crate::params::Params;
 
@@ -21,6 +22,25 @@ impl Batch {
     pub fn draws(&self, index: usize) -> Result<&[f64]> {
         let (chunk, i) = self.locate(index)?;
         Ok(self.chunks[chunk].draws(i))
+    }
+
+    /// How many draws of the events of one environment made a robot that cannot be, and were repeated, since it was seeded.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn repeated_draws(&self, index: usize) -> Result<u32> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].repeated_draws(i))
+    }
+
+    /// Present options of the motors of one robot: those of the configuration, or what events made of them. Meaningless for
+    /// an actuator of one's own.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn actuators(&self, index: usize) -> Result<&MotorOptions> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].drawn_actuators(i).unwrap_or(&self.actuators))
     }
 
     /// [`super::Event::label`] of each event, and how many numbers it draws: those of the parameter, or impulse (N·s; m/s

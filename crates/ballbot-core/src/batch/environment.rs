@@ -3,14 +3,14 @@
 use super::Autoreset;
 use super::buffers::{Outcome, StepBuffers};
 use super::chunk::{Chunk, Environments};
-use super::config::EnvConfig;
+use super::config::{Drive, EnvConfig};
 use super::robots::Single;
 use super::task_step::TaskStep;
-use crate::actuator::{Actuator, Ideal};
+use crate::actuator::{Actuator, MotorOptions};
 use crate::error::Result;
 use crate::params::Params;
 use crate::robot::{Ballbot, check_restored};
-use crate::sensor::{Exact, Readings, Sensor};
+use crate::sensor::{Readings, Sensor};
 use crate::state::State;
 use crate::task::{ACTION_LEN, Balance, Task, TaskDescription};
 use std::sync::Arc;
@@ -36,8 +36,8 @@ impl<T: Task, A: Actuator, S: Sensor> SingleChunk for Environments<Single, T, A,
 
 /// An environment of task `T` with the actuators and sensors of its configuration.
 ///
-/// Random numbers come from ChaCha8, seeded by `seed_from_u64`: those of starts on stream 0, those of each event on the
-/// stream of its id.
+/// Random numbers of starts come from ChaCha8, seeded by `seed_from_u64`; those of events and motors from Philox4x32-10, whose
+/// key is the first two words of that seed.
 pub struct Environment<T: Task = Balance> {
     config: Arc<EnvConfig<T>>,
     inner: Box<dyn SingleChunk>,
@@ -52,23 +52,17 @@ impl<T: Task> Environment<T> {
     /// What [`EnvConfig::validate`] and [`Ballbot::new`] find.
     pub fn new(config: &EnvConfig<T>, seed: u64) -> Result<Self> {
         config.validate()?;
-        match config.onboard()? {
-            None => Self::with_sensor(config, &Exact, seed),
-            Some(sensors) => Self::with_sensor(config, &sensors, seed),
+        match config.drive()? {
+            Drive::Ideal(ideal) => Self::with_actuator(config, ideal, seed),
+            Drive::Motors(motors) => Self::with_actuator(config, motors, seed),
+            Drive::Individual(motors) => Self::with_actuator(config, motors, seed),
         }
     }
 
-    fn with_sensor(config: &EnvConfig<T>, sensor: &impl Sensor, seed: u64) -> Result<Self> {
-        if config.actuators.is_ideal() {
-            return Self::with_stages(config, Ideal { max_torque: config.action_torque() }, sensor, seed);
-        }
-        Self::with_stages(config, config.motors()?, sensor, seed)
-    }
-
-    fn with_stages(config: &EnvConfig<T>, actuator: impl Actuator, sensor: &impl Sensor, seed: u64) -> Result<Self> {
+    fn with_actuator(config: &EnvConfig<T>, actuator: impl Actuator, seed: u64) -> Result<Self> {
         let config = Arc::new(config.clone());
         let description = TaskDescription::of::<T>();
-        let step = Arc::new(TaskStep::new(&actuator, sensor.clone(), &description, &config));
+        let step = Arc::new(TaskStep::new(&actuator, config.onboard()?, &description, &config));
         let robot = Single::new(Ballbot::new(&config.params, config.model, config.sim_dt)?);
         Ok(Self {
             inner: Box::new(Environments::new(&config, &step, actuator, robot, config.plan()?.as_ref(), 1, seed)?),
@@ -182,6 +176,16 @@ impl<T: Task> Environment<T> {
         super::observations::check_len(out.len(), self.observation.len() / self.config.history)?;
         self.inner.privileged_observation(0, out);
         Ok(())
+    }
+
+    /// As [`super::Batch::actuators`].
+    pub fn actuators(&self) -> &MotorOptions {
+        self.inner.drawn_actuators(0).unwrap_or(&self.config.actuators)
+    }
+
+    /// As [`super::Batch::repeated_draws`].
+    pub fn repeated_draws(&self) -> u32 {
+        self.inner.repeated_draws(0)
     }
 
     /// Replaces the robot's parameters; see [`super::Batch::set_params`].

@@ -65,6 +65,12 @@ pub trait Robots: Send + Sync {
     /// As [`Ballbot::new`] and [`Ballbot::reset`].
     fn accepts_as(&self, params: &Params, state: &State) -> Result<()>;
 
+    /// Checks that [`Robots::set_params`] would take parameters.
+    ///
+    /// # Errors
+    /// As [`Ballbot::set_params`].
+    fn could_have(&self, params: &Params) -> Result<()>;
+
     /// State of robot `i`.
     fn state(&self, i: usize) -> State;
 
@@ -174,6 +180,10 @@ impl Robots for Single {
         Ballbot::new(params, self.robot.kind(), self.robot.sim_dt())?.accepts(state)
     }
 
+    fn could_have(&self, params: &Params) -> Result<()> {
+        Ballbot::new(params, self.robot.kind(), self.robot.sim_dt()).map(|_| ())
+    }
+
     fn state(&self, _: usize) -> State {
         self.robot.state()
     }
@@ -258,6 +268,10 @@ impl Robots for ContactLanes {
     fn accepts_as(&self, params: &Params, state: &State) -> Result<()> {
         check_state(params, state)?;
         CollisionShape::new(params, &Omniwheels::new(params)).require_above_floor(state)
+    }
+
+    fn could_have(&self, params: &Params) -> Result<()> {
+        params.validate()
     }
 
     fn state(&self, i: usize) -> State {

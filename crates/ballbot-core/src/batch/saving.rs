@@ -1,6 +1,6 @@
 //! Environments as bytes.
 
-use super::chunk::Environments;
+use super::chunk::{Environments, judge};
 use super::events::Saved;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::{Robots, refused};
@@ -26,6 +26,7 @@ struct Snapshot {
     robot: Vec<u8>,
     seed: [u8; 32],
     word: u128,
+    episode: u32,
     ledger: Ledger<f64>,
     over: bool,
     events: Option<Saved>,
@@ -44,6 +45,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             robot: self.robots.save(i),
             seed: self.rngs[i].get_seed(),
             word: self.rngs[i].get_word_pos(),
+            episode: self.episodes[i],
             ledger,
             over: self.over[i],
             events: self.events.as_ref().map(|events| events.save(i)),
@@ -83,10 +85,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         if let (Ok(()), Some(saved), Some(events)) = (&loaded, &snapshot.events, &mut self.events) {
             let plan = Arc::clone(&events.plan);
             let config = &self.config;
-            loaded = events.load(i, saved, &params, |nominal| {
+            let accept = |nominal: &Params| {
                 nominal.validate()?;
                 config.check_events(&plan, nominal)
-            });
+            };
+            loaded = events.load(i, saved, &params, accept, &judge(&self.actuator, config));
         }
         if let Err(error) = loaded {
             if changed {
@@ -99,7 +102,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         }
         self.rngs[i] = ChaCha8Rng::from_seed(snapshot.seed);
         self.rngs[i].set_word_pos(snapshot.word);
+        self.episodes[i] = snapshot.episode;
         R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
+        self.equip(i);
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
         self.over[i] = snapshot.over;
         self.begun |= !snapshot.over;

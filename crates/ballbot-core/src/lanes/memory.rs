@@ -78,6 +78,12 @@ impl<'a, L: Lane> Memory<'a, L> {
         self.token
     }
 
+    /// Numbers from elsewhere.
+    #[inline(always)]
+    pub fn load(&self, cell: &L::Cell) -> L {
+        L::load(self.token, cell)
+    }
+
     /// A constant with the same value for all robots.
     #[inline(always)]
     pub fn splat(&self, value: f64) -> L {

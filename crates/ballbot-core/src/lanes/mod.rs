@@ -10,6 +10,7 @@ mod heading;
 mod mat3;
 mod math;
 mod memory;
+mod philox;
 mod scalar;
 #[cfg(test)]
 mod tests;
@@ -24,8 +25,9 @@ pub use heading::Heading;
 pub use mat3::Mat3;
 pub use math::{atan2_positive, exp_of_negative, wrapped_angle};
 pub use memory::Memory;
+pub use philox::philox;
 pub use scalar::Scalar;
-pub use value::{LaneValue, Value};
+pub use value::{LaneValue, Own, Value};
 pub use vec3::{Quat, Rotation, Vec3};
 pub use wide::Wide;
 

@@ -23,6 +23,17 @@ impl<S: Simd> Value<Wide<S>> for Wide<S> {
     }
 }
 
+/// A constant of each robot, in lanes of any kind.
+#[derive(Clone, Copy, Debug)]
+pub struct Own<L>(pub L);
+
+impl<L: Lane> Value<L> for Own<L> {
+    #[inline(always)]
+    fn at(self, _: L) -> L {
+        self.0
+    }
+}
+
 /// A constant of eight robots as it lies in memory: one number for all of them (`f64`), or one of each ([`Eight`]).
 pub trait LaneValue: Copy + Send + Sync {
     /// The constant in the lanes of a vector register.

@@ -15,6 +15,15 @@ impl Params {
         Vector3::new(x, y, self.body_com_height)
     }
 
+    /// Half length of a slender mast about the body's center of mass with the body's largest moment of inertia about an axis
+    /// across the mast, m. The parameters have no outline; the body is drawn, and touches the floor, as tall as this.
+    pub fn slender_half_length(&self) -> f64 {
+        let ([x, y, _], [xy, _, _]) = (self.body_inertia, self.body_products_of_inertia);
+        // The closed form rounds; without a product the axes have the moments themselves.
+        let largest = if xy == 0.0 { x.max(y) } else { 0.5 * (x + y) + (0.5 * (x - y)).hypot(xy) };
+        (3.0 * largest / self.body_mass).sqrt()
+    }
+
     /// Zenith angle of each wheel contact, rad.
     pub fn wheel_zeniths(&self) -> [f64; 3] {
         self.wheel_zenith_offsets.map(|offset| self.wheel_zenith + offset)

@@ -57,9 +57,7 @@ fn body(params: &Params, parts: &mut Vec<Part>) {
     let reach = reaches.into_iter().fold(0.0, f64::max);
     let highest = params.wheel_zeniths().into_iter().fold(f64::INFINITY, f64::min);
     let plate = (ball + wheel) * highest.cos() + 1.6 * wheel;
-    // Half length of a slender mast about the CoM with the inertia of the body.
-    let half_height = (3.0 * params.body_inertia[0].max(params.body_inertia[1]) / params.body_mass).sqrt();
-    let top = (params.body_com_height + half_height).max(plate + 3.0 * wheel);
+    let top = (params.body_com_height + params.slender_half_length()).max(plate + 3.0 * wheel);
     let deck = plate + 0.3 * (top - plate);
     let mut upright = |radius: f64, from: f64, to: f64, (x, y): (f64, f64), color: Color| {
         parts.push(Part {

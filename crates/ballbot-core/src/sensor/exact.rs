@@ -1,8 +1,9 @@
 //! The exact sensor.
 
-use super::Sensor;
+use super::{EpisodeStart, Readings, Sensor};
 use crate::lane_state::LaneState;
 use crate::lanes::{Lane, Memory};
+use crate::state::State;
 
 /// Measures the true state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,5 +15,43 @@ impl Sensor for Exact {
     #[inline(always)]
     fn read<L: Lane>(&self, state: &LaneState<L>, _: &mut Memory<'_, L>) -> LaneState<L> {
         *state
+    }
+}
+
+/// Sensors that an environment may have; [`Exact`] without. A stage is read once a control step, so that the choice costs
+/// less than another copy of the step would take to compile.
+impl<S: Sensor> Sensor for Option<S> {
+    const MEMORY: usize = 0;
+
+    fn memory_len(&self) -> usize {
+        self.as_ref().map_or(0, Sensor::memory_len)
+    }
+
+    fn begin(&self, start: &EpisodeStart<'_>, memory: &mut [f64]) {
+        if let Some(sensor) = self {
+            sensor.begin(start, memory);
+        }
+    }
+
+    fn seeded(&self, memory: &mut [f64]) {
+        if let Some(sensor) = self {
+            sensor.seeded(memory);
+        }
+    }
+
+    #[inline(always)]
+    fn read<L: Lane>(&self, state: &LaneState<L>, memory: &mut Memory<'_, L>) -> LaneState<L> {
+        match self {
+            None => *state,
+            Some(sensor) => sensor.read(state, memory),
+        }
+    }
+
+    fn readings(&self, number: impl Fn(usize) -> f64) -> Option<Readings<f64>> {
+        self.as_ref()?.readings(number)
+    }
+
+    fn estimate(&self, number: impl Fn(usize) -> f64) -> Option<State> {
+        self.as_ref()?.estimate(number)
     }
 }

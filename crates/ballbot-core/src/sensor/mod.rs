@@ -7,7 +7,6 @@ mod exact;
 mod normal;
 mod onboard;
 mod options;
-mod philox;
 mod readings;
 mod stage;
 

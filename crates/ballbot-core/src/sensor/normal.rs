@@ -1,7 +1,6 @@
 //! Standard normal numbers in lanes, each by its key and counter.
 
-use super::philox::philox;
-use crate::lanes::{Cell, Lane};
+use crate::lanes::{Cell, Lane, philox};
 use std::f64::consts::{FRAC_PI_2, LN_2, SQRT_2};
 
 /// Bits of a word that choose an angle within a quarter turn; the two above choose the quarter.

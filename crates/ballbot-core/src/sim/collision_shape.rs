@@ -29,22 +29,14 @@ impl BodyShape {
     /// outermost wheel center. It extends from just above the ball to the top of a slender mast with the inertia of the
     /// body.
     pub fn new(params: &Params) -> Self {
-        let half_height = (3.0 * largest_moment_across(params) / params.body_mass).sqrt();
         let bottom = 1.05 * params.ball_radius;
         let outermost = params.wheel_zeniths().into_iter().fold(0.0, f64::max);
         Self {
             radius: (params.ball_radius + params.wheel_radius) * outermost.sin(),
             bottom,
-            top: (params.body_com_height + half_height).max(bottom + params.wheel_radius),
+            top: (params.body_com_height + params.slender_half_length()).max(bottom + params.wheel_radius),
         }
     }
-}
-
-/// Largest moment of inertia about an axis across the mast, kg·m².
-fn largest_moment_across(params: &Params) -> f64 {
-    let ([x, y, _], [xy, _, _]) = (params.body_inertia, params.body_products_of_inertia);
-    // The closed form rounds; without a product the axes have the moments themselves.
-    if xy == 0.0 { x.max(y) } else { 0.5 * (x + y) + (0.5 * (x - y)).hypot(xy) }
 }
 
 /// Collision shapes of the bot.

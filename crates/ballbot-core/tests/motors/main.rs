@@ -2,6 +2,7 @@
 
 mod batches;
 mod closed_forms;
+mod jitter;
 mod options;
 mod readings;
 #[path = "../support/run.rs"]
@@ -26,6 +27,7 @@ fn everything() -> MotorOptions {
         no_load_speed: 40.0,
         speed_limit: 20.0,
         peak_torque: 0.4,
+        delay_jitter: 0.0,
     }
 }
 

@@ -1,7 +1,9 @@
 //! Events: what they draw depends on seed, episode and id alone, and a robot that they made is that robot.
 
+mod combinations;
 mod distributions;
 mod independence;
+mod motors;
 mod pushes;
 mod refusals;
 mod robots;
@@ -46,7 +48,7 @@ fn at(time: f64, event: Event) -> Event {
     Event { when: When::At(time), ..event }
 }
 
-/// Events on masses, friction and geometry, and within episodes.
+/// Events on masses, friction, geometry and motors, and within episodes.
 fn several() -> Vec<Event> {
     vec![
         scaled("body_mass", [0.8, 1.2]),
@@ -57,6 +59,9 @@ fn several() -> Vec<Event> {
         Event::new("wheel_viscous_friction", [0.0, 1e-3]),
         every([0.03, 0.08], Event::new("floor_dynamic_friction", [0.3, 1.0])),
         at(0.05, Event { operation: Operation::Scale, ..Event::new("push", [0.1, 0.3]) }),
+        Event::new("actuators.delay", [0.0, 0.02]),
+        Event::new("actuators.delay_jitter", [0.0, 0.01]),
+        every([0.02, 0.05], scaled("actuators.strength", [0.8, 1.2])),
     ]
 }
 

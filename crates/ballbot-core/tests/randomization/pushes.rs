@@ -2,8 +2,8 @@
 
 use super::run::actions;
 use super::{SEED, at, config, draws, every, started};
-use ballbot_core::ModelKind;
 use ballbot_core::batch::{Autoreset, Direction, Event, Operation};
+use ballbot_core::{Ballbot, ModelKind, Params, State};
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
@@ -64,4 +64,33 @@ fn pushes_come_from_everywhere() {
     // 640 directions, 80 expected in each with a standard deviation of 8.4.
     assert_eq!(octants.iter().sum::<usize>(), 640);
     assert!(octants.iter().all(|count| (46..=114).contains(count)), "{octants:?}");
+}
+
+/// A push that waits for the next step keeps its point on a robot whose mass changes before.
+#[test]
+fn a_push_and_a_change_of_mass_in_one_step_come_in_any_order() {
+    let paper = Params::paper();
+    let heavy = Params { body_mass: 1.5 * paper.body_mass, ball_mass: 1.2 * paper.ball_mass, ..paper.clone() };
+    let (impulse, point) = (Vector3::new(0.2, -0.1, 0.0), Vector3::new(0.02, 0.01, 0.3));
+    for model in ModelKind::ALL {
+        let mut found = Vec::new();
+        for push_first in [true, false] {
+            let mut robot = Ballbot::new(&paper, model, 0.002).unwrap();
+            robot.reset(&State::tilted(&paper, [0.05, 0.02].into(), 0.4)).unwrap();
+            robot.step(&[0.02, 0.0, -0.01], 5).unwrap();
+            if push_first && !matches!(model, ModelKind::Planar | ModelKind::Spatial) {
+                robot.push(&impulse, Some(&point)).unwrap();
+                assert!(robot.set_params(&heavy).unwrap());
+            } else {
+                // Models without contacts change their velocities at once.
+                assert!(robot.set_params(&heavy).unwrap());
+                robot.push(&impulse, Some(&point)).unwrap();
+            }
+            robot.step(&[0.0; 3], 10).unwrap();
+            found.push(robot.state().to_array());
+        }
+        for (a, b) in found[0].iter().zip(&found[1]) {
+            assert!((a - b).abs() < 1e-11, "{model}: {a} and {b}");
+        }
+    }
 }

@@ -46,7 +46,8 @@ fn a_snapshot_of_other_events_is_refused_and_changes_nothing() {
         let mut other = with(events);
         let before = (other.all_bits(), other.snapshots());
         let error = other.batch.load(0, &snapshot).unwrap_err().to_string();
-        assert!(error.contains("events"), "{error}");
+        // Without events on motors these keep other numbers.
+        assert!(error.contains("events") || error.contains("stages keep other numbers"), "{error}");
         assert!(before == (other.all_bits(), other.snapshots()));
     }
     let mut without = with(&[]);

@@ -1,15 +1,16 @@
 //! Whether every robot that the events may make can be.
 //!
-//! The limits of parameters are linear in them, convex or monotone in each, and none is about more than three terms.
-//! They hold for all draws, then, if they hold at the corners of the ranges of any three events. Draws of all events
-//! together, at corners and inside, are tried besides.
+//! The limits of parameters are linear in them, convex or monotone in each, and most are about no more than three terms:
+//! these hold for all draws if they hold at the corners of the ranges of any three events. Draws of all events together, at
+//! corners and inside, are tried besides. A robot that slips through, as the loads of the wheels follow from five terms, is
+//! drawn again when it comes up.
 
 use super::event::{When, refused};
 use super::plan::{Plan, Target};
+use super::setup::Setup;
 use crate::error::{Error, Result};
 use crate::interrupt::Watch;
 use crate::model::same_geometry;
-use crate::params::Params;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -20,10 +21,10 @@ const TRIALS: usize = 64;
 
 /// What a robot that events have made must pass.
 pub struct Tests<'a> {
-    /// Of its parameters alone.
-    pub robot: &'a dyn Fn(&Params) -> Result<()>,
+    /// Of its numbers alone.
+    pub robot: &'a dyn Fn(&Setup) -> Result<()>,
     /// Of its model and of where the task may place it; expensive.
-    pub starts: &'a dyn Fn(&Params) -> Result<()>,
+    pub starts: &'a dyn Fn(&Setup) -> Result<()>,
 }
 
 /// Least and largest draw of each number that one event may draw, with its columns.
@@ -55,11 +56,11 @@ impl Plan {
     /// # Errors
     /// [`Error::Inconsistent`] with places and terms of the events that do not; [`Error::Interrupted`] in
     /// [`crate::stoppable`].
-    pub fn check(&self, nominal: &Params, tests: &Tests<'_>) -> Result<()> {
+    pub fn check(&self, nominal: &Setup, tests: &Tests<'_>) -> Result<()> {
         let mut ranges = Vec::new();
         for (place, event) in self.events.iter().enumerate() {
             match event.target {
-                Target::Push => event.check_push(nominal).map_err(|e| refused(place, &event.event.term, &e))?,
+                Target::Push => event.check_push(&nominal.params).map_err(|e| refused(place, &event.event.term, &e))?,
                 Target::Field { .. } => ranges.push(Ranges { place, numbers: event.numbers() }),
             }
         }
@@ -95,10 +96,10 @@ impl Plan {
 
 struct Trial<'a> {
     plan: &'a Plan,
-    nominal: &'a Params,
+    nominal: &'a Setup,
     tests: &'a Tests<'a>,
     draws: Vec<f64>,
-    robot: Params,
+    robot: Setup,
     watch: Watch,
 }
 
@@ -124,9 +125,13 @@ impl Trial<'_> {
     fn inside(&mut self, chosen: &[Ranges]) -> Result<()> {
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         for _ in 0..if chosen.is_empty() { 0 } else { TRIALS } {
-            for (columns, [low, high]) in chosen.iter().flat_map(|ranges| &ranges.numbers) {
-                let share = (1.5 * rng.random::<f64>() - 0.25).clamp(0.0, 1.0);
-                self.draws[columns.clone()].fill((low + (high - low) * share).clamp(*low, *high));
+            for ranges in chosen {
+                let event = &self.plan.events[ranges.place];
+                for (columns, [low, high]) in &ranges.numbers {
+                    let share = (1.5 * rng.random::<f64>() - 0.25).clamp(0.0, 1.0);
+                    let draw = event.nearest(low + (high - low) * share).clamp(*low, *high);
+                    self.draws[columns.clone()].fill(draw);
+                }
             }
             let places = || chosen.iter().map(|ranges| ranges.place).collect::<Vec<_>>();
             self.run(false).map_err(|error| self.blame(&places(), &error))?;
@@ -153,7 +158,7 @@ impl Trial<'_> {
         for corner in 0..ranges.corners() {
             ranges.write(corner, &mut self.draws);
             self.plan.apply(self.nominal, &self.draws, &mut self.robot);
-            if !same_geometry(self.nominal, &self.robot) {
+            if !same_geometry(&self.nominal.params, &self.robot.params) {
                 let reason = "the robot's shape does not change within an episode: its mode is 'startup' or 'reset'";
                 return Err(refused(ranges.place, &event.term, &reason));
             }

@@ -2,6 +2,7 @@
 
 use super::value::Value;
 use crate::error::{Error, Result};
+use crate::names;
 use std::str::FromStr;
 
 /// The term that gives the body an impulse; all other terms are parameters.
@@ -82,8 +83,7 @@ impl FromStr for Operation {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        let found = Self::ALL.into_iter().find(|known| known.name() == name);
-        found.ok_or_else(|| Error::unknown("op", name, &Self::ALL.map(Self::name)))
+        names::find("op", name, Self::ALL, Self::name)
     }
 }
 
@@ -105,8 +105,7 @@ impl FromStr for Distribution {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        let found = Self::ALL.into_iter().find(|known| known.name() == name);
-        found.ok_or_else(|| Error::unknown("dist", name, &Self::ALL.map(Self::name)))
+        names::find("dist", name, Self::ALL, Self::name)
     }
 }
 

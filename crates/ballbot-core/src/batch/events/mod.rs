@@ -10,11 +10,14 @@ mod plan;
 mod robots;
 mod sampler;
 mod sets;
+mod setup;
 mod value;
 
 pub(super) use check::Tests;
 pub use event::{Direction, Distribution, Event, Operation, When};
 pub(super) use plan::Plan;
 pub(super) use robots::{Randomized, Saved};
+pub(super) use sampler::{Source, key_of};
 pub use sets::{event_sets, events_from_toml, events_to_toml, load_events};
+pub(super) use setup::Setup;
 pub use value::Value;

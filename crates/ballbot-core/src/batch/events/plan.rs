@@ -1,8 +1,10 @@
 //! Events as they are carried out: names resolved, ranges expanded, keys assigned.
 
 use super::event::{Direction, Distribution, Event, Operation, PUSH, When, refused};
-use super::sampler::{Key, Sampler, bounds};
-use crate::error::{Result, check, finite};
+use super::sampler::{Sampler, Source, bounds};
+use super::setup::{Setup, Table};
+use crate::actuator::MotorOptions;
+use crate::error::{Error, Result, check, finite};
 use crate::params::Params;
 use crate::robot::check_push;
 use nalgebra::Vector3;
@@ -21,8 +23,8 @@ const PUSH_WIDTH: usize = 3;
 /// What an event changes.
 #[derive(Clone, Debug)]
 pub enum Target {
-    /// The parameter of this index, and those that change in proportion to it.
-    Field { index: usize, followers: Vec<usize> },
+    /// The number of this place, and parameters that change in proportion to it.
+    Field { table: Table, index: usize, followers: Vec<usize> },
     /// The body's momentum.
     Push,
 }
@@ -32,10 +34,12 @@ pub enum Target {
 pub struct Planned {
     pub event: Event,
     pub target: Target,
-    /// Stream of its random numbers.
-    stream: u64,
+    /// Key of its random numbers.
+    id: u64,
     /// One pair a number of the term.
     ranges: Vec<[f64; 2]>,
+    /// The time of which a draw is a whole multiple, s, if it is one.
+    grain: Option<f64>,
     /// The first of its columns in the draws of a robot, and their number.
     first: usize,
     pub width: usize,
@@ -50,6 +54,8 @@ pub struct Plan {
     /// Whether any event has a time within the episode.
     pub timed: bool,
     pub control_dt: f64,
+    /// Whether motors differ from robot to robot.
+    pub individual_motors: bool,
     /// Of all events together; environments with the same have the same events.
     pub checksum: u32,
 }
@@ -59,17 +65,24 @@ impl Plan {
     ///
     /// # Errors
     /// [`crate::Error::Inconsistent`] with place and term of an event that cannot be, whatever the robot.
-    pub fn new(events: &[Event], control_dt: f64) -> Result<Self> {
+    pub fn new(events: &[Event], sim_dt: f64, control_dt: f64) -> Result<Self> {
         check("the number of events", events.len() as f64, format_args!("at most {MAX_EVENTS}"), |n| {
             n <= MAX_EVENTS as f64
         })?;
-        let mut plan =
-            Self { events: Vec::with_capacity(events.len()), width: 0, timed: false, control_dt, checksum: 0 };
+        let mut plan = Self {
+            events: Vec::with_capacity(events.len()),
+            width: 0,
+            timed: false,
+            control_dt,
+            individual_motors: false,
+            checksum: 0,
+        };
         let mut text = String::new();
         for (place, event) in events.iter().enumerate() {
-            let planned = Planned::new(event, plan.width, control_dt).map_err(|e| refused(place, &event.term, &e))?;
-            if let Some((other, same)) = plan.events.iter().enumerate().find(|(_, p)| p.stream == planned.stream) {
-                let key = planned.stream;
+            let planned = Planned::new(event, plan.width, sim_dt, control_dt);
+            let planned = planned.map_err(|e| refused(place, &event.term, &e))?;
+            if let Some((other, same)) = plan.events.iter().enumerate().find(|(_, p)| p.id == planned.id) {
+                let key = planned.id;
                 let reason = if same.event.term == event.term {
                     format!("events[{other}] is of the same term: give one of them another id (both have {key})")
                 } else {
@@ -79,6 +92,7 @@ impl Plan {
             }
             plan.width += planned.width;
             plan.timed |= event.when.is_timed();
+            plan.individual_motors |= planned.changes_motors();
             text.extend(event.entries().iter().map(|(key, value)| format!("{key} = {value}\n")));
             plan.events.push(planned);
         }
@@ -88,15 +102,28 @@ impl Plan {
 
     /// About how much memory the events of a robot take.
     pub fn bytes(&self) -> usize {
-        (self.width + 2 * self.events.len()) * size_of::<f64>() + size_of::<Params>()
+        (self.width + 2 * self.events.len()) * size_of::<f64>() + size_of::<Setup>()
     }
 
     /// The robot that draws make of the nominal one, event by event in the order of the list.
-    pub fn apply(&self, nominal: &Params, draws: &[f64], robot: &mut Params) {
+    pub fn apply(&self, nominal: &Setup, draws: &[f64], robot: &mut Setup) {
         robot.clone_from(nominal);
         for event in &self.events {
             event.apply(&draws[event.columns()], robot);
         }
+    }
+
+    /// The largest value of each option of the motors of any robot that the events make of one with `nominal`.
+    pub fn largest_options(&self, nominal: &Setup) -> MotorOptions {
+        let mut largest = nominal.clone();
+        for event in &self.events {
+            let Target::Field { table: table @ Table::Actuators, index, .. } = event.target else { continue };
+            for (value, [_, high]) in largest.values_mut(table, index).iter_mut().zip(event.bounds()) {
+                // Nothing may have been drawn yet.
+                *value = value.max(event.changed(*value, high));
+            }
+        }
+        largest.actuators
     }
 }
 
@@ -120,56 +147,68 @@ impl Planned {
         self.first..self.first + self.width
     }
 
-    fn new(event: &Event, first: usize, control_dt: f64) -> Result<Self> {
-        let (target, width) = if event.term == PUSH {
-            (Target::Push, PUSH_WIDTH)
-        } else if let Some(index) = Params::NAMES.iter().position(|name| *name == event.term) {
-            (Target::Field { index, followers: followers(&event.term) }, Params::WIDTHS[index])
+    fn new(event: &Event, first: usize, sim_dt: f64, control_dt: f64) -> Result<Self> {
+        let (target, width, grain) = if event.term == PUSH {
+            (Target::Push, PUSH_WIDTH, None)
         } else {
-            let known: Vec<_> = [PUSH].iter().chain(Params::NAMES).copied().collect();
-            return Err(crate::Error::unknown("term", &event.term, &known));
+            let (table, index) = Table::find(&event.term, &[PUSH])?;
+            let followers = if table == Table::Params { followers(&event.term) } else { Vec::new() };
+            (Target::Field { table, index, followers }, table.width(index), table.grain(index, sim_dt))
         };
         let id = event.id.unwrap_or_else(|| u64::from(crc32fast::hash(event.term.as_bytes())));
         let most = i64::MAX.unsigned_abs();
-        // Stream 0 is that of the starts.
         check("id", id as f64, "from 1 to 2^63 - 1", |_| (1..=most).contains(&id))?;
         check_range(event, if event.term == PUSH { 1 } else { width })?;
         check_times(event, control_dt)?;
         check_direction(event)?;
-        let ranges = match event.range.as_slice() {
+        let mut ranges = match event.range.as_slice() {
             [pair] => vec![*pair; width],
             pairs => pairs.to_vec(),
         };
-        Ok(Self { event: event.clone(), target, stream: id, ranges, first, width })
+        if let Some(grain) = grain {
+            check_whole(event, grain)?;
+            for range in &mut ranges {
+                *range = whole(*range, grain)?;
+            }
+        }
+        Ok(Self { event: event.clone(), target, id, ranges, grain, first, width })
     }
 
-    /// The random numbers of a draw.
-    pub fn sampler(&self, key: Key, episode: u32, count: u32) -> Sampler {
-        Sampler::new(key, self.stream, episode, count)
+    /// Whether robots under it need motors of their own.
+    fn changes_motors(&self) -> bool {
+        match self.target {
+            Target::Field { table: Table::Params, index, .. } => Params::NAMES[index] == "max_wheel_torque",
+            Target::Field { table: Table::Actuators, .. } => true,
+            Target::Push => false,
+        }
     }
 
     /// Seconds to draw `count` of an event that repeats itself, from the one before or the start of the episode.
-    pub fn gap(&self, key: Key, episode: u32, count: u32) -> f64 {
+    pub fn gap(&self, source: Source, count: u32) -> f64 {
         match self.event.when {
-            When::Every(gap) => self.sampler(key, episode, count).draw(Distribution::Uniform, gap),
+            When::Every(gap) => Sampler::new(source, self.id, count, 0).draw(Distribution::Uniform, gap),
             _ => f64::INFINITY,
         }
     }
 
-    /// Draws the numbers of an event.
-    pub fn draw(&self, key: Key, episode: u32, count: u32, out: &mut [f64]) {
-        let mut sampler = self.sampler(key, episode, count);
+    /// Draws the numbers of an event; `attempt` counts the draws that made a robot that cannot be.
+    pub fn draw(&self, source: Source, count: u32, attempt: u32, out: &mut [f64]) {
+        let mut sampler = Sampler::new(source, self.id, count, attempt);
         // The first number is that of the gap.
         sampler.unit();
         let distribution = self.event.distribution;
         match self.target {
             Target::Field { .. } => {
+                let mut number = |range: [f64; 2]| match self.grain {
+                    None => sampler.draw(distribution, range),
+                    Some(grain) => sampler.draw_whole(range, grain),
+                };
                 if self.event.shared {
-                    out.fill(sampler.draw(distribution, self.ranges[0]));
+                    out.fill(number(self.ranges[0]));
                     return;
                 }
                 for (value, &range) in out.iter_mut().zip(&self.ranges) {
-                    *value = sampler.draw(distribution, range);
+                    *value = number(range);
                 }
             }
             Target::Push => {
@@ -214,20 +253,30 @@ impl Planned {
         }
     }
 
-    /// Changes a parameter, and those in proportion to it. Draws of NaN change nothing.
-    fn apply(&self, draws: &[f64], robot: &mut Params) {
-        let Target::Field { index, followers } = &self.target else { return };
+    /// The nearest number that may be drawn to one within a range of the event.
+    pub fn nearest(&self, value: f64) -> f64 {
+        self.grain.map_or(value, |grain| (value / grain).round() * grain)
+    }
+
+    /// What a draw makes of a number.
+    fn changed(&self, value: f64, draw: f64) -> f64 {
+        match self.event.operation {
+            Operation::Abs => draw,
+            Operation::Add => value + draw,
+            Operation::Scale => value * draw,
+        }
+    }
+
+    /// Changes a number of a robot, and those in proportion to it. Draws of NaN change nothing.
+    fn apply(&self, draws: &[f64], robot: &mut Setup) {
+        let Target::Field { table, index, followers } = &self.target else { return };
         if draws[0].is_nan() {
             return;
         }
-        let values = robot.values_mut(*index);
+        let values = robot.values_mut(*table, *index);
         let old = values[0];
         for (value, &draw) in values.iter_mut().zip(draws) {
-            *value = match self.event.operation {
-                Operation::Abs => draw,
-                Operation::Add => *value + draw,
-                Operation::Scale => *value * draw,
-            };
+            *value = self.changed(*value, draw);
         }
         let new = values[0];
         // To zero there is no proportion.
@@ -235,7 +284,7 @@ impl Planned {
             return;
         }
         for &follower in followers {
-            for value in robot.values_mut(follower) {
+            for value in robot.params.values_mut(follower) {
                 // In this order a ratio of at least 1 stays one in spite of rounding.
                 *value = new * (*value / old);
             }
@@ -270,15 +319,38 @@ impl Planned {
     }
 }
 
+/// Checks that an event on a time in whole steps is one that draws them.
+fn check_whole(event: &Event, grain: f64) -> Result<()> {
+    if event.operation == Operation::Scale || event.distribution != Distribution::Uniform {
+        return Err(Error::Inconsistent(format!(
+            "op = '{}', dist = '{}', but a time in whole steps of {grain} s has op 'abs' or 'add' and dist 'uniform'",
+            event.operation.name(),
+            event.distribution.name()
+        )));
+    }
+    Ok(())
+}
+
+/// The whole multiples of a time within a range, the least and the largest.
+fn whole([low, high]: [f64; 2], grain: f64) -> Result<[f64; 2]> {
+    // A multiple up to rounding is one.
+    let margin = |value: f64| 1e-6 * (value / grain).abs().max(1.0);
+    let (first, last) = ((low / grain - margin(low)).ceil(), (high / grain + margin(high)).floor());
+    if first > last {
+        return Err(Error::Inconsistent(format!("range = [{low}, {high}] has no whole number of steps of {grain} s")));
+    }
+    Ok([first * grain, last * grain])
+}
+
 /// Checks the pairs of an event with `width` numbers.
 fn check_range(event: &Event, width: usize) -> Result<()> {
     if event.shared && event.range.len() != 1 {
         let found = event.range.len();
-        return Err(crate::Error::Inconsistent(format!("range has {found} pairs of numbers, a shared draw has one")));
+        return Err(Error::Inconsistent(format!("range has {found} pairs of numbers, a shared draw has one")));
     }
     if event.range.len() != 1 && event.range.len() != width {
         let expected = if width == 1 { "one".to_owned() } else { format!("one, or {width}") };
-        return Err(crate::Error::Inconsistent(format!(
+        return Err(Error::Inconsistent(format!(
             "range has {} pairs of numbers, expected {expected}",
             event.range.len()
         )));
@@ -311,7 +383,7 @@ fn check_range(event: &Event, width: usize) -> Result<()> {
 fn check_times(event: &Event, control_dt: f64) -> Result<()> {
     match event.when {
         When::Startup | When::Reset if event.term == PUSH => {
-            Err(crate::Error::Inconsistent("a push has mode 'interval' or 'at'".into()))
+            Err(Error::Inconsistent("a push has mode 'interval' or 'at'".into()))
         }
         When::Startup | When::Reset => Ok(()),
         When::At(time) => {
@@ -337,7 +409,7 @@ fn check_direction(event: &Event) -> Result<()> {
         return Ok(());
     }
     if event.operation == Operation::Add {
-        return Err(crate::Error::Inconsistent(
+        return Err(Error::Inconsistent(
             "op of a push is 'abs' (an impulse, N·s) or 'scale' (a change of velocity, m/s)".into(),
         ));
     }

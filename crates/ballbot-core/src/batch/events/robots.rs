@@ -3,7 +3,9 @@
 use super::super::robots::{Robots, refused};
 use super::event::When;
 use super::plan::{Plan, Target};
-use super::sampler::Key;
+use super::sampler::{ATTEMPTS, Source};
+use super::setup::Setup;
+use crate::actuator::MotorOptions;
 use crate::error::Result;
 use crate::params::Params;
 use serde::{Deserialize, Serialize};
@@ -15,8 +17,6 @@ const EARLY: f64 = 1e-9;
 /// The events of one robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Drawn {
-    /// Episodes begun since the environment was seeded.
-    episode: u32,
     /// Whether the next episode draws what is drawn once an environment.
     startup_due: bool,
     /// Present draws, in the columns of the plan; NaN where there is none.
@@ -25,6 +25,8 @@ struct Drawn {
     times: Vec<f64>,
     /// Draws of each event in this episode.
     counts: Vec<u32>,
+    /// Draws that were repeated since the environment was seeded.
+    repeated: u32,
     /// Control step before which the next event fires.
     next: f64,
 }
@@ -40,39 +42,40 @@ pub struct Saved {
 /// The events of a chunk's robots.
 pub struct Randomized {
     pub plan: Arc<Plan>,
-    nominal: Vec<Arc<Params>>,
+    nominal: Vec<Arc<Setup>>,
     drawn: Vec<Drawn>,
-    /// Room for the parameters of one robot.
-    robot: Params,
+    /// Options that the motors have.
+    actuators: Vec<MotorOptions>,
+    /// Room for one robot.
+    robot: Setup,
 }
+
+/// Whether a robot that events have made can be, besides what its model asks of its parameters.
+pub type Judge<'a> = &'a dyn Fn(&Setup) -> Result<()>;
 
 impl Drawn {
     fn new(plan: &Plan) -> Self {
         let n = plan.events.len();
         Self {
-            episode: 0,
             startup_due: true,
             draws: vec![f64::NAN; plan.width],
             times: vec![f64::INFINITY; n],
             counts: vec![0; n],
+            repeated: 0,
             next: f64::INFINITY,
         }
     }
 
-    /// Draws what a new environment has, in its episode 0.
-    fn start(&mut self, plan: &Plan, key: Key) {
-        self.startup_due = false;
+    /// Draws what a new environment has.
+    fn start(&mut self, plan: &Plan, source: Source, attempt: u32) {
+        self.draws.fill(f64::NAN);
         for event in plan.events.iter().filter(|event| event.event.when == When::Startup) {
-            event.draw(key, 0, 0, &mut self.draws[event.columns()]);
+            event.draw(Source { episode: 0, ..source }, 0, attempt, &mut self.draws[event.columns()]);
         }
     }
 
     /// Draws what a new episode has, and the times of what comes later.
-    fn begin(&mut self, plan: &Plan, key: Key) {
-        if self.startup_due {
-            self.start(plan, key);
-        }
-        self.episode = self.episode.wrapping_add(1);
+    fn begin(&mut self, plan: &Plan, source: Source, attempt: u32) {
         self.counts.fill(0);
         for (event, time) in plan.events.iter().zip(&mut self.times) {
             let draws = &mut self.draws[event.columns()];
@@ -80,15 +83,71 @@ impl Drawn {
             match event.event.when {
                 When::Startup => continue,
                 When::Reset => {
-                    event.draw(key, self.episode, 0, draws);
+                    event.draw(source, 0, attempt, draws);
                     continue;
                 }
                 When::At(at) => *time = at,
-                When::Every(_) => *time = event.gap(key, self.episode, 0),
+                When::Every(_) => *time = event.gap(source, 0),
             }
             draws.fill(f64::NAN);
         }
         self.find_next(plan);
+    }
+
+    /// Draws, by `draw`, until the robot that this makes of a nominal one can be. If it never can, it is the nominal one and
+    /// has no draws. Returns whether it can.
+    fn settle(
+        &mut self,
+        of: (&Plan, &Setup),
+        robot: &mut Setup,
+        accepts: &mut dyn FnMut(&Setup) -> Result<()>,
+        draw: impl Fn(&mut Self, u32),
+    ) -> bool {
+        let (plan, nominal) = of;
+        for attempt in 0..ATTEMPTS {
+            draw(self, attempt);
+            plan.apply(nominal, &self.draws, robot);
+            if accepts(robot).is_ok() {
+                return true;
+            }
+            self.repeated = self.repeated.saturating_add(1);
+        }
+        self.draws.fill(f64::NAN);
+        robot.clone_from(nominal);
+        accepts(robot).expect("the nominal robot was accepted");
+        false
+    }
+
+    /// [`Drawn::settle`] of a new environment.
+    fn settle_start(
+        &mut self,
+        of: (&Plan, &Setup),
+        robot: &mut Setup,
+        source: Source,
+        accepts: &mut dyn FnMut(&Setup) -> Result<()>,
+    ) {
+        self.startup_due = !self.settle(of, robot, accepts, |drawn, attempt| drawn.start(of.0, source, attempt));
+    }
+
+    /// [`Drawn::settle`] of a new episode, in a new environment if it is due.
+    fn settle_episode(
+        &mut self,
+        of: (&Plan, &Setup),
+        robot: &mut Setup,
+        source: Source,
+        accepts: &mut dyn FnMut(&Setup) -> Result<()>,
+    ) {
+        if self.startup_due {
+            self.settle_start(of, robot, source, accepts);
+        }
+        let settled = self.settle(of, robot, accepts, |drawn, attempt| drawn.begin(of.0, source, attempt));
+        self.startup_due |= !settled;
+    }
+
+    /// Counts a draw of event `k`; the next one comes after `gap`, s.
+    fn count(&mut self, k: usize, gap: f64) {
+        self.counts[k] = self.counts[k].wrapping_add(1);
+        self.times[k] += gap;
     }
 
     fn find_next(&mut self, plan: &Plan) {
@@ -106,19 +165,25 @@ impl Drawn {
 }
 
 impl Randomized {
-    /// Of `used` robots of the same nominal parameters; draws nothing.
-    pub fn new(plan: &Arc<Plan>, nominal: &Arc<Params>, used: usize) -> Self {
+    /// Of `used` robots of the same nominal kind; draws nothing.
+    pub fn new(plan: &Arc<Plan>, nominal: &Arc<Setup>, used: usize) -> Self {
         Self {
             nominal: vec![Arc::clone(nominal); used],
             drawn: vec![Drawn::new(plan); used],
-            robot: Params::clone(nominal),
+            actuators: vec![nominal.actuators.clone(); used],
+            robot: Setup::clone(nominal),
             plan: Arc::clone(plan),
         }
     }
 
     /// Parameters that robot `i` has without events.
     pub fn nominal(&self, i: usize) -> &Params {
-        &self.nominal[i]
+        &self.nominal[i].params
+    }
+
+    /// Present options of the motors of robot `i`.
+    pub fn actuators(&self, i: usize) -> &MotorOptions {
+        &self.actuators[i]
     }
 
     /// Present draws of robot `i`, in the columns of the plan; NaN where there is none.
@@ -126,31 +191,47 @@ impl Randomized {
         &self.drawn[i].draws
     }
 
+    /// How many draws of robot `i` made one that cannot be, and were repeated, since it was seeded.
+    pub fn repeated(&self, i: usize) -> u32 {
+        self.drawn[i].repeated
+    }
+
     /// Makes robot `i` what it is in a new environment.
-    pub fn start<R: Robots>(&mut self, robots: &mut R, i: usize, key: Key) {
-        self.drawn[i].start(&self.plan, key);
-        self.assign_or_nominal(robots, i);
+    pub fn start<R: Robots>(&mut self, robots: &mut R, i: usize, source: Source, judge: Judge<'_>) {
+        let of = (&*self.plan, &*self.nominal[i]);
+        let accepts = &mut |robot: &Setup| accept(robots, i, robot, judge);
+        self.drawn[i].settle_start(of, &mut self.robot, source, accepts);
+        self.actuators[i].clone_from(&self.robot.actuators);
     }
 
     /// Makes robot `i` what it is in a new episode.
-    pub fn begin<R: Robots>(&mut self, robots: &mut R, i: usize, key: Key) {
-        self.drawn[i].begin(&self.plan, key);
-        self.assign_or_nominal(robots, i);
+    pub fn begin<R: Robots>(&mut self, robots: &mut R, i: usize, source: Source, judge: Judge<'_>) {
+        let of = (&*self.plan, &*self.nominal[i]);
+        let accepts = &mut |robot: &Setup| accept(robots, i, robot, judge);
+        self.drawn[i].settle_episode(of, &mut self.robot, source, accepts);
+        self.actuators[i].clone_from(&self.robot.actuators);
     }
 
     /// The parameters that robot `i` would have in a new episode, after a new seed if there is one.
-    pub fn of_next_episode(&self, i: usize, key: Key, seeded: bool) -> Params {
+    pub fn of_next_episode<R: Robots>(
+        &self,
+        robots: &R,
+        i: usize,
+        source: Source,
+        seeded: bool,
+        judge: Judge<'_>,
+    ) -> Params {
         let mut drawn = if seeded { Drawn::new(&self.plan) } else { self.drawn[i].clone() };
-        drawn.begin(&self.plan, key);
         let mut robot = self.robot.clone();
-        self.plan.apply(&self.nominal[i], &drawn.draws, &mut robot);
-        robot
+        let accepts = &mut |robot: &Setup| judge(robot).and_then(|()| robots.could_have(&robot.params));
+        drawn.settle_episode((&self.plan, &self.nominal[i]), &mut robot, source, accepts);
+        robot.params
     }
 
-    /// Counts the episodes of robot `i` anew, under a new seed.
+    /// Draws anew, under a new seed, what is drawn once an environment.
     pub fn seed(&mut self, i: usize) {
-        self.drawn[i].episode = 0;
         self.drawn[i].startup_due = true;
+        self.drawn[i].repeated = 0;
     }
 
     /// Whether an event of robot `i` fires before control step `step` of its episode.
@@ -159,97 +240,122 @@ impl Randomized {
         step >= self.drawn[i].next
     }
 
-    /// Fires what is due: parameters first, then pushes on the robot that these make.
-    pub fn fire<R: Robots>(&mut self, robots: &mut R, i: usize, key: Key, step: f64) {
+    /// Fires what is due: parameters and options first, then pushes on the robot that these make. Returns whether the robot
+    /// is another.
+    pub fn fire<R: Robots>(&mut self, robots: &mut R, i: usize, source: Source, step: f64, judge: Judge<'_>) -> bool {
         let plan = Arc::clone(&self.plan);
         let now = (step + EARLY) * plan.control_dt;
-        for pushes in [false, true] {
-            let mut changed = false;
+        // One bit an event; a list has no more.
+        let mut fired = 0u64;
+        for (k, event) in plan.events.iter().enumerate() {
+            let drawn = &mut self.drawn[i];
+            if matches!(event.target, Target::Push) || drawn.times[k] > now {
+                continue;
+            }
+            event.draw(source, drawn.counts[k], 0, &mut drawn.draws[event.columns()]);
+            drawn.count(k, event.gap(source, drawn.counts[k].wrapping_add(1)));
+            fired |= 1 << k;
+        }
+        let mut attempt = 0;
+        while fired != 0 && !self.assign(robots, i, judge) {
+            attempt += 1;
+            let drawn = &mut self.drawn[i];
+            drawn.repeated = drawn.repeated.saturating_add(1);
             for (k, event) in plan.events.iter().enumerate() {
-                let drawn = &mut self.drawn[i];
-                if matches!(event.target, Target::Push) != pushes || drawn.times[k] > now {
-                    continue;
-                }
                 let draws = &mut drawn.draws[event.columns()];
-                event.draw(key, drawn.episode, drawn.counts[k], draws);
-                drawn.counts[k] = drawn.counts[k].wrapping_add(1);
-                drawn.times[k] += event.gap(key, drawn.episode, drawn.counts[k]);
-                changed = true;
-                if pushes {
-                    let (impulse, point) = event.push(draws, &self.nominal[i]);
-                    robots.push(i, &impulse, point.as_ref()).expect("the largest push was checked");
+                if attempt == ATTEMPTS && event.event.when.is_timed() {
+                    // The robot of the episode's beginning was accepted.
+                    draws.fill(f64::NAN);
+                } else if fired >> k & 1 == 1 {
+                    event.draw(source, drawn.counts[k].wrapping_sub(1), attempt, draws);
                 }
             }
-            if changed && !pushes && !self.assign(robots, i) {
-                // What was drawn within the episode is taken back; the robot of its beginning was accepted.
-                for event in plan.events.iter().filter(|event| event.event.when.is_timed()) {
-                    self.drawn[i].draws[event.columns()].fill(f64::NAN);
-                }
-                self.assign(robots, i);
+            if attempt == ATTEMPTS {
+                self.assign(robots, i, judge);
+                break;
             }
         }
+        for (k, event) in plan.events.iter().enumerate() {
+            let drawn = &mut self.drawn[i];
+            if !matches!(event.target, Target::Push) || drawn.times[k] > now {
+                continue;
+            }
+            let draws = &mut drawn.draws[event.columns()];
+            event.draw(source, drawn.counts[k], 0, draws);
+            let (impulse, point) = event.push(draws, &self.nominal[i].params);
+            robots.push(i, &impulse, point.as_ref()).expect("the largest push was checked");
+            drawn.count(k, event.gap(source, drawn.counts[k].wrapping_add(1)));
+        }
         self.drawn[i].find_next(&plan);
+        fired != 0
     }
 
     /// The robot that the present draws of robot `i` make of a nominal one.
-    pub fn made_of(&self, i: usize, nominal: &Params) -> Params {
-        let mut robot = nominal.clone();
-        self.plan.apply(nominal, &self.drawn[i].draws, &mut robot);
+    pub fn made_of(&self, i: usize, nominal: &Params) -> Setup {
+        let mut robot = self.robot.clone();
+        self.plan.apply(&self.nominal_with(i, nominal), &self.drawn[i].draws, &mut robot);
         robot
     }
 
     /// Replaces the parameters that robot `i` has without events, once [`Randomized::made_of`] has been taken for them.
     pub fn set_nominal(&mut self, i: usize, nominal: &Params) {
-        self.nominal[i] = Arc::new(nominal.clone());
+        self.nominal[i] = Arc::new(self.nominal_with(i, nominal));
+    }
+
+    fn nominal_with(&self, i: usize, params: &Params) -> Setup {
+        Setup { params: params.clone(), actuators: self.nominal[i].actuators.clone() }
     }
 
     /// Everything that the future of robot `i` depends on.
     pub fn save(&self, i: usize) -> Saved {
-        Saved { checksum: self.plan.checksum, nominal: self.nominal[i].numbers(), drawn: self.drawn[i].clone() }
+        Saved { checksum: self.plan.checksum, nominal: self.nominal(i).numbers(), drawn: self.drawn[i].clone() }
     }
 
     /// Takes what [`Randomized::save`] gave, of a robot that has the parameters `params`; the nominal ones pass `accept`.
     ///
     /// # Errors
-    /// [`crate::Error::Decode`] if it is not that, and what `accept` finds; nothing has changed then.
+    /// [`crate::Error::Decode`] if it is not that, and what `accept` and `judge` find; nothing has changed then.
     pub fn load(
         &mut self,
         i: usize,
         saved: &Saved,
         params: &Params,
         accept: impl FnOnce(&Params) -> Result<()>,
+        judge: Judge<'_>,
     ) -> Result<()> {
         if saved.checksum != self.plan.checksum || !saved.drawn.fits(&self.plan) {
             return Err(refused("its events differ".into()));
         }
         let nominal = Params::from_numbers(&saved.nominal).ok_or_else(|| refused("it lacks parameters".into()))?;
-        if nominal != *self.nominal[i] {
+        if nominal != self.nominal[i].params {
             accept(&nominal)?;
         }
+        let nominal = self.nominal_with(i, &nominal);
         self.plan.apply(&nominal, &saved.drawn.draws, &mut self.robot);
-        if self.robot != *params {
+        if self.robot.params != *params {
             return Err(refused("its robot is not that of its draws".into()));
         }
+        judge(&self.robot)?;
         self.drawn[i] = saved.drawn.clone();
         self.drawn[i].find_next(&self.plan);
         self.nominal[i] = Arc::new(nominal);
+        self.actuators[i].clone_from(&self.robot.actuators);
         Ok(())
     }
 
-    /// Makes robot `i` that of its draws; false, and nothing has changed, if the model refuses it.
-    fn assign<R: Robots>(&mut self, robots: &mut R, i: usize) -> bool {
+    /// Makes robot `i` that of its draws; false, and nothing has changed, if it cannot be.
+    fn assign<R: Robots>(&mut self, robots: &mut R, i: usize, judge: Judge<'_>) -> bool {
         self.plan.apply(&self.nominal[i], &self.drawn[i].draws, &mut self.robot);
-        robots.set_params(i, &self.robot).is_ok()
-    }
-
-    /// The same; a robot that the model refuses, although all that was tried of the ranges passed, is the nominal one in
-    /// this episode, and has no draws.
-    fn assign_or_nominal<R: Robots>(&mut self, robots: &mut R, i: usize) {
-        if self.assign(robots, i) {
-            return;
+        if accept(robots, i, &self.robot, judge).is_err() {
+            return false;
         }
-        self.drawn[i].draws.fill(f64::NAN);
-        self.drawn[i].startup_due = true;
-        robots.set_params(i, &self.nominal[i]).expect("the nominal robot was accepted");
+        self.actuators[i].clone_from(&self.robot.actuators);
+        true
     }
+}
+
+/// Makes robot `i` another one; an error, and nothing has changed, if that cannot be.
+fn accept<R: Robots>(robots: &mut R, i: usize, robot: &Setup, judge: Judge<'_>) -> Result<()> {
+    judge(robot)?;
+    robots.set_params(i, &robot.params).map(|_| ())
 }

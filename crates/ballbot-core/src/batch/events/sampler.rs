@@ -1,37 +1,61 @@
-//! Random numbers by key: ChaCha8 with the environment's seed, on a stream of the event.
+//! Random numbers by key and counter: Philox4x32-10 with the environment's seed, a key of its own for each event.
 
 use super::event::Distribution;
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use crate::lanes::philox;
 use std::f64::consts::TAU;
 
-/// Seed of an environment, as its generator of starts has it. That generator is on stream 0.
-pub type Key = [u8; 32];
+/// Of an environment.
+pub type Key = [u32; 2];
+
+/// The key that follows from the seed of an environment's generator of starts.
+pub fn key_of(seed: [u8; 32]) -> Key {
+    let [a, b, c, d, e, f, g, h, ..] = seed;
+    [[a, b, c, d], [e, f, g, h]].map(u32::from_le_bytes)
+}
+
+/// Where the random numbers of an episode come from.
+#[derive(Clone, Copy, Debug)]
+pub struct Source {
+    pub key: Key,
+    /// Counts from the seed on; 0 is before the first.
+    pub episode: u32,
+}
 
 /// Standard deviations at which the normal distribution is truncated.
 pub const TRUNCATION: f64 = 3.0;
 
-/// Words of a draw's place: one refill of the generator.
-const WORDS_LOG2: u32 = 6;
-/// Draws of an event in an episode.
-const COUNT_LOG2: u32 = 30;
+/// What keeps the keys of events apart from random numbers of other uses under the same key.
+const STREAM: [u32; 2] = [u32::from_le_bytes(*b"draw"), 1];
+
+/// How often a draw is repeated that makes a robot that cannot be.
+pub const ATTEMPTS: u32 = 64;
 
 /// The random numbers of one draw of one event.
-pub struct Sampler(ChaCha8Rng);
+pub struct Sampler {
+    key: Key,
+    /// Blocks of words so far, attempt, count and episode.
+    counter: [u32; 4],
+    words: [u32; 4],
+    used: usize,
+}
 
 impl Sampler {
-    /// Of draw `count` (from 0) of the event with stream `stream` in episode `episode`; episode 0 is before the first.
-    pub fn new(key: Key, stream: u64, episode: u32, count: u32) -> Self {
-        let mut rng = ChaCha8Rng::from_seed(key);
-        rng.set_stream(stream);
-        rng.set_word_pos(((u128::from(episode) << COUNT_LOG2) + u128::from(count)) << WORDS_LOG2);
-        Self(rng)
+    /// Of draw `count` of the event with id `id`, for the `attempt`th time; both count from 0.
+    pub fn new(source: Source, id: u64, count: u32, attempt: u32) -> Self {
+        let [a, b, ..] = philox(source.key, [id as u32, (id >> 32) as u32, STREAM[0], STREAM[1]]);
+        Self { key: [a, b], counter: [0, attempt, count, source.episode], words: [0; 4], used: 4 }
     }
 
     /// A number in [0, 1).
     pub fn unit(&mut self) -> f64 {
-        self.0.random()
+        if self.used == self.words.len() {
+            self.words = philox(self.key, self.counter);
+            self.counter[0] = self.counter[0].wrapping_add(1);
+            self.used = 0;
+        }
+        let [low, high] = [self.words[self.used], self.words[self.used + 1]].map(u64::from);
+        self.used += 2;
+        ((high << 32 | low) >> 11) as f64 * (0.5 * f64::EPSILON)
     }
 
     /// A number of the distribution; `pair` is low and high, or mean and standard deviation.
@@ -44,6 +68,13 @@ impl Sampler {
         };
         // Against rounding.
         value.clamp(low, high)
+    }
+
+    /// One of the whole multiples of a time from the first to the last, each as likely.
+    pub fn draw_whole(&mut self, [first, last]: [f64; 2], grain: f64) -> f64 {
+        let steps = ((last - first) / grain).round();
+        let chosen = (self.unit() * (steps + 1.0)).floor().min(steps);
+        (((first / grain).round() + chosen) * grain).clamp(first, last)
     }
 
     /// Box and Muller; draws beyond the truncation are drawn again.

@@ -189,8 +189,14 @@ impl Model for RigidMotion {
         } else {
             let mut robot = Self::new(params, self.settings.dt)?;
             if same_geometry(&self.params, params) {
-                robot.set_motion(&self.state());
+                let state = self.state();
+                robot.set_motion(&state);
                 robot.sim_state = self.sim_state;
+                // A pending push keeps its point: its angular impulse is about the root, which has moved.
+                let [x, y, z, turn @ ..] = &mut robot.sim_state.push;
+                let moved = state.body_quaternion * (self.root - robot.root);
+                let change = moved.cross(&Vector3::new(*x, *y, *z));
+                turn.iter_mut().zip(&change).for_each(|(turn, change)| *turn += change);
             }
             *self = robot;
         }

@@ -1,0 +1,83 @@
+//! What events may change of a robot: tables of numbers, each with its names.
+
+use crate::actuator::MotorOptions;
+use crate::error::{Error, Result};
+use crate::fields::Fields;
+use crate::params::Params;
+
+/// A robot with the options of its stages.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    pub params: Params,
+    pub actuators: MotorOptions,
+}
+
+/// A part of a [`Setup`]. That of another stage needs a variant here, and its arms below.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Table {
+    Params,
+    Actuators,
+}
+
+impl Table {
+    const ALL: [Self; 2] = [Self::Params, Self::Actuators];
+
+    /// What stands before the names of its numbers in a term.
+    const fn prefix(self) -> &'static str {
+        match self {
+            Self::Params => "",
+            Self::Actuators => "actuators.",
+        }
+    }
+
+    /// Names of its numbers.
+    fn names(self) -> Vec<&'static str> {
+        match self {
+            Self::Params => Params::NAMES.to_vec(),
+            Self::Actuators => MotorOptions::FIELDS.iter().map(|field| field.name).collect(),
+        }
+    }
+
+    /// How many numbers one of them has.
+    pub fn width(self, index: usize) -> usize {
+        match self {
+            Self::Params => Params::WIDTHS[index],
+            Self::Actuators => MotorOptions::FIELDS[index].len,
+        }
+    }
+
+    /// The time of which one of them is a whole multiple, s, if it is so.
+    pub fn grain(self, index: usize, sim_dt: f64) -> Option<f64> {
+        match self {
+            Self::Params => None,
+            Self::Actuators => MotorOptions::in_model_steps(index).then_some(sim_dt),
+        }
+    }
+
+    /// The table and place of a term.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] with all terms, those of `others` first.
+    pub fn find(term: &str, others: &[&str]) -> Result<(Self, usize)> {
+        let place = |table: Self| {
+            let name = term.strip_prefix(table.prefix())?;
+            Some((table, table.names().iter().position(|known| *known == name)?))
+        };
+        Self::ALL.into_iter().find_map(place).ok_or_else(|| {
+            let all = |table: Self| table.names().into_iter().map(move |name| format!("{}{name}", table.prefix()));
+            let known: Vec<_> = Self::ALL.into_iter().flat_map(all).collect();
+            let known: Vec<_> = others.iter().copied().chain(known.iter().map(String::as_str)).collect();
+            Error::unknown("term", term, &known)
+        })
+    }
+}
+
+impl Setup {
+    /// Numbers of a table, to change them.
+    pub fn values_mut(&mut self, table: Table, index: usize) -> &mut [f64] {
+        match table {
+            Table::Params => self.params.values_mut(index),
+            Table::Actuators => self.actuators.values_mut(index),
+        }
+    }
+}
