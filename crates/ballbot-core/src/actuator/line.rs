@@ -102,7 +102,7 @@ impl Line {
             if self.jitter {
                 // Even over 0, 1, ..., jitter once it is rounded up.
                 let share = self.next_share(memory);
-                arrives = arrives + (share.mul_add(jitter + 1.0, share.splat(-1.0))).max(share.zero());
+                arrives += share.mul_add(jitter + 1.0, share.splat(-1.0)).max(share.zero());
             }
             memory.set(kept(0), arrives);
             for (wheel, command) in commands.into_iter().enumerate() {

@@ -70,7 +70,7 @@ fn pushes_come_from_everywhere() {
 #[test]
 fn a_push_and_a_change_of_mass_in_one_step_come_in_any_order() {
     let paper = Params::paper();
-    let heavy = Params { body_mass: 1.5 * paper.body_mass, ball_mass: 1.2 * paper.ball_mass, ..paper.clone() };
+    let heavy = Params { body_mass: 1.5 * paper.body_mass, ball_mass: 1.2 * paper.ball_mass, ..paper };
     let (impulse, point) = (Vector3::new(0.2, -0.1, 0.0), Vector3::new(0.02, 0.01, 0.3));
     for model in ModelKind::ALL {
         let mut found = Vec::new();

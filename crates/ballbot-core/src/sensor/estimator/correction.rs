@@ -83,10 +83,10 @@ impl Estimator {
             let slips = surprise | self.jump.exceeded(i, change, turning, dt);
             belief.slipping[i] = L::select(slips, like.splat(1.0), zero);
             innovation[i] = L::select(slips, zero, innovation[i]);
-            for j in 0..STATES {
-                g[i][j] = L::select(slips, zero, g[i][j]);
+            for gain in &mut g[i] {
+                *gain = L::select(slips, zero, *gain);
             }
-            for j in 0..3 {
+            for j in [0, 1, 2] {
                 let apart = if i == j { like.splat(1.0) } else { zero };
                 s[i][j] = L::select(slips, apart, s[i][j]);
                 s[j][i] = L::select(slips, apart, s[j][i]);

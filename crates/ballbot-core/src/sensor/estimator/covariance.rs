@@ -53,25 +53,25 @@ impl<L: Lane> Covariance<L> {
     /// Reads [`NUMBERS`] numbers from `first` on.
     #[inline(always)]
     pub fn load(memory: &Memory<'_, L>, first: usize) -> Self {
-        let mut rows = [[memory.get(first); STATES]; STATES];
+        let mut out = Self { rows: [[memory.get(first); STATES]; STATES] };
         let mut at = first;
         for i in 0..STATES {
             for j in i..STATES {
-                rows[i][j] = memory.get(at);
-                rows[j][i] = rows[i][j];
+                out.rows[i][j] = memory.get(at);
+                out.rows[j][i] = out.rows[i][j];
                 at += 1;
             }
         }
-        Self { rows }
+        out
     }
 
     /// Writes what [`Covariance::load`] reads.
     #[inline(always)]
     pub fn store(&self, memory: &mut Memory<'_, L>, first: usize) {
         let mut at = first;
-        for i in 0..STATES {
-            for j in i..STATES {
-                memory.set(at, self.rows[i][j]);
+        for (i, row) in self.rows.iter().enumerate() {
+            for &number in &row[i..] {
+                memory.set(at, number);
                 at += 1;
             }
         }
@@ -123,9 +123,9 @@ impl<L: Lane> Covariance<L> {
     pub fn reduce(&mut self, g: &[[L; STATES]; 3], inverse: &Mat3<L>) {
         for i in 0..STATES {
             let gain = inverse.times(Vec3::new(g[0][i], g[1][i], g[2][i]));
-            for j in i..STATES {
-                let less = gain.dot(Vec3::new(g[0][j], g[1][j], g[2][j]));
-                self.rows[i][j] = self.rows[i][j] - less;
+            for (j, ((&a, &b), &c)) in g[0].iter().zip(&g[1]).zip(&g[2]).enumerate().skip(i) {
+                let less = gain.dot(Vec3::new(a, b, c));
+                self.rows[i][j] -= less;
                 self.rows[j][i] = self.rows[i][j];
             }
         }
