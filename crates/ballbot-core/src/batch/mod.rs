@@ -16,6 +16,7 @@ mod events;
 mod kinds;
 mod ledger;
 mod pieces;
+mod renewing;
 mod resetting;
 mod robots;
 mod saving;
