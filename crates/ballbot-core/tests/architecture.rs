@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BOTTOM: [&str; 15] = [
+const BOTTOM: [&str; 16] = [
     "error",
     "files",
     "interrupt",
@@ -21,6 +21,7 @@ const BOTTOM: [&str; 15] = [
     "kinematics",
     "energy",
     "model",
+    "names",
     "snapshot",
     "lanes",
     "lane_state",

@@ -13,7 +13,6 @@ use crate::error::{Error, Result};
 use crate::interrupt::{Stop, Watch};
 use crate::lanes::EIGHT;
 use crate::memory::require_memory;
-use crate::params::Params;
 use crate::robot::{Ballbot, ModelKind, check_restored};
 use crate::sensor::Sensor;
 use crate::sim::contact::ContactLanes;
@@ -264,27 +263,6 @@ impl Batch {
     pub fn contacts(&self, index: usize) -> Result<Contacts> {
         let (chunk, i) = self.locate(index)?;
         Ok(self.chunks[chunk].contacts(i))
-    }
-
-    /// Parameters of one robot.
-    ///
-    /// # Errors
-    /// As [`Batch::state`].
-    pub fn params(&self, index: usize) -> Result<&Params> {
-        let (chunk, i) = self.locate(index)?;
-        Ok(self.chunks[chunk].params(i))
-    }
-
-    /// Replaces the parameters of one robot; they outlive resets, and are those that events draw from. If the geometry
-    /// (radii, wheel angles, place of the CoM)
-    /// is the same, its motion goes on; otherwise the environment must be reset before its next step.
-    ///
-    /// # Errors
-    /// As [`Batch::state`]; those of [`Params::validate`]; [`Error::OutOfRange`] or [`Error::Inconsistent`] if the task,
-    /// its actions or its events do not fit the robot. The robot is then left as it was.
-    pub fn set_params(&mut self, index: usize, params: &Params) -> Result<()> {
-        let (chunk, i) = self.locate(index)?;
-        self.chunks[chunk].set_params(i, params)
     }
 
     /// Terms of the last reward of one environment, in the order of [`TaskDescription::terms`].

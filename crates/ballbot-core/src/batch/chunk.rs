@@ -119,14 +119,6 @@ pub(super) struct ControlMemory<C> {
     pub(super) cells: Vec<C>,
 }
 
-/// Whether a robot that events have made can be, besides what its model asks of its parameters.
-pub(super) fn judge<T: Task, A: Actuator>(actuator: &A, config: &EnvConfig<T>) -> impl Fn(&Setup) -> Result<()> {
-    |robot| {
-        actuator.fits(&robot.actuators, &robot.params)?;
-        config.task.validate(&robot.params)
-    }
-}
-
 /// Environments whose robots are `R`, with task `T`, actuator `A` and sensor `S`.
 pub struct Environments<R: Robots, T, A, S> {
     pub(super) config: Arc<EnvConfig<T>>,
@@ -135,7 +127,7 @@ pub struct Environments<R: Robots, T, A, S> {
     substeps: usize,
     action_torque: f64,
     /// How many robots are environments; the others stand still.
-    used: usize,
+    pub(super) used: usize,
     pub(super) robots: R,
     /// As in [`TaskStep::run`].
     com_directions: [R::Cell; 3],
@@ -197,7 +189,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         };
         environments.check_starts(0)?;
         if let Some(events) = &mut environments.events {
-            let judge = judge(&environments.actuator, &environments.config);
+            let judge = config.judge(&environments.actuator);
             for (i, rng) in environments.rngs.iter().enumerate() {
                 let source = Source { key: key_of(rng.get_seed()), episode: 0 };
                 events.start(&mut environments.robots, i, source, &judge);
@@ -222,45 +214,6 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             })?;
         }
         Ok(())
-    }
-
-    /// Makes robot `i` what it is in a new episode; it must then be placed.
-    fn renew(&mut self, i: usize) {
-        self.episodes[i] = self.episodes[i].wrapping_add(1);
-        if let Some(events) = &mut self.events {
-            let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
-            events.begin(&mut self.robots, i, source, &judge(&self.actuator, &self.config));
-            self.note_com(i);
-        }
-    }
-
-    /// Whether each robot has motors of its own.
-    fn has_own_motors(&self) -> bool {
-        A::INDIVIDUAL && self.events.is_some()
-    }
-
-    /// Gives robot `i` its present motors, within an episode.
-    pub(super) fn equip(&mut self, i: usize) {
-        let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) else { return };
-        let (all, one) = (&mut self.ledger.actuator, &mut self.one.actuator);
-        one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
-        self.actuator.equip(events.actuators(i), self.robots.params(i), one);
-        all.iter_mut().zip(&*one).for_each(|(cell, one)| cell.set(i, *one));
-    }
-
-    /// Fires the events that are due.
-    fn fire_events(&mut self, autoreset: Autoreset) {
-        for i in 0..self.used {
-            let Some(events) = self.events.as_mut().filter(|events| events.plan.timed) else { return };
-            let step = self.ledger.episode.steps.get(i);
-            if events.due(i, step) && !(autoreset == Autoreset::NextStep && self.over[i]) {
-                let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
-                // The shape stays, and with it the place of the CoM.
-                if events.fire(&mut self.robots, i, source, step, &judge(&self.actuator, &self.config)) {
-                    self.equip(i);
-                }
-            }
-        }
     }
 
     /// Replaces the parameters of robot `i` as they are.
@@ -409,7 +362,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             Some(seed) => Source { key: key_of(ChaCha8Rng::seed_from_u64(seed).get_seed()), episode: 1 },
             None => Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i].wrapping_add(1) },
         };
-        let judge = judge(&self.actuator, &self.config);
+        let judge = self.config.judge(&self.actuator);
         let params = events.of_next_episode(&self.robots, i, source, seed.is_some(), &judge);
         if params == *self.robots.params(i) {
             return self.robots.accepts(i, start);
@@ -472,7 +425,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         params.validate()?;
         self.config.check_events(&events.plan, params)?;
         let robot = events.made_of(i, params);
-        judge(&self.actuator, &self.config)(&robot)?;
+        self.config.judge(&self.actuator)(&robot)?;
         self.replace_robot(i, &robot.params)?;
         if let Some(events) = &mut self.events {
             events.set_nominal(i, params);

@@ -2,7 +2,7 @@
 
 use super::events::{Event, Plan, Setup, Tests};
 use super::observation::Observation;
-use crate::actuator::{Ideal, IndividualMotors, MotorOptions, Motors};
+use crate::actuator::{Actuator, Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::control::default_max_torque;
 use crate::error::{Error, Result, check, positive};
 use crate::model::same_geometry;
@@ -230,6 +230,14 @@ impl<T: Task> EnvConfig<T> {
             self.task.extreme_starts(params).iter().try_for_each(|start| robot.accepts(start))
         };
         plan.check(&nominal, &Tests { robot: &robot, starts: &starts })
+    }
+
+    /// Whether a robot that events have made can be, besides what its model asks of its parameters.
+    pub(super) fn judge<A: Actuator>(&self, actuator: &A) -> impl Fn(&Setup) -> Result<()> {
+        |robot| {
+            actuator.fits(&robot.actuators, &robot.params)?;
+            self.task.validate(&robot.params)
+        }
     }
 
     /// Checks that a robot (a valid one) can be driven by the actions of this environment.

@@ -1,4 +1,4 @@
-//! What events have drawn of the robots of a batch.
+//! The robots of a batch, and what events have drawn of them.
 
 use super::batch::Batch;
 use crate::actuator::MotorOptions;
@@ -6,6 +6,27 @@ use crate::error::Result;
 use crate::params::Params;
 
 impl Batch {
+    /// Parameters of one robot.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn params(&self, index: usize) -> Result<&Params> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].params(i))
+    }
+
+    /// Replaces the parameters of one robot; they outlive resets, and are those that events draw from. If the geometry
+    /// (radii, wheel angles, place of the CoM)
+    /// is the same, its motion goes on; otherwise the environment must be reset before its next step.
+    ///
+    /// # Errors
+    /// As [`Batch::state`]; those of [`Params::validate`]; [`Error::OutOfRange`] or [`Error::Inconsistent`] if the task,
+    /// its actions or its events do not fit the robot. The robot is then left as it was.
+    pub fn set_params(&mut self, index: usize, params: &Params) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        self.chunks[chunk].set_params(i, params)
+    }
+
     /// Parameters that one robot has without events: those it was made with, or of the last [`Batch::set_params`].
     ///
     /// # Errors

@@ -19,6 +19,7 @@ mod observation;
 mod observations;
 mod observing;
 mod pieces;
+mod renewing;
 mod resetting;
 mod robots;
 mod saving;

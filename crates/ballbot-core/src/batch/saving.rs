@@ -1,6 +1,6 @@
 //! Environments as bytes.
 
-use super::chunk::{Environments, judge};
+use super::chunk::Environments;
 use super::events::Saved;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::{Robots, refused};
@@ -89,7 +89,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
                 nominal.validate()?;
                 config.check_events(&plan, nominal)
             };
-            loaded = events.load(i, saved, &params, accept, &judge(&self.actuator, config));
+            loaded = events.load(i, saved, &params, accept, &config.judge(&self.actuator));
         }
         if let Err(error) = loaded {
             if changed {

@@ -1,0 +1,51 @@
+//! What events make of the robots of a chunk.
+
+use super::autoreset::Autoreset;
+use super::chunk::Environments;
+use super::events::{Source, key_of};
+use super::robots::Robots;
+use crate::actuator::Actuator;
+use crate::lanes::Cell;
+use crate::sensor::Sensor;
+use crate::task::Task;
+
+impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
+    /// Makes robot `i` what it is in a new episode; it must then be placed.
+    pub(super) fn renew(&mut self, i: usize) {
+        self.episodes[i] = self.episodes[i].wrapping_add(1);
+        if let Some(events) = &mut self.events {
+            let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
+            events.begin(&mut self.robots, i, source, &self.config.judge(&self.actuator));
+            self.note_com(i);
+        }
+    }
+
+    /// Whether each robot has motors of its own.
+    pub(super) fn has_own_motors(&self) -> bool {
+        A::INDIVIDUAL && self.events.is_some()
+    }
+
+    /// Gives robot `i` its present motors, within an episode.
+    pub(super) fn equip(&mut self, i: usize) {
+        let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) else { return };
+        let (all, one) = (&mut self.ledger.actuator, &mut self.one.actuator);
+        one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
+        self.actuator.equip(events.actuators(i), self.robots.params(i), one);
+        all.iter_mut().zip(&*one).for_each(|(cell, one)| cell.set(i, *one));
+    }
+
+    /// Fires the events that are due.
+    pub(super) fn fire_events(&mut self, autoreset: Autoreset) {
+        for i in 0..self.used {
+            let Some(events) = self.events.as_mut().filter(|events| events.plan.timed) else { return };
+            let step = self.ledger.episode.steps.get(i);
+            if events.due(i, step) && !(autoreset == Autoreset::NextStep && self.over[i]) {
+                let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
+                // The shape stays, and with it the place of the CoM.
+                if events.fire(&mut self.robots, i, source, step, &self.config.judge(&self.actuator)) {
+                    self.equip(i);
+                }
+            }
+        }
+    }
+}
