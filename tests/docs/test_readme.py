@@ -1,15 +1,34 @@
-"""The README's Python runs as it stands, its training included."""
+"""The README's Python runs as it stands, its training included; its command lines are ones that the parser takes."""
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
 
 import ballbot_rs as bb
+from ballbot_rs.cli import parser
 from tests.support.paths import ROOT
 
 BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
 TRAINING = next(block for block in BLOCKS if "PPO(" in block)
+
+COMMANDS = [
+    (page.relative_to(ROOT).as_posix(), line)
+    for page in sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+    for block in re.findall(r"```sh\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for line in block.replace("\\\n", " ").splitlines()
+    if line.startswith("ballbot ")
+]
+
+
+@pytest.mark.parametrize(("page", "line"), COMMANDS)
+def test_the_parser_takes_the_command_line(page: str, line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    try:
+        parsed = parser().parse_args(shlex.split(line, comments=True)[1:])
+    except SystemExit:
+        pytest.fail(f"{page}: {line}: {capsys.readouterr().err}")
+    assert callable(parsed.carry_out)
 
 
 @pytest.fixture
