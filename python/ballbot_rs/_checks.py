@@ -48,7 +48,9 @@ def check_reset_options(options: Mapping[str, Any] | None, known: tuple[str, ...
     return options
 
 
-def check_options(who: str, given: Iterable[str], known: Sequence[str], hint: Callable[[str], str] | None = None) -> None:
+def check_options(
+    who: str, given: Iterable[str], known: Sequence[str], hint: Callable[[str], str] | None = None
+) -> None:
     """Checks the names of options.
 
     Raises:

@@ -100,7 +100,10 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["evaluate", "--actuators", "kuggle"], "ideal, kugle, FILE.toml, or FILE.urdf: did you mean 'kugle'?"),
         (["evaluate", "--model", "rigidd"], "did you mean 'rigid'?"),
         (["evaluate", "--events", "milde"], "did you mean 'mild'?"),
-        (["evaluate", "--env-option", "max_torque=1"], "unexpected keyword argument 'max_torque': did you mean 'max_wh"),
+        (
+            ["evaluate", "--env-option", "max_torque=1"],
+            "unexpected keyword argument 'max_torque': did you mean 'max_wh",
+        ),
         (["evaluate", "--env-option", "zzz=1"], "unexpected keyword argument 'zzz': expected one of params, model"),
         (["view", "--env-option", 'actuators={"delay": 0.003}'], "actuators.delay / sim_dt = 1.5 is out of range"),
         (["evaluate", "--param", "body_mass=2"], "--param body_mass=2 needs the robot that it changes: add --robot"),
@@ -331,12 +334,15 @@ def test_the_table_fits_100_columns(capsys, tiny_run):
 
 
 def test_the_table_ends_with_all_conditions_that_are_not_default(capsys):
-    options = ["--events", "mild", "--actuators", "kugle", "--env-option", "reset_tilt=0.02", "--model", "spatial"]
+    options = ["--events", "mild", "--env-option", "reset_tilt=0.02", "--env-option", 'actuators={"delay": 0.01}']
     code, out, _ = run(capsys, "evaluate", "--episodes", 2, "--robot", "paper", "--param", "body_mass=2", *options)
     assert code == 0
     text = " ".join(out.split())
     robot = "robot paper with body_mass = 2"
-    assert f"2 episodes each, model spatial, {robot}, actuators kugle, events mild, reset_tilt = 0.02. Success" in text
+    assert (
+        f"2 episodes each, model contact, {robot}, actuators delay = 0.01, events mild, reset_tilt = 0.02. Success"
+        in text
+    )
     assert "over the last 2 s tilt within 1 deg and ball within 0.1 m of the setpoint." in text
     assert "pid" not in text
     code, out, _ = run(capsys, "evaluate", "--episodes", 1, "--controller", "pid", "--env-option", "success_radius=0.2")

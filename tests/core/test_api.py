@@ -420,9 +420,9 @@ def test_every_option_that_the_core_has_is_documented():
     [
         (lambda: Params.preset("kugel"), "kugle"),
         (lambda: Params.paper().replace(body_masss=1.0), "body_mass"),
-        (lambda: bb.BalanceEnv(reward={"positon": 1.0}), "position"),
-        (lambda: bb.BalanceEnv(actuators={"dealy": 0.01}), "delay"),
-        (lambda: bb.BalanceEnv(obs_nois=1), None),
+        (lambda: ballbot_rs.BalanceEnv(reward={"positon": 1.0}), "position"),
+        (lambda: ballbot_rs.BalanceEnv(actuators={"dealy": 0.01}), "delay"),
+        (lambda: ballbot_rs.BalanceEnv(obs_nois=1), None),
     ],
 )
 def test_an_unknown_name_is_answered_with_the_closest_one(call, closest):

@@ -33,8 +33,9 @@ def test_the_parser_takes_the_command_line(page: str, line: str, capsys: pytest.
 
 @pytest.fixture
 def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working directory with the clone's assets, into which a block may write."""
-    (tmp_path / "assets").symlink_to(ROOT / "assets")
+    """A working directory with the clone's files, into which a block may write."""
+    for name in ("assets", "crates"):
+        (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -53,6 +54,14 @@ def test_first_block_balances_the_robot(clone: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize("index", [i for i, block in enumerate(BLOCKS) if i > 0 and block != TRAINING])
 def test_block_runs(index: int, clone: Path) -> None:  # noqa: ARG001
     run(BLOCKS[index])
+
+
+def test_the_controller_block_is_one_for_the_command_line(clone: Path) -> None:
+    (block,) = (block for block in BLOCKS if "class Damped" in block)
+    (clone / "mine.py").write_text(block, encoding="utf-8")
+    result = bb.evaluate("mine.py:Damped", episodes=1)
+    assert result.control_dt == 0.004
+    assert result.torque_rms > 0.0
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -139,7 +139,9 @@ def check_folder(folder: Path, overwrite: bool) -> None:
     if not folder.exists() or not any(folder.iterdir()):
         return
     if not (folder / run_folder.RECORD).is_file():
-        raise FileExistsError(f"{folder} is not a training run, so it is not overwritten: name another folder with --run")
+        raise FileExistsError(
+            f"{folder} is not a training run, so it is not overwritten: name another folder with --run"
+        )
     if not overwrite:
         raise FileExistsError(
             f"{folder} holds an earlier run: continue it with --resume, delete it with --overwrite, or name another "
