@@ -2,7 +2,7 @@
 
 import difflib
 import operator
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 
@@ -46,6 +46,21 @@ def check_reset_options(options: Mapping[str, Any] | None, known: tuple[str, ...
         if name not in known:
             raise ValueError(f"unknown reset option '{name}': expected one of {', '.join(known)}")
     return options
+
+
+def check_options(
+    who: str, given: Iterable[str], known: Sequence[str], hint: Callable[[str], str] | None = None
+) -> None:
+    """Checks the names of options.
+
+    Raises:
+        TypeError: one is not known; the message names the closest known one, else all.
+    """
+    for name in given:
+        if name not in known:
+            close = (hint and hint(name)) or did_you_mean(name, known) or f": expected one of {', '.join(known)}"
+            # TorchRL looks for these words.
+            raise TypeError(f"{who} got an unexpected keyword argument '{name}'{close}")
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -1,8 +1,11 @@
 """Results of controllers as rows of text."""
 
 import math
-from collections.abc import Callable, Sequence
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
+from ballbot_rs.analysis.conditions import differences, success_rule
 from ballbot_rs.analysis.episodes import Result
 
 #: Columns of a printed line.
@@ -27,13 +30,23 @@ Tilt, torque: root mean square over all steps to the end or the fall. Reward: me
 Ball: largest distance from the setpoint, mean over episodes."""
 
 
+#: Why the PID rarely succeeds.
+PID_NOTE = "pid controls the tilt alone: its ball drifts off, so it seldom succeeds while it stays upright."
+
+
 def rows(results: Sequence[Result]) -> list[list[str]]:
     """The header, and one row a controller."""
     return [list(_COLUMNS), *([cell(result) for cell in _COLUMNS.values()] for result in results)]
 
 
-def print_table(results: Sequence[Result]) -> None:
-    """Prints one row a controller within `WIDTH` columns, and the meaning of the columns."""
+def print_table(results: Sequence[Result], task: str, options: Mapping[str, Any]) -> None:
+    """Prints one row a controller within `WIDTH` columns, the conditions, and the meaning of the columns.
+
+    Args:
+        results: one a controller.
+        task: name of the task.
+        options: options of the environment that they share.
+    """
     header, *body = rows(results)
     # Units have a line of their own, so that names of controllers have room.
     lines = [
@@ -48,7 +61,13 @@ def print_table(results: Sequence[Result]) -> None:
         cells = [_shortened(first, widths[0]).ljust(widths[0])]
         cells += [cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True)]
         print("  ".join(cells).rstrip())
-    print(f"\n{results[0].episodes} episodes each, model {results[0].model}.\n{LEGEND}")
+    conditions = [f"{results[0].episodes} episodes each", f"model {results[0].model}", *differences(task, options)]
+    notes = [", ".join(conditions) + ".", success_rule(task, options), *LEGEND.splitlines()]
+    if any(result.controller == "pid" for result in results):
+        notes.append(PID_NOTE)
+    print()
+    for note in filter(None, notes):
+        print(textwrap.fill(note, WIDTH))
 
 
 def _shortened(name: str, width: int) -> str:

@@ -98,6 +98,14 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["view", "--events", "soft"], "unknown set of events 'soft': expected one of mild, hard"),
         (["view", "--events", "trained"], "events = 'trained': the controllers have no policy"),
         (["view", "--actuators", "nobody"], "unknown actuators 'nobody': expected one of ideal, kugle"),
+        (["evaluate", "--actuators", "kuggle"], "ideal, kugle, FILE.toml, or FILE.urdf: did you mean 'kugle'?"),
+        (["evaluate", "--model", "rigidd"], "did you mean 'rigid'?"),
+        (["evaluate", "--events", "milde"], "did you mean 'mild'?"),
+        (
+            ["evaluate", "--env-option", "max_torque=1"],
+            "unexpected keyword argument 'max_torque': did you mean 'max_wh",
+        ),
+        (["evaluate", "--env-option", "zzz=1"], "unexpected keyword argument 'zzz': expected one of params, model"),
         (["view", "--env-option", 'actuators={"delay": 0.003}'], "actuators.delay / sim_dt = 1.5 is out of range"),
         (["evaluate", "--param", "body_mass=2"], "--param body_mass=2 needs the robot that it changes: add --robot"),
         (["evaluate", "--robot", "paper", "--param", "body_mass"], "--param body_mass: expected NAME=VALUE"),
@@ -179,7 +187,9 @@ def test_train_resume_and_overwrite(capsys, tmp_path, tiny_config):
     assert f"best policy: {folder / 'best_model.zip'}" in out
     code, _, err = run(capsys, *train)
     assert code == 1
-    assert "holds an earlier run: resume it, overwrite it, or name another" in err
+    assert all(option in err for option in ("holds an earlier run", "--resume", "--overwrite", "--run"))
+    assert "saved" not in err, "a refused run has saved nothing"
+    assert err.count("\n") == 1
     longer = (folder / "config.toml").read_text(encoding="utf-8").replace("768", "1024")
     (folder / "config.toml").write_text(longer, encoding="utf-8")
     assert run(capsys, "train", "balance", "--resume", folder, "--quiet", "--episodes", 0, "--no-report")[0] == 0
@@ -322,6 +332,47 @@ def test_the_table_fits_100_columns(capsys, tiny_run):
     code, out, _ = run(capsys, "evaluate", *names, "--episodes", 1)
     assert code == 0
     assert max(map(len, out.splitlines())) <= 100
+
+
+def test_the_table_ends_with_all_conditions_that_are_not_default(capsys):
+    options = ["--events", "mild", "--env-option", "reset_tilt=0.02", "--env-option", 'actuators={"delay": 0.01}']
+    code, out, _ = run(capsys, "evaluate", "--episodes", 2, "--robot", "paper", "--param", "body_mass=2", *options)
+    assert code == 0
+    text = " ".join(out.split())
+    robot = "robot paper with body_mass = 2"
+    assert (
+        f"2 episodes each, model contact, {robot}, actuators delay = 0.01, events mild, reset_tilt = 0.02. Success"
+        in text
+    )
+    assert "over the last 2 s tilt within 1 deg and ball within 0.1 m of the setpoint." in text
+    assert "pid" not in text
+    code, out, _ = run(capsys, "evaluate", "--episodes", 1, "--controller", "pid", "--env-option", "success_radius=0.2")
+    text = " ".join(out.split())
+    assert "1 episodes each, model contact, success_radius = 0.2. Success" in text
+    assert "ball within 0.2 m" in text
+    assert "pid controls the tilt alone: its ball drifts off" in text
+
+
+def test_plot_draws_robots_with_events(capsys, tmp_path):
+    drawn = ("plot", "--events", "hard", "--seed", 3, "--seconds", 0.1, "--json", "-o", tmp_path)
+    code, out, _ = run(capsys, *drawn)
+    assert code == 0
+    assert {Path(file).stem for file in parse_json(out)["files"]} == {"trajectories", "phase_portrait"}
+    code, _, err = run(capsys, *drawn, "--figure", "recovery_map")
+    assert code == 1
+    assert "a recovery map is of one robot" in err
+
+
+def test_the_rate_of_the_pid_does_not_depend_on_what_it_is_compared_with(capsys, tiny_run):
+    def rates(*arguments):
+        code, out, _ = run(capsys, "evaluate", "--episodes", 1, "--json", *arguments)
+        assert code == 0
+        return [result["control_dt"] for result in parse_json(out)["results"]]
+
+    both = ("--controller", tiny_run, "--controller", "pid")
+    assert rates("--controller", "pid") == [0.002]
+    assert rates(*both) == [0.01, 0.002]
+    assert rates(*both, "--env-option", "control_dt=0.004") == [0.004, 0.004]
 
 
 def test_train_takes_values_over_the_configuration(capsys, tmp_path, tiny_config):

@@ -413,3 +413,22 @@ def test_every_option_that_the_core_has_is_documented():
     for name in option_names("balance"):
         assert f"- `{name}`: " in BalanceEnv.__doc__, name
         assert name in BalanceOptions.__annotations__ or name in CommonOptions.__annotations__
+
+
+@pytest.mark.parametrize(
+    ("call", "closest"),
+    [
+        (lambda: Params.preset("kugel"), "kugle"),
+        (lambda: Params.paper().replace(body_masss=1.0), "body_mass"),
+        (lambda: ballbot_rs.BalanceEnv(reward={"positon": 1.0}), "position"),
+        (lambda: ballbot_rs.BalanceEnv(actuators={"dealy": 0.01}), "delay"),
+        (lambda: ballbot_rs.BalanceEnv(obs_nois=1), None),
+    ],
+)
+def test_an_unknown_name_is_answered_with_the_closest_one(call, closest):
+    with pytest.raises((ValueError, TypeError)) as caught:
+        call()
+    text = str(caught.value)
+    assert f"did you mean '{closest}'?" in text if closest else "expected one of params, model" in text
+    restored = pickle.loads(pickle.dumps(caught.value))
+    assert str(restored) == text

@@ -1,21 +1,41 @@
-"""The README's Python runs as it stands, its training included."""
+"""The README's Python runs as it stands, its training included; its command lines are ones that the parser takes."""
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
 
 import ballbot_rs as bb
+from ballbot_rs.cli import parser
 from tests.support.paths import ROOT
 
 BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
 TRAINING = next(block for block in BLOCKS if "PPO(" in block)
 
+COMMANDS = [
+    (page.relative_to(ROOT).as_posix(), line)
+    for page in sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+    for block in re.findall(r"```sh\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for line in block.replace("\\\n", " ").splitlines()
+    if line.startswith("ballbot ")
+]
+
+
+@pytest.mark.parametrize(("page", "line"), COMMANDS)
+def test_the_parser_takes_the_command_line(page: str, line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    try:
+        parsed = parser().parse_args(shlex.split(line, comments=True)[1:])
+    except SystemExit:
+        pytest.fail(f"{page}: {line}: {capsys.readouterr().err}")
+    assert callable(parsed.carry_out)
+
 
 @pytest.fixture
 def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working directory with the clone's assets, into which a block may write."""
-    (tmp_path / "assets").symlink_to(ROOT / "assets")
+    """A working directory with the clone's files, into which a block may write."""
+    for name in ("assets", "crates"):
+        (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -34,6 +54,14 @@ def test_first_block_balances_the_robot(clone: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize("index", [i for i, block in enumerate(BLOCKS) if i > 0 and block != TRAINING])
 def test_block_runs(index: int, clone: Path) -> None:  # noqa: ARG001
     run(BLOCKS[index])
+
+
+def test_the_controller_block_is_one_for_the_command_line(clone: Path) -> None:
+    (block,) = (block for block in BLOCKS if "class Damped" in block)
+    (clone / "mine.py").write_text(block, encoding="utf-8")
+    result = bb.evaluate("mine.py:Damped", episodes=1)
+    assert result.control_dt == 0.004
+    assert result.torque_rms > 0.0
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

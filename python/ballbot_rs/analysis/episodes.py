@@ -82,7 +82,7 @@ def compare(
     """Runs episodes of one task from the starts that `seed` gives, the same for every controller.
 
     Args:
-        controllers: each the name of a controller ("pid" runs at 500 Hz, unless a `control_dt` is given; "zero" is no
+        controllers: each the name of a controller ("pid" runs at 500 Hz, unless `env_options` has a `control_dt`; "zero" is no
             torque), the path of a policy file (of Stable-Baselines3, or ONNX) or of a training run, a `Controller`, or
             an object that maps a `State` to wheel torques in N·m (one that takes `position` gets the setpoint, m).
         task: name of the task ("balance"). It, or `env_options`, is needed for policy files without metadata.
@@ -110,6 +110,7 @@ def compare(
             num_threads=num_threads,
             seed=seed,
             options=options_of(controller, options, env_options),
+            given=env_options or (),
         )
         for controller in found
     ]

@@ -80,7 +80,13 @@ def collect(
     if options.get("events"):
         raise ValueError("a recovery map is of one robot: it takes no events")
     batch = batch_for(
-        found, rings * sectors, task=task or DEFAULT_TASK, num_threads=num_threads, seed=0, options=options
+        found,
+        rings * sectors,
+        task=task or DEFAULT_TASK,
+        num_threads=num_threads,
+        seed=0,
+        options=options,
+        given=env_options or (),
     )
     tilts = (np.arange(rings) + 0.5) * max_tilt / rings
     azimuths = np.arange(sectors) * 2 * np.pi / sectors

@@ -1,7 +1,7 @@
 """Closed loops of controllers on batches: the one place where robots are stepped for analysis."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -56,9 +56,13 @@ def batch_for(
     num_threads: int | None,
     seed: int,
     options: Mapping[str, Any],
+    given: Container[str] | None = None,
     autoreset: str = "same_step",
 ) -> Batch:
     """Robots, sampled at the rate of the controller unless the options name one.
+
+    Among the options may be some that were not asked for but taken over from a policy: a `control_dt` that is not in
+    `given` (None: all are) is no rate for a controller with its own.
 
     A feedback law has a limit of torques of its own; unless the options name one, that of the motors is the batch's.
     """
@@ -69,7 +73,8 @@ def batch_for(
     def batch(options: Mapping[str, Any]) -> Batch:
         return new_batch(num_envs, task=task, autoreset=autoreset, num_threads=num_threads, seed=seed, options=options)
 
-    if controller.control_dt is None or "control_dt" in options:
+    asked_for = options if given is None else given
+    if controller.control_dt is None or ("control_dt" in options and "control_dt" in asked_for):
         return batch(options)
     usual = new_batch(1, task=task, num_threads=1, options=options)
     control_dt = max(round(controller.control_dt / usual.sim_dt), 1) * usual.sim_dt

@@ -96,7 +96,14 @@ def run(
     # Only a fall ends the episode: lengths in steps are for the task's own rate.
     options = {**common_options([found], env_options), "max_episode_steps": None}
     batch = batch_for(
-        found, 1, task=task or DEFAULT_TASK, num_threads=1, seed=seed, options=options, autoreset="disabled"
+        found,
+        1,
+        task=task or DEFAULT_TASK,
+        num_threads=1,
+        seed=seed,
+        options=options,
+        given=env_options or (),
+        autoreset="disabled",
     )
     steps = max(round(seconds / batch.control_dt), 1)
     pushes = {} if push is None else {min(round(push.time / batch.control_dt), steps - 1): push.impulse}

@@ -10,7 +10,7 @@ from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SEED, whole
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.control.resolve import TRAINED
+from ballbot_rs.control.resolve import TRAINED, common_options
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 
 
@@ -31,13 +31,15 @@ def add_to(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
+    arguments.controller = arguments.controller or ["lqr"]
+    controllers, options = scenario.controllers(arguments), scenario.env_options(arguments)
     with bar("evaluating", arguments.quiet or arguments.json) as progress:
         results = compare(
-            arguments.controller or ["lqr"],
+            controllers,
             task=arguments.task,
             episodes=arguments.episodes,
             seed=arguments.seed,
-            env_options=scenario.env_options(arguments),
+            env_options=options,
             progress=progress,
         )
     if arguments.json:
@@ -49,4 +51,6 @@ def run(arguments: argparse.Namespace) -> None:
         }
         print(json.dumps(report, indent=2))
     else:
-        print_table(results)
+        # A name of events says more than their list.
+        shown = {**common_options(controllers, options), **options}
+        print_table(results, arguments.task or DEFAULT_TASK, shown)

@@ -9,8 +9,9 @@ from typing import Any
 
 from ballbot_rs._extras import require
 from ballbot_rs.cli import scenario
+from ballbot_rs.cli.numbers import MAX_SEED
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.control.resolve import NAMES, common_options
+from ballbot_rs.control.resolve import NAMES, TRAINED, common_options, options_of
 
 FIGURES = ("trajectories", "phase_portrait", "recovery_map", "learning_curve")
 
@@ -21,6 +22,8 @@ def add_to(commands: Any) -> None:
     scenario.add_task(command)
     scenario.add_controller(command, several=True)
     scenario.add_robot(command)
+    scenario.add_events(command, TRAINED)
+    scenario.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
     scenario.add_output(command, "FOLDER", "folder (default figures)")
     command.add_argument(
         "--figure", action="append", choices=FIGURES, help="which figure; repeat for several (default all that apply)"
@@ -38,7 +41,8 @@ def run(arguments: argparse.Namespace) -> None:
     arguments.controller = arguments.controller or ["lqr"]
     output = arguments.output or Path("figures")
     runs = [name for name in arguments.controller if name not in NAMES and (Path(name) / "run.json").is_file()]
-    wanted = arguments.figure or [name for name in FIGURES if name != "learning_curve" or runs]
+    unfit = {"learning_curve": not runs, "recovery_map": arguments.events is not None}
+    wanted = arguments.figure or [name for name in FIGURES if not unfit.get(name)]
     if "learning_curve" in wanted and not runs:
         raise ValueError("a learning curve is of training runs, and none is given")
     files = []
@@ -60,7 +64,13 @@ def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[s
     drawn = []
     # All on the same robot: the policies' own, else the default.
     found = scenario.controllers(arguments)
-    chosen = dataclasses.replace(chosen, env_options=common_options(found, chosen.env_options))
+    shared = common_options(found, chosen.env_options)
+    found = [
+        dataclasses.replace(controller, env_options=options_of(controller, shared, chosen.env_options))
+        for controller in found
+    ]
+    if "events" in chosen.env_options:
+        chosen = dataclasses.replace(chosen, env_options={**chosen.env_options, "events": shared["events"]})
     if {"trajectories", "phase_portrait"} & set(wanted):
         moving = [chosen.of(controller) for controller in found]
         if "trajectories" in wanted:

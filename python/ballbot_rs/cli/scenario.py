@@ -80,7 +80,8 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", sensor
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="an option of the environment, for example max_wheel_torque=0.5; repeat for more",
+        help="an option of the environment, for example max_wheel_torque=0.5, or control_dt=0.002 for the rate of all "
+        "controllers; repeat for more",
     )
     command.add_argument(
         "--actuators",
@@ -162,8 +163,12 @@ def actuators_option(name: str) -> Any:
         ValueError: a malformed file, or an option that is not known.
         OSError: the file cannot be read.
     """
-    options = load_actuators(name)
-    return options if Path(name).suffix in (".toml", ".urdf") else name
+    if Path(name).suffix in (".toml", ".urdf"):
+        return load_actuators(name)
+    if name not in ACTUATORS:
+        known = f"{', '.join(ACTUATORS)}, FILE.toml, or FILE.urdf"
+        raise ValueError(f"unknown actuators '{name}': expected one of {known}{did_you_mean(name, ACTUATORS)}")
+    return name
 
 
 def value_of(text: str) -> Any:

@@ -86,6 +86,8 @@ def run(arguments: argparse.Namespace) -> None:
         seed = 0 if arguments.seed is None else arguments.seed
         stamp = time.strftime("%Y%m%d-%H%M%S")
         folder = arguments.run or Path("runs") / f"{task}-seed-{seed}-{stamp}"
+        # An earlier run's checkpoints are none of this one.
+        train.check_folder(folder, bool(arguments.overwrite))
         policy = _interruptible(
             task,
             folder,
@@ -111,8 +113,10 @@ def run(arguments: argparse.Namespace) -> None:
         print(json.dumps(printed, indent=2))
         return
     print(f"trained in {seconds:.0f} s, best policy: {policy}")
+    print(f"watch it: ballbot view --controller {folder}")
     if results:
-        print_table(results)
+        nominal = {name: value for name, value in config.env.items() if name != "events"}
+        print_table(results, task_of(config.env_id), nominal)
     if written is not None:
         print(f"\nreport: {written}")
 

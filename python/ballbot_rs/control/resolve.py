@@ -50,7 +50,8 @@ class ResolvedController:
     """A controller that is not on any robot yet: either a policy or a feedback law."""
 
     name: str
-    #: Options of the environment that a policy was trained in, with none of its events.
+    #: Options of the environment that a policy was trained in, with none of its events; or those of a policy with
+    #: which a feedback law is compared.
     env_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     policy: Policy | None = None
     #: Makes the law of one robot from its parameters and the time between two calls, s.
@@ -166,7 +167,7 @@ def common_options(
     Raises:
         ValueError: policies that were trained with different options, or, with `TRAINED`, different events or none.
     """
-    policies = [controller for controller in controllers if controller.policy is not None]
+    policies = [controller for controller in controllers if controller.policy is not None or controller.env_options]
     options: Mapping[str, Any] = policies[0].env_options if policies else {}
     for controller in policies:
         if controller.env_options != options:

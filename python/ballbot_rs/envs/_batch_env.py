@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import check_count, check_seed, did_you_mean
+from ballbot_rs._checks import check_count, check_options, check_seed
 from ballbot_rs._core import Batch, Params, State
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 
@@ -31,6 +31,8 @@ def new_batch(
     """
     env_id_of(task)
     options = dict(options or {})
+    if options:
+        check_options(f"the environment of {task}", options, option_names(task))
     if isinstance(options.get("params"), Mapping):
         options["params"] = Params(**options["params"])
     if "max_episode_steps" in options and options["max_episode_steps"] is None:
@@ -219,12 +221,7 @@ class BatchEnv(SharedAttributes):
         )
 
     def _check_names(self, options: Mapping[str, Any]) -> None:
-        known = option_names(self.task)
-        for name in options:
-            if name not in known:
-                # TorchRL looks for these words.
-                message = f"{type(self).__name__} got an unexpected keyword argument '{name}'"
-                raise TypeError(f"{message}{self._hint(name) or did_you_mean(name, known)}")
+        check_options(type(self).__name__, options, option_names(self.task), self._hint)
 
     def _hint(self, name: str) -> str:  # noqa: ARG002
         return ""

@@ -61,11 +61,7 @@ def train(
     """
     if not 0 <= seed < 2**32:
         raise ValueError(f"seed = {seed} is out of range: it must be from 0 to 2**32 - 1")
-    if folder.exists() and any(folder.iterdir()):
-        if not overwrite:
-            raise FileExistsError(f"{folder} holds an earlier run: resume it, overwrite it, or name another")
-        if not (folder / run_folder.RECORD).is_file():
-            raise FileExistsError(f"{folder} is not a training run, so it is not overwritten")
+    check_folder(folder, overwrite)
     torch.set_num_threads(config.torch_threads)
     # Before anything is deleted or written: this is what refuses a configuration.
     model = _new_model(config, folder, seed)
@@ -131,6 +127,26 @@ def resume(
     _seed_environments(model, _first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
     keep_best.evaluate(model)
     return _learn(model, config, folder, keep_best, config.total_timesteps - model.num_timesteps, progress_bar)
+
+
+def check_folder(folder: Path, overwrite: bool) -> None:
+    """Refuses a folder in which no run may begin.
+
+    Raises:
+        FileExistsError: it holds an earlier run that is not to be overwritten, or other files.
+        OSError: it cannot be read.
+    """
+    if not folder.exists() or not any(folder.iterdir()):
+        return
+    if not (folder / run_folder.RECORD).is_file():
+        raise FileExistsError(
+            f"{folder} is not a training run, so it is not overwritten: name another folder with --run"
+        )
+    if not overwrite:
+        raise FileExistsError(
+            f"{folder} holds an earlier run: continue it with --resume, delete it with --overwrite, or name another "
+            "folder with --run"
+        )
 
 
 def _empty(folder: Path) -> None:

@@ -22,10 +22,15 @@ impl DeadTime {
     /// [`crate::Error::OutOfRange`] for a time that is no whole number of model steps, and for more of them than are kept.
     pub fn new(options: &MotorOptions, sim_dt: f64) -> Result<Self> {
         let whole = |name: &str, seconds: f64| {
-            let steps = check(
+            let steps = seconds / sim_dt;
+            let near = [steps.floor(), steps.ceil()].map(|n| n.min(MAX_STEPS) * sim_dt);
+            check(
                 format_args!("actuators.{name} / sim_dt"),
-                seconds / sim_dt,
-                format_args!("a whole number of at most {MAX_STEPS} ({name} = {seconds} s, sim_dt = {sim_dt} s)"),
+                steps,
+                format_args!(
+                    "a whole number of at most {MAX_STEPS} ({name} = {seconds} s, sim_dt = {sim_dt} s; valid near it: {} s and {} s)",
+                    near[0], near[1]
+                ),
                 |n| (n - n.round()).abs() <= 1e-6 * n && n <= MAX_STEPS + 0.5,
             )?;
             Ok(steps.round() as usize)

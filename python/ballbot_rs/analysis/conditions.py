@@ -1,0 +1,80 @@
+"""The conditions of a comparison in words: what of its environment is not the task's default."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ballbot_rs._core import ROBOTS, Params
+from ballbot_rs.envs._batch_env import new_batch, resolved_options
+
+#: Parameters of a changed robot that are listed.
+_MOST_LISTED = 4
+
+
+def differences(task: str, options: Mapping[str, Any]) -> list[str]:
+    """Robot, motors, events and other options that are not the task's defaults, each as text.
+
+    Args:
+        task: name of the task.
+        options: options of the environment. `control_dt` is left out: each controller has its own rate.
+    """
+    found = []
+    if "params" in options:
+        robot = _robot(options["params"])
+        found += [] if robot == "robot paper" else [robot]
+    actuators = options.get("actuators")
+    if actuators not in (None, {}, "ideal"):
+        found.append(f"actuators {_of(actuators)}")
+    events = options.get("events")
+    if events:
+        found.append(f"events {events}" if isinstance(events, str) else f"{len(events)} events of a list or file")
+    defaults = _resolved(task, {name: options[name] for name in ("params", "actuators") if name in options})
+    resolved = _resolved(task, options)
+    apart = ("model", "params", "actuators", "events", "control_dt")
+    for name in sorted(options.keys() - apart):
+        if not _equal(resolved.get(name), defaults.get(name)):
+            found.append(f"{name} = {_of(options[name])}")
+    return found
+
+
+def success_rule(task: str, options: Mapping[str, Any]) -> str:
+    """What an episode must be to count as a success; empty for a task that judges by other options."""
+    resolved = _resolved(task, options)
+    try:
+        window, tilt, radius = (resolved[f"success_{name}"] for name in ("window", "tilt", "radius"))
+    except KeyError:
+        return ""
+    return (
+        f"Success: upright, and over the last {window:g} s tilt within {math.degrees(tilt):.3g} deg and ball within "
+        f"{radius:g} m of the setpoint."
+    )
+
+
+def _resolved(task: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    return resolved_options(new_batch(1, task=task, num_threads=1, options=options), {})
+
+
+def _equal(a: Any, b: Any) -> bool:
+    if isinstance(a, Mapping) or isinstance(b, Mapping) or a is None or b is None:
+        return bool(a == b)
+    return np.shape(a) == np.shape(b) and np.allclose(a, b, rtol=1e-9, atol=0.0)
+
+
+def _of(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} = {_of(v)}" for name, v in value.items())
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _robot(given: Any) -> str:
+    if not isinstance(given, (Params, Mapping)):
+        return f"robot {given}"
+    own = (given if isinstance(given, Params) else Params(**given)).to_dict()
+    for name in ROBOTS:
+        if Params.preset(name).to_dict() == own:
+            return f"robot {name}"
+    paper = Params.paper().to_dict()
+    changed = [f"{name} = {_of(value)}" for name, value in own.items() if value != paper[name]]
+    return f"robot paper with {', '.join(changed)}" if len(changed) <= _MOST_LISTED else "a robot of a file"
