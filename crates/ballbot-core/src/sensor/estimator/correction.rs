@@ -83,14 +83,16 @@ impl Estimator {
             let slips = surprise | self.jump.exceeded(i, change, turning, dt);
             belief.slipping[i] = L::select(slips, like.splat(1.0), zero);
             innovation[i] = L::select(slips, zero, innovation[i]);
-            for j in 0..STATES {
-                g[i][j] = L::select(slips, zero, g[i][j]);
+            for value in &mut g[i] {
+                *value = L::select(slips, zero, *value);
             }
-            for j in 0..3 {
-                let apart = if i == j { like.splat(1.0) } else { zero };
-                s[i][j] = L::select(slips, apart, s[i][j]);
-                s[j][i] = L::select(slips, apart, s[j][i]);
+            for value in &mut s[i] {
+                *value = L::select(slips, zero, *value);
             }
+            for row in &mut s {
+                row[i] = L::select(slips, zero, row[i]);
+            }
+            s[i][i] = L::select(slips, like.splat(1.0), s[i][i]);
         }
         let inverse = Mat3::from(s).inverse();
         let weighted = inverse.times(innovation.into());

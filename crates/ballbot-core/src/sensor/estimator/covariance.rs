@@ -53,16 +53,22 @@ impl<L: Lane> Covariance<L> {
     /// Reads [`NUMBERS`] numbers from `first` on.
     #[inline(always)]
     pub fn load(memory: &Memory<'_, L>, first: usize) -> Self {
-        let mut rows = [[memory.get(first); STATES]; STATES];
+        let mut covariance = Self { rows: [[memory.get(first); STATES]; STATES] };
         let mut at = first;
         for i in 0..STATES {
             for j in i..STATES {
-                rows[i][j] = memory.get(at);
-                rows[j][i] = rows[i][j];
+                covariance.set(i, j, memory.get(at));
                 at += 1;
             }
         }
-        Self { rows }
+        covariance
+    }
+
+    /// Replaces an element and the one across the diagonal.
+    #[inline(always)]
+    fn set(&mut self, i: usize, j: usize, value: L) {
+        self.rows[i][j] = value;
+        self.rows[j][i] = value;
     }
 
     /// Writes what [`Covariance::load`] reads.
@@ -121,12 +127,14 @@ impl<L: Lane> Covariance<L> {
     /// P ← P − G S⁻¹ Gᵀ for the columns `g` of G = P Hᵀ + C.
     #[inline(always)]
     pub fn reduce(&mut self, g: &[[L; STATES]; 3], inverse: &Mat3<L>) {
-        for i in 0..STATES {
-            let gain = inverse.times(Vec3::new(g[0][i], g[1][i], g[2][i]));
-            for j in i..STATES {
-                let less = gain.dot(Vec3::new(g[0][j], g[1][j], g[2][j]));
-                self.rows[i][j] = self.rows[i][j] - less;
-                self.rows[j][i] = self.rows[i][j];
+        let mut across = [Vec3::zero(g[0][0]); STATES];
+        for (i, row) in across.iter_mut().enumerate() {
+            *row = Vec3::new(g[0][i], g[1][i], g[2][i]);
+        }
+        for (i, own) in across.iter().enumerate() {
+            let gain = inverse.times(*own);
+            for (j, other) in across.iter().enumerate().skip(i) {
+                self.set(i, j, self.rows[i][j] - gain.dot(*other));
             }
         }
     }
