@@ -42,12 +42,12 @@ fn errors_are_what_the_covariance_says() {
             ..first.clone()
         };
         let mut filter = Filter::new(&record.params, &options, record.dt, &believed, &noisy.readings[0]);
-        for k in 1..record.states.len() {
+        for (k, square) in squares.iter_mut().enumerate().skip(1) {
             let (truth, found) = (&record.states[k], filter.update(&noisy.readings[k]));
             let error = attitude_error(truth, &found);
             let rows = filter.estimate().attitude_covariance.rows.map(|r| Vector3::new(r.x, r.y, r.z).transpose());
             let covariance = Matrix3::from_rows(&rows);
-            squares[k] += error.dot(&(covariance.try_inverse().unwrap() * error)) / SEEDS as f64;
+            *square += error.dot(&(covariance.try_inverse().unwrap() * error)) / SEEDS as f64;
             if k > 200 {
                 tilt += error.xy().norm_squared();
                 velocity += (truth.ball_velocity - found.ball_velocity).norm_squared();
