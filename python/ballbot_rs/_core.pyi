@@ -622,7 +622,16 @@ class LinearModel:
     def discretize(self, dt: float) -> tuple[_Array, _Array]:
         """Matrices A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact."""
 
-def load_sensors(name_or_path: str | PathLike[str]) -> Sensors: ...
+def load_sensors(name_or_path: str | PathLike[str]) -> Sensors:
+    """Sensors by name (`SENSORS` has them), or from the table `[sensors]` of a robot's TOML file.
+
+    Every option with its value, as `sensors=` of an environment takes them. A string that ends in ".toml" is a path.
+
+    Raises:
+        ValueError: an unknown name or option, malformed TOML, or a number out of range; the message has the value and the
+            limit.
+        OSError: the file cannot be read.
+    """
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
     """Motors by name (`ACTUATORS` has them), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, of
     which the joints' `velocity` is `speed_limit`.
@@ -815,7 +824,8 @@ class Batch:
         seed: of the first environment.
         options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
             `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file; None is
-            ideal motors), `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: what is drawn at
+            ideal motors), `sensors` (as `actuators`; None is none), `observation` ("ground_truth" or "sensors"), `history`
+            (how many observations, the last ones, are given together), `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: what is drawn at
             random), and the options of the task.
 
     Raises:
@@ -869,10 +879,11 @@ class Batch:
     def max_episode_steps(self) -> int:
         """Steps after which an episode is truncated."""
     @property
-    def history(self) -> int: ...
+    def history(self) -> int:
+        """How many observations, the last ones, are given together."""
     @property
     def observation_len(self) -> int:
-        """How many numbers an observation has."""
+        """How many numbers an observation has: its rows, `history` times, the last ones at the end."""
     @property
     def scale_observations(self) -> bool:
         """Whether observations are scaled."""
@@ -934,9 +945,26 @@ class Batch:
         """States of all robots, shape (num_envs, 32), float64, rows as `State.to_array` lays them out."""
     def observations(self) -> npt.NDArray[np.float32]:
         """Last observations of all environments, shape (num_envs, observation_len), float32."""
-    def estimates(self) -> _Array: ...
-    def privileged_observations(self) -> npt.NDArray[np.float32]: ...
-    def readings(self, index: int | None = None) -> dict[str, _Array]: ...
+    def estimates(self) -> _Array:
+        """States that follow from the last readings of the sensors, as the task observes them, shape (num_envs, 32), float64,
+        rows as `State.to_array` lays them out. Beside `states()` they show the errors of the estimator.
+
+        Raises:
+            ValueError: the task observes the true state (`observation="sensors"` makes it observe these).
+        """
+    def privileged_observations(self) -> npt.NDArray[np.float32]:
+        """Rows of the observations of all environments computed from the true states, shape (num_envs, k), float32, scaled
+        alike: what a critic may see. With `observation="ground_truth"` and `history=1` they are the observations.
+        """
+    def readings(self, index: int | None = None) -> dict[str, _Array]:
+        """Last readings of the sensors, latency included, by name: `gyro` (rad/s), `specific_force` (m/s²), both in the body
+        frame, `wheel_angles` (rad, since the start of the episode) and `wheel_rates` (rad/s).
+
+        Of all environments, shape (num_envs, 3) each, or of environment `index`, shape (3,).
+
+        Raises:
+            ValueError: the robots have no sensors (`sensors=`).
+        """
     @overload
     def contacts(self, index: None = None) -> dict[str, npt.NDArray[Any]]: ...
     @overload
