@@ -82,9 +82,10 @@ def compare(
     """Runs episodes of one task from the starts that `seed` gives, the same for every controller.
 
     Args:
-        controllers: each the name of a controller ("pid" runs at 500 Hz, unless `env_options` has a `control_dt`; "zero" is
-            no torque), the path of a policy file (of Stable-Baselines3, or ONNX) or of a training run, a `Controller`,
-            or an object that maps a `State` to wheel torques in N·m (one that takes `position` gets the setpoint, m).
+        controllers: each the name of a controller ("pid" runs at 500 Hz, unless `env_options` has a `control_dt`;
+            "zero" is no torque), the path of a policy file (of Stable-Baselines3, or ONNX) or of a training run, a
+            `Controller`, or an object that maps a `State` to wheel torques in N·m (one that takes `position` gets the
+            setpoint, m).
         task: name of the task ("balance"). It, or `env_options`, is needed for policy files without metadata.
         episodes: number of episodes; episode i is that of an environment seeded with seed + i.
         seed: of the first episode.
