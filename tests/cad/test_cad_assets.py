@@ -32,7 +32,7 @@ def read_stl(path):
 
 
 def moments(triangles):
-    """Volume, centre and second moments about the origin: sums over tetrahedra from the origin."""
+    """Volume, center and second moments about the origin: sums over tetrahedra from the origin."""
     volumes = np.linalg.det(triangles) / 6.0
     volume = volumes.sum()
     total = triangles.sum(axis=1)
@@ -42,7 +42,7 @@ def moments(triangles):
 
 
 def weighed(link):
-    """Mass, centre of mass and inertia about it of a link's meshes with the densities of the record."""
+    """Mass, center of mass and inertia about it of a link's meshes with the densities of the record."""
     found = [
         (RECORD["meshes"][path.stem]["density"], *moments(read_stl(path)))
         for path in MESHES
@@ -90,7 +90,7 @@ def test_recorded_links_add_up_to_the_recorded_table():
     masses, reach = [body["mass"], *[wheel["mass"]] * 3], 0.162 / math.sqrt(2.0)
     assert sum(masses) == pytest.approx(table["M_b"], rel=1e-5)
     assert np.abs(body["center_of_mass"][:2]).max() < 1e-5
-    # The wheel's own centre of mass is on its axle, which points down and outwards.
+    # The wheel's own center of mass is on its axle, which points down and outwards.
     along = wheel["center_of_mass"][2] / math.sqrt(2.0)
     outwards, upwards = reach + along, reach - along
     height = np.average([body["center_of_mass"][2], *[upwards] * 3], weights=masses)

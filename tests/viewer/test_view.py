@@ -194,7 +194,7 @@ def test_the_urdf_and_the_parameters_put_the_wheels_in_the_same_places():
     for one, other in zip(described.wheels, made.wheels, strict=True):
         np.testing.assert_allclose(one.mount, other.mount, atol=1e-12)
         np.testing.assert_allclose(one.axle, other.axle, atol=1e-12)
-        # Where the rim is nearest to the ball centre, it touches the ball.
+        # Where the rim is nearest to the ball center, it touches the ball.
         for wheel in (one, other):
             tyre = next(piece for piece in wheel.pieces if piece.color == shapes.TYRE)
             points = tyre.vertices @ wheel.mount[:3, :3].T + wheel.mount[:3, 3]

@@ -88,9 +88,9 @@ class MujocoRolling:
 
     def _rows(self, data: mujoco.MjData) -> Array:
         """J, (9, nv)."""
-        centre = data.xpos[self._ball]
+        center = data.xpos[self._ball]
         rows = np.zeros((9, self.model.nv))
-        rows[_FLOOR] = self._jacobian(data, centre - [0.0, 0.0, self._radius], self._ball)
+        rows[_FLOOR] = self._jacobian(data, center - [0.0, 0.0, self._radius], self._ball)
         up = data.xmat[self._body].reshape(3, 3)[:, 2]
         for i, wheel in enumerate(self._wheels):
             # Of the bot's own frame, as the two bodies' origins may part by what the integrator errs.
@@ -98,7 +98,7 @@ class MujocoRolling:
             normal = normal / np.linalg.norm(normal)
             drive = np.cross(up, normal)
             drive = drive / np.linalg.norm(drive)
-            point = centre + self._radius * normal
+            point = center + self._radius * normal
             between = self._jacobian(data, point, wheel) - self._jacobian(data, point, self._ball)
             rows[_NORMAL][i], rows[_DRIVE][i] = normal @ between, drive @ between
         return rows

@@ -1,8 +1,8 @@
 r"""The same robot from the same file.
 
 `assets/bot.urdf` is loaded, as it is, by Pinocchio, MuJoCo and PyBullet. Each engine's links, joints and joint-space
-mass matrix are turned into the body frame (origin at the ball's centre, $z$ along the mast) and compared with what
-Table II says: mass $M_b$, centre of mass at $l$, and with the wheels locked the inertia
+mass matrix are turned into the body frame (origin at the ball's center, $z$ along the mast) and compared with what
+Table II says: mass $M_b$, center of mass at $l$, and with the wheels locked the inertia
 $I = \operatorname{diag}(J_b, J_b, J_z) + J_w\sum_i a_i a_i^\top$ about it, where the axles are
 $a_i = -p_i\times d_i$. The bot floats free; with $c = l e_z$, $A = (a_1\ a_2\ a_3)$ and velocities
 $(v, \Omega, \dot\psi)$ in the body frame its mass matrix is
@@ -104,7 +104,7 @@ def _claims(engine: str, bot: Read, params: bb.Params, states: list[FreeState]) 
             np.abs(inertia - expected_inertia).max() / np.abs(expected_inertia).max(),
             np.abs(bot.masses[1:] / params.wheel_mass - 1.0).max(),
         ),
-        "joints: axes and centres": max(
+        "joints: axes and centers": max(
             np.abs(bot.axes - robot.axles).max(), np.abs(bot.centers - robot.centers).max()
         ),
         "mass matrix": max(np.abs((bot.mass_matrix(state) - expected) / scale).max() for state in states),
@@ -125,7 +125,7 @@ def _row(name: str, mass: float, com: Array, inertia: Array) -> list[str]:
 
 
 def _composite(params: bb.Params) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia about it, wheels locked, by Table II."""
+    """Mass, center of mass and inertia about it, wheels locked, by Table II."""
     axles = robot_geometry(params).axles
     com = np.array([0.0, 0.0, params.body_com_height])
     return params.body_mass, com, np.diag(params.body_inertia) + params.wheel_inertia * axles.T @ axles

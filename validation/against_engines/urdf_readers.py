@@ -36,7 +36,7 @@ class Read:
 
     masses: Array
     coms: Array
-    #: About each link's centre of mass, (4, 3, 3).
+    #: About each link's center of mass, (4, 3, 3).
     inertias: Array
     axes: Array
     centers: Array
@@ -44,7 +44,7 @@ class Read:
     acceleration: Callable[[FreeState], Array] | None = None
 
     def composite(self) -> tuple[float, Array, Array]:
-        """Mass, centre of mass, and inertia about it with the wheels locked."""
+        """Mass, center of mass, and inertia about it with the wheels locked."""
         mass = float(self.masses.sum())
         com = self.masses @ self.coms / mass
         inertia = self.inertias.sum(axis=0)
@@ -139,7 +139,7 @@ def mujoco() -> Read:
 
 
 def pybullet(from_file: bool = True) -> Read:
-    """Base: rate before velocity, which is that of the body link's centre of mass; both in the body frame."""
+    """Base: rate before velocity, which is that of the body link's center of mass; both in the body frame."""
     import pybullet as pb
 
     from validation.engines.pybullet_robot import connect
@@ -149,7 +149,7 @@ def pybullet(from_file: bool = True) -> Read:
     infos = [bullet.getDynamicsInfo(bot, link) for link in (-1, *_WHEELS)]
     com = np.array(infos[0][3])
     joints = [bullet.getJointInfo(bot, i) for i in _WHEELS]
-    # From the base's centre of mass; the quaternion is that of the inverse rotation.
+    # From the base's center of mass; the quaternion is that of the inverse rotation.
     at = [np.zeros(3), *(com + np.array(joint[14]) for joint in joints)]
     turns = [np.eye(3), *(matrix(np.roll(joint[15], 1)).T for joint in joints)]
     local = [matrix(np.roll(info[4], 1)) for info in infos]

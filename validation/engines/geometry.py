@@ -23,7 +23,7 @@ _ACROSS = 0.5 * (1.0 + 1e-6)
 
 @dataclasses.dataclass(frozen=True)
 class Link:
-    """A rigid body: mass (kg), centre of mass in the body frame (3, m), inertia about it, body axes (3×3, kg·m²)."""
+    """A rigid body: mass (kg), center of mass in the body frame (3, m), inertia about it, body axes (3×3, kg·m²)."""
 
     mass: float
     com: Array
@@ -32,20 +32,20 @@ class Link:
 
 @dataclasses.dataclass(frozen=True)
 class RobotGeometry:
-    """Geometry and masses in the body frame, whose origin is the ball's centre and whose z axis is the mast."""
+    """Geometry and masses in the body frame, whose origin is the ball's center and whose z axis is the mast."""
 
     params: bb.Params
-    #: p_i, unit vectors from the ball's centre to each wheel contact, (3, 3).
+    #: p_i, unit vectors from the ball's center to each wheel contact, (3, 3).
     contacts: Array
     #: d_i, unit vectors along which each wheel drives the ball's surface, (3, 3).
     drives: Array
     #: Unit vectors about which each wheel turns; a positive torque pushes the ball along d_i, (3, 3).
     axles: Array
-    #: Wheel centres, (3, 3), m.
+    #: Wheel centers, (3, 3), m.
     centers: Array
     #: Body without its wheels.
     body: Link
-    #: Inertia of each wheel about its centre, body axes, (3, 3, 3), kg·m².
+    #: Inertia of each wheel about its center, body axes, (3, 3, 3), kg·m².
     wheel_inertias: Array
 
     @property

@@ -115,7 +115,7 @@ class PybulletRobot(ExternalRobot):
         bullet, turn = self._bullet, matrix(attitude)
         bullet.resetBasePositionAndOrientation(self._ball, position.tolist(), [0.0, 0.0, 0.0, 1.0])
         bullet.resetBaseVelocity(self._ball, velocity.tolist(), ball_rate.tolist())
-        # Bullet places a base by its centre of mass.
+        # Bullet places a base by its center of mass.
         arm, rate = turn @ self._com, turn @ rate
         w, x, y, z = attitude.tolist()
         bullet.resetBasePositionAndOrientation(self._body, (position + arm).tolist(), [x, y, z, w])

@@ -221,9 +221,9 @@ def depths_at_rest(params: bb.Params, model: str) -> dict[str, float]:
     robot.step(np.zeros(3), steps=300)
     state = robot.state
     apart = params.ball_radius + params.wheel_radius
-    centre = state.body_position + robot_geometry(params).centers[0] - state.ball_position
+    center = state.body_position + robot_geometry(params).centers[0] - state.ball_position
     return {
-        "wheel on ball": max(apart - float(np.linalg.norm(centre)), 0.0),
+        "wheel on ball": max(apart - float(np.linalg.norm(center)), 0.0),
         "ball on floor": max(params.ball_radius - float(state.ball_position[2]), 0.0),
     }
 

@@ -17,12 +17,7 @@ pub(crate) fn to_python(error: Error) -> PyErr {
         Error::Diverged { .. } => DivergedError::new_err(message),
         Error::Io { path, source } => match source.raw_os_error() {
             // With an errno, OSError becomes FileNotFoundError, PermissionError, ... by itself.
-            Some(code) => {
-                let reason = source.to_string();
-                // Python adds the number by itself.
-                let reason = reason.trim_end_matches(&format!(" (os error {code})")).to_owned();
-                PyOSError::new_err((code, reason, path.display().to_string()))
-            }
+            Some(code) => PyOSError::new_err((code, source.to_string(), path.display().to_string())),
             None if source.kind() == std::io::ErrorKind::IsADirectory => PyIsADirectoryError::new_err(message),
             None => PyOSError::new_err(message),
         },

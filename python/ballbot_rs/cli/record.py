@@ -43,7 +43,7 @@ def add_to(commands: Any) -> None:
         default=(640, 480),
         help="in pixels (default 640 480)",
     )
-    command.add_argument("--samples", type=whole(1, 4), default=4, help="colour samples a pixel: 1, 2 or 4 (default 4)")
+    command.add_argument("--samples", type=whole(1, 4), default=4, help="color samples a pixel: 1, 2 or 4 (default 4)")
     command.add_argument("--frame-rate", type=real(*FRAME_RATES), default=50.0, help="frames a second (default 50)")
     command.add_argument("--camera", type=real(), nargs=2, metavar=("AZIMUTH", "ELEVATION"), help="direction in rad")
     command.add_argument("--distance", type=real(0.01, 1000.0), help="of the camera, m")

@@ -1,7 +1,7 @@
 """The handle by which robot 0 is pulled with the mouse.
 
 What viser offers is a gizmo that reports where it was dragged to, but neither the beginning nor the end of a drag. So
-the handle stays on the robot's centre of mass; once it is moved, it pulls the robot towards itself as a spring does,
+the handle stays on the robot's center of mass; once it is moved, it pulls the robot towards itself as a spring does,
 and when it has rested for `HOLD` it lets go and returns to the robot.
 """
 

@@ -77,7 +77,7 @@ class Scene:
 
 
 def places(num_robots: int) -> list[tuple[float, float, float]]:
-    """Where the robots of a batch have their origins: a square, robot 0 at the centre."""
+    """Where the robots of a batch have their origins: a square, robot 0 at the center."""
     side = math.ceil(math.sqrt(num_robots))
     cells = [(float(i // side), float(i % side)) for i in range(side * side)]
     middle = float(side // 2)

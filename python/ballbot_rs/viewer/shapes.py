@@ -40,7 +40,7 @@ class Wheel:
 
 @dataclasses.dataclass(frozen=True)
 class Look:
-    """A robot; the body's frame is at the ball centre, z along the mast."""
+    """A robot; the body's frame is at the ball center, z along the mast."""
 
     ball: list[Piece]
     body: list[Piece]
@@ -99,7 +99,7 @@ def from_params(params: Params) -> Look:
 
 
 def wheel_heights(params: Params) -> list[float]:
-    """How high each wheel centre is in the body frame, m."""
+    """How high each wheel center is in the body frame, m."""
     return [(params.ball_radius + params.wheel_radius) * math.cos(zenith) for zenith in params.wheel_zeniths]
 
 

@@ -42,7 +42,7 @@ def from_urdf(params: Params, bot_path: Path, ball_path: Path) -> Look:
         owner = _carrier(bot, link.name, set(pieces))
         within = bot.get_transform(link.name, owner)
         pieces.get(owner, body).extend(_pieces(bot, link, within))
-    # The root frame may be at any height on the mast; ours is at the ball centre.
+    # The root frame may be at any height on the mast; ours is at the ball center.
     mounts = [np.asarray(bot.get_transform(joint.child)) for joint in wheels]
     lift = np.eye(4)
     lift[2, 3] = wheel_heights(params)[0] - mounts[0][2, 3]
