@@ -632,6 +632,7 @@ def load_sensors(name_or_path: str | PathLike[str]) -> Sensors:
             limit.
         OSError: the file cannot be read.
     """
+
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
     """Motors by name (`ACTUATORS` has them), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, of
     which the joints' `velocity` is `speed_limit`.
