@@ -20,6 +20,14 @@ LIMITS = [
     ("view", "--port", 1, 1, 65535),
     ("view", "--seed", 1, 0, 2**64 - 1),
     ("view", "--seconds", 1, None, 1e6),
+    ("plot", "--seed", 1, 0, 2**64 - 1),
+    ("record-log", "--seconds", 1, None, 3600),
+    ("record-log", "--excitation", 1, 0, 10),
+    ("record-log", "--seed", 1, 0, 2**64 - 1),
+    ("identify", "--sim-dt", 1, None, 0.05),
+    ("identify", "--window", 1, 0.05, 2),
+    ("identify", "--imu-position", 3, None, None),
+    ("identify", "--threads", 1, 1, 256),
     ("record", "--still", 1, 0, 3600),
     ("record", "--seed", 1, 0, 2**64 - 1),
     ("record", "--size", 2, 1, 8192),
@@ -61,7 +69,7 @@ def test_a_number_out_of_range_is_refused(capsys, tmp_path, monkeypatch, command
     wrong += [] if low is None else [f"{low - 1:g}"]
     wrong += ["0"] if option == "--seconds" else []
     wrong += [] if high is None else [str(high + 1)]
-    given = ["x"] if command == "report" else []
+    given = ["x"] if command in ("report", "identify") else []
     for value in wrong:
         with pytest.raises(SystemExit) as ended:
             main([command, *given, *([f"{option}={value}"] if count == 1 else [option, *[value] * count])])

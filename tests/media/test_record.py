@@ -122,6 +122,7 @@ def test_the_command_writes_a_video_and_a_picture(tmp_path, capsys):
         "model": "contact",
         "seconds": pytest.approx(0.4),
         "fell_at": None,
+        "draws": {},
         "still": str(out.with_suffix(".png")),
         "frames": 20,
         "video": str(out),

@@ -57,7 +57,7 @@ def _resolved(task: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _equal(a: Any, b: Any) -> bool:
-    if isinstance(a, Mapping) or isinstance(b, Mapping) or a is None or b is None:
+    if any(value is None or isinstance(value, (str, Mapping)) for value in (a, b)):
         return bool(a == b)
     return np.shape(a) == np.shape(b) and np.allclose(a, b, rtol=1e-9, atol=0.0)
 

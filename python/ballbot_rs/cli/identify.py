@@ -35,8 +35,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument(
         "--fields",
-        type=lambda text: tuple(name.strip() for name in text.split(",")),
-        default=FIELDS,
+        default=",".join(FIELDS),
         metavar="NAME,NAME",
         help=f"what to fit (default {','.join(FIELDS)})",
     )
@@ -76,7 +75,7 @@ def run(arguments: argparse.Namespace) -> None:
         found = identify(
             arguments.log,
             params,
-            arguments.fields,
+            tuple(name.strip() for name in arguments.fields.split(",")),
             actuators=actuators,
             model=arguments.model,
             sim_dt=arguments.sim_dt,
