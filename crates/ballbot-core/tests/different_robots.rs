@@ -49,8 +49,6 @@ fn robots() -> Vec<Params> {
         with(&|p| p.wheel_static_friction = p.wheel_dynamic_friction),
         with(&|p| (p.floor_static_friction, p.floor_dynamic_friction) = (0.03, 0.02)),
         with(&|p| p.body_com_height *= 1.1),
-        with(&|p| p.floor_rolling_friction = 1e-3),
-        with(&|p| (p.floor_spinning_friction, p.roller_friction) = (1e-3, 0.02)),
         with(&|p| (p.gravity, p.ball_viscous_friction, p.wheel_zenith) = (8.0, 2.0, 0.7)),
     ]
 }

@@ -3,7 +3,6 @@
 mod collision_shape;
 pub(crate) mod contact;
 mod friction;
-mod losses;
 #[cfg(feature = "rigid")]
 pub mod rigid;
 

@@ -10,7 +10,6 @@ mod growth;
 mod joints;
 mod landing;
 mod loads;
-mod losses;
 #[path = "../support/motion.rs"]
 mod motion;
 mod pushes;

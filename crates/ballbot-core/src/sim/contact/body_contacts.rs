@@ -9,7 +9,6 @@ mod mast;
 
 use super::active_set::Conditions;
 use super::constants::{Constants, at3};
-use super::losses::{Lossy, all_impulses, apply, less, parted, speeds};
 use super::phases::Start;
 use super::types::{PerRow, Velocities, select3};
 use crate::lanes::{Lane, Value, Vec3};
@@ -105,17 +104,13 @@ impl<L: Lane> Near<L> {
         c: &Constants<V>,
         start: &Start<L>,
         conditions: &Conditions<L, V>,
-        losses: Option<&Lossy<L>>,
         (impulses, velocities): (&mut PerRow<L>, &mut Velocities<L>),
     ) -> L {
         let mut contacts = Contacts::new(c, start, self, (*impulses, *velocities));
-        if let Some(losses) = losses {
-            contacts.extra = losses.extra;
-        }
         let threshold = (conditions.static_impulse * SETTLED_SHARE).squared();
         let mut open = self.mask;
         for sweep in 0..MOST_SWEEPS {
-            let change = contacts.sweep::<V, JOINTS>(c, start, conditions, losses, self, open);
+            let change = contacts.sweep::<V, JOINTS>(c, start, conditions, self, open);
             if sweep + 1 >= SWEEPS {
                 open = open & threshold.lt(change);
                 if !L::any(open) {
@@ -143,8 +138,6 @@ struct Contacts<L: Lane> {
     used: [bool; POINTS],
     ball: BallOnBody<L>,
     impulses: PerRow<L>,
-    /// Impulses of the ball's rates and the rollers of robots with losses.
-    extra: [[L; 3]; 2],
     normal_estimate: [L; 3],
     velocities: Velocities<L>,
 }
@@ -163,8 +156,7 @@ impl<L: Lane> Contacts<L> {
             *used = point.may_touch(near.mask);
         }
         let ball = BallOnBody::new(c, start);
-        let extra = [[velocities.ball.x.zero(); 3]; 2];
-        Self { points, used, ball, normal_estimate: impulses.normals, impulses, extra, velocities }
+        Self { points, used, ball, normal_estimate: impulses.normals, impulses, velocities }
     }
 
     /// One sweep over all contacts of the robots in `open`. Returns the sum of the squared changes of the impulses, which
@@ -175,7 +167,6 @@ impl<L: Lane> Contacts<L> {
         c: &Constants<V>,
         start: &Start<L>,
         conditions: &Conditions<L, V>,
-        losses: Option<&Lossy<L>>,
         near: &Near<L>,
         open: L::Mask,
     ) -> L {
@@ -196,29 +187,17 @@ impl<L: Lane> Contacts<L> {
             self.ball.impulse = L::select(open, self.ball.impulse, before);
         }
         if L::any(coupled) {
+            let mut residuals = start.rows.residuals(c, &v);
             let (mut impulses, mut estimate) = (self.impulses, self.normal_estimate);
-            let mut moved = v;
-            if let Some(losses) = losses {
-                let mut speeds = speeds(c, &start.rows, losses.rollers, &v);
-                let mut all = all_impulses(c, &impulses, &self.extra);
-                losses.problem.sweep(&mut estimate, &mut all, &mut speeds);
-                let (own, extra) = parted(c, &all);
-                impulses = own;
-                apply(c, losses.rollers, &less(&extra, &self.extra), &mut moved);
-                for (kept, new) in self.extra.iter_mut().zip(extra) {
-                    *kept = select3(coupled, new, *kept);
-                }
-            } else {
-                let mut residuals = start.rows.residuals(c, &v);
-                conditions.delassus.sweep::<JOINTS>(
-                    conditions.friction,
-                    conditions.joint_friction,
-                    &mut estimate,
-                    &mut impulses,
-                    &mut residuals,
-                );
-            }
+            conditions.delassus.sweep::<JOINTS>(
+                conditions.friction,
+                conditions.joint_friction,
+                &mut estimate,
+                &mut impulses,
+                &mut residuals,
+            );
             let step = impulses.minus(&self.impulses);
+            let mut moved = v;
             start.rows.apply::<JOINTS, V>(c, &step, &mut moved);
             v = Velocities::select(coupled, &moved, &v);
             let size = |row: [L; 3]| Vec3::from(row).norm_squared();

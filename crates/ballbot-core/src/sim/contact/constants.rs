@@ -96,16 +96,6 @@ cells! {
         pub static_wheel_load: T,
         /// Load of the floor at rest.
         pub static_floor_load: T,
-        /// 1 for a robot with rolling, spinning or roller friction, else 0.
-        pub lossy: T,
-        /// Coefficient of rolling friction over the ball's radius.
-        pub rolling_friction: T,
-        /// Coefficient of spinning friction over the ball's radius.
-        pub spinning_friction: T,
-        pub roller_friction: T,
-        pub roller_friction_slope: T,
-        /// 1 / r_w.
-        pub wheel_radius_inverse: T,
     }
 }
 
@@ -183,12 +173,6 @@ impl Constants<f64> {
             wheel_loads,
             static_wheel_load: wheel_loads.into_iter().fold(0.0, f64::max),
             static_floor_load: (params.body_mass + params.ball_mass) * params.gravity,
-            lossy: if params.has_losses() { 1.0 } else { 0.0 },
-            rolling_friction: params.floor_rolling_friction / params.ball_radius,
-            spinning_friction: params.floor_spinning_friction / params.ball_radius,
-            roller_friction: params.roller_friction,
-            roller_friction_slope: params.roller_friction_slope,
-            wheel_radius_inverse: params.wheel_radius.recip(),
         }
     }
 }
@@ -249,12 +233,6 @@ impl<V> Constants<V> {
             wheel_loads: three(&self.wheel_loads),
             static_wheel_load: one(&self.static_wheel_load),
             static_floor_load: one(&self.static_floor_load),
-            lossy: one(&self.lossy),
-            rolling_friction: one(&self.rolling_friction),
-            spinning_friction: one(&self.spinning_friction),
-            roller_friction: one(&self.roller_friction),
-            roller_friction_slope: one(&self.roller_friction_slope),
-            wheel_radius_inverse: one(&self.wheel_radius_inverse),
         }
     }
 }

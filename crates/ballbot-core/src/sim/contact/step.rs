@@ -13,18 +13,16 @@
 //! velocities = free + M^-1 J^T impulses   velocities at the end of the step                   (Active set)
 //! pose       = pose + dt velocities       attitudes by rotation vectors                       (Semi-implicit Euler)
 //! ```
-//!
-//! Robots with rolling, spinning or roller friction have more rows and another solver of them (Losses).
 
 #[cfg(test)]
 mod flops;
 
+use super::active_set::Conditions;
 use super::body_contacts::Near;
 use super::constants::{Constants, InLanes};
-use super::ending::ended;
-use super::friction::JointFriction;
-use super::lossy::lossy_step;
-use super::phases::{Start, finish};
+use super::delassus::Delassus;
+use super::friction::{Friction, JointFriction};
+use super::phases::{Start, finish, free_velocities};
 use super::state::{ContactState, Torques};
 use crate::lanes::{Eight, Lane, Scalar, Value, Wide, run_one};
 use fearless_simd::Simd;
@@ -70,15 +68,6 @@ fn step<L: Lane, V: Value<L>>(
     state: &mut ContactState<L::Cell>,
     torques: &Torques<L::Cell>,
 ) {
-    let zero = L::from_f64(token, 0.0);
-    if L::any(zero.lt(c.lossy.at(zero))) {
-        L::rarely(
-            token,
-            #[inline(always)]
-            || lossy_step::<L, V>(c, token, state, torques),
-        );
-        return;
-    }
     let start = Start::new(c, token, state);
     let near = Near::new(c, &start, token, &state.push);
     if L::any(near.mask) {
@@ -107,10 +96,57 @@ fn step_from<L: Lane, V: Value<L>, const NEAR: bool>(
     near: &Near<L>,
 ) {
     let joints = JointFriction::new(c, start.rows.floor_gap);
-    let end = if joints.any() {
-        ended::<L, V, true, NEAR>(c, token, state, torques, start, &joints, near, None)
+    if joints.any() {
+        step_with::<L, V, true, NEAR>(c, token, state, torques, start, &joints, near);
     } else {
-        ended::<L, V, false, NEAR>(c, token, state, torques, start, &joints, near, None)
+        step_with::<L, V, false, NEAR>(c, token, state, torques, start, &joints, near);
+    }
+}
+
+#[inline(always)]
+fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const NEAR: bool>(
+    c: &Constants<V>,
+    token: L::Token,
+    state: &mut ContactState<L::Cell>,
+    torques: &Torques<L::Cell>,
+    start: &Start<L>,
+    joint_friction: &JointFriction<L>,
+    near: &Near<L>,
+) {
+    let friction = Friction::new(c, &start.rows, &start.velocities);
+    let mut velocities = free_velocities(c, token, state, start, torques);
+    let like = velocities.ball.x;
+    let conditions = Conditions {
+        delassus: &Delassus::new::<JOINTS>(c, &start.rows),
+        residuals: &start.rows.residuals(c, &velocities),
+        friction: &friction,
+        joint_friction,
+        static_impulse: c.static_wheel_load.at(like) * c.sim_dt.at(like),
     };
-    finish(c, token, state, start, (&end.velocities, &end.impulses), end.on_floor);
+    let mut impulses = state.impulses(token);
+    let mut open = L::load(token, &state.diverged).le(like.zero());
+    if NEAR {
+        open = open & !near.coupled;
+    }
+    if !NEAR || L::any(open) {
+        let solution = conditions.solution::<JOINTS>(token, &impulses, open);
+        impulses = solution.impulses;
+        if L::any(solution.searched) {
+            let one = like.splat(1.0);
+            count(token, L::select(solution.searched, one, like.zero()), &mut state.searched_steps);
+            count(token, L::select(solution.unsolved, one, like.zero()), &mut state.unsolved_steps);
+        }
+    }
+    start.rows.apply::<JOINTS, V>(c, &impulses, &mut velocities);
+    let on_floor = if NEAR {
+        near.solve::<V, JOINTS>(c, start, &conditions, (&mut impulses, &mut velocities))
+    } else {
+        like.zero()
+    };
+    finish(c, token, state, start, (&velocities, &impulses), on_floor);
+}
+
+#[inline(always)]
+fn count<L: Lane>(token: L::Token, more: L, cell: &mut L::Cell) {
+    (L::load(token, cell) + more).store(cell);
 }

@@ -2,8 +2,6 @@
 
 use super::constants::LaneConstants;
 use super::delassus::Delassus;
-use super::friction::{Friction, JointFriction};
-use super::losses::{Rollers, apply, parted, problem, speeds};
 use super::phases::Start;
 use super::principal::PrincipalAxes;
 use super::*;
@@ -11,7 +9,6 @@ use crate::kinematics::Omniwheels;
 use crate::lanes::{EIGHT, Eight, Scalar};
 use crate::model::Model;
 use crate::params::Params;
-use crate::sim::losses::ROWS;
 use crate::state::State;
 use fearless_simd::{Level, Simd};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
@@ -56,7 +53,6 @@ fn params_of(i: usize, calm: bool) -> Params {
             params.wheel_radius *= 0.9;
             params.body_com_height *= 1.05;
         }
-        AT_REST => (params.floor_rolling_friction, params.roller_friction) = (1e-3, 0.02),
         // Without symmetry, between lanes that have it.
         FALLING | RESET => {
             params.body_com_offset = [0.01, -0.02];
@@ -65,9 +61,6 @@ fn params_of(i: usize, calm: bool) -> Params {
             params.wheel_zenith_offsets = [0.05, -0.1, 0.02];
         }
         _ => (),
-    }
-    if i == FALLING {
-        (params.floor_spinning_friction, params.roller_friction_slope) = (2e-3, 0.1);
     }
     params.validate().expect("a robot that can exist");
     params
@@ -341,68 +334,6 @@ fn check_delassus_matrix(robot: &ContactMotion) {
                 assert!((a - e).abs() < 1e-11, "impulse {row}: {after:?}, expected {expected:?}");
             }
         }
-    }
-}
-
-/// The rows of robots with losses: their coupling predicts the speeds after each impulse.
-#[test]
-fn coupling_of_lossy_robots_is_the_effect_of_impulses_on_the_rows() {
-    for params in [params(), general()] {
-        let lossy = Params {
-            floor_rolling_friction: 1e-3,
-            floor_spinning_friction: 2e-3,
-            roller_friction: 0.02,
-            wheel_coulomb_friction: 1e-3,
-            ..params
-        };
-        let robot = displaced_robot(&lossy);
-        let c = robot.constants();
-        let start = Start::<f64>::new(c, Scalar, robot.memory());
-        let v = &start.velocities;
-        let rollers = Rollers::new(c, &start);
-        let before = speeds(c, &start.rows, &rollers, v);
-        let friction = (&Friction::new(c, &start.rows, v), &JointFriction::new(c, 0.0));
-        let delassus = Delassus::new::<true>(c, &start.rows);
-        let problem = problem(c, &start, &rollers, &delassus, friction, before);
-        for row in 0..ROWS {
-            let (own, extra) = parted(c, &std::array::from_fn(|k| if k == row { 1.0 } else { 0.0 }));
-            let mut velocities = *v;
-            start.rows.apply::<true, f64>(c, &own, &mut velocities);
-            apply(c, &rollers, &extra, &mut velocities);
-            let after = speeds(c, &start.rows, &rollers, &velocities);
-            for k in 0..ROWS {
-                let (found, expected) = (after[k] - before[k], problem.coupling[k][row]);
-                // The diagonal has a compliance of 1e-8 of it.
-                let limit = 1e-12 * (1.0 + expected.abs()) + if k == row { 1.1e-8 * expected } else { 0.0 };
-                assert!((found - expected).abs() <= limit, "impulse {row}, row {k}: {found}, expected {expected}");
-            }
-        }
-    }
-}
-
-/// Slipping, hopping and falling too: a step without a solution has the impulses of sweeps, and is counted.
-#[test]
-fn steps_of_lossy_robots_are_solved() {
-    for (torque, most) in [(0.1, 0.0), (0.3, 2e-3), (1.0, 1e-2)] {
-        let (mut unsolved, mut steps) = (0.0, 0.0);
-        for k in 0..20 {
-            let lossy = Params {
-                floor_rolling_friction: 1e-3,
-                floor_spinning_friction: 1e-3,
-                roller_friction: 0.02,
-                roller_friction_slope: 0.1,
-                wheel_coulomb_friction: if k % 2 == 0 { 0.0 } else { 2e-3 },
-                ..Params::paper()
-            };
-            let mut robot = ContactMotion::new(&lossy, 2e-3);
-            for step in 0..50 {
-                let phase = f64::from(7 * step + 3 * k);
-                robot.advance(&[phase.sin(), (1.3 * phase).sin(), (1.7 * phase).cos()].map(|t| t * torque), 5);
-            }
-            (unsolved, steps) = (unsolved + robot.memory().unsolved_steps, steps + robot.memory().steps);
-        }
-        println!("±{torque} N·m: {unsolved} of {steps} steps unsolved");
-        assert!(unsolved <= most * steps, "±{torque} N·m: {unsolved} of {steps} steps unsolved");
     }
 }
 

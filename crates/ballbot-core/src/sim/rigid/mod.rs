@@ -12,7 +12,6 @@
 mod bodies;
 mod bot;
 mod convert;
-mod losses;
 mod motion;
 mod rows;
 mod solve;

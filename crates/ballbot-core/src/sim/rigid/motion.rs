@@ -318,10 +318,6 @@ fn same_bodies(a: &Params, b: &Params) -> bool {
         wheel_coulomb_friction: b.wheel_coulomb_friction,
         wheel_static_friction: b.wheel_static_friction,
         wheel_dynamic_friction: b.wheel_dynamic_friction,
-        floor_rolling_friction: b.floor_rolling_friction,
-        floor_spinning_friction: b.floor_spinning_friction,
-        roller_friction: b.roller_friction,
-        roller_friction_slope: b.roller_friction_slope,
         ..a.clone()
     };
     read_each_step == *b

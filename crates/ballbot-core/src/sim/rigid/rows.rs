@@ -156,20 +156,6 @@ impl Rows {
         self.bot.tr_mul(&velocities.bot) + self.ball_force.tr_mul(ball_velocity) + self.ball_torque.tr_mul(ball_rate)
     }
 
-    /// Velocity of each row at each of several velocities: of the bot, of the ball, and angular velocity of the ball.
-    pub fn speeds_of<const N: usize>(
-        &self,
-        bot: &SMatrix<f64, 9, N>,
-        ball: &SMatrix<f64, 3, N>,
-        rate: &SMatrix<f64, 3, N>,
-    ) -> SMatrix<f64, ROWS, N> {
-        let mut speeds = self.bot.tr_mul(bot) + self.ball_force.tr_mul(ball) + self.ball_torque.tr_mul(rate);
-        for row in self.active..ROWS {
-            speeds.row_mut(row).fill(0.0);
-        }
-        speeds
-    }
-
     /// Change of the velocity of each row per impulse of each: J M⁻¹ Jᵀ.
     pub fn coupling(&self, parts: &Parts, bot: &Bot) -> Coupling {
         let mut coupling = Coupling::zeros();

@@ -2,7 +2,6 @@
 
 use super::bot::{Coordinates, join, split};
 use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
-use super::losses::LossRows;
 use super::motion::RigidMotion;
 use super::rows::{Motion, Rows, Velocities, WheelContact, biases};
 use super::solve::{Coupling, FLOOR, Impulses, Limits, Problem, Settling};
@@ -46,8 +45,6 @@ struct Plan {
     free: Velocities,
     /// Whether no wheel can touch the ball.
     apart: bool,
-    /// Rows of rolling, spinning and roller friction, if there is any.
-    losses: Option<LossRows>,
 }
 
 impl RigidMotion {
@@ -94,27 +91,12 @@ impl RigidMotion {
     /// them, and advances rapier's world. Returns what its contacts of the bot did.
     fn pass(&mut self, plan: &Plan, blow: &Velocities) -> (Velocities, Settling) {
         let dt = self.settings.dt;
-        let start = Impulses::from(self.sim_state.impulses);
-        let free = plan.free.plus(blow, 1.0);
-        let residual = plan.rows.speeds(&free) + plan.biases;
-        let (impulses, on_bot, wheels_on_ball, settling) = match &plan.losses {
-            None => {
-                let problem = Problem { coupling: &plan.coupling, residual, active: plan.rows.active() };
-                let (impulses, settling) = problem.solve(&plan.limits, &start);
-                (impulses, plan.rows.on_bot(&impulses), plan.rows.on_ball(&impulses), settling)
-            }
-            Some(losses) => {
-                let robot = (&self.params, &self.parts, &self.bot);
-                let plain = (&plan.rows, &plan.coupling, &residual);
-                let (impulses, extra, settling) = losses.solve(robot, plain, (&plan.limits, dt), &free, &start);
-                let [push, turn] = plan.rows.on_ball(&impulses);
-                let [more, twist] = losses.on_ball(&extra);
-                let on_bot = plan.rows.on_bot(&impulses) + losses.on_bot(&extra);
-                (impulses, on_bot, [push + more, turn + twist], settling)
-            }
-        };
+        let residual = plan.rows.speeds(&plan.free.plus(blow, 1.0)) + plan.biases;
+        let problem = Problem { coupling: &plan.coupling, residual, active: plan.rows.active() };
+        let (impulses, settling) = problem.solve(&plan.limits, &Impulses::from(self.sim_state.impulses));
         self.sim_state.impulses = impulses.into();
-        let acceleration = plan.acceleration + self.bot.mass_inverse * on_bot / dt;
+        let acceleration = plan.acceleration + self.bot.mass_inverse * plan.rows.on_bot(&impulses) / dt;
+        let wheels_on_ball = plan.rows.on_ball(&impulses);
         self.apply(plan, &acceleration, &wheels_on_ball);
         self.sim_state.healthy &= self.world.step(&mut self.pipeline, self.params.gravity, &self.settings);
         let floor_force = self.world.floor_force(&self.handles, dt);
@@ -150,17 +132,13 @@ impl RigidMotion {
         let erp = self.settings.contact_softness.erp_inv_dt(dt);
         let clearance = self.ball_clearance(&motion);
         let rows = Rows::new(&self.parts, &self.bot, &motion, &contacts, p.wheel_coulomb_friction > 0.0);
-        let limits = self.limits(&contacts);
-        let p = &self.params;
-        let losses = p.has_losses().then(|| LossRows::new((p, &self.parts), &self.bot, &motion, &contacts, &limits));
         Plan {
             coupling: rows.coupling(&self.parts, &self.bot),
             rows,
             biases: biases(&contacts, motion.floor_gap, erp, MAX_RECOVERY_SPEED, dt),
             free: motion.velocities.plus(&free, dt),
             apart: contacts.iter().all(|contact| contact.gap > clearance),
-            limits,
-            losses,
+            limits: self.limits(&contacts),
             motion,
             acceleration,
             drag,
