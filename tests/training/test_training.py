@@ -167,7 +167,10 @@ class TestRun:
     def test_an_earlier_run_is_not_overwritten_unasked(self, tiny_run, tmp_path):
         parsed = config.parse(TINY_CONFIG, "tiny")
         run = shutil.copytree(tiny_run, tmp_path / "run")
-        with pytest.raises(FileExistsError, match="holds an earlier run: continue it with --resume, delete it with --overwrite, or name another"):
+        with pytest.raises(
+            FileExistsError,
+            match="holds an earlier run: continue it with --resume, delete it with --overwrite, or name another",
+        ):
             train.train(parsed, TINY_CONFIG, run, progress_bar=False)
         (tmp_path / "other").mkdir()
         (tmp_path / "other" / "thesis.tex").write_text("do not delete")
