@@ -317,13 +317,13 @@ fn every_bad_number_is_named() {
         }
     }
     let none = SensorOptions::default();
-    refused(SensorOptions { encoder_ticks: 0.5, ..none.clone() }, &["sensors.encoder_ticks = 0.5", "at least 1"]);
-    refused(SensorOptions { gyro_range: 1e-9, ..none.clone() }, &["sensors.gyro_range", "at least 0.000001"]);
+    refused(SensorOptions { encoder_ticks: 0.5, ..none }, &["sensors.encoder_ticks = 0.5", "at least 1"]);
+    refused(SensorOptions { gyro_range: 1e-9, ..none }, &["sensors.gyro_range", "at least 0.000001"]);
     for latency in [0.005, 0.0101] {
         let parts = ["sensors.latency", "whole number", &format!("latency = {latency} s"), "control_dt = 0.01 s"];
         refused(SensorOptions { latency, ..none.clone() }, &parts);
     }
-    refused(SensorOptions { latency: 1.01, ..none.clone() }, &["= 101", "at most 100"]);
+    refused(SensorOptions { latency: 1.01, ..none }, &["= 101", "at most 100"]);
     for history in [0, 1001] {
         let config = BalanceConfig { history, ..BalanceConfig::default() };
         assert_refused(&config, &[&format!("history = {history}"), "from 1 to 1000"]);
