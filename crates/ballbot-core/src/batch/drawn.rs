@@ -20,7 +20,7 @@ impl Batch {
     /// is the same, its motion goes on; otherwise the environment must be reset before its next step.
     ///
     /// # Errors
-    /// As [`Batch::state`]; those of [`Params::validate`]; [`Error::OutOfRange`] or [`Error::Inconsistent`] if the task,
+    /// As [`Batch::state`]; those of [`Params::validate`]; [`crate::Error::OutOfRange`] or [`crate::Error::Inconsistent`] if the task,
     /// its actions or its events do not fit the robot. The robot is then left as it was.
     pub fn set_params(&mut self, index: usize, params: &Params) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
