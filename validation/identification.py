@@ -174,9 +174,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--figure", type=Path, help="file of the figure (default: none)")
     asked = parser.parse_args(arguments)
     study = run(asked.logs, seconds=asked.seconds, first=asked.first, num_threads=asked.threads)
-    print(markdown(study))
     for failure in study.failures:
         print(failure)
+    if not len(study.covered):
+        return 1
+    print(markdown(study))
     if asked.figure is not None:
         draw(study, asked.figure)
     return 0 if holds(study) else 1

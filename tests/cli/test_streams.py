@@ -24,7 +24,7 @@ COMMANDS = {
     "report": ["report", "run", "--episodes", "1", "--video-seconds", "0.1", "-o", "report.html"],
     "export": ["export", "run", "-o", "policy.onnx"],
     "train": ["train", "--config", "tiny.toml", "--run", "new", "--episodes", "1", "--no-report", "--quiet"],
-    "view": ["view", "--no-open", "--seconds", "0.1", "--port", "18870"],
+    "view": ["view", "--no-open", "--seconds", "0.1", "--port", "18890"],
 }
 NEEDS = {"export": "onnxscript", "view": "viser"}
 

@@ -272,3 +272,4 @@ def test_a_training_keeps_its_events(tmp_path):
     assert found.events == full
     nominal, own = bb.evaluate(folder, episodes=4), bb.evaluate(folder, episodes=4, env_options={"events": "trained"})
     assert nominal != own == bb.evaluate(folder, episodes=4, env_options={"events": EVENTS})
+    assert main(["evaluate", "--controller", str(folder), "--events", "trained", "--episodes", "2", "--quiet"]) == 0

@@ -5,7 +5,7 @@ import importlib.util
 import numpy as np
 import pytest
 
-from ballbot_rs import SensorLog
+from ballbot_rs import Params, SensorLog, record_log
 from ballbot_rs.identification.log import COLUMNS
 from ballbot_rs.identification.motors import Motors
 from ballbot_rs.identification.windows import split
@@ -110,6 +110,12 @@ def test_other_files_are_refused(tmp_path):
     (tmp_path / "log.npz").write_bytes(b"no archive")
     with pytest.raises(ValueError, match="not an npz file"):
         SensorLog.read(tmp_path / "log.npz")
+    log().write(tmp_path / "log.npz")
+    whole = (tmp_path / "log.npz").read_bytes()
+    for broken in (whole[: len(whole) // 2], whole[:100] + b"\0" * 200 + whole[300:]):
+        (tmp_path / "log.npz").write_bytes(broken)
+        with pytest.raises(ValueError, match=r"log\.npz"):
+            SensorLog.read(tmp_path / "log.npz")
     np.savez(tmp_path / "log.npz", time=np.array(["a"]))
     with pytest.raises(ValueError, match="time is of type <U1"):
         SensorLog.read(tmp_path / "log.npz")
@@ -194,3 +200,9 @@ def test_windows_have_no_gap_and_share_no_row():
 def test_a_log_that_cannot_be_divided_is_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         split(log(), *arguments)
+
+
+def test_any_duration_makes_a_log():
+    assert len(record_log(Params.paper(), seconds=1.999).time) == 201
+    with pytest.raises(ValueError, match="control_dt = 0"):
+        record_log(Params.paper(), seconds=1.0, control_dt=0.0)

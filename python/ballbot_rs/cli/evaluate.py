@@ -51,6 +51,8 @@ def run(arguments: argparse.Namespace) -> None:
         }
         print(json.dumps(report, indent=2))
     else:
+        shown = common_options(controllers, options)
         # A name of events says more than their list.
-        shown = {**common_options(controllers, options), **options}
+        if isinstance(options.get("events"), str) and options["events"] != TRAINED:
+            shown["events"] = options["events"]
         print_table(results, arguments.task or DEFAULT_TASK, shown)

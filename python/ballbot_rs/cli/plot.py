@@ -41,7 +41,8 @@ def run(arguments: argparse.Namespace) -> None:
     arguments.controller = arguments.controller or ["lqr"]
     output = arguments.output or Path("figures")
     runs = [name for name in arguments.controller if name not in NAMES and (Path(name) / "run.json").is_file()]
-    unfit = {"learning_curve": not runs, "recovery_map": arguments.events is not None}
+    drawn = bool(scenario.env_options(arguments).get("events"))
+    unfit = {"learning_curve": not runs, "recovery_map": drawn}
     wanted = arguments.figure or [name for name in FIGURES if not unfit.get(name)]
     if "learning_curve" in wanted and not runs:
         raise ValueError("a learning curve is of training runs, and none is given")

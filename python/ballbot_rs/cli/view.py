@@ -80,7 +80,10 @@ def _start(arguments: argparse.Namespace) -> "View":
     given = scenario.env_options(arguments)
     for name in ("sensors", "observation", "history"):
         if name in given:
-            raise ValueError(f"the page's policies observe the true state: --env-option {name}=... has no place here")
+            raise ValueError(
+                f"--env-option {name}=... has no place here: the page's policies observe the true state, with the "
+                "history of their training"
+            )
     options = common_options([controller], given)
     if options.get("observation", "ground_truth") != "ground_truth":
         print("the page's policies observe the true state, unlike in the policy's training", file=sys.stderr)

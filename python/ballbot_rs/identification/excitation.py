@@ -78,6 +78,8 @@ def record_log(
     if place.shape != (3,) or not np.isfinite(place).all():
         raise InvalidInputError(f"imu_position is {imu_position}, expected three finite numbers")
     rng = np.random.default_rng(check_seed(seed))
+    if not control_dt > 0.0:
+        raise InvalidInputError(f"control_dt = {control_dt} is out of range: it must be above 0")
     rows = max(round(seconds / control_dt), 1) + 1
     options: dict[str, Any] = {
         "params": params or Params.paper(),
@@ -91,7 +93,8 @@ def record_log(
     lqr = Lqr(controller_params or robot, control_dt, max_torque=limit)
     times: Array = np.asarray(control_dt * np.arange(rows), dtype=np.float64)
     sines = excitation * MULTISINE * limit * _multisine(times, rng)
-    steps = rng.uniform(-1.0, 1.0, (int(seconds / STEP_EVERY) + 1, 3)) * [POSITION, POSITION, YAW] * excitation
+    count = int(max(seconds, times[-1]) / STEP_EVERY) + 1
+    steps = rng.uniform(-1.0, 1.0, (count, 3)) * [POSITION, POSITION, YAW] * excitation
     batch.reset(starts=[State.at_equilibrium(robot)])
     states, torques = np.empty((rows, 32)), np.empty((rows, 3))
     for row in range(rows):
@@ -142,7 +145,11 @@ def _measured(
     change = np.zeros_like(velocity)
     change[1:] = np.diff(velocity, axis=0) / np.diff(times)[:, None]
     change[:, 2] += robot.gravity
-    force = np.einsum("nji,nj->ni", axes, change)
+    # As an integrating IMU has it: in the attitude halfway through the interval.
+    halfway = states.copy()
+    halfway[1:, 16:20] += states[:-1, 16:20]
+    halfway[:, 16:20] /= np.linalg.norm(halfway[:, 16:20], axis=1, keepdims=True)
+    force = np.einsum("nji,nj->ni", body_axes_of(halfway), change)
     exact = {"wheel_angle": states[:, 26:29], "gyro": states[:, 23:26], "acceleration": force}
     read = {name: values + spread[name] * rng.standard_normal(values.shape) for name, values in exact.items()}
     return SensorLog(times, torques, read["wheel_angle"], read["gyro"], read["acceleration"])

@@ -3,10 +3,12 @@
 import csv
 import dataclasses
 import io
+import zlib
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Final
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -110,7 +112,7 @@ class SensorLog:
         try:
             columns = _csv_columns(contents) if path.suffix == ".csv" else _npz_columns(contents)
             return cls(**_fields(columns))
-        except ValueError as error:
+        except (ValueError, csv.Error) as error:
             raise InvalidInputError(f"{path}: {error}") from error
 
     def write(self, path: str | PathLike[str]) -> None:
@@ -174,6 +176,20 @@ def _csv_columns(contents: bytes) -> dict[str, Array]:
     return {**dict.fromkeys(header, np.zeros(0)), **{title: values[:, i] for i, (_, title) in enumerate(kept)}}
 
 
+#: What NumPy and the archive raise for broken files.
+_UNREADABLE: Final = (
+    OSError,
+    EOFError,
+    LookupError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    RuntimeError,
+    BadZipFile,
+    zlib.error,
+)
+
+
 def _is_number(text: str) -> bool:
     try:
         float(text)
@@ -186,7 +202,7 @@ def _npz_columns(contents: bytes) -> dict[str, Array]:
     try:
         with np.load(io.BytesIO(contents), allow_pickle=False) as file:
             found = {name: np.asarray(file[name]) for name in file.files}
-    except (OSError, EOFError, KeyError, ValueError) as error:
+    except _UNREADABLE as error:
         raise InvalidInputError(f"not an npz file: {error}") from error
     wanted = {title for titles in COLUMNS.values() for title in titles}
     for name in wanted & found.keys():

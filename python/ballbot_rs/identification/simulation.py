@@ -128,7 +128,10 @@ class Simulator:
         change = np.zeros_like(velocity)
         change[:, 1:] = np.diff(velocity, axis=1) / np.diff(self._log.time[windows.rows])[:, None]
         change[..., 2] += np.array([column.robot.params.gravity for column in columns])[:, None]
-        force: Array = (change[..., None, :] @ axes)[..., 0, :] + _of_each(columns, "acc_bias")
+        # As an integrating IMU has it: in the attitude halfway through the interval.
+        states[:, 1:, _BODY_QUATERNION] += states[:, :-1, _BODY_QUATERNION].copy()
+        states[..., _BODY_QUATERNION] /= np.linalg.norm(states[..., _BODY_QUATERNION], axis=-1, keepdims=True)
+        force: Array = (change[..., None, :] @ body_axes_of(states))[..., 0, :] + _of_each(columns, "acc_bias")
         # Its interval began before the window.
         force[:, windows.bounds[:-1]] = 0.0
         return force

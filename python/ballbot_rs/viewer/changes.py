@@ -26,7 +26,7 @@ class Change:
     hint: str
 
 
-#: By name. Factors (×) go up from zero, addends are in mm and ms.
+#: By name. Labels with × are factors; the others are addends in mm and ms.
 CHANGES: Final[Mapping[str, Change]] = {
     "wheel_friction": Change("Wheel friction (×)", 0.0, 2.0, 0.01, 1.0, "wheels on the ball, static and dynamic"),
     "floor_friction": Change("Floor friction (×)", 0.0, 2.0, 0.01, 1.0, "ball on the floor, static and dynamic"),

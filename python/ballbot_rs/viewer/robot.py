@@ -123,9 +123,9 @@ class Robot:
     @property
     def motors(self) -> dict[str, Any]:
         """The options of its motors that are not those of ideal ones, in SI units."""
-        options = self._batch.options["actuators"]
+        options = self._batch.actuators(0)
         ideal = {option["name"]: option["default"] for option in ACTUATOR_OPTIONS}
-        return {name: value for name, value in (options or {}).items() if not np.array_equal(value, ideal[name])}
+        return {name: value for name, value in options.items() if not np.array_equal(value, ideal[name])}
 
     @property
     def draws(self) -> dict[str, FloatArray]:
