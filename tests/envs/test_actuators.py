@@ -139,7 +139,11 @@ def test_what_is_returned_is_a_copy():
     ("actuators", "kind", "message"),
     [
         ({"delai": 1.0}, ValueError, "unknown option of actuators 'delai': expected one of delay, strength"),
-        ({"delay": 0.003}, ValueError, r"delay / sim_dt = 1.5 .* \(delay = 0.003 s, sim_dt = 0.002 s\)"),
+        (
+            {"delay": 0.003},
+            ValueError,
+            r"delay / sim_dt = 1.5 .* \(delay = 0.003 s, sim_dt = 0.002 s; valid near it: 0.002 s and 0.004 s\)",
+        ),
         ({"lag": -1.0}, ValueError, "actuators.lag = -1 is out of range: it must be >= 0 and <= 10 s"),
         ({"strength": [1.0, 2.0]}, ValueError, "actuators.strength has 2 values, expected 3"),
         ({"stall_torque": 1.0}, ValueError, "a torque-speed curve needs both above 0"),
