@@ -10,8 +10,8 @@ CAD_INSTALLED := $(VENV)/.cad-installed
 WHEEL_INSTALLED := $(VENV)/.wheel-installed
 # The oldest glibc that wheels run on; zig links against it on any Linux.
 COMPATIBILITY ?= manylinux2014
-# What ballbot-core compiles alone in seconds; with `rigid` it takes half a minute, and no other part needs it.
-FEATURES := urdf render
+# What ballbot-core compiles without its other parts.
+FEATURES := rigid urdf render
 FUZZ_TARGETS := urdf visuals stl
 
 DEMO_INSTALLED := $(VENV)/.demo-installed
