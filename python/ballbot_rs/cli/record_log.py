@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS, Params, load_actuators
+from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS, load_actuators
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SEED, real
 from ballbot_rs.cli.progress import bar
@@ -40,10 +40,9 @@ def run(arguments: argparse.Namespace) -> None:
     out = arguments.output or Path("log.csv")
     if out.suffix not in (".csv", ".npz"):
         raise ValueError(f"{out}: the name of a log ends in .csv or .npz")
-    robot = scenario.robot_option(arguments.robot)
     with bar("recording", arguments.quiet or arguments.json) as progress:
         log = record_log(
-            Params.preset(robot) if isinstance(robot, str) else Params(**robot),
+            scenario.params_of(scenario.robot_option(arguments.robot)),
             arguments.seconds,
             actuators=None if arguments.actuators is None else load_actuators(arguments.actuators),
             model=arguments.model,

@@ -3,7 +3,7 @@
 import argparse
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -190,6 +190,16 @@ def assignments(given: Sequence[str], flag: str) -> dict[str, Any]:
     return values
 
 
+def params_of(robot: Any) -> Params:
+    """The parameters that the option `params` of an environment names or holds."""
+    return Params.preset(robot) if isinstance(robot, str) else Params(**robot)
+
+
+def _in_full(name_or_file: str, load: Callable[[str], Any]) -> Any:
+    """A name as it is and a TOML file in full, so that what is kept of a run does not depend on the file."""
+    return load(name_or_file) if Path(name_or_file).suffix == ".toml" else name_or_file
+
+
 def env_options(arguments: argparse.Namespace) -> dict[str, Any]:
     """The options of the environment that the command line names."""
     options = assignments(arguments.env_option, "--env-option")
@@ -200,19 +210,13 @@ def env_options(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.param and getattr(arguments, "urdf", None) is None:
         if arguments.robot is None:
             raise ValueError(f"--param {arguments.param[0]} needs the robot that it changes: add --robot")
-        named = options["params"]
-        own = Params.preset(named) if isinstance(named, str) else Params(**named)
-        options["params"] = changed_robot(own, arguments.param).to_dict()
+        options["params"] = changed_robot(params_of(options["params"]), arguments.param).to_dict()
     if arguments.actuators is not None:
         options["actuators"] = actuators_option(arguments.actuators)
     if getattr(arguments, "sensors", None) is not None:
-        # A file in full, so that what is kept of a run does not depend on it.
-        is_file = Path(arguments.sensors).suffix == ".toml"
-        options["sensors"] = load_sensors(arguments.sensors) if is_file else arguments.sensors
+        options["sensors"] = _in_full(arguments.sensors, load_sensors)
     if getattr(arguments, "events", None) is not None:
-        # A file in full, so that what is kept of a run does not depend on it.
-        is_file = Path(arguments.events).suffix == ".toml"
-        options["events"] = load_events(arguments.events) if is_file else arguments.events
+        options["events"] = _in_full(arguments.events, load_events)
     return options
 
 

@@ -1,6 +1,7 @@
 //! What tasks observe robots by.
 
 use crate::error::{Error, Result};
+use crate::names;
 use std::str::FromStr;
 
 /// What the rows of an observation are computed from.
@@ -30,9 +31,6 @@ impl FromStr for Observation {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|kind| kind.name() == name)
-            .ok_or_else(|| Error::unknown("observation", name, &Self::ALL.map(Self::name)))
+        names::find("observation", name, Self::ALL, Self::name)
     }
 }
