@@ -221,9 +221,9 @@ def test_the_installed_command():
     script = shutil.which("ballbot", path=str(Path(sys.executable).parent))
     assert script is not None, "the package's console script is not installed"
     command = [script, "evaluate", "balance", "--controller", "lqr", "--episodes", "1", "--model", "planar", "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
     assert parse_json(done.stdout)["results"][0]["success_rate"] == 1.0
-    failed = subprocess.run([script, "evaluate", "balance", "--controller", "x"], capture_output=True, timeout=60)
+    failed = subprocess.run([script, "evaluate", "balance", "--controller", "x"], capture_output=True, timeout=300)
     assert failed.returncode == 1
     assert b"Traceback" not in failed.stderr
 

@@ -26,7 +26,7 @@ def test_a_video_that_is_interrupted_leaves_nothing(tmp_path, number, code, line
         assert time.monotonic() < ends
         time.sleep(0.02)
     process.send_signal(number)
-    printed, said = process.communicate(timeout=30)
+    printed, said = process.communicate(timeout=300)
     assert (process.returncode, printed, said) == (code, "", line)
     # The encoder may be through with a file that has lost its name.
     assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"]
@@ -52,7 +52,7 @@ def test_a_long_call_is_no_obstacle(number, code, line, call):
     )
     assert process.stdout.readline() == "ready\n"
     process.send_signal(number)
-    _, said = process.communicate(timeout=30)
+    _, said = process.communicate(timeout=300)
     assert (process.returncode, said) == (code, line)
 
 
@@ -68,7 +68,7 @@ def test_a_signal_that_is_ignored_stays_ignored():
     )
     assert process.stdout.readline() == "ready\n"
     process.send_signal(signal.SIGINT)
-    assert process.communicate(timeout=30) == ("", "")
+    assert process.communicate(timeout=300) == ("", "")
     assert process.returncode == 0
 
 
@@ -115,7 +115,7 @@ def test_the_command_is_known_before_anything_is_imported(tmp_path):
         )
         assert process.stdout.readline() == "ready\n"
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=30)
+        _, said = process.communicate(timeout=300)
         assert (process.returncode, said) == (130, "interrupted\n")
 
 

@@ -72,7 +72,7 @@ def test_without_a_reader(arguments):
     os.close(read)
     with os.fdopen(write, "wb") as nobody:
         line = commands.command(*arguments)
-        done = subprocess.run(line, stdout=nobody, stderr=subprocess.PIPE, timeout=60, check=False)
+        done = subprocess.run(line, stdout=nobody, stderr=subprocess.PIPE, timeout=300, check=False)
     assert (done.returncode, done.stderr) == (141, b"")
 
 

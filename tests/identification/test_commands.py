@@ -81,6 +81,6 @@ def test_ctrl_c_ends_a_fit_and_leaves_nothing(log, tmp_path):
     time.sleep(1.5)
     assert process.poll() is None, process.communicate()
     process.send_signal(signal.SIGINT)
-    printed, said = process.communicate(timeout=30)
+    printed, said = process.communicate(timeout=300)
     assert (process.returncode, printed, said) == (130, "", "interrupted\n")
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]

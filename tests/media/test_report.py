@@ -115,7 +115,7 @@ from ballbot_rs.cli.report import after_training
 print(after_training(Path(sys.argv[1]), [], True))
 """
     command = [sys.executable, "-c", code, str(run_with_report)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
     assert done.stdout == "None\n"
     assert done.stderr.startswith("no report: ")
     assert f"needs {missing}: install it with `pip install -e '.[" in done.stderr

@@ -13,6 +13,8 @@ from pathlib import Path
 
 from websockets.sync.client import connect
 
+from tests.support.waiting import LIMIT
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
 #: Software WebGL, so that no GPU is needed.
@@ -60,24 +62,25 @@ class Chromium:
             self.call(f"{domain}.enable")
 
     def _page_address(self, port_file: Path) -> str:
-        ends = time.monotonic() + 20.0
+        log = port_file.parents[1] / "chromium.log"
+        ends = time.monotonic() + LIMIT
         while time.monotonic() < ends:
-            assert self._process.poll() is None, "the browser ended at once; see chromium.log"
+            assert self._process.poll() is None, f"the browser ended at once:\n{log.read_text()}"
             if port_file.exists() and port_file.read_text().strip():
                 port = port_file.read_text().split()[0]
-                with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=5) as answer:
+                with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=LIMIT) as answer:
                     pages = [page for page in json.load(answer) if page["type"] == "page"]
                 if pages:
                     return pages[0]["webSocketDebuggerUrl"]
             time.sleep(0.05)
-        raise AssertionError("the browser opened no debugging port; see chromium.log")
+        raise AssertionError(f"the browser opened no debugging port in {LIMIT} s:\n{log.read_text()}")
 
     def call(self, method: str, **params):
         """Result of a method of the protocol."""
         number = next(self._numbers)
         self._connection.send(json.dumps({"id": number, "method": method, "params": params}))
         while True:
-            message = json.loads(self._connection.recv(timeout=20))
+            message = json.loads(self._connection.recv(timeout=LIMIT))
             if message.get("id") == number:
                 assert "error" not in message, message
                 return message["result"]
@@ -99,11 +102,11 @@ class Chromium:
         assert "exceptionDetails" not in result, result
         return result["result"].get("value")
 
-    def wait_for(self, expression: str, seconds: float = 20.0) -> None:
+    def wait_for(self, expression: str) -> None:
         """Returns when a JavaScript expression is true."""
-        ends = time.monotonic() + seconds
+        ends = time.monotonic() + LIMIT
         while not self.evaluate(f"Boolean({expression})"):
-            assert time.monotonic() < ends, f"waited {seconds} s for {expression}"
+            assert time.monotonic() < ends, f"waited {LIMIT} s for {expression}"
             time.sleep(0.05)
 
     def click(self, x: float, y: float) -> None:

@@ -1,8 +1,8 @@
 """A page that is served, and clients that are no browsers."""
 
-import time
-
 import msgspec
+
+from tests.support.waiting import wait_until
 
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -21,16 +21,9 @@ def packed(**message):
     return msgspec.msgpack.encode(message)
 
 
-def wait_until(condition, seconds=30.0):
-    ends = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < ends
-        time.sleep(0.02)
-
-
-def ask(view, function, seconds=30.0):
+def ask(view, function):
     """What a function says of the session, in the thread that owns it."""
     answers = []
     assert view.runner.submit(lambda session: answers.append(function(session)))
-    wait_until(lambda: answers, seconds)
+    wait_until(lambda: answers)
     return answers[0]

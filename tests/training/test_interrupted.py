@@ -114,7 +114,7 @@ def test_a_signal_saves_and_says_how_to_go_on(tmp_path, number):
     process = commands.start("train", "--config", path, "--run", run, "--quiet")
     commands.wait_for(run / "evaluations.npz", process)
     process.send_signal(number)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=300)
     assert (process.returncode, out) == (128 + number, "")
     newest = run_folder.checkpoints(run)[0]
     told, ended = err.splitlines()

@@ -21,7 +21,8 @@ from ballbot_rs.viewer.access import is_own, refusal  # noqa: E402
 from ballbot_rs.viewer.changes import CHANGES, NEUTRAL  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
-from tests.support.view import CAMERA, ask, packed, wait_until  # noqa: E402
+from tests.support.view import CAMERA, ask, packed  # noqa: E402
+from tests.support.waiting import wait_until  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -224,7 +225,7 @@ def is_closed(connection):
     """Whether the server ends a connection within a while."""
     try:
         for _ in range(1000):
-            connection.recv(timeout=10.0)
+            connection.recv(timeout=60.0)
     except ConnectionClosed:
         return True
     except TimeoutError:
@@ -245,7 +246,7 @@ def test_a_flood_of_malformed_messages_ends_the_connection_and_prints_nothing(vi
             sender.send(b"\0" * (messages.MAX_MESSAGE + 1))
         assert is_closed(sender)
     for noise in (b"\0" * 100 + b"\r\n\r\n", b"GET\r\n\r\n", b"POST / HTTP/1.1\r\nHost: localhost\r\n\r\n"):
-        with socket.create_connection(("127.0.0.1", view.server.get_port()), timeout=5) as raw:
+        with socket.create_connection(("127.0.0.1", view.server.get_port()), timeout=60) as raw:
             raw.sendall(noise)
             with contextlib.suppress(OSError):
                 raw.recv(1000)
@@ -278,7 +279,7 @@ def test_clients_beyond_the_limit_are_refused_with_the_reason_and_leave_nothing(
             with pytest.raises(InvalidStatus, match="503"), connect(address):
                 pass
         with pytest.raises(urllib.error.HTTPError) as refused:
-            urllib.request.urlopen(view.url, timeout=5)
+            urllib.request.urlopen(view.url, timeout=60)
         assert refused.value.code == 503
         assert (
             refused.value.read().decode() == "16 pages of this server are open already, which is the limit: close one"
@@ -376,6 +377,6 @@ def test_missing_double_and_foreign_headers_are_refused():
 
 
 def test_a_request_without_a_host_is_refused_on_the_wire(view):
-    with socket.create_connection(("127.0.0.1", view.server.get_port()), timeout=5) as raw:
+    with socket.create_connection(("127.0.0.1", view.server.get_port()), timeout=60) as raw:
         raw.sendall(b"GET / HTTP/1.1\r\nConnection: close\r\n\r\n")
         assert raw.recv(1000).startswith(b"HTTP/1.1 403")

@@ -19,7 +19,8 @@ from ballbot_rs.viewer.changes import CHANGES
 from ballbot_rs.viewer.session import Session
 from ballbot_rs.viewer.view import View
 from tests.support.fuzzing import budget, numbers, values
-from tests.support.view import CAMERA, ask, packed, wait_until
+from tests.support.view import CAMERA, ask, packed
+from tests.support.waiting import wait_until
 
 CLICK = {
     "type": "SceneNodeClickMessage",

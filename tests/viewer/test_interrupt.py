@@ -19,7 +19,8 @@ from ballbot_rs.viewer.session import MAX_CALL, Session
 from ballbot_rs.viewer.view import View
 from ballbot_rs.viewer.watch import Interrupted, Watch, is_any_left
 from tests.support.onnx_policies import SHIPPED, looping_policy
-from tests.support.view import ask, wait_until
+from tests.support.view import ask
+from tests.support.waiting import wait_until
 
 
 @pytest.fixture(scope="module")
@@ -111,9 +112,9 @@ def test_the_keyboard_ends_the_command(looping, tmp_path, at):
     ) as process:
         assert process.stdout is not None
         if at == "loading":
-            wait_until((slow.parent / "slow.py.read").exists, 60.0)
+            wait_until((slow.parent / "slow.py.read").exists)
         elif at == "trial":
-            wait_until(lambda: "onnxruntime" in maps(process.pid), 60.0)
+            wait_until(lambda: "onnxruntime" in maps(process.pid))
             time.sleep(1.0)
         else:
             assert "Ctrl-C ends it" in process.stdout.readline()

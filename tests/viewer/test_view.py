@@ -26,7 +26,8 @@ from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.chromium import Chromium, find_browser  # noqa: E402
 from tests.support.paths import ASSETS  # noqa: E402
-from tests.support.view import ask, wait_until  # noqa: E402
+from tests.support.view import ask  # noqa: E402
+from tests.support.waiting import wait_until  # noqa: E402
 
 
 @pytest.fixture
@@ -60,7 +61,7 @@ def choose(page, label, option):
     click(page, f"({field}).closest('.mantine-Flex-root, div').parentElement.querySelector('input')")
     matches = f"o => o.offsetParent && o.innerText.trim() === '{option}'"
     found = f"[...document.querySelectorAll('[role=option]')].find({matches})"
-    page.wait_for(found, 5.0)
+    page.wait_for(found)
     click(page, found)
 
 
@@ -87,7 +88,7 @@ def test_the_page_in_a_browser(view, tmp_path):
             }
             return all(mask.sum() > 20 for mask in seen.values())
 
-        wait_until(shows_a_robot, 15.0)
+        wait_until(shows_a_robot)
 
         # A push at rest moves the robot.
         view.runner.submit(lambda session: session.reset((0.0, 0.0)))
@@ -107,7 +108,7 @@ def test_the_page_in_a_browser(view, tmp_path):
             red, green, blue = scene_of(page.screenshot(tmp_path / "goal.png"))[540:580, 280:320].transpose(2, 0, 1)
             return ((green > 1.5 * red) & (green > 1.3 * blue)).sum() > 20
 
-        wait_until(shows_the_goal, 10.0)
+        wait_until(shows_the_goal)
 
         # A drag turns the camera and is no click.
         (viewer,) = view.server.get_clients().values()
@@ -148,7 +149,7 @@ def test_the_page_in_a_browser(view, tmp_path):
 
         # Plots draw.
         click(page, button("Plots"))
-        page.wait_for("document.querySelectorAll('.js-plotly-plot .scatterlayer path.js-line').length >= 15", 10.0)
+        page.wait_for("document.querySelectorAll('.js-plotly-plot .scatterlayer path.js-line').length >= 15")
         page.screenshot(tmp_path / "plots.png")
         assert page.errors == []
     finally:
@@ -223,7 +224,7 @@ def test_the_command_stops_by_itself_and_says_how_fast_it_was():
         [*command, "--seconds", "2", "--no-open", "--port", "18740"],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=True,
     )
     assert "http://127.0.0.1:" in done.stdout
@@ -248,7 +249,7 @@ def test_the_command_stops_by_itself_and_says_how_fast_it_was():
 )
 def test_other_sites_and_other_files_are_refused(view, path, headers):
     with pytest.raises(urllib.error.HTTPError) as refused:
-        urllib.request.urlopen(urllib.request.Request(view.url + path, headers=headers), timeout=5)
+        urllib.request.urlopen(urllib.request.Request(view.url + path, headers=headers), timeout=60)
     assert refused.value.code == 403
 
 
@@ -271,7 +272,7 @@ def test_a_urdf_whose_mesh_is_missing_is_refused(tmp_path):
 
 
 def test_the_page_is_served_and_calls_nobody(view):
-    with urllib.request.urlopen(view.url, timeout=5) as answer:
+    with urllib.request.urlopen(view.url, timeout=60) as answer:
         page = answer.read().decode()
     assert "<div id=" in page
     assert "<script" in page
@@ -290,7 +291,7 @@ def test_garbage_and_many_clients_that_vanish_do_no_harm(view, capfd):
             client.socket.shutdown(socket.SHUT_RDWR)
     before = ask(view, lambda session: session.time)
     wait_until(lambda: ask(view, lambda session: session.time) > before + 0.3)
-    with urllib.request.urlopen(view.url, timeout=5) as answer:
+    with urllib.request.urlopen(view.url, timeout=60) as answer:
         assert answer.status == 200
     capfd.readouterr()
 

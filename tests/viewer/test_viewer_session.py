@@ -15,6 +15,7 @@ from ballbot_rs.viewer.history import SERIES, SPAN
 from ballbot_rs.viewer.recording import CAPACITY, Recording
 from ballbot_rs.viewer.runner import MAX_COMMANDS, Runner
 from ballbot_rs.viewer.session import Session
+from tests.support.waiting import wait_until
 
 MODELS = ["planar", "spatial", "contact", "rigid"]
 
@@ -355,13 +356,6 @@ def test_slow_motion_pause_and_single_steps():
     before = session.time
     session.step()
     assert session.time == pytest.approx(before + 0.01)
-
-
-def wait_until(condition, seconds=10.0):
-    ends = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < ends
-        time.sleep(0.005)
 
 
 def test_the_runner_keeps_real_time_and_obeys_from_many_threads():
