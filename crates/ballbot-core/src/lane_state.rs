@@ -66,6 +66,39 @@ cells! {
     }
 }
 
+cells! {
+    /// What [`LaneRobot`] has besides its state, as it lies in memory: 1 for true, 0 for false.
+    #[derive(Clone, Debug, Default, PartialEq)]
+    pub struct ConditionCells {
+        /// As in [`LaneRobot`].
+        pub healthy: T,
+        /// As in [`LaneRobot`].
+        pub on_floor: T,
+    }
+}
+
+impl<L: Lane> LaneRobot<L> {
+    /// Reads what [`LaneRobot::store`] wrote.
+    #[inline(always)]
+    pub fn load(token: L::Token, state: &StateCells<L::Cell>, conditions: &ConditionCells<L::Cell>) -> Self {
+        let holds = |cell| {
+            let value = L::load(token, cell);
+            value.zero().lt(value)
+        };
+        Self { state: state.load(token), healthy: holds(&conditions.healthy), on_floor: holds(&conditions.on_floor) }
+    }
+
+    /// Writes state and conditions.
+    #[inline(always)]
+    pub fn store(&self, state: &mut StateCells<L::Cell>, conditions: &mut ConditionCells<L::Cell>) {
+        self.state.store(state);
+        let zero = self.state.ball_position.x.zero();
+        let one = zero.splat(1.0);
+        L::select(self.healthy, one, zero).store(&mut conditions.healthy);
+        L::select(self.on_floor, one, zero).store(&mut conditions.on_floor);
+    }
+}
+
 impl<T> StateCells<T> {
     /// Reads the state.
     #[inline(always)]

@@ -4,7 +4,7 @@ use super::chunk::Environments;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
 use crate::actuator::Actuator;
-use crate::lanes::{Cell, Scalar, run_one};
+use crate::lanes::Cell;
 use crate::sensor::{EpisodeStart, Sensor};
 use crate::task::Task;
 use rand_chacha::ChaCha8Rng;
@@ -39,11 +39,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// Observes robot `i` anew; `one` is its ledger.
     pub(super) fn observe(&mut self, i: usize, observation: &mut [f32]) {
         let state = self.robots.lane_state(i);
-        let (step, one) = (&self.step, &mut self.one);
-        run_one(
-            #[inline(always)]
-            || step.observe::<f64>(Scalar, &state, one),
-        );
+        self.step.observe(&state, &mut self.one);
         R::Cell::put(&mut self.ledger, i, &self.one);
         self.write_observation(i, observation);
     }
@@ -78,11 +74,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     pub(super) fn observe_truth(&self, i: usize, row: &mut [f32]) {
         let mut one = Ledger::new(self.step.sizes());
         R::Cell::take(&self.ledger, i, &mut one);
-        let state = self.robots.lane_state(i);
-        run_one(
-            #[inline(always)]
-            || self.step.observe_state::<f64>(Scalar, &state, &mut one),
-        );
+        self.step.observe_state(&self.robots.lane_state(i), &mut one);
         row.iter_mut().zip(&one.observation).for_each(|(out, value)| *out = *value as f32);
     }
 

@@ -6,17 +6,18 @@ use crate::actuator::Actuator;
 use crate::control::LaneWidth;
 use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
-use crate::lane_state::{LaneRobot, LaneState, StateCells};
-use crate::lanes::{EIGHT, Eight, Lane, Memory, Scalar, run_one};
+use crate::lane_state::{ConditionCells, LaneRobot, LaneState, StateCells};
+use crate::lanes::{EIGHT, Eight, Kernel, Memory, Scalar, Wide, run_eight};
 use crate::model::same_geometry;
 use crate::params::Params;
 use crate::robot::{Ballbot, check_push, check_state};
 use crate::sensor::Sensor;
 use crate::sim::CollisionShape;
-use crate::sim::contact::{ContactLanes, RobotsKernel};
+use crate::sim::contact::ContactLanes;
 use crate::snapshot;
 use crate::state::{Contacts, State};
 use crate::task::{ACTION_LEN, Task};
+use fearless_simd::Simd;
 use nalgebra::Vector3;
 
 /// Robots that are stepped together; `i` counts within them.
@@ -156,10 +157,7 @@ impl Robots for Single {
             healthy: self.robot.healthy(),
             on_floor: self.robot.bot_on_floor(),
         };
-        run_one(
-            #[inline(always)]
-            || step.run::<f64>(Scalar, &robot, commands, com_directions, ledger),
-        );
+        step.run_one(&robot, commands, com_directions, ledger);
     }
 
     fn read(&self, states: &mut StateCells<f64>) {
@@ -245,11 +243,13 @@ impl Robots for ContactLanes {
         ledger: &mut Ledger<Eight>,
         one: &mut Ledger<f64>,
     ) {
-        self.read_lanes(Conclude { step, commands, com_directions, ledger, one });
+        let (mut states, mut conditions) = (StateCells::default(), ConditionCells::default());
+        ContactLanes::read(self, &mut states, &mut conditions);
+        run_eight(Conclude { step, states: &states, conditions: &conditions, commands, com_directions, ledger, one });
     }
 
     fn read(&self, states: &mut StateCells<Eight>) {
-        self.read_lanes(ReadStates(states));
+        ContactLanes::read(self, states, &mut ConditionCells::default());
     }
 
     fn place(&mut self, i: usize, state: &State) {
@@ -330,38 +330,29 @@ impl Robots for ContactLanes {
 /// A control step's conclusion in lanes.
 struct Conclude<'a, T, S> {
     step: &'a TaskStep<T, S>,
+    states: &'a StateCells<Eight>,
+    conditions: &'a ConditionCells<Eight>,
     commands: &'a [Eight; ACTION_LEN],
     com_directions: &'a [Eight; 3],
     ledger: &'a mut Ledger<Eight>,
     one: &'a mut Ledger<f64>,
 }
 
-impl<T: Task, S: Sensor> RobotsKernel for Conclude<'_, T, S> {
+impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
     #[inline(always)]
-    fn run<L: Lane<Cell = Eight>>(self, token: L::Token, robots: &LaneRobot<L>) {
-        self.step.run(token, robots, self.commands, self.com_directions, self.ledger);
+    fn run<V: Simd>(self, simd: V) {
+        let robots = LaneRobot::<Wide<V>>::load(simd, self.states, self.conditions);
+        self.step.run(simd, &robots, self.commands, self.com_directions, self.ledger);
     }
 
-    fn run_lane(&mut self, i: usize, robot: &LaneRobot<f64>) {
-        let [commands, com_direction] = [self.commands, self.com_directions].map(|part| part.map(|eight| eight.0[i]));
-        Eight::take(self.ledger, i, self.one);
-        self.step.run::<f64>(Scalar, robot, &commands, &com_direction, self.one);
-        Eight::put(self.ledger, i, self.one);
-    }
-}
-
-struct ReadStates<'a>(&'a mut StateCells<Eight>);
-
-impl RobotsKernel for ReadStates<'_> {
-    #[inline(always)]
-    fn run<L: Lane<Cell = Eight>>(self, _: L::Token, robots: &LaneRobot<L>) {
-        robots.state.store(self.0);
-    }
-
-    fn run_lane(&mut self, i: usize, robot: &LaneRobot<f64>) {
-        let mut one = StateCells::default();
-        robot.state.store(&mut one);
-        self.0.set_lane(i, &one);
+    fn run_one_by_one(self) {
+        for i in 0..EIGHT {
+            let robot = LaneRobot::<f64>::load(Scalar, &self.states.lane(i), &self.conditions.lane(i));
+            let [commands, com] = [self.commands, self.com_directions].map(|part| part.map(|eight| eight.0[i]));
+            Eight::take(self.ledger, i, self.one);
+            self.step.run_one(&robot, &commands, &com, self.one);
+            Eight::put(self.ledger, i, self.one);
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use super::config::EnvConfig;
 use super::ledger::{Ledger, Sizes};
 use crate::actuator::Actuator;
 use crate::lane_state::{LaneRobot, LaneState};
-use crate::lanes::{Lane, Memory, Vec3, atan2_positive, load3};
+use crate::lanes::{Lane, Memory, Scalar, Vec3, atan2_positive, load3, run_one};
 use crate::sensor::Sensor;
 use crate::task::{ACTION_LEN, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
 
@@ -111,19 +111,45 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         self.task.observe(&Sensed { state: &measured, last_action: action }, &memory, &mut rows);
     }
 
+    /// [`TaskStep::run`] of one robot. Generic over nothing else, so that it is compiled once for all models and actuators,
+    /// as are the other functions of one robot.
+    pub fn run_one(
+        &self,
+        robot: &LaneRobot<f64>,
+        actions: &[f64; ACTION_LEN],
+        com_direction: &[f64; 3],
+        ledger: &mut Ledger<f64>,
+    ) {
+        run_one(
+            #[inline(always)]
+            || self.run::<f64>(Scalar, robot, actions, com_direction, ledger),
+        );
+    }
+
     /// Computes the observation alone, at the start of an episode or under a new command.
-    #[inline(always)]
-    pub fn observe<L: Lane>(&self, token: L::Token, state: &LaneState<L>, ledger: &mut Ledger<L::Cell>) {
-        let measured = self.sensor.read(state, &mut Memory::new(token, &mut ledger.sensor));
-        self.observe_state(token, &measured, ledger);
+    pub fn observe(&self, state: &LaneState<f64>, ledger: &mut Ledger<f64>) {
+        run_one(
+            #[inline(always)]
+            || {
+                let measured = self.sensor.read(state, &mut Memory::new(Scalar, &mut ledger.sensor));
+                self.write_rows(&measured, ledger);
+            },
+        );
     }
 
     /// The same of a state that is measured already.
+    pub fn observe_state(&self, measured: &LaneState<f64>, ledger: &mut Ledger<f64>) {
+        run_one(
+            #[inline(always)]
+            || self.write_rows(measured, ledger),
+        );
+    }
+
     #[inline(always)]
-    pub fn observe_state<L: Lane>(&self, token: L::Token, measured: &LaneState<L>, ledger: &mut Ledger<L::Cell>) {
-        let last_action = load3(token, &ledger.episode.last_action);
+    fn write_rows(&self, measured: &LaneState<f64>, ledger: &mut Ledger<f64>) {
+        let last_action = ledger.episode.last_action;
         let mut rows = WriteRows { cells: &mut ledger.observation, scaling: self.scaling.as_ref(), next: 0 };
-        let memory = Memory::new(token, &mut ledger.task);
+        let memory = Memory::new(Scalar, &mut ledger.task);
         self.task.observe(&Sensed { state: measured, last_action }, &memory, &mut rows);
     }
 }

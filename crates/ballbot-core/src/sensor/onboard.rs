@@ -220,12 +220,17 @@ impl Sensor for Onboard {
         let (estimator, read) = (self.estimator.as_ref()?, self.readings(&number)?);
         let mut kept = [0.0; Estimator::MEMORY];
         kept.iter_mut().enumerate().for_each(|(k, value)| *value = number(self.estimated() + k));
-        let state = run_one(
-            #[inline(always)]
-            || estimator.last(&read, &Memory::<f64>::new(Scalar, &mut kept)),
-        );
-        Some(state.into())
+        Some(last_estimate(estimator, &read, &mut kept))
     }
+}
+
+/// Not generic, so that it is compiled once.
+fn last_estimate(estimator: &Estimator, read: &Readings<f64>, memory: &mut [f64]) -> State {
+    let state = run_one(
+        #[inline(always)]
+        || estimator.last(read, &Memory::<f64>::new(Scalar, memory)),
+    );
+    state.into()
 }
 
 /// What an estimator expects of sensors with these options. Readings without errors leave those of its model.

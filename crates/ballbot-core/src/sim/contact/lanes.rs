@@ -5,7 +5,7 @@ use super::state::{ContactState, Torques};
 use super::step::{advance, advance_wide};
 use crate::actuator::Actuator;
 use crate::kinematics::Omniwheels;
-use crate::lane_state::LaneRobot;
+use crate::lane_state::{ConditionCells, StateCells};
 use crate::lanes::{EIGHT, Eight, Kernel, Lane, Memory, Scalar, Wide, run_eight};
 use crate::params::Params;
 use crate::state::State;
@@ -20,15 +20,6 @@ pub struct ContactLanes {
     constants: LaneConstants,
     state: ContactState<Eight>,
     sim_dt: f64,
-}
-
-/// A computation on the states of eight robots, generic over lanes.
-pub trait RobotsKernel {
-    /// Runs on all eight robots at once.
-    fn run<L: Lane<Cell = Eight>>(self, token: L::Token, robots: &LaneRobot<L>);
-
-    /// Runs on robot `i` alone, on processors that step robots one by one.
-    fn run_lane(&mut self, i: usize, robot: &LaneRobot<f64>);
 }
 
 impl ContactLanes {
@@ -131,11 +122,12 @@ impl ContactLanes {
         }
     }
 
-    /// Runs a computation on the present states.
-    pub fn read_lanes(&self, kernel: impl RobotsKernel) {
+    /// Writes the present states. Not generic, so that what follows is compiled once for equal and individual parameters.
+    pub fn read(&self, states: &mut StateCells<Eight>, conditions: &mut ConditionCells<Eight>) {
+        let state = &self.state;
         match &self.constants {
-            LaneConstants::Shared(constants) => run_eight(Read { constants, state: &self.state, kernel }),
-            LaneConstants::PerLane(constants) => run_eight(Read { constants, state: &self.state, kernel }),
+            LaneConstants::Shared(constants) => run_eight(Read { constants, state, states, conditions }),
+            LaneConstants::PerLane(constants) => run_eight(Read { constants, state, states, conditions }),
         }
     }
 }
@@ -216,28 +208,32 @@ impl<V: InLanes> Kernel for Advance<'_, V> {
     }
 }
 
-struct Read<'a, V, K> {
+struct Read<'a, V> {
     constants: &'a Constants<V>,
     state: &'a ContactState<Eight>,
-    kernel: K,
+    states: &'a mut StateCells<Eight>,
+    conditions: &'a mut ConditionCells<Eight>,
 }
 
-impl<V: InLanes, K: RobotsKernel> Kernel for Read<'_, V, K> {
+impl<V: InLanes> Kernel for Read<'_, V> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Self { constants, state, kernel } = self;
+        let Self { constants, state, states, conditions } = self;
         V::with(
             constants,
             simd,
             #[inline(always)]
-            |c| kernel.run(simd, &state.robot::<Wide<S>, V::Wide<S>>(simd, c)),
+            |c| state.robot::<Wide<S>, V::Wide<S>>(simd, c).store(states, conditions),
         );
     }
 
-    fn run_one_by_one(mut self) {
+    fn run_one_by_one(self) {
+        let (mut state, mut condition) = (StateCells::default(), ConditionCells::default());
         for i in 0..EIGHT {
             let c = self.constants.map(|value| value.lane(i));
-            self.kernel.run_lane(i, &self.state.lane(i).robot::<f64, f64>(Scalar, &c));
+            self.state.lane(i).robot::<f64, f64>(Scalar, &c).store(&mut state, &mut condition);
+            self.states.set_lane(i, &state);
+            self.conditions.set_lane(i, &condition);
         }
     }
 }

@@ -26,7 +26,7 @@ mod types;
 
 #[cfg(test)]
 pub use constants::Constants;
-pub use lanes::{ContactLanes, RobotsKernel};
+pub use lanes::ContactLanes;
 pub use motion::ContactMotion;
 #[cfg(test)]
 pub use state::ContactState;
