@@ -125,6 +125,10 @@ class _ParamFields(TypedDict, total=False):
     floor_static_friction: float
     floor_dynamic_friction: float
     friction_critical_velocity: float
+    floor_rolling_friction: float
+    floor_spinning_friction: float
+    roller_friction: float
+    roller_friction_slope: float
 
 # End of the generated part.
 
@@ -142,7 +146,8 @@ class Params:
     0 kg·m²), `max_wheel_torque` (5 N·m), `gravity` (9.81 m/s²), `ball_viscous_friction` (0 N/(m/s)),
     `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m), `wheel_static_friction` (1.1),
     `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1), `floor_dynamic_friction` (1.05),
-    `friction_critical_velocity` (0.1 m/s).
+    `friction_critical_velocity` (0.1 m/s), `floor_rolling_friction` (0 m, torque per load), `floor_spinning_friction`
+    (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m).
     Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
     `docs/conventions.md` has all ranges.
 
@@ -178,6 +183,10 @@ class Params:
         floor_static_friction: float = 1.1,  # Static friction coefficient of the floor.
         floor_dynamic_friction: float = 1.05,  # Dynamic friction coefficient of the floor.
         friction_critical_velocity: float = 0.1,  # Critical slip speed of the Stribeck law, between static and dynamic friction, m/s.
+        floor_rolling_friction: float = 0.0,  # Rolling friction of the ball on the floor: largest torque against rolling per load, m.
+        floor_spinning_friction: float = 0.0,  # Spinning friction of the ball on the floor: largest torque about the vertical per load, m.
+        roller_friction: float = 0.0,  # Friction coefficient of the rollers of a wheel, along its free direction.
+        roller_friction_slope: float = 0.0,  # Growth of that coefficient with the speed of the ball along the free direction, s/m.
     ) -> Self: ...
     # End of the generated part.
     @property
@@ -252,6 +261,18 @@ class Params:
     @property
     def friction_critical_velocity(self) -> float:
         """Critical slip speed of the Stribeck law, between static and dynamic friction, m/s."""
+    @property
+    def floor_rolling_friction(self) -> float:
+        """Rolling friction of the ball on the floor: largest torque against rolling per load, m."""
+    @property
+    def floor_spinning_friction(self) -> float:
+        """Spinning friction of the ball on the floor: largest torque about the vertical per load, m."""
+    @property
+    def roller_friction(self) -> float:
+        """Friction coefficient of the rollers of a wheel, along its free direction."""
+    @property
+    def roller_friction_slope(self) -> float:
+        """Growth of that coefficient with the speed of the ball along the free direction, s/m."""
     @property
     def body_com(self) -> tuple[float, float, float]:
         """CoM of the body in the body frame, m: `body_com_offset` and `body_com_height`."""

@@ -149,6 +149,22 @@ def test_joint_friction_dissipates_and_outlives_a_reset(model):
     assert free.params == Params.paper()
 
 
+@pytest.mark.parametrize(
+    "loss", ["floor_rolling_friction", "floor_spinning_friction", "roller_friction", "roller_friction_slope"]
+)
+def test_losses_at_the_ball_dissipate_and_planar_refuses_them(loss):
+    rough = Params.paper().replace(**{loss: 0.003})
+    assert getattr(rough, loss) == 0.003
+    with pytest.raises(ValueError, match=f"{loss} = 0.003, but it requires 0"):
+        Ballbot(rough, model="planar")
+    for model in ("spatial", "contact", "rigid"):
+        free, lossy = Ballbot(model=model), Ballbot(rough, model=model)
+        for robot in (free, lossy):
+            robot.reset(State.rolling(robot.params, (0.3, 0.2), ball_spin=1.0))
+            robot.step((0, 0, 0), 50)
+        assert lossy.energy < free.energy - 1e-5, model
+
+
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("how", ["snapshot", "pickle", "deepcopy"])
 def test_a_copy_continues_bit_identically(model, how):

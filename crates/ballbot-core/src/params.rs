@@ -1,6 +1,7 @@
 //! Physical parameters of a ballbot, their validation and the published presets.
 
 mod geometry;
+mod losses;
 mod presets;
 pub(crate) mod robot_file;
 
@@ -125,6 +126,8 @@ const INERTIA: Limit = Limit::from(1e-18).to(1e9);
 const LENGTH: Limit = Limit::from(1e-6).to(1e3);
 /// rad.
 const ZENITH: Limit = Limit::from(1e-3).to(FRAC_PI_2 - 1e-3);
+/// Lever arm of a friction torque, m.
+const LEVER: Limit = Limit::from(0.0).to(1e3);
 /// Of a friction coefficient.
 const FRICTION: Limit = Limit::from(0.0).to(1e3);
 
@@ -194,6 +197,14 @@ parameters! {
         floor_dynamic_friction: f64 = 1.05, FRICTION;
         /// Critical slip speed of the Stribeck law, between static and dynamic friction, m/s. Default 0.1 (Table III).
         friction_critical_velocity: f64 = 0.1, Limit::from(1e-9).to(1e3);
+        /// Rolling friction of the ball on the floor: largest torque against rolling per load, m. Default 0.
+        floor_rolling_friction: f64 = 0.0, LEVER;
+        /// Spinning friction of the ball on the floor: largest torque about the vertical per load, m. Default 0.
+        floor_spinning_friction: f64 = 0.0, LEVER;
+        /// Friction coefficient of the rollers of a wheel, along its free direction. Default 0.
+        roller_friction: f64 = 0.0, FRICTION;
+        /// Growth of that coefficient with the speed of the ball along the free direction, s/m. Default 0.
+        roller_friction_slope: f64 = 0.0, FRICTION;
     }
 }
 
@@ -283,6 +294,10 @@ impl Params {
             ("wheel_coulomb_friction", self.wheel_coulomb_friction),
             ("wheel_dynamic_friction", self.wheel_dynamic_friction),
             ("floor_dynamic_friction", self.floor_dynamic_friction),
+            ("floor_rolling_friction", self.floor_rolling_friction),
+            ("floor_spinning_friction", self.floor_spinning_friction),
+            ("roller_friction", self.roller_friction),
+            ("roller_friction_slope", self.roller_friction_slope),
         ] {
             check(name, value, ">= 0", |v| v >= 0.0)?;
         }

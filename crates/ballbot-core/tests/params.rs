@@ -92,6 +92,10 @@ fn negative_friction_is_refused() {
         "wheel_coulomb_friction",
         "wheel_dynamic_friction",
         "floor_dynamic_friction",
+        "floor_rolling_friction",
+        "floor_spinning_friction",
+        "roller_friction",
+        "roller_friction_slope",
     ] {
         assert_refused(&[(name, &[-0.1], [&format!("{name} = -0.1 "), ">= 0"])]);
         let changed = Params::paper().replace([(name, &[0.0][..])]).unwrap();

@@ -20,7 +20,8 @@ use std::path::PathBuf;
 /// 0 kg·m²), `max_wheel_torque` (5 N·m), `gravity` (9.81 m/s²), `ball_viscous_friction` (0 N/(m/s)),
 /// `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m), `wheel_static_friction` (1.1),
 /// `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1), `floor_dynamic_friction` (1.05),
-/// `friction_critical_velocity` (0.1 m/s).
+/// `friction_critical_velocity` (0.1 m/s), `floor_rolling_friction` (0 m, torque per load), `floor_spinning_friction`
+/// (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m).
 /// Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
 /// `docs/conventions.md` has all ranges.
 ///
@@ -271,6 +272,30 @@ impl PyParams {
     #[getter]
     fn friction_critical_velocity(&self) -> f64 {
         self.0.friction_critical_velocity
+    }
+
+    /// Rolling friction of the ball on the floor: largest torque against rolling per load, m.
+    #[getter]
+    fn floor_rolling_friction(&self) -> f64 {
+        self.0.floor_rolling_friction
+    }
+
+    /// Spinning friction of the ball on the floor: largest torque about the vertical per load, m.
+    #[getter]
+    fn floor_spinning_friction(&self) -> f64 {
+        self.0.floor_spinning_friction
+    }
+
+    /// Friction coefficient of the rollers of a wheel, along its free direction.
+    #[getter]
+    fn roller_friction(&self) -> f64 {
+        self.0.roller_friction
+    }
+
+    /// Growth of that coefficient with the speed of the ball along the free direction, s/m.
+    #[getter]
+    fn roller_friction_slope(&self) -> f64 {
+        self.0.roller_friction_slope
     }
 
     /// CoM of the body in the body frame, m: `body_com_offset` and `body_com_height`.

@@ -28,7 +28,7 @@ impl LinearModel {
     pub fn new(params: &Params) -> Self {
         // Dry friction has no derivative at rest.
         let model = SpatialModel::new(
-            &Params { wheel_coulomb_friction: 0.0, ..params.clone() },
+            &Params { wheel_coulomb_friction: 0.0, ..params.without_losses() },
             WheelSpin::Absolute,
             BallSpin::Free,
         );

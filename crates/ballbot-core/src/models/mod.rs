@@ -2,6 +2,7 @@
 
 mod friction_limit;
 pub mod linear;
+mod losses;
 pub mod planar;
 mod planar_motion;
 mod rk4;
@@ -54,9 +55,11 @@ struct Motion {
     com_acceleration: Vector3<f64>,
     /// Traction f_i of each wheel on the ball along d_i, N.
     tractions: Vector3<f64>,
+    /// Friction of the rollers of each wheel on the bot along u_i, N.
+    rollers: Vector3<f64>,
 }
 
-/// Contact forces: wheel loads from Rᵀ M_b (a_b + g e3) = Σ N_i p_i − Σ f_i d_i, floor force from the momentum of ball
+/// Contact forces: wheel loads from Rᵀ M_b (a_b + g e3) = Σ N_i p_i − Σ f_i d_i + Σ h_i u_i, floor force from the momentum of ball
 /// and body.
 fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Contacts {
     let weight = Vector3::z() * params.gravity;
@@ -64,6 +67,9 @@ fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Conta
         motion.body_quaternion.inverse_transform_vector(&((motion.com_acceleration + weight) * params.body_mass));
     for (direction, traction) in wheels.drive_directions.iter().zip(motion.tractions.iter()) {
         balance += direction * *traction;
+    }
+    if motion.rollers != Vector3::zeros() {
+        balance -= wheels.u.transpose() * motion.rollers;
     }
     let loads = Matrix3::from_columns(&wheels.contact_directions)
         .lu()

@@ -50,10 +50,13 @@ impl PlanarModel {
     ///
     /// # Errors
     /// [`Error::Inconsistent`] unless the robot is symmetric about its mast ([`Params::is_symmetric`]): the planes of
-    /// another are coupled.
+    /// another are coupled; or if it has rolling, spinning or roller friction ([`Params::has_losses`]).
     pub fn in_plane(params: &Params, wheel_inertia: WheelInertia, plane: Plane) -> Result<Self> {
         params.require_symmetric(
             "the planar model is of robots that are symmetric about their mast; 'spatial', 'contact' and 'rigid' take any",
+        )?;
+        params.require_lossless(
+            "the planar model has no friction of floor and rollers; 'spatial', 'contact' and 'rigid' do",
         )?;
         let plane_inertia = match plane {
             Plane::Yz => params.body_inertia[0],

@@ -45,7 +45,8 @@ impl PlanarMotion {
     /// A robot at rest upright.
     ///
     /// # Errors
-    /// [`crate::Error::Inconsistent`] unless the robot is symmetric about its mast.
+    /// [`crate::Error::Inconsistent`] unless the robot is symmetric about its mast, and without rolling, spinning and
+    /// roller friction.
     pub fn new(params: &Params, sim_dt: f64) -> Result<Self> {
         Ok(Self {
             wheels: Omniwheels::new(params),
@@ -219,6 +220,7 @@ impl Model for PlanarMotion {
             ball_acceleration: Vector3::new(rates[0], rates[2], 0.0),
             com_acceleration: self.com_acceleration(y, &rates),
             tractions: (shaft - wheel_acceleration * self.params.wheel_inertia) / self.params.wheel_radius,
+            rollers: Vector3::zeros(),
         };
         contact_loads(&self.params, &self.wheels, &motion)
     }

@@ -6,12 +6,13 @@
 //! on the partial velocities (Kane & Levinson, Dynamics: Theory and Applications, 1985, ch. 6). See
 //! `docs/derivations.md`.
 
+use super::losses::{Friction, consistent};
 use super::{Motion, contact_loads, shaft_torques};
 use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
 use crate::state::Contacts;
-use nalgebra::{Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector3, Vector4, Vector6};
 
 /// Wheel spin of which the kinetic energy counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,6 +61,7 @@ pub struct SpatialModel {
 
 /// Matrices of one configuration.
 struct Terms {
+    body_quaternion: UnitQuaternion<f64>,
     rotation: Matrix3<f64>,
     /// Encoder rates: ψ̇ = B ν.
     b: Matrix3x6<f64>,
@@ -161,7 +163,7 @@ impl SpatialModel {
         if self.ball_spin == BallSpin::Pinned {
             mass[(5, 5)] = 1.0;
         }
-        Terms { rotation, b, b_s, j_c, mass }
+        Terms { body_quaternion: *body_quaternion, rotation, b, b_s, j_c, mass }
     }
 
     /// Derivative ν' under motor torques (N·m). The sixth element is zero with [`BallSpin::Pinned`].
@@ -171,10 +173,37 @@ impl SpatialModel {
         velocity: &Vector6<f64>,
         wheel_torques: &Vector3<f64>,
     ) -> Vector6<f64> {
-        self.solve(&self.terms(body_quaternion), velocity, wheel_torques)
+        self.solve(&self.terms(body_quaternion), velocity, wheel_torques).0
     }
 
-    fn solve(&self, terms: &Terms, velocity: &Vector6<f64>, wheel_torques: &Vector3<f64>) -> Vector6<f64> {
+    /// ν' and the friction of the rollers on the bot along u_i, N.
+    fn solve(
+        &self,
+        terms: &Terms,
+        velocity: &Vector6<f64>,
+        wheel_torques: &Vector3<f64>,
+    ) -> (Vector6<f64>, Vector3<f64>) {
+        let without = self.solve_lossless(terms, velocity, wheel_torques);
+        if !self.params.has_losses() {
+            return (without, Vector3::zeros());
+        }
+        let mut relative_rate = terms.rotation.transpose() * self.ball_rate_map();
+        for i in 0..3 {
+            relative_rate[(i, 2 + i)] -= 1.0;
+        }
+        let drives = Matrix3::from_columns(&self.wheels.drive_directions);
+        let free_speeds = drives.transpose() * relative_rate * self.params.ball_radius;
+        let friction = Friction::new(&self.params, &self.ball_rate_map(), &free_speeds, velocity);
+        let changed = |loads: &Vector4<f64>| without + solve_mass(terms, &(friction.per_load * loads));
+        let loads = consistent(|loads| {
+            let contacts = self.contacts_of(terms, velocity, wheel_torques, &changed(loads), friction.rollers(loads));
+            let [a, b, c] = contacts.wheel_normal_forces;
+            Vector4::new(contacts.floor_force.z, a, b, c)
+        });
+        (changed(&loads), friction.rollers(&loads))
+    }
+
+    fn solve_lossless(&self, terms: &Terms, velocity: &Vector6<f64>, wheel_torques: &Vector3<f64>) -> Vector6<f64> {
         let p = &self.params;
         let rate = velocity.fixed_rows::<3>(2).into_owned();
         let shaft = shaft_torques(&self.params, wheel_torques, &(terms.b * velocity));
@@ -236,16 +265,29 @@ impl SpatialModel {
         wheel_torques: &Vector3<f64>,
     ) -> Contacts {
         let terms = self.terms(body_quaternion);
+        let (acceleration, rollers) = self.solve(&terms, velocity, wheel_torques);
+        self.contacts_of(&terms, velocity, wheel_torques, &acceleration, rollers)
+    }
+
+    /// Contact forces at ν' = `acceleration`, with the friction `rollers` on the bot along u_i, N.
+    fn contacts_of(
+        &self,
+        terms: &Terms,
+        velocity: &Vector6<f64>,
+        wheel_torques: &Vector3<f64>,
+        acceleration: &Vector6<f64>,
+        rollers: Vector3<f64>,
+    ) -> Contacts {
         let rate = velocity.fixed_rows::<3>(2).into_owned();
-        let acceleration = self.solve(&terms, velocity, wheel_torques);
-        let spin_acceleration = terms.b_s * acceleration + self.spin_drift(&terms, velocity, &rate);
+        let spin_acceleration = terms.b_s * acceleration + self.spin_drift(terms, velocity, &rate);
         let shaft = shaft_torques(&self.params, wheel_torques, &(terms.b * velocity));
         let motion = Motion {
-            body_quaternion: *body_quaternion,
+            body_quaternion: terms.body_quaternion,
             ball_velocity: Vector3::new(velocity[0], velocity[1], 0.0),
             ball_acceleration: Vector3::new(acceleration[0], acceleration[1], 0.0),
-            com_acceleration: terms.j_c * acceleration + self.centripetal(&terms, &rate),
+            com_acceleration: terms.j_c * acceleration + self.centripetal(terms, &rate),
             tractions: (shaft - spin_acceleration * self.params.wheel_inertia) / self.params.wheel_radius,
+            rollers,
         };
         contact_loads(&self.params, &self.wheels, &motion)
     }

@@ -276,6 +276,25 @@ fn the_printed_torque_map_is_refused_for_uneven_wheels() {
 }
 
 #[test]
+fn planar_refuses_rolling_spinning_and_roller_friction() {
+    let paper = Params::paper();
+    for name in Params::LOSSES {
+        let params = paper.replace([(name, &[1e-3][..])]).unwrap();
+        let mut robot = Ballbot::new(&paper, ModelKind::Planar, 1e-3).unwrap();
+        for error in [
+            PlanarModel::new(&params, WheelInertia::ThreeWheels).map(|_| ()).unwrap_err(),
+            Ballbot::new(&params, ModelKind::Planar, 1e-3).map(|_| ()).unwrap_err(),
+            robot.set_params(&params).map(|_| ()).unwrap_err(),
+        ] {
+            assert!(matches!(error, Error::Inconsistent(_)), "{error:?}");
+            assert!(error.to_string().contains(&format!("{name} = 0.001, but it requires 0")), "{error}");
+        }
+        assert_eq!(robot.params(), &paper);
+        assert!(Ballbot::new(&params, ModelKind::Spatial, 1e-3).is_ok());
+    }
+}
+
+#[test]
 fn planar_refuses_robots_that_are_not_symmetric() {
     let paper = Params::paper();
     let cases: [(&str, &[f64], &str); 4] = [

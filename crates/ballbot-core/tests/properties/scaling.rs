@@ -1,7 +1,7 @@
 //! Dimensional analysis: a robot in other units of length, mass and time is another robot, whose motion is the same in
 //! those units. What a simulation counts in metres, kilograms or seconds for itself shows here, and is told apart.
 
-use super::support::{Start, any_robot, any_start};
+use super::support::{Start, any_losses, any_robot, any_start};
 use super::{Drive, Run, any_drive, cases, most_apart, robot, run, run_upright, run_with_grip, same_cases};
 use ballbot_core::{ModelKind, Params, State};
 use proptest::prelude::*;
@@ -44,6 +44,9 @@ impl Units {
             wheel_viscous_friction: p.wheel_viscous_friction * self.inertia() / self.time,
             wheel_coulomb_friction: p.wheel_coulomb_friction * self.torque(),
             friction_critical_velocity: p.friction_critical_velocity * self.speed(),
+            floor_rolling_friction: p.floor_rolling_friction * self.length,
+            floor_spinning_friction: p.floor_spinning_friction * self.length,
+            roller_friction_slope: p.roller_friction_slope / self.speed(),
             ..p.clone()
         }
     }
@@ -114,6 +117,16 @@ proptest! {
     fn contact_is_scale_invariant_at_long_steps(motion in any_motion(0.1, 0.3, 1.5), units in any_units(0..=2)) {
         let off = off(ModelKind::Contact, run_upright, &motion, units, COARSE);
         prop_assert!(off <= 1e-11, "off by {off:e}");
+    }
+
+    /// And with losses, whose solver ends at a tolerance.
+    #[test]
+    fn contact_with_losses_is_scale_invariant(
+        motion in any_motion(0.1, 0.3, 1.5), losses in any_losses(), units in any_units(0..=2),
+    ) {
+        let (params, start, drive) = motion;
+        let off = off(ModelKind::Contact, run_upright, &(losses.of(&params), start, drive), units, COARSE);
+        prop_assert!(off <= 1e-8, "off by {off:e}");
     }
 
     #[test]

@@ -10,6 +10,7 @@ mod growth;
 mod joints;
 mod landing;
 mod loads;
+mod losses;
 #[path = "../support/motion.rs"]
 mod motion;
 mod pushes;

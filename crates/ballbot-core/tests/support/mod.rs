@@ -65,6 +65,39 @@ pub fn without_losses(params: &Params) -> Params {
     Params { ball_viscous_friction: 0.0, wheel_viscous_friction: 0.0, wheel_coulomb_friction: 0.0, ..params.clone() }
 }
 
+/// Rolling, spinning and roller friction, free of a robot's size.
+#[derive(Clone, Debug)]
+pub struct Losses {
+    /// Levers in ball radii.
+    levers: [f64; 2],
+    rollers: f64,
+    /// Of the rollers, by the speed of a fall.
+    slope: f64,
+}
+
+/// From a hard floor to a soft carpet; each absent in half of the robots.
+pub fn any_losses() -> impl Strategy<Value = Losses> {
+    let some = |most: f64| prop_oneof![Just(0.0), 0.0..most];
+    ([some(0.1), some(0.1)], some(0.1), some(0.3)).prop_map(|(levers, rollers, slope)| Losses {
+        levers,
+        rollers,
+        slope,
+    })
+}
+
+impl Losses {
+    pub fn of(&self, params: &Params) -> Params {
+        let [rolling, spinning] = self.levers.map(|lever| lever * params.ball_radius);
+        Params {
+            floor_rolling_friction: rolling,
+            floor_spinning_friction: spinning,
+            roller_friction: self.rollers,
+            roller_friction_slope: self.slope / (params.body_com_height * natural_rate(params)),
+            ..params.clone()
+        }
+    }
+}
+
 /// Masses, inertias and geometry.
 fn any_frame() -> impl Strategy<Value = Params> {
     let ball = (0.05..0.3, 100.0..1000.0, 0.4..0.66);

@@ -96,6 +96,14 @@ cells! {
         pub static_wheel_load: T,
         /// Load of the floor at rest.
         pub static_floor_load: T,
+        /// Largest share of the speed of each loss that it takes in a step; 0 for a robot without losses.
+        pub loss_share: T,
+        /// c_r / J_k: change of the ball's rolling rate per impulse of the floor.
+        pub rolling_loss: T,
+        /// c_s / J_k: change of the ball's spinning rate per impulse of the floor.
+        pub spinning_loss: T,
+        pub roller_friction: T,
+        pub roller_friction_slope: T,
     }
 }
 
@@ -173,6 +181,11 @@ impl Constants<f64> {
             wheel_loads,
             static_wheel_load: wheel_loads.into_iter().fold(0.0, f64::max),
             static_floor_load: (params.body_mass + params.ball_mass) * params.gravity,
+            loss_share: params.loss_share(),
+            rolling_loss: params.floor_rolling_friction / params.ball_inertia,
+            spinning_loss: params.floor_spinning_friction / params.ball_inertia,
+            roller_friction: params.roller_friction,
+            roller_friction_slope: params.roller_friction_slope,
         }
     }
 }
@@ -233,6 +246,11 @@ impl<V> Constants<V> {
             wheel_loads: three(&self.wheel_loads),
             static_wheel_load: one(&self.static_wheel_load),
             static_floor_load: one(&self.static_floor_load),
+            loss_share: one(&self.loss_share),
+            rolling_loss: one(&self.rolling_loss),
+            spinning_loss: one(&self.spinning_loss),
+            roller_friction: one(&self.roller_friction),
+            roller_friction_slope: one(&self.roller_friction_slope),
         }
     }
 }

@@ -12,6 +12,7 @@ mod constants;
 mod delassus;
 mod friction;
 mod lanes;
+mod losses;
 mod motion;
 mod phases;
 mod principal;

@@ -154,6 +154,16 @@ impl<T: Cell> ContactState<T> {
         size.lt(size.splat(MAX_SPEED_SQUARED)) & diverged.le(diverged.zero())
     }
 
+    /// Replaces the velocities.
+    #[inline(always)]
+    pub fn set_velocities<L: Lane<Cell = T>>(&mut self, velocities: &Velocities<L>) {
+        velocities.ball.store(&mut self.ball_velocity);
+        velocities.ball_rate.store(&mut self.ball_rate);
+        velocities.body.store(&mut self.body_velocity);
+        velocities.body_rate.store(&mut self.body_rate);
+        store3(velocities.spins, &mut self.wheel_spins);
+    }
+
     /// Stores the result of a step. A robot with velocities that are not finite or near overflow is marked as diverged,
     /// and keeps its state until it starts anew.
     #[inline(always)]
@@ -191,11 +201,7 @@ impl<T: Cell> ContactState<T> {
         pose.body.store(&mut self.body_position);
         pose.body_quaternion.store(&mut self.body_quaternion);
         store3(pose.wheel_angles, &mut self.wheel_angles);
-        velocities.ball.store(&mut self.ball_velocity);
-        velocities.ball_rate.store(&mut self.ball_rate);
-        velocities.body.store(&mut self.body_velocity);
-        velocities.body_rate.store(&mut self.body_rate);
-        store3(velocities.spins, &mut self.wheel_spins);
+        self.set_velocities(velocities);
         store3(impulses.floor, &mut self.floor_impulse);
         store3(impulses.normals, &mut self.normal_impulses);
         store3(impulses.drives, &mut self.drive_impulses);

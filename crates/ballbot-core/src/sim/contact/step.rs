@@ -1,6 +1,7 @@
 //! The time step of the contact model. One step, with sections of `docs/derivations.md` in parentheses:
 //!
 //! ```text
+//! velocities = braked(velocities)         rolling, spinning and roller friction               (Losses)
 //! rows(pose)                              gaps, normals, drive directions, arms               (Rows)
 //! if a rare contact is near: further sweeps with it, by body_contacts                         (Rare contacts)
 //! mu   = stribeck(slip(velocities))       friction coefficients at the start of the step      (Friction law)
@@ -22,6 +23,7 @@ use super::body_contacts::Near;
 use super::constants::{Constants, InLanes};
 use super::delassus::Delassus;
 use super::friction::{Friction, JointFriction};
+use super::losses::brake;
 use super::phases::{Start, finish, free_velocities};
 use super::state::{ContactState, Torques};
 use crate::lanes::{Eight, Lane, Scalar, Value, Wide, run_one};
@@ -68,6 +70,14 @@ fn step<L: Lane, V: Value<L>>(
     state: &mut ContactState<L::Cell>,
     torques: &Torques<L::Cell>,
 ) {
+    let share = c.loss_share.at(L::load(token, &state.steps));
+    if L::any(share.zero().lt(share)) {
+        L::rarely(
+            token,
+            #[inline(always)]
+            || brake(c, token, state),
+        );
+    }
     let start = Start::new(c, token, state);
     let near = Near::new(c, &start, token, &state.push);
     if L::any(near.mask) {

@@ -44,7 +44,11 @@ fn params_of(i: usize, calm: bool) -> Params {
     }
     params.body_mass *= 1.0 + 0.02 * i as f64;
     match i {
-        FRICTION => (params.wheel_viscous_friction, params.wheel_coulomb_friction) = (1e-3, 5e-3),
+        FRICTION => {
+            (params.wheel_viscous_friction, params.wheel_coulomb_friction) = (1e-3, 5e-3);
+            (params.floor_rolling_friction, params.floor_spinning_friction) = (1e-3, 2e-3);
+            (params.roller_friction, params.roller_friction_slope) = (0.02, 0.1);
+        }
         // Without the law of static friction beside lanes that follow it.
         DIVERGING => params.wheel_static_friction = params.wheel_dynamic_friction,
         PUSHED => params.floor_static_friction = params.floor_dynamic_friction,

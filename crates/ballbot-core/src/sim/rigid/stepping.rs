@@ -2,6 +2,7 @@
 
 use super::bot::{Coordinates, join, split};
 use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
+use super::losses::Losses;
 use super::motion::RigidMotion;
 use super::rows::{Motion, Rows, Velocities, WheelContact, biases};
 use super::solve::{Coupling, FLOOR, Impulses, Limits, Problem, Settling};
@@ -39,8 +40,8 @@ struct Plan {
     limits: Limits,
     /// Acceleration of the bot without contacts.
     acceleration: Coordinates,
-    /// Drag on the ball, inertial frame, N.
-    drag: Vector3<f64>,
+    /// Force, N, and torque, N·m, of drag and losses on the ball, inertial frame.
+    drag: [Vector3<f64>; 2],
     /// Velocities at the end of the step without contacts.
     free: Velocities,
     /// Whether no wheel can touch the ball.
@@ -125,10 +126,14 @@ impl RigidMotion {
         let drag = Vector3::new(velocity.x, velocity.y, 0.0) * -p.ball_viscous_friction;
         let [fx, fy, fz, tx, ty, tz] = std::mem::take(&mut self.sim_state.push).map(|v| v / dt);
         let [force, torque] = [Vector3::new(fx, fy, fz), Vector3::new(tx, ty, tz)].map(|v| motion.to_body * v);
-        let applied = self.bot.weight(&down) + join(&[force, torque, Vector3::from(*wheel_torques)]);
+        let losses = if p.has_losses() { self.losses(&motion, &contacts) } else { Losses::none() };
+        let applied =
+            self.bot.weight(&down) + join(&[force, torque, Vector3::from(*wheel_torques)]) + losses.on_bot / dt;
         let acceleration = self.bot.free_acceleration(&motion.velocities.bot, &applied);
+        let [push, turn] = losses.on_ball.map(|impulse| impulse / dt);
+        let drag = drag + motion.to_body.transpose() * push;
         let of_ball = down + motion.to_body * drag / p.ball_mass;
-        let free = Velocities { bot: acceleration, ball: [of_ball, Vector3::zeros()] };
+        let free = Velocities { bot: acceleration, ball: [of_ball, turn / p.ball_inertia] };
         let erp = self.settings.contact_softness.erp_inv_dt(dt);
         let clearance = self.ball_clearance(&motion);
         let rows = Rows::new(&self.parts, &self.bot, &motion, &contacts, p.wheel_coulomb_friction > 0.0);
@@ -139,9 +144,9 @@ impl RigidMotion {
             free: motion.velocities.plus(&free, dt),
             apart: contacts.iter().all(|contact| contact.gap > clearance),
             limits: self.limits(&contacts),
+            drag: [drag, motion.to_body.transpose() * turn],
             motion,
             acceleration,
-            drag,
         }
     }
 
@@ -221,7 +226,8 @@ impl RigidMotion {
         }
         set_loads(&mut bodies[self.handles.body], &(to_world * force), &(to_world * reaction));
         let [push, turn] = wheels_on_ball.map(|impulse| to_world * impulse / self.settings.dt);
-        set_loads(&mut bodies[self.handles.ball], &(push + plan.drag), &turn);
+        let [drag, braking] = plan.drag;
+        set_loads(&mut bodies[self.handles.ball], &(push + drag), &(turn + braking));
     }
 }
 

@@ -1,0 +1,63 @@
+//! Rolling and spinning friction of the ball on the floor, and friction of the rollers, as in the contact model.
+
+use super::bot::{Coordinates, join, split};
+use super::motion::RigidMotion;
+use super::rows::{Motion, WheelContact};
+use nalgebra::Vector3;
+
+/// Impulses of a step, body axes.
+pub struct Losses {
+    /// Generalized impulse on the bot.
+    pub on_bot: Coordinates,
+    /// Impulse and angular impulse on the ball.
+    pub on_ball: [Vector3<f64>; 2],
+}
+
+impl Losses {
+    pub fn none() -> Self {
+        Self { on_bot: Coordinates::zeros(), on_ball: [Vector3::zeros(); 2] }
+    }
+}
+
+impl RigidMotion {
+    /// The losses of a step, with the loads of the step before. Each takes at most the share of its speed that all together
+    /// can take without a gain of energy.
+    pub(super) fn losses(&self, motion: &Motion, contacts: &[WheelContact; 3]) -> Losses {
+        let (p, parts) = (&self.params, &self.parts);
+        let share = p.loss_share();
+        let floor_load = (self.sim_state.floor_force[2] * self.settings.dt).max(0.0);
+        let [ball_velocity, ball_rate] = motion.velocities.ball;
+        let up = motion.to_body.column(2).into_owned();
+        let spinning = up * up.dot(&ball_rate);
+        let rolling = ball_rate - spinning;
+        let braked = |rate: Vector3<f64>, lever: f64| {
+            let speed = rate.norm().max(f64::MIN_POSITIVE);
+            rate * -(lever * floor_load / speed).min(share * parts.ball_inertia)
+        };
+        let mut losses = Losses::none();
+        losses.on_ball[1] = braked(rolling, p.floor_rolling_friction) + braked(spinning, p.floor_spinning_friction);
+
+        let [velocity, rate, _] = split(&motion.velocities.bot);
+        for (i, contact) in contacts.iter().enumerate() {
+            let direction = contact.normal.cross(&contact.drive);
+            let point = self.bot.centers[i] - contact.normal * parts.wheel_radius;
+            let on_bot = join(&[direction, point.cross(&direction), Vector3::zeros()]);
+            let on_ball = contact.drive * parts.ball_radius;
+            let speed = direction.dot(&(velocity + rate.cross(&point) - ball_velocity)) + on_ball.dot(&ball_rate);
+            let compliance = on_bot.dot(&(self.bot.mass_inverse * on_bot))
+                + direction.norm_squared() / parts.ball_mass
+                + on_ball.norm_squared() / parts.ball_inertia;
+            if compliance == 0.0 {
+                // A wheel whose axle points at the ball has no directions.
+                continue;
+            }
+            let friction = p.roller_friction_slope.mul_add(speed.abs(), p.roller_friction);
+            let most = friction.min(p.wheel_dynamic_friction) * self.sim_state.impulses[i].max(0.0);
+            let amount = speed * -(most / speed.abs().max(f64::MIN_POSITIVE)).min(share / compliance);
+            losses.on_bot += on_bot * amount;
+            losses.on_ball[0] -= direction * amount;
+            losses.on_ball[1] += on_ball * amount;
+        }
+        losses
+    }
+}
