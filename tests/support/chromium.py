@@ -109,6 +109,21 @@ class Chromium:
             assert time.monotonic() < ends, f"waited {LIMIT} s for {expression}"
             time.sleep(0.05)
 
+    def place_of(self, expression: str) -> tuple[float, float]:
+        """The center of an element, scrolled into view: once it can be clicked, and has stopped moving."""
+        shown = f"(e => e && (e.scrollIntoView({{block: 'center'}}), e.getBoundingClientRect()))({expression})"
+        center = f"(b => b && b.width > 0 ? [b.x + b.width / 2, b.y + b.height / 2] : null)({shown})"
+        hit = "(([x, y], e) => e.contains(document.elementFromPoint(x, y)))"
+        before = None
+        ends = time.monotonic() + LIMIT
+        while True:
+            place = self.evaluate(center)
+            if place is not None and place == before and self.evaluate(f"{hit}({json.dumps(place)}, {expression})"):
+                return place[0], place[1]
+            assert time.monotonic() < ends, f"waited {LIMIT} s for {expression} to be clickable"
+            before = place
+            time.sleep(0.1)
+
     def click(self, x: float, y: float) -> None:
         """A click of the mouse at a place of the window, with real events."""
         self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)

@@ -46,13 +46,8 @@ def button(name):
     return f"[...document.querySelectorAll('button')].find(b => b.innerText.trim() === '{name}')"
 
 
-def place_of(page, expression):
-    box = f"(({expression}).scrollIntoView({{block: 'center'}}), ({expression}).getBoundingClientRect())"
-    return page.evaluate(f"(b => [b.x + b.width / 2, b.y + b.height / 2])({box})")
-
-
 def click(page, expression):
-    page.click(*place_of(page, expression))
+    page.click(*page.place_of(expression))
 
 
 def choose(page, label, option):

@@ -6,11 +6,13 @@ from validation.robots import (
     friction,
     lag,
     products_of_inertia,
+    rollers,
+    rolling,
     strength,
     torque_speed,
     uneven_wheels,
 )
 from validation.topic import Topic
 
-BODY = [Topic.of(module) for module in (com_offset, products_of_inertia, uneven_wheels, friction)]
+BODY = [Topic.of(module) for module in (com_offset, products_of_inertia, uneven_wheels, friction, rolling, rollers)]
 MOTORS = [Topic.of(module) for module in (delay, strength, lag, torque_speed)]
