@@ -74,7 +74,7 @@ impl Estimator {
         Ok(Self {
             options: *options,
             odometry: Odometry::new(params)?,
-            jump: JumpLimit::new(params, options.jump_gate),
+            jump: JumpLimit::new(params, options, dt),
             lean: LeanObserver::new(params, options.lean_time, dt),
             dt,
         })
