@@ -12,6 +12,7 @@ mod landing;
 mod loads;
 #[path = "../support/motion.rs"]
 mod motion;
+mod passes;
 mod pushes;
 mod repetition;
 mod rolling;
