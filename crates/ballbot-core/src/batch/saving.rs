@@ -66,7 +66,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         }
         if snapshot.options != self.config.numbers() {
             return Err(refused(
-                "time steps, torque, scaling, reward, sensors, history or options of its task differ".into(),
+                "time steps, torque, scaling, reward, robot of the estimator, sensors, history or options of its task \
+                 differ"
+                    .into(),
             ));
         }
         if !self.one.fits(&snapshot.ledger) {

@@ -220,6 +220,25 @@ fn snapshots_carry_the_memory() {
     }
 }
 
+/// An estimator is that of the robot without events and `set_params`, which a snapshot does not bring along.
+#[test]
+fn snapshots_do_not_go_to_the_estimator_of_another_robot() {
+    for (model, n) in models() {
+        let seen = config(model);
+        let truth = BalanceConfig { observation: Observation::GroundTruth, ..seen.clone() };
+        for (config, taken) in [(seen, false), (truth, true)] {
+            let heavy = Params { body_mass: 1.1 * config.params.body_mass, ..config.params.clone() };
+            let mut other = batch(&BalanceConfig { params: heavy, ..config.clone() }, n, Autoreset::SameStep);
+            let bytes = batch(&config, n, Autoreset::SameStep).batch.save(0).unwrap();
+            let loaded = other.batch.load(0, &bytes);
+            assert_eq!(loaded.is_ok(), taken, "{model}: {loaded:?}");
+            if let Err(error) = loaded {
+                assert!(error.to_string().contains("robot of the estimator"), "{error}");
+            }
+        }
+    }
+}
+
 #[test]
 fn sensors_do_not_depend_on_threads() {
     let config = config(ModelKind::Contact);
