@@ -351,7 +351,9 @@ fn every_bad_number_is_named() {
     assert!(error.contains("unknown option of sensors 'gyro': expected one of gyro_noise"), "{error}");
     let error = SensorOptions::from_fields([("imu_position", &[1.0][..])]).unwrap_err().to_string();
     assert!(error.contains("sensors.imu_position has 1 values, expected 3"), "{error}");
-    let run = batch(&BalanceConfig::default(), 1, Autoreset::SameStep);
+    let slow = BalanceConfig { control_dt: 2.0, observation: Observation::Sensors, ..BalanceConfig::default() };
+    assert_refused(&slow, &["control_dt = 2 is out of range", "<= 1 s"]);
+    let mut run = batch(&BalanceConfig::default(), 1, Autoreset::SameStep);
     let error = run.batch.readings(0).unwrap_err().to_string();
     assert!(error.contains("the robots have no sensors"), "{error}");
     assert!(run.batch.privileged_observation(0, &mut [0.0; 3]).is_err());
