@@ -421,7 +421,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
     }
 
     fn set_params(&mut self, i: usize, params: &Params) -> Result<()> {
-        let Some(events) = &self.events else { return self.replace_robot(i, params) };
+        let Some(events) = &self.events else {
+            self.replace_robot(i, params)?;
+            self.inform(i);
+            return Ok(());
+        };
         params.validate()?;
         self.config.check_events(&events.plan, params)?;
         let robot = events.made_of(i, params);
@@ -430,7 +434,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         if let Some(events) = &mut self.events {
             events.set_nominal(i, params);
         }
-        self.equip(i);
+        self.inform(i);
         Ok(())
     }
 

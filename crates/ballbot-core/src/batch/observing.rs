@@ -24,6 +24,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.step.sensor.begin(&start, &mut self.one.sensor);
     }
 
+    /// Gives the sensors of robot `i` its present gravity, within an episode.
+    pub(super) fn note_gravity(&mut self, i: usize) {
+        let (all, one) = (&mut self.ledger.sensor, &mut self.one.sensor);
+        one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
+        self.step.sensor.set_gravity(self.robots.params(i).gravity, one);
+        all.iter_mut().zip(&*one).for_each(|(cell, one)| cell.set(i, *one));
+    }
+
     /// Gives the first observation of an episode in place of those that there are not yet.
     pub(super) fn repeat_observation(&mut self, i: usize, observation: &mut [f32]) {
         let rows = self.step.rows();

@@ -106,7 +106,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.rngs[i].set_word_pos(snapshot.word);
         self.episodes[i] = snapshot.episode;
         R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
-        self.equip(i);
+        self.inform(i);
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
         self.over[i] = snapshot.over;
         self.begun |= !snapshot.over;

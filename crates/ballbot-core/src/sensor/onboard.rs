@@ -189,6 +189,10 @@ impl Sensor for Onboard {
         );
     }
 
+    fn set_gravity(&self, gravity: f64, memory: &mut [f64]) {
+        memory[GRAVITY] = gravity;
+    }
+
     fn seeded(&self, memory: &mut [f64]) {
         memory[EPISODES] = 0.0;
     }
