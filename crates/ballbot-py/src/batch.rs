@@ -239,7 +239,7 @@ impl PyBatch {
     ///
     /// Args:
     ///     mask: which environments to reset, shape (num_envs,), bool; None resets all.
-    ///     seeds: one an environment to start its random numbers from; None leaves them as they are.
+    ///     seeds: one an environment to start its random numbers from, at its next reset; None leaves them as they are.
     ///     starts: one `State` an environment; None draws one.
     ///
     /// Raises:

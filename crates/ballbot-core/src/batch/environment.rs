@@ -82,7 +82,7 @@ impl<T: Task> Environment<T> {
         self.observation.len()
     }
 
-    /// Starts the random numbers anew.
+    /// Starts the random numbers anew with the next episode; the present one keeps its own.
     pub fn seed(&mut self, seed: u64) {
         self.inner.seed(0, seed);
     }

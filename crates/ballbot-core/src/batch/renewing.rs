@@ -8,10 +8,20 @@ use crate::actuator::Actuator;
 use crate::lanes::Cell;
 use crate::sensor::Sensor;
 use crate::task::Task;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// Makes robot `i` what it is in a new episode; it must then be placed.
     pub(super) fn renew(&mut self, i: usize) {
+        if let Some(seed) = self.next_seeds[i].take() {
+            self.rngs[i] = ChaCha8Rng::seed_from_u64(seed);
+            self.episodes[i] = 0;
+            if let Some(events) = &mut self.events {
+                events.seed(i);
+            }
+            self.seed_sensors(i);
+        }
         self.episodes[i] = self.episodes[i].wrapping_add(1);
         if let Some(events) = &mut self.events {
             let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };

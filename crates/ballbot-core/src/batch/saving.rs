@@ -30,6 +30,7 @@ struct Snapshot {
     ledger: Ledger<f64>,
     over: bool,
     events: Option<Saved>,
+    next_seed: Option<u64>,
 }
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
@@ -49,6 +50,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             ledger,
             over: self.over[i],
             events: self.events.as_ref().map(|events| events.save(i)),
+            next_seed: self.next_seeds[i],
         })
     }
 
@@ -105,6 +107,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.rngs[i] = ChaCha8Rng::from_seed(snapshot.seed);
         self.rngs[i].set_word_pos(snapshot.word);
         self.episodes[i] = snapshot.episode;
+        self.next_seeds[i] = snapshot.next_seed;
         R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
         self.inform(i);
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
