@@ -401,7 +401,7 @@ impl PyBatch {
         })
     }
 
-    /// Last observations of all environments, shape (num_envs, observation_len), float32.
+    /// Last observations of all environments, shape (num_envs, observation_len), float32; zeros before the first reset.
     fn observations<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f32>> {
         let inner = self.inner.read()?;
         let read = |i, row: &mut [f32]| inner.batch.observation(i, row).map_err(to_python);
@@ -417,7 +417,9 @@ impl PyBatch {
     }
 
     /// States that follow from the last readings of the sensors, as the task observes them, shape (num_envs, 32), float64,
-    /// rows as `State.to_array` lays them out. Beside `states()` they show the errors of the estimator.
+    /// rows as `State.to_array` lays them out. Beside `states()` they show the errors of the estimator. Wheel angles are those
+    /// of the readings, from the start of the episode on, where those of `states()` go on from the state that the episode
+    /// began with. Before the first reset they are those of the robots at rest.
     ///
     /// Raises:
     ///     ValueError: the task observes the true state (`observation="sensors"` makes it observe these).
@@ -432,7 +434,8 @@ impl PyBatch {
     /// Last readings of the sensors, latency included, by name: `gyro` (rad/s), `specific_force` (m/s²), both in the body
     /// frame, `wheel_angles` (rad, since the start of the episode) and `wheel_rates` (rad/s).
     ///
-    /// Of all environments, shape (num_envs, 3) each, or of environment `index`, shape (3,).
+    /// Of all environments, shape (num_envs, 3) each, or of environment `index`, shape (3,). Before the first reset they are
+    /// those of the robots at rest.
     ///
     /// Raises:
     ///     ValueError: the robots have no sensors (`sensors=`).

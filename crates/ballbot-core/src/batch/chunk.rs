@@ -54,7 +54,7 @@ pub trait Chunk: Send + Sync {
     /// Contact forces of the last model step.
     fn contacts(&self, i: usize) -> Contacts;
 
-    /// Last readings of the sensors, if the robot has any.
+    /// Last readings of the sensors, if the robot has any; of the robot at rest before its first episode.
     fn readings(&self, i: usize) -> Option<Readings<f64>>;
 
     /// State that follows from the last readings, if the task observes it.
@@ -393,11 +393,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
     }
 
     fn readings(&self, i: usize) -> Option<Readings<f64>> {
-        self.step.sensor.readings(|number| self.ledger.sensor[number].get(i))
+        self.step.sensor.readings(self.sensor_numbers(i))
     }
 
     fn estimate(&self, i: usize) -> Option<State> {
-        self.step.sensor.estimate(|number| self.ledger.sensor[number].get(i))
+        self.step.sensor.estimate(self.sensor_numbers(i))
     }
 
     fn privileged_observation(&self, i: usize, out: &mut [f32]) {

@@ -16,7 +16,7 @@ impl Batch {
         self.history
     }
 
-    /// Last observation of one environment.
+    /// Last observation of one environment; zeros before its first reset.
     ///
     /// # Errors
     /// As [`Batch::state`]; [`Error::Length`] unless `out` has [`Batch::observation_len`] elements.
@@ -27,7 +27,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Last readings of the sensors of one robot.
+    /// Last readings of the sensors of one robot; before its first reset those of the robot at rest.
     ///
     /// # Errors
     /// As [`Batch::state`]; [`Error::Inconsistent`] for robots without sensors ([`super::EnvConfig::sensors`]).

@@ -4,6 +4,7 @@ use super::chunk::Environments;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
 use crate::actuator::Actuator;
+use crate::lane_state::LaneState;
 use crate::lanes::Cell;
 use crate::sensor::{EpisodeStart, Sensor};
 use crate::task::Task;
@@ -19,9 +20,20 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             *number = cell.get(i);
         }
         let state = self.robots.lane_state(i);
-        let start =
-            EpisodeStart { gravity: self.robots.params(i).gravity, state: &state, key: sensor_key(&self.rngs[i]) };
+        let start = episode_start(&self.robots, i, &state, &self.rngs[i]);
         self.step.sensor.begin(&start, &mut self.one.sensor);
+    }
+
+    /// The numbers of the sensors of robot `i`. Before its first episode they are those of the robot as it stands, at rest.
+    pub(super) fn sensor_numbers(&self, i: usize) -> impl Fn(usize) -> f64 {
+        let at_rest = (self.episodes[i] == 0 && !self.ledger.sensor.is_empty()).then(|| {
+            let mut one = Ledger::new(self.step.sizes());
+            let state = self.robots.lane_state(i);
+            self.step.sensor.begin(&episode_start(&self.robots, i, &state, &self.rngs[i]), &mut one.sensor);
+            self.step.observe(&state, &mut one);
+            one.sensor
+        });
+        move |number| at_rest.as_ref().map_or_else(|| self.ledger.sensor[number].get(i), |numbers| numbers[number])
     }
 
     /// Gives the sensors of robot `i` its present gravity, within an episode.
@@ -98,6 +110,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         R::Cell::put(&mut self.ledger, i, &self.one);
     }
 }
+/// What the sensors of robot `i` take from an episode that begins in `state`.
+fn episode_start<'a>(robots: &impl Robots, i: usize, state: &'a LaneState<f64>, rng: &ChaCha8Rng) -> EpisodeStart<'a> {
+    EpisodeStart { gravity: robots.params(i).gravity, state, key: sensor_key(rng) }
+}
+
 
 /// Key of the random numbers of sensors: the first words of the environment's seed, for a generator of their own.
 fn sensor_key(rng: &ChaCha8Rng) -> [u32; 2] {
