@@ -932,7 +932,7 @@ class Batch:
         Raises:
             ValueError: the task observes the true state (`observation="sensors"` makes it observe these).
         """
-    def privileged_observations(self) -> npt.NDArray[np.float32]:
+    def privileged_observations(self, index: int | None = None) -> npt.NDArray[np.float32]:
         """Rows of the observations of all environments computed from the true states, shape (num_envs, k), float32, scaled
         alike: what a critic may see. With `observation="ground_truth"` and `history=1` they are the observations.
         """

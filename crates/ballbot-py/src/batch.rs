@@ -408,12 +408,25 @@ impl PyBatch {
         rows(py, inner.batch.len(), inner.batch.observation_len(), read)
     }
 
-    /// Rows of the observations of all environments computed from the true states, shape (num_envs, k), float32, scaled
-    /// alike: what a critic may see. With `observation="ground_truth"` and `history=1` they are the observations.
-    fn privileged_observations<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f32>> {
-        let inner = self.inner.read()?;
-        let read = |i, row: &mut [f32]| inner.batch.privileged_observation(i, row).map_err(to_python);
-        rows(py, inner.batch.len(), inner.batch.privileged_observation_len(), read)
+    /// Rows of the observations computed from the true states, float32, scaled alike: what a critic may see. With
+    /// `observation="ground_truth"` and `history=1` they are the observations.
+    ///
+    /// Of all environments, shape (num_envs, k), or of environment `index`, shape (k,).
+    #[pyo3(signature = (index=None))]
+    fn privileged_observations<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = optional_index)] index: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let batch = &mut self.inner.write()?.batch;
+        let (n, width) = (batch.len(), batch.privileged_observation_len());
+        let Some(index) = index else {
+            let read = |i, row: &mut [f32]| batch.privileged_observation(i, row).map_err(to_python);
+            return Ok(rows(py, n, width, read)?.into_any());
+        };
+        let mut row = vec![0.0; width];
+        batch.privileged_observation(index, &mut row).map_err(to_python)?;
+        Ok(PyArray1::from_vec(py, row).into_any())
     }
 
     /// States that follow from the last readings of the sensors, as the task observes them, shape (num_envs, 32), float64,

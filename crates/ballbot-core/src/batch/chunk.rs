@@ -61,7 +61,7 @@ pub trait Chunk: Send + Sync {
     fn estimate(&self, i: usize) -> Option<State>;
 
     /// Writes the rows of an observation of the true state.
-    fn privileged_observation(&self, i: usize, out: &mut [f32]);
+    fn privileged_observation(&mut self, i: usize, out: &mut [f32]);
 
     /// Parameters of the robot.
     fn params(&self, i: usize) -> &Params;
@@ -400,7 +400,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.step.sensor.estimate(self.sensor_numbers(i))
     }
 
-    fn privileged_observation(&self, i: usize, out: &mut [f32]) {
+    fn privileged_observation(&mut self, i: usize, out: &mut [f32]) {
         self.observe_truth(i, out);
     }
 

@@ -91,11 +91,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Writes the rows of an observation of the true state.
-    pub(super) fn observe_truth(&self, i: usize, row: &mut [f32]) {
-        let mut one = Ledger::new(self.step.sizes());
-        R::Cell::take(&self.ledger, i, &mut one);
-        self.step.observe_state(&self.robots.lane_state(i), &mut one);
-        row.iter_mut().zip(&one.observation).for_each(|(out, value)| *out = *value as f32);
+    pub(super) fn observe_truth(&mut self, i: usize, row: &mut [f32]) {
+        R::Cell::take(&self.ledger, i, &mut self.one);
+        self.step.observe_state(&self.robots.lane_state(i), &mut self.one);
+        row.iter_mut().zip(&self.one.observation).for_each(|(out, value)| *out = *value as f32);
     }
 
     /// Starts the random numbers of the sensors anew.
@@ -110,11 +109,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         R::Cell::put(&mut self.ledger, i, &self.one);
     }
 }
+
 /// What the sensors of robot `i` take from an episode that begins in `state`.
 fn episode_start<'a>(robots: &impl Robots, i: usize, state: &'a LaneState<f64>, rng: &ChaCha8Rng) -> EpisodeStart<'a> {
     EpisodeStart { gravity: robots.params(i).gravity, state, key: sensor_key(rng) }
 }
-
 
 /// Key of the random numbers of sensors: the first words of the environment's seed, for a generator of their own.
 fn sensor_key(rng: &ChaCha8Rng) -> [u32; 2] {
