@@ -51,7 +51,7 @@ def written_out(friction: float) -> Plant:
 
 
 def linear_plant(friction: float) -> Plant:
-    """`PlanarModel` linearised about rest upright."""
+    """`PlanarModel` linearized about rest upright."""
     a, b = bb.PlanarModel(bb.Params.paper().replace(ball_viscous_friction=friction)).linearize()
     return lambda x, torque: a @ x + b[:, 0] * torque
 

@@ -52,14 +52,14 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import COLOURS, INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import COLORS, INK, MODEL_COLORS
 
         ax = fig.subplots()
         worst = np.array([limits[float(mu)].min() for mu in frictions])
         best = np.array([limits[float(mu)].max() for mu in frictions])
-        ax.fill_between(frictions, worst, best, color=COLOURS[4], alpha=0.3, linewidth=0, label="other directions")
+        ax.fill_between(frictions, worst, best, color=COLORS[4], alpha=0.3, linewidth=0, label="other directions")
         ax.plot(frictions, worst, color=INK, label="worst direction of lean")
-        ax.plot(FRICTIONS, measured, "o", markersize=5, color=MODEL_COLOURS["spatial"], label="spatial")
+        ax.plot(FRICTIONS, measured, "o", markersize=5, color=MODEL_COLORS["spatial"], label="spatial")
         ax.axhline(PRINTED_DEGREES, color=INK, linestyle="--", linewidth=0.8, label="printed")
         ax.set(xlabel="friction coefficient of the wheels", ylabel="largest tilt held (deg)", ylim=(0.0, 60.0))
         ax.legend(loc="upper left")
