@@ -90,7 +90,7 @@ def test_readings_of_one_robot_are_its_row():
     np.testing.assert_array_equal(envs.readings()["gyro"], [first["gyro"], second["gyro"]])
     for read in (batch.readings, batch.privileged_observations, batch.draws):
         for index in (9, 2**64 - 1):
-            with pytest.raises(ValueError, match="environment index = .*below num_envs = 9"):
+            with pytest.raises(ValueError, match=r"environment index = .*below num_envs = 9"):
                 read(index)
     for i in (0, 8):
         np.testing.assert_array_equal(batch.privileged_observations(i), batch.privileged_observations()[i])

@@ -103,7 +103,7 @@ def linear_tilt(friction: float, times: Array) -> Array:
     return tilt
 
 
-def analyse(tilts: Array, dt: float) -> Analysis:
+def analyze(tilts: Array, dt: float) -> Analysis:
     """Of tilts every `dt` after a step of 1 rad."""
     return Analysis(float(tilts.max() - 1.0), float(settling_times(tilts - 1.0, 0.02, dt)))
 

@@ -19,7 +19,7 @@ import numpy as np
 from validation.claim import Claim
 from validation.page import table
 from validation.paper_replication import response
-from validation.paper_replication.response import VISCOUS_FRICTION, Analysis, analyse
+from validation.paper_replication.response import VISCOUS_FRICTION, Analysis, analyze
 from validation.topic import Comparison, Findings
 
 if TYPE_CHECKING:
@@ -43,12 +43,12 @@ def run() -> Findings:
         f"nonlinear, three wheels, B_vk = {VISCOUS_FRICTION:g}": response.model_plant(VISCOUS_FRICTION, "three_wheels"),
     }
     runs = {name: response.closed_loop(plant, 1.0, rest, 1.0, _DT) for name, plant in plants.items()}
-    found = {name: analyse(rows[:, 1], _DT) for name, rows in runs.items()}
+    found = {name: analyze(rows[:, 1], _DT) for name, rows in runs.items()}
     sampled = {dt: response.sampled_step(dt) for dt in _SAMPLING}
     nonlinear, linearized, _, other, three_wheels = list(runs)
 
     written = response.closed_loop(response.written_out(VISCOUS_FRICTION), 1.0, rest, 1.0, _DT)
-    fine = analyse(
+    fine = analyze(
         response.closed_loop(response.written_out(VISCOUS_FRICTION), 1.0, rest, 0.5, 0.5 * _DT)[:, 1], 0.5 * _DT
     )
     times = np.array([k * _DT for k in range(len(written))])
@@ -66,12 +66,12 @@ def run() -> Findings:
         Claim("nonlinear: settling time, against half the step", found[nonlinear].settling, fine.settling, 1e-3, "s"),
     ]
     for name, tilt in modes.items():
-        exact = analyse(tilt, _DT)
+        exact = analyze(tilt, _DT)
         claims.append(Claim(f"{name}: overshoot, against the modes", found[name].overshoot, exact.overshoot, 2e-9))
         claims.append(
             Claim(f"{name}: settling time, against the modes", found[name].settling, exact.settling, 1e-3, "s")
         )
-    finest = analyse(sampled[_SAMPLING[0]][:, 1], _SAMPLING[0])
+    finest = analyze(sampled[_SAMPLING[0]][:, 1], _SAMPLING[0])
     continuous = found[three_wheels]
     claims.append(
         Claim(
@@ -91,7 +91,7 @@ def run() -> Findings:
     rows = [["printed", f"{100 * PRINTED.overshoot:.0f}", f"{PRINTED.settling:.3f}"]]
     rows += [[name, f"{100 * a.overshoot:.1f}", f"{a.settling:.3f}"] for name, a in found.items()]
     for dt, x in sampled.items():
-        a = analyse(x[:, 1], dt)
+        a = analyze(x[:, 1], dt)
         settling = f"{a.settling:.3f}" if a.settling < 0.99 else "not within 1 s"
         rows.append([f"`planar` and `Pid`, every {1e3 * dt:g} ms", f"{100 * a.overshoot:.1f}", settling])
     a, b, c = found[nonlinear], found[linearized], found[other]

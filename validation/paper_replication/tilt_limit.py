@@ -39,7 +39,7 @@ def run() -> Findings:
     measured: list[float] = []
     for mu in FRICTIONS:
         azimuth = float(AZIMUTHS[int(limits[mu].argmin())])
-        measured.append(modelled_limit(holdable_tilt.robot(mu), azimuth))
+        measured.append(modeled_limit(holdable_tilt.robot(mu), azimuth))
         what = f"largest tilt held at μ = {mu:g}, `SpatialModel`"
         claims.append(Claim(what, measured[-1], float(limits[mu].min()), 1e-9, "deg"))
     dynamic, static = float(limits[1.0].min()), float(limits[1.1].min())
@@ -79,7 +79,7 @@ def holding_torques(params: bb.Params, tilt: float, azimuth: float) -> tuple[Arr
     return torques, model.contacts(quaternion, rest, torques)
 
 
-def modelled_limit(params: bb.Params, azimuth: float) -> float:
+def modeled_limit(params: bb.Params, azimuth: float) -> float:
     """The largest tilt held towards `azimuth`, deg."""
 
     def holds(tilt: float) -> bool:

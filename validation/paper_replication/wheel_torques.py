@@ -62,9 +62,9 @@ def run() -> Findings:
     )
     coefficients = (params.wheel_static_friction, params.wheel_dynamic_friction)
     tilting = [tilt_onset(params, friction) for friction in coefficients]
-    modelled = min(model_slips(params, tilted) for tilted in tilt_torques(params))
+    modeled = min(model_slips(params, tilted) for tilted in tilt_torques(params))
     claims.append(
-        Claim("largest torque of a tilt at which a wheel slips, `SpatialModel`", modelled, tilting[1], 1e-9, "N·m")
+        Claim("largest torque of a tilt at which a wheel slips, `SpatialModel`", modeled, tilting[1], 1e-9, "N·m")
     )
     dynamic = coefficients[1] / coefficients[0]
     rows = [

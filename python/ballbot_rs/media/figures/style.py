@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from ballbot_rs import _files
 
 INK, GRID, PAPER = "#212529", "#dee2e6", "#ffffff"
-#: Colors that stay apart for the color-blind and on grey paper, in the order of use.
+#: Colors that stay apart for the color-blind and on gray paper, in the order of use.
 COLORS: Sequence[str] = ("#0b7285", "#d9480f", "#5f3dc4", "#e0a800", "#868e96", "#2b8a3e", "#a61e4d")
 #: One color a model, in every figure.
 MODEL_COLORS = {"planar": "#5f3dc4", "spatial": "#212529", "contact": "#0b7285", "rigid": "#d9480f"}
