@@ -153,7 +153,7 @@ def draw(study: Study, path: Path) -> None:
     ax = fig.subplots()
     spread = np.random.default_rng(0).uniform(-0.28, 0.28, study.scores.shape)
     places = np.arange(len(study.names))
-    for inside, color in ((True, style.COLOURS[0]), (False, style.COLOURS[1])):
+    for inside, color in ((True, style.COLORS[0]), (False, style.COLORS[1])):
         chosen = study.covered == inside
         ax.plot(study.scores[chosen], (places + spread)[chosen], ".", color=color, markersize=3.5)
     for end in (-1.96, 1.96):

@@ -454,7 +454,9 @@ class Contacts:
         """Steps since the reset in which sticking and slipping contacts were not found at the first attempt."""
     @property
     def unsolved_steps(self) -> int:
-        """Those of them that ended without impulses that meet the contact conditions."""
+        """Those of them in which no impulses met the contact conditions, or those of wheels and bot did not settle with each
+        other in the model `rigid`.
+        """
     @property
     def friction_utilization(self) -> _Array:
         """Share of the dynamic friction limit in use, three wheels and floor, shape (4,). Models without slip are valid up
@@ -900,7 +902,7 @@ class Batch:
 
         Args:
             mask: which environments to reset, shape (num_envs,), bool; None resets all.
-            seeds: one an environment to start its random numbers from; None leaves them as they are.
+            seeds: one an environment to start its random numbers from, at its next reset; None leaves them as they are.
             starts: one `State` an environment; None draws one.
 
         Raises:
@@ -945,23 +947,28 @@ class Batch:
     def states(self) -> _Array:
         """States of all robots, shape (num_envs, 32), float64, rows as `State.to_array` lays them out."""
     def observations(self) -> npt.NDArray[np.float32]:
-        """Last observations of all environments, shape (num_envs, observation_len), float32."""
+        """Last observations of all environments, shape (num_envs, observation_len), float32; zeros before the first reset."""
     def estimates(self) -> _Array:
         """States that follow from the last readings of the sensors, as the task observes them, shape (num_envs, 32), float64,
-        rows as `State.to_array` lays them out. Beside `states()` they show the errors of the estimator.
+        rows as `State.to_array` lays them out. Beside `states()` they show the errors of the estimator. Wheel angles are those
+        of the readings, from the start of the episode on, where those of `states()` go on from the state that the episode
+        began with. Before the first reset they are those of the robots at rest.
 
         Raises:
             ValueError: the task observes the true state (`observation="sensors"` makes it observe these).
         """
-    def privileged_observations(self) -> npt.NDArray[np.float32]:
-        """Rows of the observations of all environments computed from the true states, shape (num_envs, k), float32, scaled
-        alike: what a critic may see. With `observation="ground_truth"` and `history=1` they are the observations.
+    def privileged_observations(self, index: int | None = None) -> npt.NDArray[np.float32]:
+        """Rows of the observations computed from the true states, float32, scaled alike: what a critic may see. With
+        `observation="ground_truth"` and `history=1` they are the observations.
+
+        Of all environments, shape (num_envs, k), or of environment `index`, shape (k,).
         """
     def readings(self, index: int | None = None) -> dict[str, _Array]:
         """Last readings of the sensors, latency included, by name: `gyro` (rad/s), `specific_force` (m/s²), both in the body
         frame, `wheel_angles` (rad, since the start of the episode) and `wheel_rates` (rad/s).
 
-        Of all environments, shape (num_envs, 3) each, or of environment `index`, shape (3,).
+        Of all environments, shape (num_envs, 3) each, or of environment `index`, shape (3,). Before the first reset they are
+        those of the robots at rest.
 
         Raises:
             ValueError: the robots have no sensors (`sensors=`).

@@ -121,7 +121,7 @@ class TestParams:
         assert str(path) in str(refusal.value)
 
     def test_a_toml_file_that_is_missing(self):
-        with pytest.raises(FileNotFoundError, match=r"no_robot\.toml"):
+        with pytest.raises(FileNotFoundError, match=r"^\[Errno 2\] No such file or directory: 'no_robot\.toml'$"):
             BalanceEnv(params="no_robot.toml")
         with pytest.raises(TypeError, match="TOML text or a path, not int"):
             Params.from_toml(3)

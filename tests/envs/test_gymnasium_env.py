@@ -148,7 +148,7 @@ def test_truncated_not_terminated_after_exactly_1000_steps(balance):
 
 
 @pytest.mark.parametrize("length", [37, 1200])
-def test_make_honours_max_episode_steps(balance, length):
+def test_make_honors_max_episode_steps(balance, length):
     env = gymnasium.make(BALANCE, max_episode_steps=length, model="spatial")
     for _ in range(2):
         env.reset(seed=3)
@@ -165,7 +165,7 @@ def test_success_at_the_end_that_make_sets_is_read_from_the_environment(balance,
     assert env.unwrapped.is_success is success
 
 
-def test_constructor_honours_max_episode_steps(balance):
+def test_constructor_honors_max_episode_steps(balance):
     env = BalanceEnv(max_episode_steps=12, model="spatial")
     env.reset(seed=0)
     steps, (_, _, terminated, truncated, _) = run_to_end(env, lambda e: balance(e.state))

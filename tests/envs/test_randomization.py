@@ -186,7 +186,7 @@ def test_copies_continue_to_the_last_bit(copied):
         ([3], TypeError, "not int"),
         ([{1: 2}], TypeError, r"events\[0\] has a key that is not text"),
         ({}, ValueError, "'term'"),
-        ({"term": "colour", "range": [0, 1]}, ValueError, r"events\[0\] \(colour\): unknown term"),
+        ({"term": "color", "range": [0, 1]}, ValueError, r"events\[0\] \(color\): unknown term"),
         ({"term": "gravity", "range": [9, 10], "rate": 3}, ValueError, r"\(gravity\): unknown key 'rate'"),
         ({"term": "gravity", "range": [9, 10], "op": "mul"}, ValueError, r"\(gravity\): unknown op 'mul'"),
         ({"term": "gravity", "range": [9, 10], "dist": "x"}, ValueError, r"\(gravity\): unknown dist"),

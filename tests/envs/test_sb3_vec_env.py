@@ -58,7 +58,7 @@ def test_types_and_shapes_of_a_step():
 
 
 def test_equals_a_dummy_vec_env_of_single_environments():
-    """The reference is SB3's own vectorisation of `BalanceEnv`, over falls, truncations and resets."""
+    """The reference is SB3's own vectorization of `BalanceEnv`, over falls, truncations and resets."""
     n = 4
     fast = BallbotVecEnv(num_envs=n, num_threads=2, **SHORT)
     slow = DummyVecEnv([lambda: BalanceEnv(**SHORT)] * n)

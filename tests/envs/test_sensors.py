@@ -88,8 +88,12 @@ def test_readings_of_one_robot_are_its_row():
     envs.reset(seed=0)
     first, second = envs.call("readings")
     np.testing.assert_array_equal(envs.readings()["gyro"], [first["gyro"], second["gyro"]])
-    with pytest.raises(ValueError, match="environment index = 9"):
-        batch.readings(9)
+    for read in (batch.readings, batch.privileged_observations, batch.draws):
+        for index in (9, 2**64 - 1):
+            with pytest.raises(ValueError, match=r"environment index = .*below num_envs = 9"):
+                read(index)
+    for i in (0, 8):
+        np.testing.assert_array_equal(batch.privileged_observations(i), batch.privileged_observations()[i])
     with pytest.raises(ValueError, match="the robots have no sensors"):
         bb.Batch(1).readings()
 
@@ -211,6 +215,15 @@ def test_a_policy_keeps_its_sensors(tmp_path, capsys):
     np.testing.assert_array_equal(driver.torques(states, (0.0, 0.0)), first)
     assert main(["view", "--no-open", "--env-option", "observation=sensors"]) == 1
     assert "policies observe the true state" in capsys.readouterr().err
+
+
+def test_robots_that_were_never_reset_read_at_rest():
+    batch = bb.Batch(9, sensors={}, observation="sensors")
+    readings = batch.readings()
+    np.testing.assert_allclose(readings["specific_force"], np.tile([0.0, 0.0, batch.params(0).gravity], (9, 1)))
+    assert not readings["gyro"].any()
+    np.testing.assert_allclose(batch.estimates(), batch.states(), atol=1e-12)
+    assert not batch.observations().any()
 
 
 def test_estimates_are_beside_the_states():

@@ -1,4 +1,4 @@
-"""`BalanceVectorEnv` against single environments and against Gymnasium's own vectorisation of them."""
+"""`BalanceVectorEnv` against single environments and against Gymnasium's own vectorization of them."""
 
 import copy
 import pickle
@@ -45,7 +45,7 @@ def assert_same_endings(found, expected, ended):
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_equals_gymnasiums_own_vectorisation(mode):
+def test_equals_gymnasiums_own_vectorization(mode):
     """The reference is SyncVectorEnv of single environments: observations, rewards, ends and infos."""
     n, enum = 4, AutoresetMode[mode.upper()]
     fast = BalanceVectorEnv(n, autoreset_mode=mode, num_threads=2, **SHORT)

@@ -96,7 +96,7 @@ def test_maps_of_nothing_are_refused(arguments, message):
         recovery.collect("lqr", **{"rings": 4, **arguments})
 
 
-def test_the_map_colours_each_start(maps):
+def test_the_map_colors_each_start(maps):
     fig = recovery_map.draw(maps)
     fell, unsettled, times = fig.axes[0].collections
     shown = [~np.ma.getmaskarray(mesh.get_array()).ravel() for mesh in (fell, unsettled, times)]

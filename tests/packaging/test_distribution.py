@@ -80,7 +80,7 @@ def files(folder, pattern="*"):
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob(pattern) if path.is_file()}
 
 
-def test_the_source_distribution_has_presets_meshes_and_licences(source):
+def test_the_source_distribution_has_presets_meshes_and_licenses(source):
     for folder in ("crates/ballbot-core/robots", "assets/meshes"):
         assert files(source / folder) == files(ROOT / folder) != {}
     for name in ("README.md", "LICENSE-MIT", "LICENSE-APACHE", "Cargo.lock", "assets/bot.urdf", "assets/ball.urdf"):
@@ -92,7 +92,7 @@ def test_the_source_distribution_compiles_in_an_empty_folder(source):
     run("cargo", "check", "--locked", "--offline", "--package", "ballbot-py", cwd=source)
 
 
-def test_the_packaged_crate_has_its_presets_and_licences_and_compiles(tmp_path):
+def test_the_packaged_crate_has_its_presets_and_licenses_and_compiles(tmp_path):
     listed = set(run("cargo", "package", "--package", "ballbot-core", "--list", "--offline", "--allow-dirty").split())
     core = ROOT / "crates/ballbot-core"
     presets = {

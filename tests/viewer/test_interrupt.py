@@ -70,7 +70,7 @@ def test_a_policy_that_loops_is_refused_on_another_robot(looping, monkeypatch):
         Session(robot="kugle", controller=str(looping))
 
 
-def test_a_call_that_is_waited_for_is_cancelled():
+def test_a_call_that_is_waited_for_is_canceled():
     watch, ends = Watch(), threading.Event()
     threading.Timer(0.1, watch.cancel).start()
     with pytest.raises(Interrupted, match="sleep was interrupted"):

@@ -195,7 +195,7 @@ def test_the_urdf_and_the_parameters_put_the_wheels_in_the_same_places():
             tyre = next(piece for piece in wheel.pieces if piece.color == shapes.TYRE)
             points = tyre.vertices @ wheel.mount[:3, :3].T + wheel.mount[:3, 3]
             assert np.linalg.norm(points, axis=1).min() == pytest.approx(params.ball_radius, abs=1e-3)
-    # Its own colours, one a material, and a mast that stands well above the wheels.
+    # Its own colors, one a material, and a mast that stands well above the wheels.
     assert len({piece.color for piece in described.body}) == len(described.body) > 2
     assert 0.5 < max(piece.vertices[:, 2].max() for piece in described.body) < 0.7
 

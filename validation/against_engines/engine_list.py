@@ -17,7 +17,7 @@ _BULLET_ITERATIONS = 50
 SPATIAL, CONTACT, RIGID = "spatial", "contact", "rigid"
 ROLLING, TURNED, STOCK, BULLET = "MuJoCo, no slip", "MuJoCo, turned contacts", "MuJoCo, contacts", "PyBullet"
 
-COLOURS = {
+COLORS = {
     SPATIAL: "#212529", CONTACT: "#0b7285", RIGID: "#d9480f",
     ROLLING: "#e0a800", TURNED: "#2b8a3e", STOCK: "#868e96", BULLET: "#5f3dc4",
 }  # fmt: skip

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import ballbot_rs as bb
-from validation.against_engines.engine_list import COLOURS, CONTACT, RIGID, ROLLING
+from validation.against_engines.engine_list import COLORS, CONTACT, RIGID, ROLLING
 from validation.claim import Claim
 from validation.engines.geometry import Array
 from validation.engines.installed import missing
@@ -66,13 +66,13 @@ def run() -> Findings:
     def draw(fig: "Figure") -> None:
         left, right = fig.subplots(1, 2)
         times = np.linspace(0.0, _SECONDS, _SAMPLES + 1)
-        left.plot(times, np.array(rates), color=COLOURS[ROLLING])
+        left.plot(times, np.array(rates), color=COLORS[ROLLING])
         for axis, name in enumerate("xyz"):
             left.annotate(rf"$\Omega_{name}$", (times[-1], rates[-1][axis]), xytext=(4, 0), textcoords="offset points")
         for model, found in errors.items():
             marker = {"marker": "o", "markersize": 9 if model == CONTACT else 4, "fillstyle": "none"}
-            right.loglog(1e3 * np.array(_STEPS), found[:-1], color=COLOURS[model], label=model, **marker)
-            right.axhline(found[-1], color=COLOURS[model], linestyle=":", label=f"{model}, extrapolated")
+            right.loglog(1e3 * np.array(_STEPS), found[:-1], color=COLORS[model], label=model, **marker)
+            right.axhline(found[-1], color=COLORS[model], linestyle=":", label=f"{model}, extrapolated")
         left.set(xlabel="time (s)", ylabel="rate, body frame (rad/s)")
         right.set(xlabel="step (ms)", ylabel="largest relative difference")
         right.set_xticks([1e3 * step for step in _STEPS], [f"{1e3 * step:g}" for step in _STEPS])

@@ -2,7 +2,7 @@ r"""Where engines differ, the closed form decides.
 
 Four experiments whose outcome is known, at many headings, since no direction of the floor is special:
 
-- a tilt of $10^{-4}$ rad grows at the pole of the linearised robot, $\lambda = 6.09174451\ \mathrm{s}^{-1}$; other
+- a tilt of $10^{-4}$ rad grows at the pole of the linearized robot, $\lambda = 6.09174451\ \mathrm{s}^{-1}$; other
   engines with contacts start at $10^{-3}$ rad, where the noise of these matters less, and nonlinearity
   $5\cdot 10^{-5}$;
 - each wheel of the robot at rest carries $M_b g/(3\cos\alpha)$;
@@ -21,7 +21,7 @@ import numpy as np
 import ballbot_rs as bb
 from validation.against_engines.engine_list import (
     BULLET,
-    COLOURS,
+    COLORS,
     CONTACT,
     DASHES,
     RIGID,
@@ -121,7 +121,7 @@ def run() -> Findings:
     def draw(fig: "Figure") -> None:
         left, right = fig.subplots(1, 2)
         for name, m in measured.items():
-            line = {"color": COLOURS[name], "linestyle": DASHES.get(name, "-"), "label": name}
+            line = {"color": COLORS[name], "linestyle": DASHES.get(name, "-"), "label": name}
             yaws = np.degrees(np.append(m.yaws, 2.0 * np.pi))
             left.semilogy(yaws, _closed(np.maximum(np.abs(m.growth).max(axis=1), 1e-9)), **line)
             if m.grip is not None:

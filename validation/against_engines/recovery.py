@@ -1,7 +1,7 @@
 """Recovery from 2 deg in closed loop.
 
 One regulator (`Lqr` at 200 Hz, the same gains everywhere) brings the robot upright from a tilt of 2 deg, at a heading
-of 0.5 rad that is no engine's favourite; 3 s. Each engine has its own state, steps are 1 ms.
+of 0.5 rad that is no engine's favorite; 3 s. Each engine has its own state, steps are 1 ms.
 
 - `spatial`, `contact` and `rigid` are ours: Kane's equations without slip, our contact solver, and rapier.
 - *MuJoCo, no slip* is MuJoCo's mechanics of the two URDFs, ball and bot as free bodies, under MuJoCo's Runge-Kutta

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import ballbot_rs as bb
-from validation.against_engines.engine_list import COLOURS, CONTACT, DASHES, ROLLING, SPATIAL, Engine, absent
+from validation.against_engines.engine_list import COLORS, CONTACT, DASHES, ROLLING, SPATIAL, Engine, absent
 from validation.claim import Claim
 from validation.engines.any_robot import AnyRobot
 from validation.engines.geometry import Array
@@ -111,7 +111,7 @@ def draw(fig: "Figure", trajectories: dict[str, Trajectory]) -> None:
     left, middle, right = fig.subplots(1, 3)
     exact = trajectories[SPATIAL]
     for name, t in trajectories.items():
-        line = {"color": COLOURS[name], "linestyle": DASHES.get(name, "-"), "label": name}
+        line = {"color": COLORS[name], "linestyle": DASHES.get(name, "-"), "label": name}
         left.plot(t.times, np.degrees(np.linalg.norm(t.tilts, axis=1)), **line)
         middle.plot(1e3 * t.positions[:, 0], 1e3 * t.positions[:, 1], **line)
         if name != SPATIAL:

@@ -46,13 +46,13 @@ def run() -> Findings:
         claims.append(Claim(f"order, `{model}`", slope, order, off, absolute=True))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import MODEL_COLOURS
+        from ballbot_rs.media.figures.style import MODEL_COLORS
 
         ax = fig.subplots()
         for model, (steps, order, _) in _ORDERS.items():
-            colour = MODEL_COLOURS[model]
-            ax.loglog(steps * 1e3, errors[model], _LINES[model], color=colour, label=f"{model} (order {order:.0f})")
-            ax.loglog(steps * 1e3, errors[model][0] * (steps / steps[0]) ** order, ":", color=colour)
+            color = MODEL_COLORS[model]
+            ax.loglog(steps * 1e3, errors[model], _LINES[model], color=color, label=f"{model} (order {order:.0f})")
+            ax.loglog(steps * 1e3, errors[model][0] * (steps / steps[0]) ** order, ":", color=color)
         ax.set(xlabel="time step (ms)", ylabel="error after 0.4 s")
         ax.legend()
 

@@ -60,7 +60,7 @@ def run() -> Findings:
             claims.append(Claim(what, given.holding / turnover, 0.0, _GIVEN[model], absolute=True))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import MODEL_COLOURS
+        from ballbot_rs.media.figures.style import MODEL_COLORS
 
         left, right = fig.subplots(1, 2)
         times = np.arange(len(ledgers["contact"])) * _DT
@@ -69,7 +69,7 @@ def run() -> Findings:
         left.set(xlabel="time (s)", ylabel="J", title="entries, contact")
         left.legend()
         for model, entries in ledgers.items():
-            right.semilogy(times, np.abs(gap_of(entries)) + 1e-12, color=MODEL_COLOURS[model], label=model)
+            right.semilogy(times, np.abs(gap_of(entries)) + 1e-12, color=MODEL_COLORS[model], label=model)
         right.set(xlabel="time (s)", ylabel="gap (J)")
         right.legend()
 

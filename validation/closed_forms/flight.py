@@ -85,12 +85,12 @@ def run() -> Findings:
         ]
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLORS
 
         ax = fig.subplots()
         ax.plot(times, exact * 1e3, color=INK, linewidth=4, alpha=0.25, label="closed form")
         for (model, heights), dashes in zip(paths.items(), ("-", "--"), strict=True):
-            ax.plot(times, heights * 1e3, dashes, color=MODEL_COLOURS[model], label=model)
+            ax.plot(times, heights * 1e3, dashes, color=MODEL_COLORS[model], label=model)
         ax.set(xlabel="time (s)", ylabel="height of the ball (mm)")
         ax.legend()
 

@@ -52,13 +52,13 @@ def run() -> Findings:
         ]
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLORS
 
         ax = fig.subplots(subplot_kw={"projection": "polar"})
         around = np.linspace(0.0, 2.0 * np.pi, 200)
         ax.plot(around, np.ones_like(around), color=INK, linewidth=4, alpha=0.25, label="closed form")
         for (model, share), marker in zip(limits.items(), ("o", "x"), strict=True):
-            ax.plot(_YAWS, share, marker, color=MODEL_COLOURS[model], label=model)
+            ax.plot(_YAWS, share, marker, color=MODEL_COLORS[model], label=model)
         ax.set(ylim=(0.0, 1.15), yticks=(0.5, 1.0))
         ax.set_title("torque at which the wheels slip over μN/(f/τ), by heading")
         ax.legend(loc="center")

@@ -1,7 +1,7 @@
 r"""Fall of the upright robot.
 
 A small tilt follows $\theta = a e^{\lambda t} + b e^{-\lambda t}$. With the wheels counted by their absolute spin,
-the linearised robot has $\lambda = \sqrt{M_b g l\ M_{11}/\det M}$ with
+the linearized robot has $\lambda = \sqrt{M_b g l\ M_{11}/\det M}$ with
 
 $$M_{11} = \frac{J_k}{r_k^2} + \frac{\bar J_w}{r_w^2} + M_k + M_b,\quad
 M_{12} = M_b l - \frac{\bar J_w}{r_w}(k + 1),\quad M_{22} = J_b + M_b l^2 + \bar J_w(k + 1)^2,$$
@@ -46,14 +46,14 @@ def run() -> Findings:
         claims.append(Claim(f"growth rate, `{model}`, 1 kHz", growth_rate(times, tilts[model]), pole, limit, "1/s"))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLORS
 
         left, right = fig.subplots(1, 2)
         left.plot(times, np.degrees(_TILT * np.cosh(pole * times)), color=INK, linewidth=4, alpha=0.25, label="cosh λt")
         for model, tilt in tilts.items():
-            left.plot(times, np.degrees(tilt), color=MODEL_COLOURS[model], label=model)
+            left.plot(times, np.degrees(tilt), color=MODEL_COLORS[model], label=model)
             error = np.abs(tilt[1:] / (_TILT * np.cosh(pole * times[1:])) - 1.0)
-            right.semilogy(times[1:], error, color=MODEL_COLOURS[model], label=model)
+            right.semilogy(times[1:], error, color=MODEL_COLORS[model], label=model)
         left.set(xlabel="time (s)", ylabel="tilt (deg)", yscale="log")
         right.set(xlabel="time (s)", ylabel="relative error of the tilt")
         left.legend()

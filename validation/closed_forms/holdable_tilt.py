@@ -66,12 +66,12 @@ def run() -> Findings:
             claims.append(Claim(f"`{model}`, μ = {mu}", float(np.degrees(found)), exact, limit, "deg"))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLORS
 
         ax = fig.subplots()
         ax.plot(FRICTIONS, curves["formula"], color=INK, linewidth=4, alpha=0.25, label="closed form")
         for model, marker in zip(_LIMITS, ("o", "x"), strict=True):
-            ax.plot(FRICTIONS, curves[model], marker, color=MODEL_COLOURS[model], label=f"{model}, tried")
+            ax.plot(FRICTIONS, curves[model], marker, color=MODEL_COLORS[model], label=f"{model}, tried")
         ax.axhline(30.0, color=INK, linewidth=0.8, linestyle=":")
         ax.annotate("the paper's 30°", (0.5, 30.0), xytext=(0, 4), textcoords="offset points")
         ax.set(xlabel="friction coefficient of wheel on ball", ylabel="largest tilt that is held (deg)")

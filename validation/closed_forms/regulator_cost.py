@@ -45,11 +45,11 @@ def run() -> Findings:
     costs = f"Of the 60 changes of a single gain the cheapest costs {least:.1e} of the promise, the dearest {most:.1e}."
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import MODEL_COLOURS
+        from ballbot_rs.media.figures.style import MODEL_COLORS
 
         ax = fig.subplots()
         for model, ratio in ratios.items():
-            ax.loglog(np.degrees(_TILTS), np.abs(ratio - 1.0), "o-", color=MODEL_COLOURS[model], label=model)
+            ax.loglog(np.degrees(_TILTS), np.abs(ratio - 1.0), "o-", color=MODEL_COLORS[model], label=model)
         ax.set(xlabel="initial tilt (deg)", ylabel="|cost / $x_0^T P x_0$ − 1|")
         ax.legend()
 

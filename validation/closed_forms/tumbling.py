@@ -57,7 +57,7 @@ def run() -> Findings:
             claims.append(Claim(what, half / whole, ratio, 5e-2))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLORS
 
         left, right = fig.subplots(1, 2)
         tilts = np.degrees(np.arccos(masts[:, 2]))
@@ -65,7 +65,7 @@ def run() -> Findings:
         left.set(xlabel="time (s)", ylabel="tilt of the mast (deg)")
         left.legend()
         for model, angles in off.items():
-            right.semilogy(times, angles + 1e-12, color=MODEL_COLOURS[model], label=model)
+            right.semilogy(times, angles + 1e-12, color=MODEL_COLORS[model], label=model)
         right.set(xlabel="time (s)", ylabel="mast against closed form (deg)")
         right.legend()
 

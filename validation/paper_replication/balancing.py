@@ -73,15 +73,15 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import COLOURS
+        from ballbot_rs.media.figures.style import COLORS
 
         axes = fig.subplots(2, 2, sharex=True).ravel()
         degrees = np.degrees(1.0)
         labels = ("tilt (deg)", "tilt rate (deg/s)", "ball position y (m)", "ball speed (m/s)")
-        for (name, (x, dt)), colour in zip(runs.items(), (COLOURS[0], COLOURS[1], COLOURS[2]), strict=True):
+        for (name, (x, dt)), color in zip(runs.items(), (COLORS[0], COLORS[1], COLORS[2]), strict=True):
             keep = slice(0, round(1.5 / dt), round(4e-3 / dt))
             for ax, column, scale in zip(axes, (1, 3, 0, 2), (degrees, degrees, 1.0, 1.0), strict=True):
-                ax.plot(np.arange(len(x))[keep] * dt, scale * x[keep, column], color=colour, label=name)
+                ax.plot(np.arange(len(x))[keep] * dt, scale * x[keep, column], color=color, label=name)
         for ax, label in zip(axes, labels, strict=True):
             ax.set_ylabel(label)
         for ax in axes[2:]:

@@ -82,7 +82,7 @@ def run() -> Findings:
         claims.append(Claim(f"rate at which an overlap is removed at 1 kHz, `{model}`", found, rate, 1e-2, "1/s"))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import INK, MODEL_COLORS
 
         axes = fig.subplots(1, 2, sharey=True)
         speeds = np.linspace(0.0, _FASTEST, 200)
@@ -90,7 +90,7 @@ def run() -> Findings:
             ax.plot(speeds, stribeck(contact, speeds), color=INK, linewidth=4, alpha=0.25, label="closed form")
             for model, marker in (("rigid", "s"), ("contact", "o")):
                 curve = curves[contact, model]
-                ax.plot(*curve, marker, markersize=3, color=MODEL_COLOURS[model], label=model)
+                ax.plot(*curve, marker, markersize=3, color=MODEL_COLORS[model], label=model)
             for printed in FRICTION[contact]:
                 ax.axhline(printed, color=INK, linewidth=0.8, linestyle="--")
             ax.axvline(CRITICAL_VELOCITY, color=INK, linewidth=0.8, linestyle="--")

@@ -63,22 +63,22 @@ def run() -> Findings:
     compared = Comparison(
         "initial inclines of 1°, 2°, 3°",
         "Section III-B, Fig. 7",
-        "all stabilised",
-        f"stabilised, up to {capped:.1f}°, with torques that traction allows; with ±5 N·m up to {most:.1f}° at most",
+        "all stabilized",
+        f"stabilized, up to {capped:.1f}°, with torques that traction allows; with ±5 N·m up to {most:.1f}° at most",
         "±5 N·m is ten times what a wheel can pass on: they spin up and let the robot fall",
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import COLOURS, INK
+        from ballbot_rs.media.figures.style import COLORS, INK
 
         axes = fig.subplots(1, 3)
         for ax, incline in zip(axes, INCLINES, strict=True):
-            for (name, _), colour in zip(_LIMITS.items(), (COLOURS[0], COLOURS[1]), strict=True):
+            for (name, _), color in zip(_LIMITS.items(), (COLORS[0], COLORS[1]), strict=True):
                 r = runs["rigid", incline, name]
                 shown = r.times <= 0.5
-                ax.plot(r.times[shown], np.degrees(r.tilts[shown, 0]), color=colour, label=name)
+                ax.plot(r.times[shown], np.degrees(r.tilts[shown, 0]), color=color, label=name)
                 if r.fell:
-                    ax.annotate("falls", (0.95, 0.06), xycoords="axes fraction", color=colour, ha="right")
+                    ax.annotate("falls", (0.95, 0.06), xycoords="axes fraction", color=color, ha="right")
             ax.axhline(0.0, color=INK, linewidth=0.6)
             ax.set(title=f"{incline:g}°", xlabel="time (s)", xlim=(0.0, 0.5), ylim=(-2.0 * incline, 2.0 * incline))
         axes[0].set_ylabel("θx (deg)")

@@ -9,7 +9,7 @@ carried out numerically: $L$ from the energy of `SpatialModel`, whose wheels obe
 differences of fourth order. `SpatialModel.accelerations` is Kane's method, which needs no such step.
 
 What the recipe adds to Kane's equations has a formula ([derivations](derivations.md)): with $w = R^T\omega_k$ and
-$\Lambda = U^T\sigma$, the wheels' spins $\sigma$, the generalised force
+$\Lambda = U^T\sigma$, the wheels' spins $\sigma$, the generalized force
 
 $$\Delta = k J_w\bigl(S^T R(\Omega\times\Lambda) + S_\Omega^T((w - \Omega)\times\Lambda)\bigr),$$
 
@@ -128,15 +128,15 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import COLOURS, INK
+        from ballbot_rs.media.figures.style import COLORS, INK
 
         left, right = fig.subplots(1, 2)
-        for values, name, colour in zip(apart.values(), ("relative", "absolute"), COLOURS, strict=False):
-            left.plot(shares, 1e2 * values, color=colour, label=f"{name} wheel spin")
+        for values, name, color in zip(apart.values(), ("relative", "absolute"), COLORS, strict=False):
+            left.plot(shares, 1e2 * values, color=color, label=f"{name} wheel spin")
         left.set(xlabel="share of the motion off the plane", ylabel="recipe − Kane, % of the acceleration")
         left.legend()
-        for method, colour in (("recipe", COLOURS[1]), ("Kane", INK)):
-            right.semilogy(times[1:], 1e6 * away[method, 1e-4][1:], color=colour, label=f"{method} from contact")
+        for method, color in (("recipe", COLORS[1]), ("Kane", INK)):
+            right.semilogy(times[1:], 1e6 * away[method, 1e-4][1:], color=color, label=f"{method} from contact")
         right.set(xlabel="time (s)", ylabel="distance of the ball (µm)")
         right.legend()
 
@@ -167,7 +167,7 @@ def quaternion(q: Array) -> Array:
 
 
 def kinematics(q: Array) -> Array:
-    """The matrix that takes rates of `q` to the generalised velocity."""
+    """The matrix that takes rates of `q` to the generalized velocity."""
     (cx, cy), (sx, sy) = np.cos(q[2:4]), np.sin(q[2:4])
     rates = np.eye(_N)
     rates[_ANGLES, _ANGLES] = [[1.0, 0.0, -sy], [0.0, cx, cy * sx], [0.0, -sx, cy * cx]]
@@ -175,7 +175,7 @@ def kinematics(q: Array) -> Array:
 
 
 def velocity(q: Array, rates: Array) -> Array:
-    """The generalised velocity of `SpatialModel`."""
+    """The generalized velocity of `SpatialModel`."""
     product: Array = kinematics(q) @ rates
     return product
 
@@ -271,7 +271,7 @@ def formula(params: bb.Params, q: Array, rates: Array, absolute: bool) -> Array:
 
 
 def mass_matrix(model: bb.SpatialModel, q: Array) -> Array:
-    """Of the generalised velocity, from sums of it: the kinetic energy is quadratic."""
+    """Of the generalized velocity, from sums of it: the kinetic energy is quadratic."""
     return _quadratic(model, quaternion(q), np.eye(_N))[0]
 
 

@@ -51,7 +51,7 @@ def written_out(friction: float) -> Plant:
 
 
 def linear_plant(friction: float) -> Plant:
-    """`PlanarModel` linearised about rest upright."""
+    """`PlanarModel` linearized about rest upright."""
     a, b = bb.PlanarModel(bb.Params.paper().replace(ball_viscous_friction=friction)).linearize()
     return lambda x, torque: a @ x + b[:, 0] * torque
 
@@ -103,7 +103,7 @@ def linear_tilt(friction: float, times: Array) -> Array:
     return tilt
 
 
-def analyse(tilts: Array, dt: float) -> Analysis:
+def analyze(tilts: Array, dt: float) -> Analysis:
     """Of tilts every `dt` after a step of 1 rad."""
     return Analysis(float(tilts.max() - 1.0), float(settling_times(tilts - 1.0, 0.02, dt)))
 

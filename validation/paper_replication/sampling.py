@@ -1,7 +1,7 @@
 r"""How fast the PID must be sampled.
 
 The paper does not print a sampling rate; its PID runs in Simulink with a derivative filter of $N = 327$ rad/s. Here
-the sampled loop of `Pid` (zero-order hold, filter exact) with the linearised tilt of the robot on which wheels count
+the sampled loop of `Pid` (zero-order hold, filter exact) with the linearized tilt of the robot on which wheels count
 by their absolute spin: the spectral radius of its state matrix over the time between two samples. Above 1 the loop is
 unstable. Eq. (8) as printed makes the tilt torque 1.68 times what the PID asks for, and so has less to spare: with it
 the loop at 100 Hz grows by 30 % a sample, with the consistent map by 1 %. At 500 Hz and 1 kHz both are well damped.
@@ -52,13 +52,13 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import COLOURS, INK
+        from ballbot_rs.media.figures.style import COLORS, INK
 
         ax = fig.subplots()
-        for mapping, colour in zip(MAPS, (COLOURS[1], COLOURS[0]), strict=True):
-            ax.plot(1e3 * periods, radii[mapping], color=colour, label=f"{mapping}: spectral radius")
+        for mapping, color in zip(MAPS, (COLORS[1], COLORS[0]), strict=True):
+            ax.plot(1e3 * periods, radii[mapping], color=color, label=f"{mapping}: spectral radius")
             times = 1e3 * np.array(_MEASURED[mapping])
-            ax.plot(times, measured[mapping], "o", color=colour, label=f"{mapping}: growth in spatial")
+            ax.plot(times, measured[mapping], "o", color=color, label=f"{mapping}: growth in spatial")
         ax.axhline(1.0, color=INK, linewidth=0.8)
         for control_dt, name in ((1.0, "1 kHz"), (2.0, "500 Hz"), (10.0, "100 Hz")):
             ax.axvline(control_dt, color=INK, linewidth=0.8, linestyle=":")

@@ -173,7 +173,7 @@ def _rolling_on() -> Claim:
 
 
 def _draw(fig: "Figure", shown: dict[str, Run], cap: float) -> None:
-    from ballbot_rs.media.figures.style import COLOURS, INK
+    from ballbot_rs.media.figures.style import COLORS, INK
 
     axes = fig.subplots(3, 2, sharex="col", sharey="row")
     for column, (mapping, r) in zip(axes.T, shown.items(), strict=True):
@@ -181,13 +181,13 @@ def _draw(fig: "Figure", shown: dict[str, Run], cap: float) -> None:
         t = r.times[keep]
         column[0].set_title(f"rigid, {mapping}")
         for i, name in enumerate(("θx", "θy")):
-            column[0].plot(t, np.degrees(r.tilts[keep, i]), color=COLOURS[i], label=name)
+            column[0].plot(t, np.degrees(r.tilts[keep, i]), color=COLORS[i], label=name)
         for i, name in enumerate(("x", "y")):
             # θy leans along x.
-            column[1].plot(t, 1e3 * r.positions[keep, i], color=COLOURS[1 - i], label=name)
+            column[1].plot(t, 1e3 * r.positions[keep, i], color=COLORS[1 - i], label=name)
         for i in range(3):
-            column[2].plot(r.times[:300], r.torques[:300, i], color=COLOURS[i], label=f"τ{i + 1}", linewidth=1.0)
-            column[2].plot(r.times[300::10], r.torques[300::10, i], color=COLOURS[i], linewidth=1.0)
+            column[2].plot(r.times[:300], r.torques[:300, i], color=COLORS[i], label=f"τ{i + 1}", linewidth=1.0)
+            column[2].plot(r.times[300::10], r.torques[300::10, i], color=COLORS[i], linewidth=1.0)
         for bound in (-2.0, 2.0):
             column[0].axhline(bound, color=INK, linestyle="--", linewidth=0.8)
         for bound in (-cap, cap):

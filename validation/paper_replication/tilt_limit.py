@@ -39,7 +39,7 @@ def run() -> Findings:
     measured: list[float] = []
     for mu in FRICTIONS:
         azimuth = float(AZIMUTHS[int(limits[mu].argmin())])
-        measured.append(modelled_limit(holdable_tilt.robot(mu), azimuth))
+        measured.append(modeled_limit(holdable_tilt.robot(mu), azimuth))
         what = f"largest tilt held at μ = {mu:g}, `SpatialModel`"
         claims.append(Claim(what, measured[-1], float(limits[mu].min()), 1e-9, "deg"))
     dynamic, static = float(limits[1.0].min()), float(limits[1.1].min())
@@ -52,14 +52,14 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import COLOURS, INK, MODEL_COLOURS
+        from ballbot_rs.media.figures.style import COLORS, INK, MODEL_COLORS
 
         ax = fig.subplots()
         worst = np.array([limits[float(mu)].min() for mu in frictions])
         best = np.array([limits[float(mu)].max() for mu in frictions])
-        ax.fill_between(frictions, worst, best, color=COLOURS[4], alpha=0.3, linewidth=0, label="other directions")
+        ax.fill_between(frictions, worst, best, color=COLORS[4], alpha=0.3, linewidth=0, label="other directions")
         ax.plot(frictions, worst, color=INK, label="worst direction of lean")
-        ax.plot(FRICTIONS, measured, "o", markersize=5, color=MODEL_COLOURS["spatial"], label="spatial")
+        ax.plot(FRICTIONS, measured, "o", markersize=5, color=MODEL_COLORS["spatial"], label="spatial")
         ax.axhline(PRINTED_DEGREES, color=INK, linestyle="--", linewidth=0.8, label="printed")
         ax.set(xlabel="friction coefficient of the wheels", ylabel="largest tilt held (deg)", ylim=(0.0, 60.0))
         ax.legend(loc="upper left")
@@ -79,7 +79,7 @@ def holding_torques(params: bb.Params, tilt: float, azimuth: float) -> tuple[Arr
     return torques, model.contacts(quaternion, rest, torques)
 
 
-def modelled_limit(params: bb.Params, azimuth: float) -> float:
+def modeled_limit(params: bb.Params, azimuth: float) -> float:
     """The largest tilt held towards `azimuth`, deg."""
 
     def holds(tilt: float) -> bool:

@@ -51,7 +51,7 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import COLOURS, INK
+        from ballbot_rs.media.figures.style import COLORS, INK
 
         ax = fig.subplots()
         zeniths = np.arange(20.0, 71.0, 5.0)
@@ -59,10 +59,10 @@ def run() -> Findings:
         fine = np.radians(np.linspace(18.0, 72.0, 100))
         forms = (1.5 * ratio * np.cos(fine) ** 2, 3.0 * ratio * np.sin(fine) ** 2)
         names = ("τx, τy: 3/2 (r_k/r_w) cos² α", "τz: 3 (r_k/r_w) sin² α")
-        for i, form, name, colour in zip((0, 2), forms, names, COLOURS[:2], strict=True):
-            ax.plot(np.degrees(fine), form, color=colour, label=name)
+        for i, form, name, color in zip((0, 2), forms, names, COLORS[:2], strict=True):
+            ax.plot(np.degrees(fine), form, color=color, label=name)
             found = [power_ratios(robot, "as_printed")[i] for robot in robots]
-            ax.plot(zeniths, found, "o", markersize=4, color=colour)
+            ax.plot(zeniths, found, "o", markersize=4, color=color)
         consistent = [power_ratios(robot, "consistent") for robot in robots]
         ax.plot(zeniths, consistent, "s", markersize=4, color=INK)
         ax.axhline(1.0, color=INK, label="consistent")

@@ -54,16 +54,16 @@ def run() -> Findings:
     )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import COLOURS
+        from ballbot_rs.media.figures.style import COLORS
 
         left, right = fig.subplots(1, 2)
         thousands = steps / 1e3
-        left.plot(thousands, returns.mean(axis=1), "o-", markersize=3, color=COLOURS[0], label="mean")
+        left.plot(thousands, returns.mean(axis=1), "o-", markersize=3, color=COLORS[0], label="mean")
         low, high = np.percentile(returns, [10, 90], axis=1)
-        left.fill_between(thousands, low, high, color=COLOURS[0], alpha=0.2, linewidth=0, label="10 to 90 %")
+        left.fill_between(thousands, low, high, color=COLORS[0], alpha=0.2, linewidth=0, label="10 to 90 %")
         left.set(xlabel="thousand steps", ylabel="return (at most 1000)", ylim=(0.0, 1050.0))
         left.legend(loc="lower right")
-        right.plot(thousands, 100.0 * successes.mean(axis=1), "o-", markersize=3, color=COLOURS[1])
+        right.plot(thousands, 100.0 * successes.mean(axis=1), "o-", markersize=3, color=COLORS[1])
         right.set(xlabel="thousand steps", ylabel="success (% of 50 episodes)", ylim=(-3.0, 103.0))
 
     head = [

@@ -62,9 +62,9 @@ def run() -> Findings:
     )
     coefficients = (params.wheel_static_friction, params.wheel_dynamic_friction)
     tilting = [tilt_onset(params, friction) for friction in coefficients]
-    modelled = min(model_slips(params, tilted) for tilted in tilt_torques(params))
+    modeled = min(model_slips(params, tilted) for tilted in tilt_torques(params))
     claims.append(
-        Claim("largest torque of a tilt at which a wheel slips, `SpatialModel`", modelled, tilting[1], 1e-9, "N·m")
+        Claim("largest torque of a tilt at which a wheel slips, `SpatialModel`", modeled, tilting[1], 1e-9, "N·m")
     )
     dynamic = coefficients[1] / coefficients[0]
     rows = [
@@ -83,17 +83,17 @@ def run() -> Findings:
     r = balance("rigid", (_INCLINE, 0.0), max_torque=PRINTED_TORQUE, seconds=1.0)
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import COLOURS, INK
+        from ballbot_rs.media.figures.style import COLORS, INK
 
         axes = fig.subplots(1, 3)
         shown = int((r.times < 0.12).sum())
         milliseconds = 1e3 * r.times[:shown]
         bound = params.wheel_dynamic_friction * params.wheel_radius * r.loads[:shown]
         for i in range(3):
-            colour = COLOURS[i]
-            axes[0].plot(milliseconds, r.torques[:shown, i], color=colour, linewidth=1.2)
-            axes[1].plot(milliseconds, r.loads[:shown, i], color=colour, linewidth=1.0)
-            axes[2].plot(milliseconds, r.slips[:shown, i], color=colour, linewidth=1.2, label=f"wheel {i + 1}")
+            color = COLORS[i]
+            axes[0].plot(milliseconds, r.torques[:shown, i], color=color, linewidth=1.2)
+            axes[1].plot(milliseconds, r.loads[:shown, i], color=color, linewidth=1.0)
+            axes[2].plot(milliseconds, r.slips[:shown, i], color=color, linewidth=1.2, label=f"wheel {i + 1}")
         most = bound.max(axis=1)
         axes[0].fill_between(milliseconds, -most, most, color=INK, alpha=0.25, linewidth=0, label="± μ N r_w")
         axes[0].set(ylabel="wheel torque (N·m)", ylim=(-6.0, 9.5))

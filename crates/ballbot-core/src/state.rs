@@ -258,7 +258,8 @@ pub struct Contacts {
     /// Steps since the reset in which sticking and slipping contacts were not found at the first attempt; zero for models
     /// without slip.
     pub searched_steps: u64,
-    /// Those of them that ended without impulses that meet the contact conditions.
+    /// Those of them in which no impulses met the contact conditions, or those of wheels and bot did not settle with each
+    /// other in the model `rigid`.
     pub unsolved_steps: u64,
 }
 

@@ -295,7 +295,7 @@ impl Step {
     }
 }
 
-/// q̈ of the nonlinear or the linearised equations (1)-(6), J_w as printed.
+/// q̈ of the nonlinear or the linearized equations (1)-(6), J_w as printed.
 fn plant(friction: f64, linear: bool) -> impl Fn(&Vector4<f64>, f64) -> Vector4<f64> {
     let model = PlanarModel::new(&damped(friction), WheelInertia::AsPrinted).unwrap();
     let (a, b) = model.linearize();
@@ -329,7 +329,7 @@ fn continuous_step(friction: f64, linear: bool) -> Step {
 fn pid_of_the_paper_answers_a_step() {
     continuous_step(PAPER_BALL_VISCOUS_FRICTION, false).assert_near(0.283, 0.28);
     continuous_step(PAPER_BALL_VISCOUS_FRICTION, true).assert_near(0.140, 0.50);
-    // The paper prints 18 % and 0.397 s: what the linearised model gives at another viscous friction.
+    // The paper prints 18 % and 0.397 s: what the linearized model gives at another viscous friction.
     continuous_step(7.0, true).assert_near(0.180, 0.398);
 }
 

@@ -12,7 +12,7 @@ fn inertia_without_wheels(p: &Params) -> Matrix3<f64> {
     let com = Vector3::new(0.0, 0.0, p.body_com_height);
     let mut mass = p.body_mass;
     let mut moment = com * p.body_mass;
-    // About the ball centre until all wheels are off.
+    // About the ball center until all wheels are off.
     let steiner = |m: f64, r: &Vector3<f64>| (Matrix3::identity() * r.norm_squared() - r * r.transpose()) * m;
     let mut inertia = p.body_inertia_matrix() + steiner(p.body_mass, &com);
     for azimuth in p.wheel_azimuths {
@@ -20,10 +20,10 @@ fn inertia_without_wheels(p: &Params) -> Matrix3<f64> {
         let contact = Vector3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos);
         let drive = Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0);
         let axle = drive.cross(&contact);
-        let centre = contact * (p.ball_radius + p.wheel_radius);
+        let center = contact * (p.ball_radius + p.wheel_radius);
         mass -= p.wheel_mass;
-        moment -= centre * p.wheel_mass;
-        inertia -= steiner(p.wheel_mass, &centre);
+        moment -= center * p.wheel_mass;
+        inertia -= steiner(p.wheel_mass, &center);
         inertia -= (Matrix3::identity() - axle * axle.transpose()) * (p.wheel_inertia / 2.0);
     }
     inertia - steiner(mass, &(moment / mass))

@@ -69,8 +69,8 @@ fn depth_is_the_distance_along_the_axis_to_floor_and_sphere() {
     let renderer = Renderer::new(scene, WIDTH + 1, HEIGHT + 1, 1, looking).unwrap();
     let shot = Shot::of(&renderer, &State::upright(&Params::paper()), &[]);
     // An odd number of pixels has one in the middle, whose ray is the axis.
-    let centre = shot.depth[(HEIGHT / 2) * (WIDTH + 1) + WIDTH / 2];
-    assert!((f64::from(centre) - (looking.distance - radius)).abs() < 1e-6, "{centre}");
+    let center = shot.depth[(HEIGHT / 2) * (WIDTH + 1) + WIDTH / 2];
+    assert!((f64::from(center) - (looking.distance - radius)).abs() < 1e-6, "{center}");
     // The sphere's outline is an ellipse of this area (a cone about the axis, seen head on, is a circle).
     let tan = radius / (looking.distance.powi(2) - radius * radius).sqrt();
     let pixel = 2.0 * (0.5 * looking.field_of_view).tan() / (HEIGHT + 1) as f64;
@@ -158,7 +158,7 @@ fn ray_intersections_equal_those_of_parry() {
     }
 }
 
-/// The ray of a pixel's centre, 1 deep, from the definition of the camera.
+/// The ray of a pixel's center, 1 deep, from the definition of the camera.
 fn ray(camera: &Camera, row: usize, column: usize) -> (Vector3<f64>, Vector3<f64>) {
     let (sin, cos) = camera.elevation.sin_cos();
     let out = Vector3::new(cos * camera.azimuth.cos(), cos * camera.azimuth.sin(), sin);

@@ -239,7 +239,7 @@ impl PyBatch {
     ///
     /// Args:
     ///     mask: which environments to reset, shape (num_envs,), bool; None resets all.
-    ///     seeds: one an environment to start its random numbers from; None leaves them as they are.
+    ///     seeds: one an environment to start its random numbers from, at its next reset; None leaves them as they are.
     ///     starts: one `State` an environment; None draws one.
     ///
     /// Raises:
@@ -401,23 +401,38 @@ impl PyBatch {
         })
     }
 
-    /// Last observations of all environments, shape (num_envs, observation_len), float32.
+    /// Last observations of all environments, shape (num_envs, observation_len), float32; zeros before the first reset.
     fn observations<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f32>> {
         let inner = self.inner.read()?;
         let read = |i, row: &mut [f32]| inner.batch.observation(i, row).map_err(to_python);
         rows(py, inner.batch.len(), inner.batch.observation_len(), read)
     }
 
-    /// Rows of the observations of all environments computed from the true states, shape (num_envs, k), float32, scaled
-    /// alike: what a critic may see. With `observation="ground_truth"` and `history=1` they are the observations.
-    fn privileged_observations<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f32>> {
-        let inner = self.inner.read()?;
-        let read = |i, row: &mut [f32]| inner.batch.privileged_observation(i, row).map_err(to_python);
-        rows(py, inner.batch.len(), inner.batch.privileged_observation_len(), read)
+    /// Rows of the observations computed from the true states, float32, scaled alike: what a critic may see. With
+    /// `observation="ground_truth"` and `history=1` they are the observations.
+    ///
+    /// Of all environments, shape (num_envs, k), or of environment `index`, shape (k,).
+    #[pyo3(signature = (index=None))]
+    fn privileged_observations<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = optional_index)] index: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let batch = &mut self.inner.write()?.batch;
+        let (n, width) = (batch.len(), batch.privileged_observation_len());
+        let Some(index) = index else {
+            let read = |i, row: &mut [f32]| batch.privileged_observation(i, row).map_err(to_python);
+            return Ok(rows(py, n, width, read)?.into_any());
+        };
+        let mut row = vec![0.0; width];
+        batch.privileged_observation(index, &mut row).map_err(to_python)?;
+        Ok(PyArray1::from_vec(py, row).into_any())
     }
 
     /// States that follow from the last readings of the sensors, as the task observes them, shape (num_envs, 32), float64,
-    /// rows as `State.to_array` lays them out. Beside `states()` they show the errors of the estimator.
+    /// rows as `State.to_array` lays them out. Beside `states()` they show the errors of the estimator. Wheel angles are those
+    /// of the readings, from the start of the episode on, where those of `states()` go on from the state that the episode
+    /// began with. Before the first reset they are those of the robots at rest.
     ///
     /// Raises:
     ///     ValueError: the task observes the true state (`observation="sensors"` makes it observe these).
@@ -432,7 +447,8 @@ impl PyBatch {
     /// Last readings of the sensors, latency included, by name: `gyro` (rad/s), `specific_force` (m/s²), both in the body
     /// frame, `wheel_angles` (rad, since the start of the episode) and `wheel_rates` (rad/s).
     ///
-    /// Of all environments, shape (num_envs, 3) each, or of environment `index`, shape (3,).
+    /// Of all environments, shape (num_envs, 3) each, or of environment `index`, shape (3,). Before the first reset they are
+    /// those of the robots at rest.
     ///
     /// Raises:
     ///     ValueError: the robots have no sensors (`sensors=`).

@@ -16,8 +16,12 @@ pub(crate) fn to_python(error: Error) -> PyErr {
         Error::Urdf { .. } => UrdfError::new_err(message),
         Error::Diverged { .. } => DivergedError::new_err(message),
         Error::Io { path, source } => match source.raw_os_error() {
-            // With an errno, OSError becomes FileNotFoundError, PermissionError, ... by itself.
-            Some(code) => PyOSError::new_err((code, source.to_string(), path.display().to_string())),
+            // With an errno, OSError becomes FileNotFoundError, PermissionError, ... by itself. Its text has the number.
+            Some(code) => {
+                let (text, number) = (source.to_string(), format!(" (os error {code})"));
+                let text = text.strip_suffix(&number).unwrap_or(&text).to_owned();
+                PyOSError::new_err((code, text, path.display().to_string()))
+            }
             None if source.kind() == std::io::ErrorKind::IsADirectory => PyIsADirectoryError::new_err(message),
             None => PyOSError::new_err(message),
         },

@@ -47,6 +47,9 @@ pub(crate) fn sensors_object(py: Python<'_>, options: Option<&SensorOptions>) ->
 
 /// What [`crate::batch::PyBatch::readings`] returns.
 pub(crate) fn readings<'py>(py: Python<'py>, batch: &Batch, index: Option<usize>) -> PyResult<Bound<'py, PyDict>> {
+    if let Some(index) = index {
+        batch.check_index(index).map_err(to_python)?;
+    }
     let chosen = index.map_or(0..batch.len(), |index| index..index + 1);
     let mut parts = PARTS.map(|_| Vec::with_capacity(3 * chosen.len()));
     for i in chosen.clone() {

@@ -317,7 +317,8 @@ impl PyContacts {
         self.contacts.searched_steps
     }
 
-    /// Those of them that ended without impulses that meet the contact conditions.
+    /// Those of them in which no impulses met the contact conditions, or those of wheels and bot did not settle with each
+    /// other in the model `rigid`.
     #[getter]
     fn unsolved_steps(&self) -> u64 {
         self.contacts.unsolved_steps

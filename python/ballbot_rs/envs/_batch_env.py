@@ -116,8 +116,7 @@ class OneRobot(SharedAttributes):
 
     def privileged_observations(self) -> npt.NDArray[np.float32]:
         """The rows of the observation from the true state, shape (k,); see `Batch.privileged_observations`."""
-        row: npt.NDArray[np.float32] = self._batch.privileged_observations()[self._index]
-        return row
+        return self._batch.privileged_observations(self._index)
 
     @property
     def state(self) -> State:

@@ -82,7 +82,7 @@ def write_video(
     with require("a video", "video"):
         from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
     total = frame_count(trajectory, frame_rate)
-    # Only colours at half the resolution play in every browser.
+    # Only colors at half the resolution play in every browser.
     size = (renderer.width, renderer.height)
     options = {"pixel_format": "yuv420p", "preset": "medium"}
     with (

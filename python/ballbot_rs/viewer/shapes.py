@@ -1,4 +1,4 @@
-"""What a robot looks like: coloured triangles for the ball, the body and each wheel, in their own frames."""
+"""What a robot looks like: colored triangles for the ball, the body and each wheel, in their own frames."""
 
 import dataclasses
 import math
@@ -21,7 +21,7 @@ MAST: Color = (170, 176, 184)
 
 @dataclasses.dataclass(frozen=True)
 class Piece:
-    """Triangles of one colour."""
+    """Triangles of one color."""
 
     vertices: FloatArray
     faces: npt.NDArray[np.int64]
@@ -57,7 +57,7 @@ def piece(mesh: trimesh.Trimesh, color: Color, origin: npt.ArrayLike | None = No
 
 
 def by_color(pieces: list[Piece]) -> list[Piece]:
-    """The same with one piece a colour, which is quicker to draw."""
+    """The same with one piece a color, which is quicker to draw."""
     merged = []
     for color in dict.fromkeys(one.color for one in pieces):
         same = [one for one in pieces if one.color == color]
@@ -73,7 +73,7 @@ def by_color(pieces: list[Piece]) -> list[Piece]:
 
 
 def ball_of(radius: float) -> list[Piece]:
-    """A sphere whose octants alternate between two colours, so that one sees it roll."""
+    """A sphere whose octants alternate between two colors, so that one sees it roll."""
     sphere = trimesh.creation.uv_sphere(radius=radius, count=[33, 33])
     side = np.sign(np.asarray(sphere.triangles_center)).prod(axis=1) > 0
     vertices, faces = np.asarray(sphere.vertices), np.asarray(sphere.faces)

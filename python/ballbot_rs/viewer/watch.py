@@ -43,7 +43,7 @@ class Watch:
     def __init__(self) -> None:
         self._jobs: queue.SimpleQueue[_Job | None] | None = None
         self._current: _Job | None = None
-        self._cancelled = False
+        self._canceled = False
 
     def call(
         self, what: str, function: Callable[[], T], seconds: float, interrupt: Callable[[], None] | None = None
@@ -62,7 +62,7 @@ class Watch:
         """
         job = _Job(function)
         self._current = job
-        if self._cancelled:
+        if self._canceled:
             raise Interrupted(f"{what} was interrupted")
         self._thread().put(job)
         try:
@@ -71,12 +71,12 @@ class Watch:
             self._current = None
             if not job.done.is_set():
                 self._leave(job, interrupt)
-        if job.done.is_set() and not self._cancelled and self._jobs is not None:
+        if job.done.is_set() and not self._canceled and self._jobs is not None:
             if job.error is not None:
                 raise job.error
             result: T = job.result
             return result
-        if self._cancelled:
+        if self._canceled:
             raise Interrupted(f"{what} was interrupted")
         raise TimeoutError(f"{what} took longer than {seconds:g} s")
 
@@ -92,7 +92,7 @@ class Watch:
 
     def cancel(self) -> None:
         """Ends the wait for the current call and refuses all others. From any thread."""
-        self._cancelled = True
+        self._canceled = True
         job = self._current
         if job is not None:
             job.wake.set()

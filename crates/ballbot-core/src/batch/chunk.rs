@@ -54,14 +54,14 @@ pub trait Chunk: Send + Sync {
     /// Contact forces of the last model step.
     fn contacts(&self, i: usize) -> Contacts;
 
-    /// Last readings of the sensors, if the robot has any.
+    /// Last readings of the sensors, if the robot has any; of the robot at rest before its first episode.
     fn readings(&self, i: usize) -> Option<Readings<f64>>;
 
     /// State that follows from the last readings, if the task observes it.
     fn estimate(&self, i: usize) -> Option<State>;
 
     /// Writes the rows of an observation of the true state.
-    fn privileged_observation(&self, i: usize, out: &mut [f32]);
+    fn privileged_observation(&mut self, i: usize, out: &mut [f32]);
 
     /// Parameters of the robot.
     fn params(&self, i: usize) -> &Params;
@@ -90,7 +90,7 @@ pub trait Chunk: Send + Sync {
     /// As [`crate::Ballbot::push`].
     fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()>;
 
-    /// Starts the random numbers anew.
+    /// Starts the random numbers anew with the next episode.
     fn seed(&mut self, i: usize, seed: u64);
 
     /// Ends the present episode after `steps` steps instead of the configured number.
@@ -139,6 +139,8 @@ pub struct Environments<R: Robots, T, A, S> {
     pub(super) begun: bool,
     pub(super) over: Vec<bool>,
     pub(super) rngs: Vec<ChaCha8Rng>,
+    /// Seeds that the next episodes begin with; the present ones keep their random numbers.
+    pub(super) next_seeds: Vec<Option<u64>>,
     /// Episodes begun since the last seed.
     pub(super) episodes: Vec<u32>,
     /// What is drawn at random of the robots, if anything is.
@@ -182,6 +184,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             begun: false,
             over: vec![true; used],
             rngs: (0..used).map(|i| ChaCha8Rng::seed_from_u64(seed.wrapping_add(i as u64))).collect(),
+            next_seeds: vec![None; used],
             episodes: vec![0; used],
             events: plan.map(|plan| Box::new(Randomized::new(plan, &nominal, used))),
             robots,
@@ -358,6 +361,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn accepts(&self, i: usize, start: &State, seed: Option<u64>) -> Result<()> {
         let Some(events) = &self.events else { return self.robots.accepts(i, start) };
+        let seed = seed.or(self.next_seeds[i]);
         let source = match seed {
             Some(seed) => Source { key: key_of(ChaCha8Rng::seed_from_u64(seed).get_seed()), episode: 1 },
             None => Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i].wrapping_add(1) },
@@ -389,14 +393,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
     }
 
     fn readings(&self, i: usize) -> Option<Readings<f64>> {
-        self.step.sensor.readings(|number| self.ledger.sensor[number].get(i))
+        self.step.sensor.readings(self.sensor_numbers(i))
     }
 
     fn estimate(&self, i: usize) -> Option<State> {
-        self.step.sensor.estimate(|number| self.ledger.sensor[number].get(i))
+        self.step.sensor.estimate(self.sensor_numbers(i))
     }
 
-    fn privileged_observation(&self, i: usize, out: &mut [f32]) {
+    fn privileged_observation(&mut self, i: usize, out: &mut [f32]) {
         self.observe_truth(i, out);
     }
 
@@ -421,7 +425,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
     }
 
     fn set_params(&mut self, i: usize, params: &Params) -> Result<()> {
-        let Some(events) = &self.events else { return self.replace_robot(i, params) };
+        let Some(events) = &self.events else {
+            self.replace_robot(i, params)?;
+            self.inform(i);
+            return Ok(());
+        };
         params.validate()?;
         self.config.check_events(&events.plan, params)?;
         let robot = events.made_of(i, params);
@@ -430,7 +438,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         if let Some(events) = &mut self.events {
             events.set_nominal(i, params);
         }
-        self.equip(i);
+        self.inform(i);
         Ok(())
     }
 
@@ -439,12 +447,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
     }
 
     fn seed(&mut self, i: usize, seed: u64) {
-        self.rngs[i] = ChaCha8Rng::seed_from_u64(seed);
-        self.episodes[i] = 0;
-        if let Some(events) = &mut self.events {
-            events.seed(i);
-        }
-        self.seed_sensors(i);
+        self.next_seeds[i] = Some(seed);
     }
 
     fn shorten(&mut self, i: usize, steps: usize) {

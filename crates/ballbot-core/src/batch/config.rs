@@ -89,16 +89,19 @@ impl<T: Task> EnvConfig<T> {
         self.max_wheel_torque.unwrap_or_else(|| default_max_torque(&self.params))
     }
 
-    /// All numbers that the future of an environment depends on, besides its robot's parameters.
+    /// All numbers that the future of an environment depends on, besides its robot's parameters. An estimator is that of the
+    /// robot without events and `set_params`, which a snapshot does not have otherwise.
     pub(super) fn numbers(&self) -> Vec<f64> {
         let scaled = f64::from(u8::from(self.scale_observations));
         let own = [self.sim_dt, self.control_dt, self.max_episode_steps as f64, self.action_torque(), scaled];
         let options = (0..T::FIELDS.len()).flat_map(|index| self.task.values(index));
         let sensors = self.sensors.iter().flat_map(|sensors| sensors.numbers());
-        let observed = [f64::from(u8::from(self.observation == Observation::Sensors)), self.history as f64];
+        let estimated = self.observation == Observation::Sensors;
+        let observed = [f64::from(u8::from(estimated)), self.history as f64];
+        let estimator = estimated.then(|| self.params.numbers());
         let numbers =
             own.into_iter().chain(self.reward.values()).chain(options.copied()).chain(self.actuators.numbers());
-        numbers.chain(observed).chain(sensors).collect()
+        numbers.chain(observed).chain(sensors).chain(estimator.into_iter().flatten()).collect()
     }
 
     /// The stage between actions and torques.

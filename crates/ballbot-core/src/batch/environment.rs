@@ -82,7 +82,7 @@ impl<T: Task> Environment<T> {
         self.observation.len()
     }
 
-    /// Starts the random numbers anew.
+    /// Starts the random numbers anew with the next episode; the present one keeps its own.
     pub fn seed(&mut self, seed: u64) {
         self.inner.seed(0, seed);
     }
@@ -172,7 +172,7 @@ impl<T: Task> Environment<T> {
     ///
     /// # Errors
     /// As [`super::Batch::privileged_observation`].
-    pub fn privileged_observation(&self, out: &mut [f32]) -> Result<()> {
+    pub fn privileged_observation(&mut self, out: &mut [f32]) -> Result<()> {
         super::observations::check_len(out.len(), self.observation.len() / self.config.history)?;
         self.inner.privileged_observation(0, out);
         Ok(())

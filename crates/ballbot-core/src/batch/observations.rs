@@ -16,7 +16,7 @@ impl Batch {
         self.history
     }
 
-    /// Last observation of one environment.
+    /// Last observation of one environment; zeros before its first reset.
     ///
     /// # Errors
     /// As [`Batch::state`]; [`Error::Length`] unless `out` has [`Batch::observation_len`] elements.
@@ -27,7 +27,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Last readings of the sensors of one robot.
+    /// Last readings of the sensors of one robot; before its first reset those of the robot at rest.
     ///
     /// # Errors
     /// As [`Batch::state`]; [`Error::Inconsistent`] for robots without sensors ([`super::EnvConfig::sensors`]).
@@ -37,7 +37,8 @@ impl Batch {
     }
 
     /// State of one robot that follows from the last readings of its sensors, as the task observes it. The spin of the ball
-    /// is part of it, its attitude that of a ball that rolls.
+    /// is part of it, its attitude that of a ball that rolls; wheel angles count from the start of the episode. Before the first
+    /// reset it is that of the robot at rest.
     ///
     /// # Errors
     /// As [`Batch::state`]; [`Error::Inconsistent`] if the task observes the true state ([`super::EnvConfig::observation`]).
@@ -55,7 +56,7 @@ impl Batch {
     ///
     /// # Errors
     /// As [`Batch::state`]; [`Error::Length`] unless `out` has [`Batch::privileged_observation_len`] elements.
-    pub fn privileged_observation(&self, index: usize, out: &mut [f32]) -> Result<()> {
+    pub fn privileged_observation(&mut self, index: usize, out: &mut [f32]) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         check_len(out.len(), self.privileged_observation_len())?;
         self.chunks[chunk].privileged_observation(i, out);

@@ -4,6 +4,7 @@ use super::chunk::Environments;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
 use crate::actuator::Actuator;
+use crate::lane_state::LaneState;
 use crate::lanes::Cell;
 use crate::sensor::{EpisodeStart, Sensor};
 use crate::task::Task;
@@ -19,9 +20,28 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             *number = cell.get(i);
         }
         let state = self.robots.lane_state(i);
-        let start =
-            EpisodeStart { gravity: self.robots.params(i).gravity, state: &state, key: sensor_key(&self.rngs[i]) };
+        let start = episode_start(&self.robots, i, &state, &self.rngs[i]);
         self.step.sensor.begin(&start, &mut self.one.sensor);
+    }
+
+    /// The numbers of the sensors of robot `i`. Before its first episode they are those of the robot as it stands, at rest.
+    pub(super) fn sensor_numbers(&self, i: usize) -> impl Fn(usize) -> f64 {
+        let at_rest = (self.episodes[i] == 0 && !self.ledger.sensor.is_empty()).then(|| {
+            let mut one = Ledger::new(self.step.sizes());
+            let state = self.robots.lane_state(i);
+            self.step.sensor.begin(&episode_start(&self.robots, i, &state, &self.rngs[i]), &mut one.sensor);
+            self.step.observe(&state, &mut one);
+            one.sensor
+        });
+        move |number| at_rest.as_ref().map_or_else(|| self.ledger.sensor[number].get(i), |numbers| numbers[number])
+    }
+
+    /// Gives the sensors of robot `i` its present gravity, within an episode.
+    pub(super) fn note_gravity(&mut self, i: usize) {
+        let (all, one) = (&mut self.ledger.sensor, &mut self.one.sensor);
+        one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
+        self.step.sensor.set_gravity(self.robots.params(i).gravity, one);
+        all.iter_mut().zip(&*one).for_each(|(cell, one)| cell.set(i, *one));
     }
 
     /// Gives the first observation of an episode in place of those that there are not yet.
@@ -71,11 +91,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Writes the rows of an observation of the true state.
-    pub(super) fn observe_truth(&self, i: usize, row: &mut [f32]) {
-        let mut one = Ledger::new(self.step.sizes());
-        R::Cell::take(&self.ledger, i, &mut one);
-        self.step.observe_state(&self.robots.lane_state(i), &mut one);
-        row.iter_mut().zip(&one.observation).for_each(|(out, value)| *out = *value as f32);
+    pub(super) fn observe_truth(&mut self, i: usize, row: &mut [f32]) {
+        R::Cell::take(&self.ledger, i, &mut self.one);
+        self.step.observe_state(&self.robots.lane_state(i), &mut self.one);
+        row.iter_mut().zip(&self.one.observation).for_each(|(out, value)| *out = *value as f32);
     }
 
     /// Starts the random numbers of the sensors anew.
@@ -89,6 +108,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.step.sensor.seeded(&mut self.one.last_sensor);
         R::Cell::put(&mut self.ledger, i, &self.one);
     }
+}
+
+/// What the sensors of robot `i` take from an episode that begins in `state`.
+fn episode_start<'a>(robots: &impl Robots, i: usize, state: &'a LaneState<f64>, rng: &ChaCha8Rng) -> EpisodeStart<'a> {
+    EpisodeStart { gravity: robots.params(i).gravity, state, key: sensor_key(rng) }
 }
 
 /// Key of the random numbers of sensors: the first words of the environment's seed, for a generator of their own.

@@ -8,10 +8,20 @@ use crate::actuator::Actuator;
 use crate::lanes::Cell;
 use crate::sensor::Sensor;
 use crate::task::Task;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// Makes robot `i` what it is in a new episode; it must then be placed.
     pub(super) fn renew(&mut self, i: usize) {
+        if let Some(seed) = self.next_seeds[i].take() {
+            self.rngs[i] = ChaCha8Rng::seed_from_u64(seed);
+            self.episodes[i] = 0;
+            if let Some(events) = &mut self.events {
+                events.seed(i);
+            }
+            self.seed_sensors(i);
+        }
         self.episodes[i] = self.episodes[i].wrapping_add(1);
         if let Some(events) = &mut self.events {
             let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
@@ -25,8 +35,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         A::INDIVIDUAL && self.events.is_some()
     }
 
-    /// Gives robot `i` its present motors, within an episode.
-    pub(super) fn equip(&mut self, i: usize) {
+    /// Gives the stages of robot `i` what they take of its parameters, within an episode.
+    pub(super) fn inform(&mut self, i: usize) {
+        self.equip(i);
+        self.note_gravity(i);
+    }
+
+    /// Gives robot `i` its present motors.
+    fn equip(&mut self, i: usize) {
         let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) else { return };
         let (all, one) = (&mut self.ledger.actuator, &mut self.one.actuator);
         one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
@@ -43,7 +59,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
                 let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
                 // The shape stays, and with it the place of the CoM.
                 if events.fire(&mut self.robots, i, source, step, &self.config.judge(&self.actuator)) {
-                    self.equip(i);
+                    self.inform(i);
                 }
             }
         }

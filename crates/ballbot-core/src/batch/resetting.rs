@@ -17,7 +17,7 @@ pub struct ResetRequest<'a> {
 }
 
 impl Batch {
-    /// Seeds the environments, one number each; `None` leaves one as it is.
+    /// Seeds the environments, one number each, from their next reset on; `None` leaves one as it is.
     ///
     /// # Errors
     /// [`Error::Length`] unless there is one entry for each environment.

@@ -30,6 +30,7 @@ struct Snapshot {
     ledger: Ledger<f64>,
     over: bool,
     events: Option<Saved>,
+    next_seed: Option<u64>,
 }
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
@@ -49,6 +50,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             ledger,
             over: self.over[i],
             events: self.events.as_ref().map(|events| events.save(i)),
+            next_seed: self.next_seeds[i],
         })
     }
 
@@ -66,7 +68,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         }
         if snapshot.options != self.config.numbers() {
             return Err(refused(
-                "time steps, torque, scaling, reward, sensors, history or options of its task differ".into(),
+                "time steps, torque, scaling, reward, robot of the estimator, sensors, history or options of its task \
+                 differ"
+                    .into(),
             ));
         }
         if !self.one.fits(&snapshot.ledger) {
@@ -103,8 +107,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.rngs[i] = ChaCha8Rng::from_seed(snapshot.seed);
         self.rngs[i].set_word_pos(snapshot.word);
         self.episodes[i] = snapshot.episode;
+        self.next_seeds[i] = snapshot.next_seed;
         R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
-        self.equip(i);
+        self.inform(i);
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
         self.over[i] = snapshot.over;
         self.begun |= !snapshot.over;

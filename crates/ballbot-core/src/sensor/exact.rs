@@ -33,6 +33,12 @@ impl<S: Sensor> Sensor for Option<S> {
         }
     }
 
+    fn set_gravity(&self, gravity: f64, memory: &mut [f64]) {
+        if let Some(sensor) = self {
+            sensor.set_gravity(gravity, memory);
+        }
+    }
+
     fn seeded(&self, memory: &mut [f64]) {
         if let Some(sensor) = self {
             sensor.seeded(memory);

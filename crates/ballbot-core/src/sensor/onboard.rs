@@ -2,12 +2,12 @@
 
 use super::axes::Axes;
 use super::encoders::Encoders;
-use super::estimator::{Estimator, EstimatorOptions};
+use super::estimator::{Estimator, EstimatorOptions, MAX_DT};
 use super::normal::Draws;
 use super::options::SensorOptions;
 use super::readings::Readings;
 use super::{EpisodeStart, Sensor};
-use crate::error::Result;
+use crate::error::{Result, check};
 use crate::lane_state::LaneState;
 use crate::lanes::{Lane, Memory, Quat, Scalar, Vec3, run_one};
 use crate::params::Params;
@@ -72,9 +72,14 @@ impl Onboard {
     /// `observed` if it is given; else the true state.
     ///
     /// # Errors
-    /// Those of [`SensorOptions::validate`], [`SensorOptions::latency_steps`] and [`Estimator::new`].
+    /// Those of [`SensorOptions::validate`], [`SensorOptions::latency_steps`] and [`Estimator::new`];
+    /// [`crate::Error::OutOfRange`] for `control_dt` above 1 s with an estimator.
     pub fn new(options: &SensorOptions, control_dt: f64, observed: Option<&Params>) -> Result<Self> {
         options.validate()?;
+        if observed.is_some() {
+            let limit = format_args!("> 0 and <= {MAX_DT} s with observation = sensors");
+            check("control_dt", control_dt, limit, |dt| dt > 0.0 && dt <= MAX_DT)?;
+        }
         let o = options;
         let gyro = [o.gyro_noise, o.gyro_bias, o.gyro_bias_walk, o.gyro_range];
         let accelerometer =
@@ -182,6 +187,10 @@ impl Sensor for Onboard {
                 }
             },
         );
+    }
+
+    fn set_gravity(&self, gravity: f64, memory: &mut [f64]) {
+        memory[GRAVITY] = gravity;
     }
 
     fn seeded(&self, memory: &mut [f64]) {

@@ -31,6 +31,11 @@ pub trait Sensor: Clone + Send + Sync + 'static {
         memory.fill(0.0);
     }
 
+    /// The robot's gravity (m/s²) is another one from the next reading on.
+    fn set_gravity(&self, gravity: f64, memory: &mut [f64]) {
+        let _ = (gravity, memory);
+    }
+
     /// The random numbers of the environment start anew with its next episode.
     fn seeded(&self, memory: &mut [f64]) {
         let _ = memory;

@@ -124,7 +124,7 @@ fn starts_are_uniform_over_their_discs() {
         let inner = mean(&|s| f64::from(of(s).norm() < 0.5 * radius));
         assert!((inner - 0.25).abs() < 0.433 * four_sigma, "{inner} of the starts within half of {radius}");
         let center = [mean(&|s| of(s).x / radius), mean(&|s| of(s).y / radius)];
-        assert!(center.iter().all(|c| c.abs() < 0.5 * four_sigma), "centre {center:?} of {radius}");
+        assert!(center.iter().all(|c| c.abs() < 0.5 * four_sigma), "center {center:?} of {radius}");
     }
     // Any heading: mean 0 and variance 1/3 of yaw / π.
     assert!(mean(&|s| s.yaw() / PI).abs() < 3.0_f64.sqrt().recip() * four_sigma);

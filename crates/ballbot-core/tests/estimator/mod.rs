@@ -2,6 +2,7 @@
 //! where wheels slip.
 
 mod closed_loop;
+mod coarse;
 mod noise;
 mod record;
 

@@ -2,6 +2,7 @@
 
 mod batches;
 mod closed_forms;
+mod gravity;
 mod jitter;
 mod options;
 mod readings;

@@ -269,6 +269,32 @@ fn errors_have_the_statistics_asked_for() {
     }
 }
 
+/// Before the first reset the readings are those of the robots as they stand, and leave those of episodes as they are.
+#[test]
+fn robots_that_were_never_reset_read_and_are_estimated_at_rest() {
+    for model in [ModelKind::Contact, ModelKind::Spatial] {
+        let config = BalanceConfig {
+            model,
+            sensors: Some(SensorOptions { latency: 0.02, ..SensorOptions::default() }),
+            observation: Observation::Sensors,
+            ..BalanceConfig::default()
+        };
+        let made = || Batch::new(&config, 9, Autoreset::SameStep, Some(1), 7).unwrap();
+        let (seen, unseen) = (made(), made());
+        for i in 0..9 {
+            let mut expected = [0.0; 12];
+            expected[5] = config.params.gravity;
+            assert_near(&numbers(&seen.readings(i).unwrap()), &expected, 1e-12);
+            assert_near(&seen.estimate(i).unwrap().to_array(), &seen.state(i).unwrap().to_array(), 1e-12);
+        }
+        let (mut seen, mut unseen) = (Run::new(seen), Run::new(unseen));
+        for k in 0..3 {
+            assert!(seen.all_bits() == unseen.all_bits(), "{model}: step {k}");
+            [&mut seen, &mut unseen].into_iter().for_each(|run| run.step(&actions(0, 9, k, 0.05)).unwrap());
+        }
+    }
+}
+
 /// Readings are those of a latency ago, to the last bit; the first ones stand before.
 #[test]
 fn latency_delays_all_readings() {

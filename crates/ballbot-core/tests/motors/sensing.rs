@@ -220,6 +220,25 @@ fn snapshots_carry_the_memory() {
     }
 }
 
+/// An estimator is that of the robot without events and `set_params`, which a snapshot does not bring along.
+#[test]
+fn snapshots_do_not_go_to_the_estimator_of_another_robot() {
+    for (model, n) in models() {
+        let seen = config(model);
+        let truth = BalanceConfig { observation: Observation::GroundTruth, ..seen.clone() };
+        for (config, taken) in [(seen, false), (truth, true)] {
+            let heavy = Params { body_mass: 1.1 * config.params.body_mass, ..config.params.clone() };
+            let mut other = batch(&BalanceConfig { params: heavy, ..config.clone() }, n, Autoreset::SameStep);
+            let bytes = batch(&config, n, Autoreset::SameStep).batch.save(0).unwrap();
+            let loaded = other.batch.load(0, &bytes);
+            assert_eq!(loaded.is_ok(), taken, "{model}: {loaded:?}");
+            if let Err(error) = loaded {
+                assert!(error.to_string().contains("robot of the estimator"), "{error}");
+            }
+        }
+    }
+}
+
 #[test]
 fn sensors_do_not_depend_on_threads() {
     let config = config(ModelKind::Contact);
@@ -332,7 +351,9 @@ fn every_bad_number_is_named() {
     assert!(error.contains("unknown option of sensors 'gyro': expected one of gyro_noise"), "{error}");
     let error = SensorOptions::from_fields([("imu_position", &[1.0][..])]).unwrap_err().to_string();
     assert!(error.contains("sensors.imu_position has 1 values, expected 3"), "{error}");
-    let run = batch(&BalanceConfig::default(), 1, Autoreset::SameStep);
+    let slow = BalanceConfig { control_dt: 2.0, observation: Observation::Sensors, ..BalanceConfig::default() };
+    assert_refused(&slow, &["control_dt = 2 is out of range", "<= 1 s"]);
+    let mut run = batch(&BalanceConfig::default(), 1, Autoreset::SameStep);
     let error = run.batch.readings(0).unwrap_err().to_string();
     assert!(error.contains("the robots have no sensors"), "{error}");
     assert!(run.batch.privileged_observation(0, &mut [0.0; 3]).is_err());

@@ -49,7 +49,7 @@ pub struct Robot {
     /// Whether a wheel's inertia is its own, or its motor's.
     absolute_wheel_spin: bool,
     bodies: [Body; BODIES],
-    /// From the ball's centre to each wheel's, unit vectors.
+    /// From the ball's center to each wheel's, unit vectors.
     p: [Vector3<f64>; 3],
     d: [Vector3<f64>; 3],
     axles: [Vector3<f64>; 3],
@@ -92,7 +92,7 @@ impl Robot {
         let axles = [0, 1, 2].map(|i| d[i].cross(&p[i]));
         let rate = rotation * state.body_angular_velocity;
         let ball_rate = rolling_rate(params, &state.ball_velocity) + Vector3::z() * state.ball_angular_velocity.z;
-        // The ball's centre moves with the body: p spans space.
+        // The ball's center moves with the body: p spans space.
         let moving = |arm: Vector3<f64>| state.ball_velocity + rate.cross(&arm);
         let wheel_speeds = [0, 1, 2].map(|i| {
             let ball_surface = state.ball_velocity + ball_rate.cross(&(p[i] * params.ball_radius));

@@ -11,7 +11,7 @@
 //! | pin, 0 or 1 | e3 · ω_k = 0 | torque that keeps the ball from spinning about the vertical |
 //! | hinges, 3 × 3 | v_w − v_b − ω_b × r = 0, r from the body link's CoM to the wheel's | force at the bearing |
 //! | hinges, 3 × 2 | t · (ω_w − ω_b) = 0 for two t across the axle | torque of the bearing |
-//! | normals, 3 | p · (v_w − v_k) = 0, p from the ball's centre to the wheel's | load N of the wheel |
+//! | normals, 3 | p · (v_w − v_k) = 0, p from the ball's center to the wheel's | load N of the wheel |
 //! | drives, 3 | d · (v_w − r_w ω_w × p − v_k − r_k ω_k × p) = 0, surface against surface | −f, f the traction on the ball |
 //!
 //! Nothing holds wheel and ball together across d: that is where an omniwheel's rollers turn. Since p, d, r and t turn

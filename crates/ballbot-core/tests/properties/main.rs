@@ -2,7 +2,7 @@
 //! each tried on every model that it applies to.
 //!
 //! Robots differ a hundredfold in mass and sixfold in size, so differences are counted in the robot's own measures: lengths
-//! in heights of its centre of mass, rates in that at which it falls.
+//! in heights of its center of mass, rates in that at which it falls.
 
 mod energy;
 mod finite;

@@ -1,5 +1,5 @@
 //! Dimensional analysis: a robot in other units of length, mass and time is another robot, whose motion is the same in
-//! those units. What a simulation counts in metres, kilograms or seconds for itself shows here, and is told apart.
+//! those units. What a simulation counts in meters, kilograms or seconds for itself shows here, and is told apart.
 
 use super::support::{Start, any_losses, any_robot, any_start};
 use super::{Drive, Run, any_drive, cases, most_apart, robot, run, run_upright, run_with_grip, same_cases};

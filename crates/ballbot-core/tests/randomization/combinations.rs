@@ -101,8 +101,10 @@ fn a_robot_that_cannot_be_is_drawn_again() {
     assert_eq!(single.repeated_draws(), 1);
     assert_eq!(alone.batch.params(0).unwrap(), &robot);
     assert_eq!(single.robot().params(), &robot);
-    // A new seed counts anew.
+    // A new seed counts anew, from the episode on that it begins with.
     again.batch.seed(&[Some(5); N]).unwrap();
+    assert_eq!(again.batch.repeated_draws(i).unwrap(), 1);
+    again.reset(&[true; N]);
     assert_eq!(again.batch.repeated_draws(i).unwrap(), 0);
 }
 

@@ -9,6 +9,7 @@ mod refusals;
 mod robots;
 #[path = "../support/run.rs"]
 mod run;
+mod seeds;
 mod snapshots;
 mod timing;
 

@@ -221,7 +221,7 @@ fn events_that_motors_cannot_follow_are_refused() {
         error.to_string()
     };
     for (event, words) in [
-        (Event::new("actuators.colour", [0.0, 1.0]), &["unknown term", "actuators.delay", "body_mass", "push"][..]),
+        (Event::new("actuators.color", [0.0, 1.0]), &["unknown term", "actuators.delay", "body_mass", "push"][..]),
         (Event::new("delay", [0.0, 0.01]), &["unknown term 'delay'"]),
         (scaled("actuators.delay", [0.5, 1.5]), &["op = 'scale'", "'abs' or 'add'", "0.002 s"]),
         (Event::new("actuators.delay", [0.0021, 0.0039]), &["[0.0021, 0.0039]", "steps of 0.002 s"]),

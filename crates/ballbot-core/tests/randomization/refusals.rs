@@ -25,7 +25,7 @@ fn refused(event: Event, words: &[&str]) {
 #[test]
 fn numbers_that_cannot_be() {
     let nan = f64::NAN;
-    refused(Event::new("colour", [0.0, 1.0]), &["unknown term 'colour'", "body_mass", "push"]);
+    refused(Event::new("color", [0.0, 1.0]), &["unknown term 'color'", "body_mass", "push"]);
     refused(Event::new("gravity", [10.0, 9.0]), &["range[1] = 9", "at least range[0] = 10"]);
     refused(Event::new("gravity", [nan, 9.0]), &["range[0] = NaN"]);
     refused(Event::new("gravity", [9.0, f64::INFINITY]), &["range[1] = inf"]);

@@ -13,6 +13,7 @@ mod loads;
 mod losses;
 #[path = "../support/motion.rs"]
 mod motion;
+mod passes;
 mod pushes;
 mod repetition;
 mod rolling;

@@ -137,7 +137,7 @@ fn body_inertia(params: &Params, spread: [f64; 3]) -> [f64; 3] {
     let link = params.body_mass - 3.0 * params.wheel_mass;
     let (sin, cos) = params.wheel_zenith.sin_cos();
     let reach = params.ball_radius + params.wheel_radius;
-    // The three wheels together look the same from all sides, seen along the mast: centres, and what is not about axles.
+    // The three wheels together look the same from all sides, seen along the mast: centers, and what is not about axles.
     let wheels_up = reach * cos - params.body_com_height;
     let wheels_out = reach * sin;
     let around = 3.0 * params.wheel_mass * 0.5 * wheels_out * wheels_out;

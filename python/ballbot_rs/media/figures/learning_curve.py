@@ -5,17 +5,17 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from ballbot_rs.media.figures.style import COLOURS, figure
+from ballbot_rs.media.figures.style import COLORS, figure
 from ballbot_rs.training.curve import Curve, by_configuration, on_common_steps
 
 
 def draw(curves: Sequence[Curve]) -> Figure:
-    """Left the mean return of an evaluation's episodes, right their share of successes; a colour a configuration."""
+    """Left the mean return of an evaluation's episodes, right their share of successes; a color a configuration."""
     fig = figure(8.0, 3.2)
     returns, successes = fig.subplots(1, 2)
-    for group, colour in zip(by_configuration(curves), _cycle(), strict=False):
-        _draw_group(returns, group, "returns", 1.0, colour)
-        _draw_group(successes, group, "successes", 100.0, colour)
+    for group, color in zip(by_configuration(curves), _cycle(), strict=False):
+        _draw_group(returns, group, "returns", 1.0, color)
+        _draw_group(successes, group, "successes", 100.0, color)
     returns.set_ylabel("return of an episode")
     successes.set_ylabel("successful episodes (%)")
     successes.set_ylim(-3, 103)
@@ -26,26 +26,26 @@ def draw(curves: Sequence[Curve]) -> Figure:
     return fig
 
 
-def _draw_group(ax: Any, group: Sequence[Curve], name: str, scale: float, colour: str) -> None:
+def _draw_group(ax: Any, group: Sequence[Curve], name: str, scale: float, color: str) -> None:
     if len(group) == 1:
         (curve,) = group
         values = scale * getattr(curve, name)
         ax.plot(
-            curve.timesteps / 1e3, values.mean(axis=1), "o-", color=colour, markersize=3.5, label=f"seed {curve.seed}"
+            curve.timesteps / 1e3, values.mean(axis=1), "o-", color=color, markersize=3.5, label=f"seed {curve.seed}"
         )
         if name == "returns":
             low, high = values.min(axis=1), values.max(axis=1)
-            ax.fill_between(curve.timesteps / 1e3, low, high, color=colour, alpha=0.15, linewidth=0)
+            ax.fill_between(curve.timesteps / 1e3, low, high, color=color, alpha=0.15, linewidth=0)
         return
     for curve in group:
         means = scale * getattr(curve, name).mean(axis=1)
-        ax.plot(curve.timesteps / 1e3, means, color=colour, linewidth=0.8, alpha=0.6)
+        ax.plot(curve.timesteps / 1e3, means, color=color, linewidth=0.8, alpha=0.6)
     steps, means = on_common_steps(group, name)
     seeds = ", ".join(str(seed) for seed in sorted({curve.seed for curve in group}))
-    ax.plot(steps / 1e3, scale * means.mean(axis=0), color=colour, linewidth=2.2, label=f"mean of seeds {seeds}")
+    ax.plot(steps / 1e3, scale * means.mean(axis=0), color=color, linewidth=2.2, label=f"mean of seeds {seeds}")
     low, high = scale * means.min(axis=0), scale * means.max(axis=0)
-    ax.fill_between(steps / 1e3, low, high, color=colour, alpha=0.15, linewidth=0)
+    ax.fill_between(steps / 1e3, low, high, color=color, alpha=0.15, linewidth=0)
 
 
 def _cycle() -> list[str]:
-    return list(COLOURS) * 100
+    return list(COLORS) * 100

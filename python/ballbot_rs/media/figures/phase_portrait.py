@@ -8,18 +8,18 @@ from matplotlib.figure import Figure
 
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media.figures.labels import short
-from ballbot_rs.media.figures.style import COLOURS, INK, figure
+from ballbot_rs.media.figures.style import COLORS, INK, figure
 
 
 def draw(trajectories: Sequence[Trajectory]) -> Figure:
-    """Both planes of the tilt, side by side; a colour a controller."""
+    """Both planes of the tilt, side by side; a color a controller."""
     fig = figure(8.0, 3.8)
     for i, (ax, axis) in enumerate(zip(fig.subplots(1, 2, sharex=True, sharey=True), "xy", strict=True)):
-        for trajectory, colour in zip(trajectories, _colours(len(trajectories)), strict=True):
+        for trajectory, color in zip(trajectories, _colors(len(trajectories)), strict=True):
             tilts, rates = tilts_and_rates(trajectory, i)
             label = f"{short(trajectory.controller)} on {trajectory.model}"
-            ax.plot(np.degrees(tilts), np.degrees(rates), color=colour, linewidth=1.2, label=label)
-            ax.plot(np.degrees(tilts[0]), np.degrees(rates[0]), "o", color=colour, markersize=4)
+            ax.plot(np.degrees(tilts), np.degrees(rates), color=color, linewidth=1.2, label=label)
+            ax.plot(np.degrees(tilts[0]), np.degrees(rates[0]), "o", color=color, markersize=4)
         ax.plot(0, 0, "+", color=INK, markersize=9)
         ax.set_xlabel(f"tilt about {axis} (deg)")
         ax.set_title("dots: start, cross: upright" if i else "")
@@ -39,5 +39,5 @@ def tilts_and_rates(trajectory: Trajectory, axis: int) -> tuple[npt.NDArray[np.f
     return tilts, np.gradient(tilts, trajectory.times[:end])
 
 
-def _colours(count: int) -> list[str]:
-    return [COLOURS[i % len(COLOURS)] for i in range(count)]
+def _colors(count: int) -> list[str]:
+    return [COLORS[i % len(COLORS)] for i in range(count)]

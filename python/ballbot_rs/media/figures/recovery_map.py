@@ -11,15 +11,15 @@ from matplotlib.patches import Patch
 
 from ballbot_rs.analysis.recovery_map import Recovery
 from ballbot_rs.media.figures.labels import short
-from ballbot_rs.media.figures.style import COLOURS, INK, figure
+from ballbot_rs.media.figures.style import COLORS, INK, figure
 
-#: Light is fast; starts that are lost have colours of their own.
-_TIMES = LinearSegmentedColormap.from_list("settling", ["#e3fafc", "#66d9e8", COLOURS[0], "#083344"])
-_FELL, _UNSETTLED = COLOURS[1], COLOURS[3]
+#: Light is fast; starts that are lost have colors of their own.
+_TIMES = LinearSegmentedColormap.from_list("settling", ["#e3fafc", "#66d9e8", COLORS[0], "#083344"])
+_FELL, _UNSETTLED = COLORS[1], COLORS[3]
 
 
 def draw(recoveries: Sequence[Recovery]) -> Figure:
-    """A map a controller; radius is the initial tilt, the angle the direction of the lean, colour the settling time."""
+    """A map a controller; radius is the initial tilt, the angle the direction of the lean, color the settling time."""
     fig = figure(3.0 * len(recoveries) + 0.8, 3.5)
     axes = fig.subplots(1, len(recoveries), subplot_kw={"projection": "polar"}, squeeze=False)[0]
     longest = max((float(np.nanmax(r.settling_times)) for r in recoveries if r.recovered.any()), default=1.0)
@@ -47,8 +47,8 @@ def _draw_map(ax: Any, recovery: Recovery, longest: float) -> Any:
     edges = (np.arange(sectors + 1) - 0.5) * 2 * np.pi / sectors
     ax.set_axisbelow(False)
     ax.grid(False)
-    for lost, colour in ((~recovery.stood, _FELL), (recovery.stood & ~recovery.recovered, _UNSETTLED)):
-        ax.pcolormesh(edges, radii, np.where(lost, 1.0, np.nan), cmap=_plain(colour), rasterized=True)
+    for lost, color in ((~recovery.stood, _FELL), (recovery.stood & ~recovery.recovered, _UNSETTLED)):
+        ax.pcolormesh(edges, radii, np.where(lost, 1.0, np.nan), cmap=_plain(color), rasterized=True)
     shown = ax.pcolormesh(edges, radii, recovery.settling_times, cmap=_TIMES, vmin=0.0, vmax=longest, rasterized=True)
     share = 100 * recovery.recovered.mean()
     ax.set_title(f"{short(recovery.controller)} on {recovery.model}\n{share:.0f} % of the starts recover", pad=12)
@@ -62,5 +62,5 @@ def _draw_map(ax: Any, recovery: Recovery, longest: float) -> Any:
     return shown
 
 
-def _plain(colour: str) -> LinearSegmentedColormap:
-    return LinearSegmentedColormap.from_list("plain", [colour, colour])
+def _plain(color: str) -> LinearSegmentedColormap:
+    return LinearSegmentedColormap.from_list("plain", [color, color])

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from ballbot_rs import _files
 
 INK, GRID, PAPER = "#212529", "#dee2e6", "#ffffff"
-#: Colours that stay apart for the colour-blind and on grey paper, in the order of use.
-COLOURS: Sequence[str] = ("#0b7285", "#d9480f", "#5f3dc4", "#e0a800", "#868e96", "#2b8a3e", "#a61e4d")
-#: One colour a model, in every figure.
-MODEL_COLOURS = {"planar": "#5f3dc4", "spatial": "#212529", "contact": "#0b7285", "rigid": "#d9480f"}
+#: Colors that stay apart for the color-blind and on gray paper, in the order of use.
+COLORS: Sequence[str] = ("#0b7285", "#d9480f", "#5f3dc4", "#e0a800", "#868e96", "#2b8a3e", "#a61e4d")
+#: One color a model, in every figure.
+MODEL_COLORS = {"planar": "#5f3dc4", "spatial": "#212529", "contact": "#0b7285", "rigid": "#d9480f"}
 
 _STYLE = {
     "axes.axisbelow": True,
@@ -22,7 +22,7 @@ _STYLE = {
     "axes.facecolor": PAPER,
     "axes.grid": True,
     "axes.labelcolor": INK,
-    "axes.prop_cycle": cycler(color=COLOURS),
+    "axes.prop_cycle": cycler(color=COLORS),
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlesize": 10.5,

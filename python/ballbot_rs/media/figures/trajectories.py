@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media.figures.labels import short
-from ballbot_rs.media.figures.style import COLOURS, figure
+from ballbot_rs.media.figures.style import COLORS, figure
 
 #: From top to bottom.
 QUANTITIES = ("tilt (deg)", "ball position (m)", "wheel torque (N·m)", "wheel load (N)")
@@ -34,18 +34,18 @@ def _draw_column(axes: Sequence[Any], trajectory: Trajectory) -> None:
     tilt.set_title(f"{short(trajectory.controller)} on {trajectory.model}")
     for i, axis in enumerate("xy"):
         tilt.plot(
-            times, np.degrees(trajectory.of_states("tilt_components")[:, i]), color=COLOURS[i], label=f"about {axis}"
+            times, np.degrees(trajectory.of_states("tilt_components")[:, i]), color=COLORS[i], label=f"about {axis}"
         )
-        position.plot(times, trajectory.of_states("ball_position")[:, i], color=COLOURS[i], label=axis)
+        position.plot(times, trajectory.of_states("ball_position")[:, i], color=COLORS[i], label=axis)
     # A torque holds from a row to the next; the last row has none of its own.
     for wheel in range(3):
-        style = {"color": COLOURS[2 + wheel], "label": f"wheel {wheel}", "linewidth": 1.0}
+        style = {"color": COLORS[2 + wheel], "label": f"wheel {wheel}", "linewidth": 1.0}
         torque.plot(times, trajectory.torques[:, wheel], drawstyle="steps-post", **style)
         # Models with contacts know no forces before their first step.
         load.plot(times[1:], trajectory.of_contacts("wheel_normal_forces")[1:, wheel], **style)
     if trajectory.fell_at is not None:
         for ax in axes:
-            ax.axvline(trajectory.fell_at, color=COLOURS[1], linestyle=":", linewidth=1.0)
+            ax.axvline(trajectory.fell_at, color=COLORS[1], linestyle=":", linewidth=1.0)
         tilt.annotate(
             "motors off",
             (trajectory.fell_at, 0.03),
@@ -53,6 +53,6 @@ def _draw_column(axes: Sequence[Any], trajectory: Trajectory) -> None:
             xytext=(3, 0),
             textcoords="offset points",
             fontsize=8,
-            color=COLOURS[1],
+            color=COLORS[1],
         )
     load.set_xlabel("time (s)")

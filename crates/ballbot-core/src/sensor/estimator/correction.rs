@@ -80,7 +80,7 @@ impl Estimator {
             let change = readings.wheel_rates[i] - belief.wheel_rates[i];
             let turning = by_turning(&self.odometry.rows[i], change_of_gyro);
             let surprise = (s[i][i] * (o.slip_gate * o.slip_gate)).lt(innovation[i].squared());
-            let slips = surprise | self.jump.exceeded(i, change, turning, dt);
+            let slips = surprise | self.jump.exceeded(i, change, turning);
             belief.slipping[i] = L::select(slips, like.splat(1.0), zero);
             innovation[i] = L::select(slips, zero, innovation[i]);
             for gain in &mut g[i] {

@@ -1,5 +1,6 @@
 //! Which wheels slip.
 
+use super::EstimatorOptions;
 use crate::lanes::{Lane, Vec3};
 use crate::params::Params;
 
@@ -9,15 +10,19 @@ use crate::params::Params;
 /// the ball's lowest point the forces have at most the torque r_k Σ N_i (sin α_i + 2 μ_s cos(α_i / 2)), which turns the
 /// rolling ball with the inertia J_k + M_k r_k²; about the vertical at most r_k Σ μ_s N_i sin α_i, with J_k. A wheel rate
 /// without the body's own turning follows the ball by k cos α_i and k sin α_i.
+///
+/// A rate is a difference of two angles over dt, its change one of two rates that share an angle: with the error σ of an
+/// angle it has the deviation √6 σ / dt, and a margin of as many deviations as the innovation.
 #[derive(Clone, Debug)]
 pub struct JumpLimit {
-    /// rad/s².
-    acceleration: [f64; 3],
+    /// rad/s.
+    change: [f64; 3],
 }
 
 impl JumpLimit {
-    /// `multiple` of the limit of the robot of `params`: loads in motion differ from those at rest.
-    pub fn new(params: &Params, multiple: f64) -> Self {
+    /// Of the robot of `params` with readings every `dt` seconds; `jump_gate` times what friction allows, since loads in
+    /// motion differ from those at rest.
+    pub fn new(params: &Params, options: &EstimatorOptions, dt: f64) -> Self {
         let friction = params.wheel_static_friction.max(params.wheel_dynamic_friction);
         let (mut rolling, mut spinning) = (0.0, 0.0);
         for (load, zenith) in params.equilibrium_wheel_loads().into_iter().zip(params.wheel_zeniths()) {
@@ -27,20 +32,20 @@ impl JumpLimit {
         let radius = params.ball_radius;
         rolling *= radius / (params.ball_mass * radius).mul_add(radius, params.ball_inertia);
         spinning *= radius / params.ball_inertia;
-        let scale = multiple * params.gear_ratio();
+        let scale = options.jump_gate * params.gear_ratio() * dt;
+        let margin = options.slip_gate * 6.0_f64.sqrt() * options.encoder_noise / dt;
         Self {
-            acceleration: params
+            change: params
                 .wheel_zeniths()
-                .map(|zenith| scale * (zenith.cos().abs() * rolling + zenith.sin().abs() * spinning)),
+                .map(|zenith| scale * (zenith.cos().abs() * rolling + zenith.sin().abs() * spinning) + margin),
         }
     }
 
-    /// Whether the rate of wheel `i` changes by more in `dt` seconds. `change` is that of the rate, `turning` that of the
-    /// rate by the body's own turning, both rad/s.
+    /// Whether the rate of wheel `i` changes by more in a step. `change` is that of the rate, `turning` that of the rate by
+    /// the body's own turning, both rad/s.
     #[inline(always)]
-    pub fn exceeded<L: Lane>(&self, i: usize, change: L, turning: L, dt: f64) -> L::Mask {
-        let limit = change.splat(self.acceleration[i] * dt);
-        limit.lt((change - turning).abs())
+    pub fn exceeded<L: Lane>(&self, i: usize, change: L, turning: L) -> L::Mask {
+        change.splat(self.change[i]).lt((change - turning).abs())
     }
 }
 

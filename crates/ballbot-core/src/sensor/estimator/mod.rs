@@ -27,7 +27,7 @@ use gate::JumpLimit;
 use lean::LeanObserver;
 
 /// Longest time between two readings, s.
-const MAX_DT: f64 = 1.0;
+pub(super) const MAX_DT: f64 = 1.0;
 
 /// Largest correction of the attitude by the lean bias, rad.
 const MAX_LEAN_BIAS: f64 = 0.1;
@@ -74,7 +74,7 @@ impl Estimator {
         Ok(Self {
             options: *options,
             odometry: Odometry::new(params)?,
-            jump: JumpLimit::new(params, options.jump_gate),
+            jump: JumpLimit::new(params, options, dt),
             lean: LeanObserver::new(params, options.lean_time, dt),
             dt,
         })

@@ -230,7 +230,7 @@ fn assert_eventful(expected: &[Vec<ContactState<f64>>; EIGHT], falling: bool) {
     assert!(slip(&expected[SLIPPING][STEPS - 1]) > 20.0, "nothing slips");
 }
 
-/// A robot that falls, diverges, is pushed, reset or differs leaves its neighbours as they are, to the last bit.
+/// A robot that falls, diverges, is pushed, reset or differs leaves its neighbors as they are, to the last bit.
 #[test]
 fn lanes_do_not_depend_on_their_neighbors() {
     let calm = runs([true; EIGHT]);

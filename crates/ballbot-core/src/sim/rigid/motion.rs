@@ -183,8 +183,8 @@ impl Model for RigidMotion {
 
     fn set_params(&mut self, params: &Params) -> Result<()> {
         if same_bodies(&self.params, params) {
-            self.params = params.clone();
             let link = BodyLink::new(params, &self.wheels)?;
+            self.params = params.clone();
             self.bot = Bot::new(params, &self.wheels, &link, &self.bot.undamped, self.settings.dt);
         } else {
             let mut robot = Self::new(params, self.settings.dt)?;

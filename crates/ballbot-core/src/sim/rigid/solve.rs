@@ -50,8 +50,8 @@ pub struct Problem<'a> {
     pub active: usize,
 }
 
-/// How the modes of a step were found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How the modes of a step were found, the best first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Settling {
     /// Without sweeps.
     AtOnce,

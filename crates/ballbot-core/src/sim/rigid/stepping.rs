@@ -69,18 +69,20 @@ impl RigidMotion {
     }
 
     /// Repeats a step until what rapier's contacts of the bot do to the velocities is what the wheels' forces were solved
-    /// for: Gauss-Seidel between the two.
+    /// for: Gauss-Seidel between the two. Returns the worst of the passes; without such an end the step is unsolved.
     fn pass_until_settled(&mut self, plan: &Plan) -> Settling {
         let before = self.world.clone();
         let mut blow = self.sim_state.blow();
+        let mut worst = Settling::AtOnce;
         for pass in 1.. {
             let (found, settling) = self.pass(plan, &blow);
             let change = plan.rows.speeds(&found.plus(&blow, -1.0)).fixed_rows::<FLOOR>(0).amax();
             blow = found;
+            worst = worst.max(settling);
             let settled = change <= SETTLED * self.params.gravity * self.settings.dt;
             if settled || pass == PASSES || change.is_nan() {
                 self.sim_state.set_blow(&blow);
-                return settling;
+                return if settled { worst } else { Settling::Unsolved };
             }
             self.world = before.clone();
             self.pipeline = new_pipeline();
