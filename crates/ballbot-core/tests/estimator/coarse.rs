@@ -41,8 +41,7 @@ fn run(friction: f64, burst: f64, gates: f64) -> Seen {
     let mut lqr = Lqr::new(&params, DT).unwrap();
     let mut sensors = Sensors::new(&noise, 0);
     let start = robot.state();
-    let mut filter =
-        Filter::new(&params, &options, DT, &start, &sensors.read(&read(&params, &start, &start, DT), DT));
+    let mut filter = Filter::new(&params, &options, DT, &start, &sensors.read(&read(&params, &start, &start, DT), DT));
     let plan = Plan { dt: DT, ..Plan::default() };
     let mut seen = Seen::default();
     for k in 0..2500 {
