@@ -11,7 +11,7 @@ from PIL import Image
 from ballbot_rs.analysis import recovery_map as recovery
 from ballbot_rs.analysis import trajectory
 from ballbot_rs.cli import main
-from ballbot_rs.media.figures import learning_curve, phase_portrait, recovery_map, trajectories
+from ballbot_rs.media.figures import estimates, learning_curve, phase_portrait, recovery_map, trajectories
 from ballbot_rs.media.figures.style import save
 from ballbot_rs.training import curve
 
@@ -54,6 +54,29 @@ def test_trajectories_show_every_quantity_with_its_unit(moving):
     # At rest each wheel carries the same; the loads of the pushed robot end near that.
     loads = [line.get_ydata()[-1] for line in fig.axes[6].lines]
     assert np.mean(loads) == pytest.approx(10.3, abs=0.5)
+
+
+def test_estimates_are_drawn_over_the_true_states():
+    options = {**CONTACT, "sensors": "kugle", "observation": "sensors"}
+    standing, fallen = (trajectory.run(name, seconds=1.0, env_options=options) for name in ("lqr", "zero"))
+    assert len(standing.estimates) == len(standing.times)
+    # After the fall nothing is estimated.
+    assert fallen.times[len(fallen.estimates) - 1] == pytest.approx(fallen.fell_at)
+    assert 0.0 < estimates.errors(standing, "tilt_components").max() < np.radians(0.3)
+    assert 0.0 < estimates.errors(standing, "ball_position").max() < 1e-3
+    fig = estimates.draw([standing, fallen])
+    labels = [label for label, _, _ in (*estimates.QUANTITIES, *estimates.ERRORS)]
+    assert sorted(labels_of(fig)) == sorted([*labels, "time (s)", "time (s)"])
+    true, estimated = fig.axes[0].lines[:2]
+    np.testing.assert_allclose(true.get_ydata(), np.degrees(standing.of_states("tilt_components")[:, 0]))
+    np.testing.assert_allclose(estimated.get_ydata(), np.degrees(standing.of_estimates("tilt_components")[:, 0]))
+
+
+def test_estimates_need_sensors(moving, capsys):
+    with pytest.raises(ValueError, match="the trajectory of lqr has no estimates"):
+        estimates.draw(moving)
+    assert main(["plot", "balance", "--figure", "estimates"]) == 1
+    assert "add --env-option observation=sensors" in capsys.readouterr().err
 
 
 def test_the_phase_portrait_ends_where_the_robot_fell(moving):

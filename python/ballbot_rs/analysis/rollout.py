@@ -143,6 +143,8 @@ class Run:
     torques: Array
     #: What events had drawn at each row, by term, as `Batch.draws`.
     draws: Sequence[Mapping[str, Any]]
+    #: States as the task observes them at each row up to a fall; empty where it observes the true ones.
+    estimates: Sequence[State]
     #: Row at which the task counted the robot as fallen and its motors were switched off.
     fell_at: int | None
 
@@ -170,6 +172,7 @@ def run_one(
     act = _bind(controller, batch) if law is None else lambda observations: batch.control(law)  # noqa: ARG005
     observations = batch.reset(seeds=[seed], starts=[start])
     states, contacts, draws = [batch.state(0)], [batch.contacts(0)], [batch.draws(0)]
+    estimates = _estimates(batch)
     torques: list[Array] = []
     for step in range(steps):
         action = act(observations)
@@ -177,17 +180,23 @@ def run_one(
             batch.push(0, pushes[step])
         observations, _, terminated, _ = batch.step(action)
         if batch.ending(0)[1] == "diverged":
-            return Run(states, contacts, np.array(torques).reshape(-1, 3), draws, step)
+            return Run(states, contacts, np.array(torques).reshape(-1, 3), draws, estimates, step)
         torques.append(action[0].astype(float) * batch.max_wheel_torque)
         states.append(batch.state(0))
         contacts.append(batch.contacts(0))
         draws.append(batch.draws(0))
+        estimates += _estimates(batch)
         if terminated[0]:
             _lie(batch, states, contacts, torques, steps, pushes)
             # No event fires on the robot that lies.
             draws += [draws[-1]] * (len(states) - len(draws))
-            return Run(states, contacts, np.array(torques), draws, step + 1)
-    return Run(states, contacts, np.array(torques), draws, None)
+            return Run(states, contacts, np.array(torques), draws, estimates, step + 1)
+    return Run(states, contacts, np.array(torques), draws, estimates, None)
+
+
+def _estimates(batch: Batch) -> list[State]:
+    """The present estimate of the only robot, if its task observes one."""
+    return [State.from_array(batch.estimates()[0])] if batch.options["observation"] == "sensors" else []
 
 
 def _lie(

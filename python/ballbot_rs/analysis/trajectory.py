@@ -43,12 +43,18 @@ class Trajectory:
     #: What events had drawn at each row, by term, shape (n,) or (n, k), as `Batch.draws`; NaN where nothing was. Empty
     #: without events.
     draws: Mapping[str, Array]
+    #: States as the task observes them, up to a fall; empty where it observes the true ones.
+    estimates: Sequence[State]
     #: Time at which the robot counted as fallen and its motors were switched off, s; None if it never did.
     fell_at: float | None
 
     def of_states(self, name: str) -> Array:
         """An attribute of all states, for example `tilt`."""
         return np.array([getattr(state, name) for state in self.states])
+
+    def of_estimates(self, name: str) -> Array:
+        """An attribute of all estimates."""
+        return np.array([getattr(state, name) for state in self.estimates])
 
     def of_contacts(self, name: str) -> Array:
         """An attribute of all contacts, for example `wheel_normal_forces`."""
@@ -121,5 +127,6 @@ def run(
         contacts=done.contacts,
         torques=np.concatenate([done.torques, last]),
         draws={term: np.array([row[term] for row in done.draws]) for term in done.draws[0]},
+        estimates=done.estimates,
         fell_at=None if done.fell_at is None else done.fell_at * batch.control_dt,
     )

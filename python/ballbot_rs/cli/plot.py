@@ -13,7 +13,7 @@ from ballbot_rs.cli.numbers import MAX_SEED
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import NAMES, TRAINED, common_options, options_of
 
-FIGURES = ("trajectories", "phase_portrait", "recovery_map", "learning_curve")
+FIGURES = ("trajectories", "estimates", "phase_portrait", "recovery_map", "learning_curve")
 
 
 def add_to(commands: Any) -> None:
@@ -41,11 +41,14 @@ def run(arguments: argparse.Namespace) -> None:
     arguments.controller = arguments.controller or ["lqr"]
     output = arguments.output or Path("figures")
     runs = [name for name in arguments.controller if name not in NAMES and (Path(name) / "run.json").is_file()]
-    drawn = bool(scenario.env_options(arguments).get("events"))
-    unfit = {"learning_curve": not runs, "recovery_map": drawn}
+    options = scenario.env_options(arguments)
+    measured = options.get("observation") == "sensors"
+    unfit = {"learning_curve": not runs, "recovery_map": bool(options.get("events")), "estimates": not measured}
     wanted = arguments.figure or [name for name in FIGURES if not unfit.get(name)]
     if "learning_curve" in wanted and not runs:
         raise ValueError("a learning curve is of training runs, and none is given")
+    if "estimates" in wanted and not measured:
+        raise ValueError("estimates are of tasks that observe sensors: add --env-option observation=sensors")
     files = []
     for name, fig in _draw(wanted, arguments, runs):
         for suffix in (arguments.format, "png"):
@@ -57,7 +60,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[str]) -> list[tuple[str, Any]]:
     from ballbot_rs.analysis import recovery_map as recovery
-    from ballbot_rs.media.figures import learning_curve, phase_portrait, recovery_map, trajectories
+    from ballbot_rs.media.figures import estimates, learning_curve, phase_portrait, recovery_map, trajectories
     from ballbot_rs.training.curve import read
 
     quiet = arguments.quiet or arguments.json
@@ -72,10 +75,12 @@ def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[s
     ]
     if "events" in chosen.env_options:
         chosen = dataclasses.replace(chosen, env_options={**chosen.env_options, "events": shared["events"]})
-    if {"trajectories", "phase_portrait"} & set(wanted):
+    if {"trajectories", "estimates", "phase_portrait"} & set(wanted):
         moving = [chosen.of(controller) for controller in found]
         if "trajectories" in wanted:
             drawn.append(("trajectories", trajectories.draw(moving)))
+        if "estimates" in wanted:
+            drawn.append(("estimates", estimates.draw(moving)))
         if "phase_portrait" in wanted:
             drawn.append(("phase_portrait", phase_portrait.draw(moving)))
     if "recovery_map" in wanted:
