@@ -7,6 +7,7 @@ mod exact;
 mod normal;
 mod onboard;
 mod options;
+mod period;
 mod readings;
 mod stage;
 
