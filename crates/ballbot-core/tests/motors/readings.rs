@@ -300,7 +300,7 @@ fn robots_that_were_never_reset_read_and_are_estimated_at_rest() {
 fn latency_delays_all_readings() {
     let options = SensorOptions { gyro_noise: 0.01, accelerometer_bias: 0.1, ..SensorOptions::default() };
     let present = run(&options);
-    let slow = SensorOptions { imu_rate: 25.0, encoder_rate: 50.0, ..options.clone() };
+    let slow = SensorOptions { imu_rate: 25.0, encoder_rate: 50.0, ..options };
     for (options, present) in [(options, present), (slow.clone(), run(&slow))] {
         let delayed = run(&SensorOptions { latency: 3.0 * DT, ..options });
         for k in 0..=STEPS {

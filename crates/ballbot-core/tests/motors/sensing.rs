@@ -367,7 +367,7 @@ fn every_bad_number_is_named() {
         let parts = ["sensors.latency", "whole number", &format!("latency = {latency} s"), "control_dt = 0.01 s"];
         refused(SensorOptions { latency, ..none.clone() }, &parts);
     }
-    refused(SensorOptions { latency: 1.01, ..none.clone() }, &["= 101", "at most 100"]);
+    refused(SensorOptions { latency: 1.01, ..none }, &["= 101", "at most 100"]);
     for name in ["imu_rate", "encoder_rate"] {
         let rate = |rate: f64| {
             let mut sensors = none.clone();
