@@ -1,5 +1,6 @@
 //! Encoders of the wheels.
 
+use super::floor::floor;
 use super::period::Period;
 use crate::lanes::{Lane, Memory};
 use std::f64::consts::TAU;
@@ -70,13 +71,4 @@ impl Encoders {
             None => angle,
         }
     }
-}
-
-/// The largest whole number up to `x`, for magnitudes below 2⁵¹.
-#[inline(always)]
-pub(super) fn floor<L: Lane>(x: L) -> L {
-    // Adding and subtracting 1.5 · 2⁵² rounds to a whole number.
-    const ROUND: f64 = 6_755_399_441_055_744.0;
-    let rounded = (x + ROUND) - ROUND;
-    L::select(x.lt(rounded), rounded - 1.0, rounded)
 }

@@ -4,6 +4,7 @@ mod axes;
 mod encoders;
 pub mod estimator;
 mod exact;
+mod floor;
 mod normal;
 mod onboard;
 mod options;

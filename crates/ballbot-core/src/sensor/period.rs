@@ -1,6 +1,6 @@
 //! When a sensor is sampled.
 
-use super::encoders::floor;
+use super::floor::floor;
 use crate::lanes::Lane;
 
 /// Time from one sample of a sensor to the next, a whole number of control steps.
