@@ -30,7 +30,9 @@ EVERYTHING = {
     "accelerometer_range": 30.0,
     "imu_position": [0.01, 0.0, 0.2],
     "imu_misalignment": 0.02,
+    "imu_rate": 200.0,
     "encoder_ticks": 4096.0,
+    "encoder_rate": 1000.0,
     "latency": 0.02,
 }
 OBSERVED = {"sensors": EVERYTHING, "observation": "sensors", "history": 3}
@@ -119,6 +121,19 @@ def test_history_is_oldest_first_and_within_the_space():
     assert batch.rollout(bb.Lqr(), steps=2, record=("observations",))["observations"].shape == (3, 3, 4 * ROWS)
 
 
+def test_readings_of_slow_sensors_are_held():
+    batch = bb.Batch(2, model="contact", sensors={"gyro_noise": 0.01, "imu_rate": 50.0, "encoder_rate": 33.0})
+    batch.reset()
+    read = [batch.readings()]
+    for _ in range(12):
+        batch.step(np.full((2, 3), 0.01))
+        read.append(batch.readings())
+    for name, period in (("gyro", 2), ("specific_force", 2), ("wheel_angles", 3), ("wheel_rates", 3)):
+        for k in range(1, 13):
+            held = read[k][name] == read[k - 1][name]
+            assert held.all() if k % period else not held.any(), (name, k)
+
+
 def test_sensors_come_from_names_files_and_dicts(tmp_path):
     kugle = bb.load_sensors("kugle")
     path = tmp_path / "mine.toml"
@@ -151,6 +166,12 @@ def test_sensors_come_from_names_files_and_dicts(tmp_path):
         ({"sensors": {"gyro_bias": math.nan}}, ValueError, "sensors.gyro_bias = NaN"),
         ({"sensors": {"imu_position": [1.0, 2.0]}}, ValueError, "sensors.imu_position has 2 values, expected 3"),
         ({"sensors": {"latency": 0.005}}, ValueError, r"sensors.latency / control_dt = 0.5 .*latency = 0.005 s"),
+        ({"sensors": {"imu_rate": 1e-4}}, ValueError, "sensors.imu_rate = 0.0001 .*at least 0.001 Hz"),
+        (
+            {"sensors": {"encoder_rate": 50.0}, "observation": "sensors"},
+            ValueError,
+            "sensors.encoder_rate = 50 .*at least the control rate, 100 Hz",
+        ),
         ({"sensors": {"latency": "late"}}, TypeError, "sensors.latency must be a number"),
         ({"sensors": {1: 2.0}}, TypeError, "sensors has the key 1, expected names"),
         ({"sensors": "kugel"}, ValueError, "unknown sensors 'kugel': expected one of exact, kugle"),

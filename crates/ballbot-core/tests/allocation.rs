@@ -99,9 +99,12 @@ fn steps_allocate_nothing() {
     assert_eq!(allocations(&BalanceConfig { events, ..brief.clone() }, None), 0, "contact with events");
     let actuators = MotorOptions { delay: 0.026, lag: 0.01, speed_limit: 20.0, ..MotorOptions::default() };
     let sensors = SensorOptions { gyro_noise: 0.01, encoder_ticks: 1e3, latency: 0.02, ..SensorOptions::default() };
+    let slow = SensorOptions { imu_rate: 40.0, encoder_rate: 30.0, ..sensors };
     for config in [endless(ModelKind::Planar), endless(ModelKind::Spatial), brief] {
         let config = BalanceConfig { actuators: actuators.clone(), ..config };
         assert_eq!(allocations(&config, None), 0, "{} with motors", config.model);
+        let unobserved = BalanceConfig { sensors: Some(slow.clone()), ..config.clone() };
+        assert_eq!(allocations(&unobserved, None), 0, "{} with slow sensors", config.model);
         let observation = Observation::Sensors;
         let config = BalanceConfig { sensors: Some(sensors.clone()), observation, history: 3, ..config };
         assert_eq!(allocations(&config, None), 0, "{} with sensors", config.model);

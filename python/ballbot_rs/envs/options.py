@@ -47,8 +47,8 @@ class Actuators(TypedDict, total=False):
 class Sensors(TypedDict, total=False):
     """Options of sensors; docs/sensors.md."""
 
-    #: Density of the gyroscope's white noise; a reading has the standard deviation `gyro_noise` / √`control_dt`.
-    #: (rad/s/√Hz, >= 0 and <= 1000)
+    #: Density of the gyroscope's white noise; a sample has the standard deviation `gyro_noise` / √T, T the time between
+    #: two samples. (rad/s/√Hz, >= 0 and <= 1000)
     gyro_noise: float
     #: Standard deviation of the gyroscope's bias at the start of an episode, drawn for each. (rad/s, >= 0 and <= 1000)
     gyro_bias: float
@@ -56,8 +56,8 @@ class Sensors(TypedDict, total=False):
     gyro_bias_walk: float
     #: Largest magnitude that the gyroscope reads about an axis; 0: any. (rad/s, >= 0 and <= 1e6)
     gyro_range: float
-    #: Density of the accelerometer's white noise; a reading has the standard deviation `accelerometer_noise` /
-    #: √`control_dt`. (m/s²/√Hz, >= 0 and <= 10000)
+    #: Density of the accelerometer's white noise; a sample has the standard deviation `accelerometer_noise` / √T, T the
+    #: time between two samples. (m/s²/√Hz, >= 0 and <= 10000)
     accelerometer_noise: float
     #: Standard deviation of the accelerometer's bias at the start of an episode, drawn for each. (m/s², >= 0 and <=
     #: 10000)
@@ -72,8 +72,14 @@ class Sensors(TypedDict, total=False):
     #: Standard deviation of the angle about each body axis by which gyroscope and accelerometer are mounted wrongly,
     #: drawn for each episode. (rad, >= 0 and <= 0.1)
     imu_misalignment: float
+    #: Samples of gyroscope and accelerometer in a second, held in between; 0: one at each control step, and no more at
+    #: rates above. (Hz, >= 0 and <= 1e6)
+    imu_rate: float
     #: Ticks of an encoder in one turn of its wheel, gear included; 0: exact angles. (>= 0 and <= 1e9)
     encoder_ticks: float
+    #: Samples of the encoders in a second, held in between; 0: one at each control step, and no more at rates above.
+    #: (Hz, >= 0 and <= 1e6)
+    encoder_rate: float
     #: Age of the readings of all sensors, a whole number of control steps; at most 100 of them. (s, >= 0 and <= 100)
     latency: float
 

@@ -1,12 +1,13 @@
 //! Three axes of a gyroscope or an accelerometer.
 
 use super::normal::Draws;
+use super::period::Period;
 use crate::lanes::{Lane, Memory, Vec3};
 
 /// Errors of three axes that are alike: bias, random walk of the bias, white noise, range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axes {
-    /// Standard deviation of the noise of a reading.
+    /// Standard deviation of the noise of a sample.
     noise: f64,
     /// Standard deviation of the first bias.
     bias: f64,
@@ -20,9 +21,10 @@ pub struct Axes {
 
 impl Axes {
     /// Axes with a density of noise, a standard deviation of the bias and one of its walk over a second, and a range (0:
-    /// none), that are read every `dt` (s).
-    pub fn new([noise, bias, walk, range]: [f64; 4], dt: f64, blocks: [u32; 2]) -> Self {
-        Self { noise: noise / dt.sqrt(), bias, walk: walk * dt.sqrt(), range: (range > 0.0).then_some(range), blocks }
+    /// none), that are read every `dt` (s) and sampled once in a `period`.
+    pub fn new([noise, bias, walk, range]: [f64; 4], dt: f64, period: Period, blocks: [u32; 2]) -> Self {
+        let range = (range > 0.0).then_some(range);
+        Self { noise: noise / period.duration().sqrt(), bias, walk: walk * dt.sqrt(), range, blocks }
     }
 
     /// The bias at the start of an episode.

@@ -4,9 +4,11 @@ mod axes;
 mod encoders;
 pub mod estimator;
 mod exact;
+mod floor;
 mod normal;
 mod onboard;
 mod options;
+mod period;
 mod readings;
 mod stage;
 

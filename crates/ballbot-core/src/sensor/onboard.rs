@@ -5,6 +5,7 @@ use super::encoders::Encoders;
 use super::estimator::{Estimator, EstimatorOptions, MAX_DT};
 use super::normal::Draws;
 use super::options::SensorOptions;
+use super::period::Period;
 use super::readings::Readings;
 use super::{EpisodeStart, Sensor};
 use crate::error::{Result, check};
@@ -20,6 +21,9 @@ pub struct Onboard {
     gyro: Axes,
     accelerometer: Axes,
     encoders: Encoders,
+    /// Of gyroscope and accelerometer.
+    imu_period: Period,
+    encoder_period: Period,
     /// Of gyroscope and accelerometer, body frame, m.
     place: [f64; 3],
     /// Standard deviation of each angle of the mounting, rad.
@@ -53,9 +57,11 @@ const ALIGNMENT: usize = 12;
 const VELOCITY: usize = 16;
 const ATTITUDE: usize = 19;
 const ENCODERS: usize = 23;
+/// Sum of the specific forces since the last sample, if not every control step has one.
+const FORCES: usize = ENCODERS + Encoders::MEMORY;
 /// The readings that are out.
-const READ: usize = ENCODERS + Encoders::MEMORY;
-/// The readings that are under way, newest first; then what the estimator keeps.
+const READ: usize = FORCES + 3;
+/// The readings that are under way, newest first, from that of the last step on; then what the estimator keeps.
 const UNDER_WAY: usize = READ + NUMBERS;
 
 /// Least errors that an estimator expects, rad/s, m/s², rad, and rad or m/s.
@@ -73,21 +79,25 @@ impl Onboard {
     ///
     /// # Errors
     /// Those of [`SensorOptions::validate`], [`SensorOptions::latency_steps`] and [`Estimator::new`];
-    /// [`crate::Error::OutOfRange`] for `control_dt` above 1 s with an estimator.
+    /// [`crate::Error::OutOfRange`] for `control_dt` above 1 s and for sensors without a sample in every control step with an estimator.
     pub fn new(options: &SensorOptions, control_dt: f64, observed: Option<&Params>) -> Result<Self> {
         options.validate()?;
         if observed.is_some() {
             let limit = format_args!("> 0 and <= {MAX_DT} s with observation = sensors");
             check("control_dt", control_dt, limit, |dt| dt > 0.0 && dt <= MAX_DT)?;
+            options.check_sampled_each_step(control_dt)?;
         }
         let o = options;
+        let [imu_period, encoder_period] = o.periods(control_dt);
         let gyro = [o.gyro_noise, o.gyro_bias, o.gyro_bias_walk, o.gyro_range];
         let accelerometer =
             [o.accelerometer_noise, o.accelerometer_bias, o.accelerometer_bias_walk, o.accelerometer_range];
         Ok(Self {
-            gyro: Axes::new(gyro, control_dt, GYRO),
-            accelerometer: Axes::new(accelerometer, control_dt, ACCELEROMETER),
-            encoders: Encoders::new(o.encoder_ticks, control_dt),
+            gyro: Axes::new(gyro, control_dt, imu_period, GYRO),
+            accelerometer: Axes::new(accelerometer, control_dt, imu_period, ACCELEROMETER),
+            encoders: Encoders::new(o.encoder_ticks, encoder_period),
+            imu_period,
+            encoder_period,
             place: o.imu_position,
             misalignment: o.imu_misalignment,
             latency: o.latency_steps(control_dt)?,
@@ -112,9 +122,16 @@ impl Onboard {
         state.body_velocity + state.body_quaternion.rotation().apply(state.body_angular_velocity.cross(place))
     }
 
-    /// What the sensors read at the end of a control step.
+    /// What the sensors read at the end of a control step, after `before` others.
     #[inline(always)]
-    fn measure<L: Lane>(&self, state: &LaneState<L>, draws: &Draws<L>, memory: &mut Memory<'_, L>) -> Readings<L> {
+    fn measure<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        draws: &Draws<L>,
+        before: L,
+        memory: &mut Memory<'_, L>,
+    ) -> Readings<L> {
+        let imu_due = self.imu_period.due(before);
         let (velocity, attitude) = (self.velocity(state), state.body_quaternion);
         let halfway = memory.quaternion(ATTITUDE).halfway(attitude).rotation();
         let per_second = velocity.x.splat(1.0 / self.dt);
@@ -124,14 +141,44 @@ impl Onboard {
         memory.set_quaternion(ATTITUDE, attitude);
 
         let (mut rate, mut force) = (state.body_angular_velocity, halfway.apply_transposed(acceleration));
+        if let Some(due) = imu_due {
+            force = self.mean_force(force, before, due, memory);
+        }
         if self.misalignment > 0.0 {
             let alignment = memory.quaternion(ALIGNMENT).rotation();
             (rate, force) = (alignment.apply_transposed(rate), alignment.apply_transposed(force));
         }
-        let gyro = self.gyro.read(rate, draws, memory, GYRO_BIAS);
-        let specific_force = self.accelerometer.read(force, draws, memory, ACCELEROMETER_BIAS);
-        let (wheel_angles, wheel_rates) = self.encoders.read(state.wheel_angles, memory, ENCODERS);
+        let mut gyro = self.gyro.read(rate, draws, memory, GYRO_BIAS);
+        let mut specific_force = self.accelerometer.read(force, draws, memory, ACCELEROMETER_BIAS);
+        if let Some(due) = imu_due {
+            gyro = Vec3::select(due, gyro, memory.vector(self.held()));
+            specific_force = Vec3::select(due, specific_force, memory.vector(self.held() + 3));
+        }
+        let due = self.encoder_period.due(before);
+        let (wheel_angles, mut wheel_rates) = self.encoders.read(state.wheel_angles, due, memory, ENCODERS);
+        if let Some(due) = due {
+            for (wheel, rate) in wheel_rates.iter_mut().enumerate() {
+                *rate = L::select(due, *rate, memory.get(self.held() + 9 + wheel));
+            }
+        }
         Readings { gyro, specific_force, wheel_angles, wheel_rates }
+    }
+
+    /// The first number of the readings of the last step without latency.
+    #[inline(always)]
+    fn held(&self) -> usize {
+        if self.latency > 0 { UNDER_WAY } else { READ }
+    }
+
+    /// Mean of the specific forces of the control steps since the last sample, each in the body frame of its step; with
+    /// `force`, that of the present one.
+    #[inline(always)]
+    fn mean_force<L: Lane>(&self, force: Vec3<L>, before: L, due: L::Mask, memory: &mut Memory<'_, L>) -> Vec3<L> {
+        let zero = before.zero();
+        let sum = memory.vector(FORCES) + force;
+        memory.set_vector(FORCES, Vec3::select(due, Vec3::zero(zero), sum));
+        // The first sample is that of one step.
+        Vec3::select(before.le(zero), force, sum * zero.splat(1.0 / self.imu_period.steps()))
     }
 
     /// The readings of a latency ago; those of the start of the episode before that.
@@ -175,7 +222,7 @@ impl Sensor for Onboard {
                 let half = Vec3::new(a, b, c) * (0.5 * self.misalignment);
                 let upright = Quat { w: 1.0, v: Vec3::new(0.0, 0.0, 0.0) };
                 let [p, q, r, _] = draws.units(PHASES);
-                self.encoders.begin(state.wheel_angles, state.wheel_speeds, [p, q, r], &mut memory[ENCODERS..READ]);
+                self.encoders.begin(state.wheel_angles, state.wheel_speeds, [p, q, r], &mut memory[ENCODERS..FORCES]);
                 let mut memory = Memory::<f64>::new(Scalar, memory);
                 memory.set3(GYRO_BIAS, self.gyro.first_bias(&draws));
                 memory.set3(ACCELEROMETER_BIAS, self.accelerometer.first_bias(&draws));
@@ -204,7 +251,7 @@ impl Sensor for Onboard {
         memory.set(COUNT, count);
         let key = [memory.get(KEY), memory.get(KEY + 1)];
         let draws = Draws::new(memory.token(), key, memory.get(EPISODE), count);
-        let present = self.measure(state, &draws, memory);
+        let present = self.measure(state, &draws, before, memory);
         let read = self.delayed(&present, before.le(before.zero()), memory);
         for (k, number) in numbers(&read).into_iter().enumerate() {
             memory.set(READ + k, number);

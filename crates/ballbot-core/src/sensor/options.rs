@@ -1,5 +1,6 @@
 //! Options of the sensors.
 
+use super::period::Period;
 use crate::error::{Error, Result, check};
 use crate::fields;
 use crate::fields::{Fields, Limit};
@@ -8,6 +9,9 @@ use std::path::Path;
 
 /// Least range of a sensor that has one.
 const LEAST_RANGE: f64 = 1e-6;
+
+/// Least rate of the samples of a sensor that has one, Hz.
+const LEAST_RATE: f64 = 1e-3;
 
 /// What a name of sensors stands for in messages.
 const KIND: &str = "sensors";
@@ -22,7 +26,8 @@ fields! {
     /// What a gyroscope, an accelerometer and three encoders read. The default is exact. SI units and radians; the three
     /// axes of a sensor are alike and independent, and so are the encoders.
     pub struct SensorOptions {
-        /// Density of the gyroscope's white noise; a reading has the standard deviation `gyro_noise` / √`control_dt`.
+        /// Density of the gyroscope's white noise; a sample has the standard deviation `gyro_noise` / √T, T the time
+        /// between two samples.
         pub gyro_noise: f64 = 0.0, "rad/s/√Hz", Limit::NOT_NEGATIVE.to(1e3);
         /// Standard deviation of the gyroscope's bias at the start of an episode, drawn for each.
         pub gyro_bias: f64 = 0.0, "rad/s", Limit::NOT_NEGATIVE.to(1e3);
@@ -30,8 +35,8 @@ fields! {
         pub gyro_bias_walk: f64 = 0.0, "rad/s/√s", Limit::NOT_NEGATIVE.to(1e3);
         /// Largest magnitude that the gyroscope reads about an axis; 0: any.
         pub gyro_range: f64 = 0.0, "rad/s", Limit::NOT_NEGATIVE.to(1e6);
-        /// Density of the accelerometer's white noise; a reading has the standard deviation `accelerometer_noise` /
-        /// √`control_dt`.
+        /// Density of the accelerometer's white noise; a sample has the standard deviation `accelerometer_noise` / √T, T
+        /// the time between two samples.
         pub accelerometer_noise: f64 = 0.0, "m/s²/√Hz", Limit::NOT_NEGATIVE.to(1e4);
         /// Standard deviation of the accelerometer's bias at the start of an episode, drawn for each.
         pub accelerometer_bias: f64 = 0.0, "m/s²", Limit::NOT_NEGATIVE.to(1e4);
@@ -44,8 +49,13 @@ fields! {
         /// Standard deviation of the angle about each body axis by which gyroscope and accelerometer are mounted wrongly,
         /// drawn for each episode.
         pub imu_misalignment: f64 = 0.0, "rad", Limit::NOT_NEGATIVE.to(0.1);
+        /// Samples of gyroscope and accelerometer in a second, held in between; 0: one at each control step, and no more at
+        /// rates above.
+        pub imu_rate: f64 = 0.0, "Hz", Limit::NOT_NEGATIVE.to(1e6);
         /// Ticks of an encoder in one turn of its wheel, gear included; 0: exact angles.
         pub encoder_ticks: f64 = 0.0, "", Limit::NOT_NEGATIVE.to(1e9);
+        /// Samples of the encoders in a second, held in between; 0: one at each control step, and no more at rates above.
+        pub encoder_rate: f64 = 0.0, "Hz", Limit::NOT_NEGATIVE.to(1e6);
         /// Age of the readings of all sensors, a whole number of control steps; at most 100 of them.
         pub latency: f64 = 0.0, "s", Limit::NOT_NEGATIVE.to(100.0);
     }
@@ -121,6 +131,24 @@ impl SensorOptions {
         Self::from_fields(fields.iter().map(|(name, values)| (name.as_str(), values.as_slice())))
     }
 
+    /// Times between two samples of gyroscope and accelerometer and of the encoders, in control steps of `control_dt` (s).
+    pub(super) fn periods(&self, control_dt: f64) -> [Period; 2] {
+        [self.imu_rate, self.encoder_rate].map(|rate| Period::new(rate, control_dt))
+    }
+
+    /// Checks that there is a sample of every sensor at every control step, as the estimator takes them.
+    pub(super) fn check_sampled_each_step(&self, control_dt: f64) -> Result<()> {
+        let [imu, encoder] = self.periods(control_dt);
+        for (name, rate, period) in [("imu_rate", self.imu_rate, imu), ("encoder_rate", self.encoder_rate, encoder)] {
+            let limit = format_args!(
+                "0 or at least the control rate, {} Hz, with observation = sensors (control_dt = {control_dt} s)",
+                1.0 / control_dt
+            );
+            check(qualified(name), rate, limit, |_| period.is_one_step())?;
+        }
+        Ok(())
+    }
+
     /// All numbers, in the order of the fields.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
         (0..Self::FIELDS.len()).flat_map(|index| self.values(index)).copied()
@@ -157,6 +185,11 @@ impl SensorOptions {
         {
             check(qualified(name), range, format_args!("0 (any) or at least {LEAST_RANGE} {unit}"), |r| {
                 r == 0.0 || r >= LEAST_RANGE
+            })?;
+        }
+        for (name, rate) in [("imu_rate", self.imu_rate), ("encoder_rate", self.encoder_rate)] {
+            check(qualified(name), rate, format_args!("0 (every control step) or at least {LEAST_RATE} Hz"), |r| {
+                r == 0.0 || r >= LEAST_RATE
             })?;
         }
         check(qualified("encoder_ticks"), self.encoder_ticks, "0 (exact) or at least 1", |n| n == 0.0 || n >= 1.0)?;

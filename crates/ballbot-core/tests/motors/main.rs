@@ -5,6 +5,7 @@ mod closed_forms;
 mod gravity;
 mod jitter;
 mod options;
+mod rates;
 mod readings;
 #[path = "../support/run.rs"]
 mod run;

@@ -11,10 +11,10 @@ use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use std::f64::consts::{PI, TAU};
 
 /// Duration of a control step, s.
-const DT: f64 = 0.01;
+pub(super) const DT: f64 = 0.01;
 /// Robots and steps of the statistics: their runs with and without errors are the same motion.
-const ROBOTS: usize = 400;
-const STEPS: usize = 25;
+pub(super) const ROBOTS: usize = 400;
+pub(super) const STEPS: usize = 25;
 
 /// Readings of a single robot.
 struct Robot {
@@ -47,7 +47,7 @@ fn numbers(readings: &Readings<f64>) -> [f64; 12] {
     [w.x, w.y, w.z, s.x, s.y, s.z, a, b, c, d, e, f]
 }
 
-fn assert_near(found: &[f64], expected: &[f64], limit: f64) {
+pub(super) fn assert_near(found: &[f64], expected: &[f64], limit: f64) {
     for (k, (found, expected)) in found.iter().zip(expected).enumerate() {
         assert!((found - expected).abs() <= limit, "number {k}: {found}, expected {expected}");
     }
@@ -179,7 +179,7 @@ fn misaligned_axes_are_turned_together() {
 }
 
 /// Readings of all robots in all steps, the first ones included.
-fn run(sensors: &SensorOptions) -> Vec<[f64; 12]> {
+pub(super) fn run(sensors: &SensorOptions) -> Vec<[f64; 12]> {
     let config = BalanceConfig {
         model: ModelKind::Contact,
         sensors: Some(sensors.clone()),
@@ -209,7 +209,7 @@ fn errors(options: &SensorOptions, exact: &[[f64; 12]], sensor: usize) -> Vec<Ve
 }
 
 /// Checks mean and standard deviation of normal numbers within five standard errors.
-fn assert_normal(numbers: &[f64], deviation: f64, what: &str) {
+pub(super) fn assert_normal(numbers: &[f64], deviation: f64, what: &str) {
     let count = numbers.len() as f64;
     let mean = numbers.iter().sum::<f64>() / count;
     let variance = numbers.iter().map(|x| x * x).sum::<f64>() / count;
@@ -300,10 +300,13 @@ fn robots_that_were_never_reset_read_and_are_estimated_at_rest() {
 fn latency_delays_all_readings() {
     let options = SensorOptions { gyro_noise: 0.01, accelerometer_bias: 0.1, ..SensorOptions::default() };
     let present = run(&options);
-    let delayed = run(&SensorOptions { latency: 3.0 * DT, ..options });
-    for k in 0..=STEPS {
-        let then = k.saturating_sub(3) * ROBOTS;
-        assert_eq!(delayed[k * ROBOTS..][..ROBOTS], present[then..][..ROBOTS], "step {k}");
+    let slow = SensorOptions { imu_rate: 25.0, encoder_rate: 50.0, ..options };
+    for (options, present) in [(options, present), (slow.clone(), run(&slow))] {
+        let delayed = run(&SensorOptions { latency: 3.0 * DT, ..options });
+        for k in 0..=STEPS {
+            let then = k.saturating_sub(3) * ROBOTS;
+            assert_eq!(delayed[k * ROBOTS..][..ROBOTS], present[then..][..ROBOTS], "step {k}");
+        }
     }
 }
 

@@ -27,7 +27,9 @@ fn everything() -> SensorOptions {
         accelerometer_range: 30.0,
         imu_position: [0.01, 0.0, 0.2],
         imu_misalignment: 0.02,
+        imu_rate: 200.0,
         encoder_ticks: 4096.0,
+        encoder_rate: 1e3,
         latency: 0.02,
     }
 }
@@ -44,6 +46,17 @@ fn config(model: ModelKind) -> BalanceConfig {
         task: Balance { fall_tilt: 0.15, ..Balance::default() },
         ..BalanceConfig::default()
     }
+}
+
+/// The same with samples in every second and every third control step, which no estimator takes.
+fn slow(model: ModelKind) -> BalanceConfig {
+    let sensors = SensorOptions { imu_rate: 50.0, encoder_rate: 33.0, ..everything() };
+    BalanceConfig { sensors: Some(sensors), observation: Observation::GroundTruth, ..config(model) }
+}
+
+/// Models, how many robots of each, and configurations: observed by sensors, and with slower ones.
+fn configs() -> impl Iterator<Item = (ModelKind, usize, BalanceConfig)> {
+    models().into_iter().flat_map(|(model, n)| [config(model), slow(model)].map(|config| (model, n, config)))
 }
 
 fn batch(config: &BalanceConfig, n: usize, mode: Autoreset) -> Run {
@@ -95,8 +108,8 @@ fn sensors_leave_all_else_alone() {
 
 #[test]
 fn sensors_in_lanes_equal_single_environments() {
-    for (model, n) in models() {
-        let config = BalanceConfig { task: Balance { fall_tilt: PI, ..Balance::default() }, ..config(model) };
+    for (model, n, config) in configs() {
+        let config = BalanceConfig { task: Balance { fall_tilt: PI, ..Balance::default() }, ..config };
         let mut run = batch(&config, n, Autoreset::Disabled);
         let mut singles: Vec<_> = (0..n).map(|i| Environment::new(&config, SEED + i as u64).unwrap()).collect();
         let mut row = vec![0.0; 3 * ROWS];
@@ -105,6 +118,10 @@ fn sensors_in_lanes_equal_single_environments() {
             assert_eq!(row, run.observation(i), "{model}: environment {i}");
         }
         for k in 0..20 {
+            // From then on the samples of robots side by side are due in different steps.
+            let again: Vec<_> = (0..n).map(|i| [(1, 7), (2, 8)].contains(&(i % 3, k))).collect();
+            run.reset(&again);
+            singles.iter_mut().zip(&again).filter(|(_, again)| **again).for_each(|(single, _)| single.reset(&mut row));
             let actions = actions(0, n, k, 0.05);
             run.step(&actions).unwrap();
             for (i, single) in singles.iter_mut().enumerate() {
@@ -120,10 +137,10 @@ fn sensors_in_lanes_equal_single_environments() {
 /// After any kind of reset, what is read does not depend on the episode before, only on its number.
 #[test]
 fn resets_empty_the_memory() {
-    for (model, n) in models() {
+    for (model, n, config) in configs() {
         for mode in [Autoreset::SameStep, Autoreset::NextStep, Autoreset::Disabled] {
             let task = Balance { fall_tilt: PI, ..Balance::default() };
-            let config = BalanceConfig { max_episode_steps: 4, task, ..config(model) };
+            let config = BalanceConfig { max_episode_steps: 4, task, ..config.clone() };
             let (mut run, mut calm) = (batch(&config, n, mode), batch(&config, n, mode));
             for k in 0..if mode == Autoreset::NextStep { 5 } else { 4 } {
                 run.step(&actions(0, n, k, 1.0)).unwrap();
@@ -188,8 +205,7 @@ fn errors_follow_seed_and_episode() {
 
 #[test]
 fn snapshots_carry_the_memory() {
-    for (model, n) in models() {
-        let config = config(model);
+    for (model, n, config) in configs() {
         let (mut run, mut other) = (batch(&config, n, Autoreset::SameStep), batch(&config, n, Autoreset::SameStep));
         for k in 0..7 {
             run.step(&actions(0, n, k, 0.2)).unwrap();
@@ -205,11 +221,19 @@ fn snapshots_carry_the_memory() {
             }
             assert!(shown(&run) == shown(&other), "{model}: step {k}");
         }
+    }
+}
+
+#[test]
+fn snapshots_do_not_go_to_other_sensors() {
+    for (model, n) in models() {
+        let config = config(model);
+        let mut run = batch(&config, n, Autoreset::SameStep);
         let without = BalanceConfig { sensors: None, ..config.clone() };
         let truth = BalanceConfig { observation: Observation::GroundTruth, ..config.clone() };
         let short = BalanceConfig { history: 2, ..config.clone() };
         let exact = BalanceConfig { sensors: Some(SensorOptions::default()), ..config.clone() };
-        for others in [without, truth, short, exact] {
+        for others in [without, truth, short, exact, slow(model)] {
             let mut others = batch(&others, n, Autoreset::SameStep);
             let (own, foreign) = (run.batch.save(0).unwrap(), others.batch.save(0).unwrap());
             for (bytes, to) in [(&own, &mut others), (&foreign, &mut run)] {
@@ -241,18 +265,19 @@ fn snapshots_do_not_go_to_the_estimator_of_another_robot() {
 
 #[test]
 fn sensors_do_not_depend_on_threads() {
-    let config = config(ModelKind::Contact);
-    let run = |threads: usize| {
-        let batch = Batch::new(&config, 517, Autoreset::SameStep, Some(threads), SEED);
+    let run = |config: &BalanceConfig, threads: usize| {
+        let batch = Batch::new(config, 517, Autoreset::SameStep, Some(threads), SEED);
         let mut run = Run::new(batch.unwrap());
         for k in 0..30 {
             run.step(&actions(0, 517, k, 0.2)).unwrap();
         }
         shown(&run)
     };
-    let expected = run(1);
-    for threads in [2, 3] {
-        assert!(run(threads) == expected, "{threads} threads");
+    for config in [config(ModelKind::Contact), slow(ModelKind::Contact)] {
+        let expected = run(&config, 1);
+        for threads in [2, 3] {
+            assert!(run(&config, threads) == expected, "{threads} threads");
+        }
     }
 }
 
@@ -343,6 +368,23 @@ fn every_bad_number_is_named() {
         refused(SensorOptions { latency, ..none.clone() }, &parts);
     }
     refused(SensorOptions { latency: 1.01, ..none }, &["= 101", "at most 100"]);
+    for name in ["imu_rate", "encoder_rate"] {
+        let rate = |rate: f64| {
+            let mut sensors = none.clone();
+            sensors.set(name, &[rate]).unwrap();
+            sensors
+        };
+        refused(rate(1e-4), &[&format!("sensors.{name} = 0.0001 "), "0 (every control step) or at least 0.001 Hz"]);
+        refused(rate(2e6), &[&format!("sensors.{name} = 2000000 "), "Hz"]);
+        let seen = |rate_of: f64| {
+            let observation = Observation::Sensors;
+            BalanceConfig { sensors: Some(rate(rate_of)), observation, ..BalanceConfig::default() }
+        };
+        assert_refused(&seen(50.0), &[&format!("sensors.{name} = 50 "), "at least the control rate, 100 Hz"]);
+        for taken in [100.0, 150.0, 1e6] {
+            batch(&seen(taken), 1, Autoreset::SameStep);
+        }
+    }
     for history in [0, 1001] {
         let config = BalanceConfig { history, ..BalanceConfig::default() };
         assert_refused(&config, &[&format!("history = {history}"), "from 1 to 1000"]);
