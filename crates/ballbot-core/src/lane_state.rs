@@ -81,11 +81,9 @@ impl<L: Lane> LaneRobot<L> {
     /// Reads what [`LaneRobot::store`] wrote.
     #[inline(always)]
     pub fn load(token: L::Token, state: &StateCells<L::Cell>, conditions: &ConditionCells<L::Cell>) -> Self {
-        let holds = |cell| {
-            let value = L::load(token, cell);
-            value.zero().lt(value)
-        };
-        Self { state: state.load(token), healthy: holds(&conditions.healthy), on_floor: holds(&conditions.on_floor) }
+        let (healthy, on_floor) = (L::load(token, &conditions.healthy), L::load(token, &conditions.on_floor));
+        let zero = healthy.zero();
+        Self { state: state.load(token), healthy: zero.lt(healthy), on_floor: zero.lt(on_floor) }
     }
 
     /// Writes state and conditions.
