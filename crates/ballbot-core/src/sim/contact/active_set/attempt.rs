@@ -134,19 +134,21 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
             violation = violation.max(self.joint_violation(&modes.joints, &mut trial, &solution));
         }
         let tolerance = (self.static_impulse + size) * TOLERANCE;
-        let bounded = |i: usize| {
+        let mut bounded = [normals, drives];
+        for i in 0..3 {
             let normal = normals[i].max(zero);
             let limit = friction.wheels[i] * normal;
-            (normal, drives[i].min(limit).max(-limit))
-        };
-        let [(n0, d0), (n1, d1), (n2, d2)] = [bounded(0), bounded(1), bounded(2)];
+            bounded[0][i] = normal;
+            bounded[1][i] = drives[i].min(limit).max(-limit);
+        }
+        let [bounded_normals, bounded_drives] = bounded;
         let load = floor_trial[0].max(zero);
         let [x, y] = in_disc([floor_trial[1], floor_trial[2]], friction.floor * load);
         Attempt {
             impulses: PerRow {
                 floor: [load, x, y],
-                normals: [n0, n1, n2],
-                drives: [d0, d1, d2],
+                normals: bounded_normals,
+                drives: bounded_drives,
                 joints: [joints.x + 0.0, joints.y + 0.0, joints.z + 0.0],
             },
             trial,

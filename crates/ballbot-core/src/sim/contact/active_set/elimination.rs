@@ -35,18 +35,11 @@ impl<L: Lane> System<L> {
         let none = Vec3::zero(zero);
         let (nn, nd) = (&self.normal_normal.rows, &self.normal_drive.rows);
         let (dn, dd) = (&self.drive_normal.rows, &self.drive_drive.rows);
-        let pick = |mask: &[L::Mask; 3], yes: &[Vec3<L>; 3], no: &[Vec3<L>; 3]| {
-            Mat3::new(
-                Vec3::select(mask[0], yes[0], no[0]),
-                Vec3::select(mask[1], yes[1], no[1]),
-                Vec3::select(mask[2], yes[2], no[2]),
-            )
-        };
         let held = |mask: L::Mask, residual: L| L::select(mask, -residual, zero);
-        let a = pick(closed, nn, &unit);
-        let b = pick(closed, nd, &[none; 3]);
-        let c = pick(slips, &[unit[0] * -slopes[0], unit[1] * -slopes[1], unit[2] * -slopes[2]], dn);
-        let d = pick(slips, &unit, dd);
+        let a = rows_of::<L>(closed, nn, &unit);
+        let b = rows_of::<L>(closed, nd, &[none; 3]);
+        let c = rows_of::<L>(slips, &[unit[0] * -slopes[0], unit[1] * -slopes[1], unit[2] * -slopes[2]], dn);
+        let d = rows_of::<L>(slips, &unit, dd);
         let p = Vec3::new(
             held(closed[0], self.normals.x),
             held(closed[1], self.normals.y),
@@ -65,6 +58,13 @@ impl<L: Lane> System<L> {
             self.drives + self.drive_normal.times(normals) + self.drive_drive.times(drives),
         )
     }
+}
+
+/// The rows of `yes` where the mask is true, of `no` elsewhere.
+#[inline(always)]
+fn rows_of<L: Lane>(mask: &[L::Mask; 3], yes: &[Vec3<L>; 3], no: &[Vec3<L>; 3]) -> Mat3<L> {
+    let row = Vec3::select;
+    Mat3::new(row(mask[0], yes[0], no[0]), row(mask[1], yes[1], no[1]), row(mask[2], yes[2], no[2]))
 }
 
 /// Solution (x, y) of a x + b y = p and c x + d y = q.
@@ -182,20 +182,37 @@ impl<L: Lane> Floor<L> {
 /// Equations of the wheels' rows without floor rows of those effects.
 #[inline(always)]
 fn eliminated<L: Lane>(wheels: &System<L>, [e, f, g]: &[Coupling<L>; 3], [z, x, y]: &[Coupling<L>; 3]) -> System<L> {
-    let less = |matrix: &Mat3<L>, column: fn(&Coupling<L>) -> Vec3<L>, row: fn(&Coupling<L>) -> Vec3<L>| {
-        matrix.minus_outer(column(e), row(z)).minus_outer(column(f), row(x)).minus_outer(column(g), row(y))
-    };
-    let rest = |residual: Vec3<L>, column: fn(&Coupling<L>) -> Vec3<L>| {
-        residual.plus(column(e), -z.residual).plus(column(f), -x.residual).plus(column(g), -y.residual)
-    };
+    let (effect_normals, effect_drives) = ([e.normals, f.normals, g.normals], [e.drives, f.drives, g.drives]);
+    let (row_normals, row_drives) = ([z.normals, x.normals, y.normals], [z.drives, x.drives, y.drives]);
+    let residuals = [z.residual, x.residual, y.residual];
     System {
-        normal_normal: less(&wheels.normal_normal, |c| c.normals, |c| c.normals),
-        normal_drive: less(&wheels.normal_drive, |c| c.normals, |c| c.drives),
-        drive_normal: less(&wheels.drive_normal, |c| c.drives, |c| c.normals),
-        drive_drive: less(&wheels.drive_drive, |c| c.drives, |c| c.drives),
-        normals: rest(wheels.normals, |c| c.normals),
-        drives: rest(wheels.drives, |c| c.drives),
+        normal_normal: minus_outers(&wheels.normal_normal, &effect_normals, &row_normals),
+        normal_drive: minus_outers(&wheels.normal_drive, &effect_normals, &row_drives),
+        drive_normal: minus_outers(&wheels.drive_normal, &effect_drives, &row_normals),
+        drive_drive: minus_outers(&wheels.drive_drive, &effect_drives, &row_drives),
+        normals: minus_each(wheels.normals, &effect_normals, residuals),
+        drives: minus_each(wheels.drives, &effect_drives, residuals),
     }
+}
+
+/// Difference matrix − Σ column · row.
+#[inline(always)]
+fn minus_outers<L: Lane>(matrix: &Mat3<L>, columns: &[Vec3<L>; 3], rows: &[Vec3<L>; 3]) -> Mat3<L> {
+    let [a, b, c] = *columns;
+    matrix.minus_outer(a, rows[0]).minus_outer(b, rows[1]).minus_outer(c, rows[2])
+}
+
+/// Difference vector − Σ column · factor.
+#[inline(always)]
+fn minus_each<L: Lane>(vector: Vec3<L>, columns: &[Vec3<L>; 3], factors: [L; 3]) -> Vec3<L> {
+    vector.plus(columns[0], -factors[0]).plus(columns[1], -factors[1]).plus(columns[2], -factors[2])
+}
+
+/// The rows of `m` times factors.
+#[inline(always)]
+fn scaled<L: Lane>(m: &[[L; 3]; 3], factors: [L; 3]) -> Mat3<L> {
+    let row = |i: usize| Vec3::from(m[i]) * factors[i];
+    Mat3::new(row(0), row(1), row(2))
 }
 
 /// The wheel joints: their impulses as affine functions of those of the wheels' rows.
@@ -223,9 +240,7 @@ impl<L: Lane> Joints<L> {
         let factor = |i: usize| L::select(sticks[i], one, conditions.joint_friction.viscous);
         let own = |i: usize| L::select(sticks[i], zero, one);
         let (f, o) = ([factor(0), factor(1), factor(2)], [own(0), own(1), own(2)]);
-        let scaled =
-            |m: &[[L; 3]; 3]| Mat3::new(Vec3::from(m[0]) * f[0], Vec3::from(m[1]) * f[1], Vec3::from(m[2]) * f[2]);
-        let mut matrix = scaled(joint_joint);
+        let mut matrix = scaled(joint_joint, f);
         matrix.rows[0].x += o[0];
         matrix.rows[1].y += o[1];
         matrix.rows[2].z += o[2];
@@ -233,8 +248,8 @@ impl<L: Lane> Joints<L> {
         let inverse = matrix.inverse();
         Self {
             alone: inverse.times(Vec3::new(rest(0), rest(1), rest(2))),
-            normals: inverse.times_matrix(&scaled(joint_normal)),
-            drives: inverse.times_matrix(&scaled(joint_drive)),
+            normals: inverse.times_matrix(&scaled(joint_normal, f)),
+            drives: inverse.times_matrix(&scaled(joint_drive, f)),
         }
     }
 

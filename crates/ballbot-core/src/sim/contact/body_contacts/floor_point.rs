@@ -92,7 +92,6 @@ impl<L: Lane> Row<L> {
 pub fn floor_points<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, limit: L) -> [FloorPoint<L>; POINTS] {
     let rotation = &start.rotation;
     let height = start.pose.body.z;
-    let wheel = |i: usize| FloorPoint::of_wheel(c, rotation, height, limit, i);
     let frame = MastFrame::new(c, height);
     let up = frame.vector(rotation.rows[2]);
     let [dx, dy] = lowest_direction(up);
@@ -103,24 +102,30 @@ pub fn floor_points<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, li
         [dx.mul_add(cos, dy * sin), dy.mul_add(cos, -(dx * sin))],
     ];
     let radius = c.body_radius.at(dx);
-    let rim = |k: usize, end: L| {
-        let [x, y] = directions[k];
-        Vec3::new(x * radius, y * radius, end)
-    };
+    let rims = directions.map(
+        #[inline(always)]
+        |[x, y]| [x * radius, y * radius],
+    );
     // A cylinder stands on the rim of its lower end or lies on the lowest points of both.
     let (bottom, top) = (c.body_bottom.at(dx), c.body_top.at(dx));
     let inverted = up.z.lt(up.z.zero());
     let (lower, upper) = (L::select(inverted, top, bottom), L::select(inverted, bottom, top));
-    let (second, other) = (rim(1, lower), rim(0, upper));
+    let [[ax, ay], [bx, by], [cx, cy]] = rims;
+    let (first, second, third) = (Vec3::new(ax, ay, lower), Vec3::new(bx, by, lower), Vec3::new(cx, cy, lower));
+    let other = Vec3::new(ax, ay, upper);
     let lies = up.dot(other).lt(up.dot(second));
-    let body = |point: Vec3<L>, limit: L| FloorPoint::of_body(c, rotation, height, limit, frame.principal_point(point));
+    let arms = [first, Vec3::select(lies, other, second), third].map(
+        #[inline(always)]
+        |point| frame.principal_point(point),
+    );
+    let third_limit = L::select(lies, limit.splat(f64::NEG_INFINITY), limit);
     [
-        wheel(0),
-        wheel(1),
-        wheel(2),
-        body(rim(0, lower), limit),
-        body(Vec3::select(lies, other, second), limit),
-        body(rim(2, lower), L::select(lies, limit.splat(f64::NEG_INFINITY), limit)),
+        FloorPoint::of_wheel(c, rotation, height, limit, 0),
+        FloorPoint::of_wheel(c, rotation, height, limit, 1),
+        FloorPoint::of_wheel(c, rotation, height, limit, 2),
+        FloorPoint::of_body(c, rotation, height, limit, arms[0]),
+        FloorPoint::of_body(c, rotation, height, limit, arms[1]),
+        FloorPoint::of_body(c, rotation, height, third_limit, arms[2]),
     ]
 }
 
@@ -140,21 +145,27 @@ impl<L: Lane> FloorPoint<L> {
     fn of_wheel<V: Value<L>>(c: &Constants<V>, rotation: &Rotation<L>, height: L, limit: L, i: usize) -> Self {
         let (center, u) = (c.wheel_center(i, height), c.u(i, height));
         let radius = c.wheel_radius.at(height);
-        let row = |axis: usize| {
-            let across = rotation.rows[2].cross(rotation.rows[axis]);
-            let along = across.dot(u);
-            let arm = center.cross(rotation.rows[axis]) - (across - u * along) * radius;
-            Row::new(c, arm, along * radius)
-        };
+        let rows = [rotation.rows[2], rotation.rows[0], rotation.rows[1]].map(
+            #[inline(always)]
+            |axis| {
+                let across = rotation.rows[2].cross(axis);
+                let along = across.dot(u);
+                let arm = center.cross(axis) - (across - u * along) * radius;
+                Row::new(c, arm, along * radius)
+            },
+        );
         let gap = height + rotation.rows[2].dot(center) - radius;
-        Self::new(Some(i), gap, limit, [row(2), row(0), row(1)])
+        Self::new(Some(i), gap, limit, rows)
     }
 
     /// A point fixed to the body.
     #[inline(always)]
     fn of_body<V: Value<L>>(c: &Constants<V>, rotation: &Rotation<L>, height: L, limit: L, arm: Vec3<L>) -> Self {
-        let row = |axis: usize| Row::new(c, arm.cross(rotation.rows[axis]), height.zero());
-        Self::new(None, height + rotation.rows[2].dot(arm), limit, [row(2), row(0), row(1)])
+        let rows = [rotation.rows[2], rotation.rows[0], rotation.rows[1]].map(
+            #[inline(always)]
+            |axis| Row::new(c, arm.cross(axis), height.zero()),
+        );
+        Self::new(None, height + rotation.rows[2].dot(arm), limit, rows)
     }
 
     #[inline(always)]
