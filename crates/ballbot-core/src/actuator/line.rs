@@ -118,7 +118,7 @@ impl Line {
         let goes_on = next.lt(step.splat(self.substeps as f64));
         memory.set(self.first, L::select(goes_on, next, step.zero()));
         let oldest = kept(self.commands - 1);
-        let mut out = [1, 2, 3].map(|k| memory.get(oldest + k));
+        let mut out = [memory.get(oldest + 1), memory.get(oldest + 2), memory.get(oldest + 3)];
         for age in (0..self.commands - 1).rev() {
             let arrived = memory.get(kept(age)).le(step + (age * self.substeps) as f64);
             for (wheel, command) in out.iter_mut().enumerate() {
@@ -132,11 +132,10 @@ impl Line {
     #[inline(always)]
     fn next_share<L: Lane>(&self, memory: &mut Memory<'_, L>) -> L {
         let first = self.first + 1;
-        let numbers = [0, 1, 2, 3].map(|k| {
-            let mut cell = L::Cell::default();
-            memory.get(first + k).store(&mut cell);
-            cell
-        });
+        let mut numbers = [L::Cell::default(); 4];
+        for (k, cell) in numbers.iter_mut().enumerate() {
+            memory.get(first + k).store(cell);
+        }
         let mut words = L::Cell::default();
         for i in 0..L::Cell::WIDTH {
             let [low, high, episode, count] = numbers.map(|cell| cell.get(i) as u32);

@@ -140,7 +140,7 @@ impl Actuator for Motors {
             Wait::None => commands,
             Wait::Fixed(delay) => Self::delayed(delay, commands, self.chain.memory_len(), memory),
             Wait::Random(line, time) => {
-                let [fixed, jitter] = [time.fixed, time.jitter].map(|steps| memory.splat(steps as f64));
+                let (fixed, jitter) = (memory.splat(time.fixed as f64), memory.splat(time.jitter as f64));
                 line.delayed(commands, fixed, jitter, memory)
             }
         };

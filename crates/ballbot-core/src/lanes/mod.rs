@@ -141,6 +141,13 @@ pub fn store3<L: Lane>([a, b, c]: [L; 3], cells: &mut [L::Cell; 3]) {
     c.store(&mut cells[2]);
 }
 
+/// Applies a function to three values. `map` of an array may not be inlined, and the function with it is then compiled for
+/// the baseline instruction set.
+#[inline(always)]
+pub fn map3<T, U>([a, b, c]: [T; 3], f: impl Fn(T) -> U) -> [U; 3] {
+    [f(a), f(b), f(c)]
+}
+
 /// Marks the branch that calls it as rare: the compiler does not inline what else is called there.
 #[cold]
 #[inline(never)]

@@ -31,7 +31,7 @@ impl<L: Lane> Draws<L> {
             value.store(&mut cell);
             cell
         };
-        let (key, episode, reading) = (self.key.map(cell), cell(self.episode), cell(self.reading));
+        let (key, episode, reading) = ([cell(self.key[0]), cell(self.key[1])], cell(self.episode), cell(self.reading));
         let mut parts = [[L::Cell::default(); 5]; 2];
         for i in 0..L::Cell::WIDTH {
             let words = words(key.map(|word| word.get(i)), episode.get(i), reading.get(i), block);
@@ -40,8 +40,14 @@ impl<L: Lane> Draws<L> {
                 part.iter_mut().zip(values).for_each(|(cell, value)| cell.set(i, value));
             }
         }
-        let [a, b] = parts.map(|part| pair(part.map(|cell| L::load(self.token, &cell))));
+        let [a, b] = [pair(self.loaded(&parts[0])), pair(self.loaded(&parts[1]))];
         [a[0], a[1], b[0], b[1]]
+    }
+
+    #[inline(always)]
+    fn loaded(&self, [a, b, c, d, e]: &[L::Cell; 5]) -> [L; 5] {
+        let load = L::load;
+        [load(self.token, a), load(self.token, b), load(self.token, c), load(self.token, d), load(self.token, e)]
     }
 }
 

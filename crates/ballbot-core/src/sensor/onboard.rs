@@ -118,7 +118,8 @@ impl Onboard {
     #[inline(always)]
     fn velocity<L: Lane>(&self, state: &LaneState<L>) -> Vec3<L> {
         let like = state.body_velocity.x;
-        let place = Vec3::from(self.place.map(|p| like.splat(p)));
+        let [x, y, z] = self.place;
+        let place = Vec3::new(like.splat(x), like.splat(y), like.splat(z));
         state.body_velocity + state.body_quaternion.rotation().apply(state.body_angular_velocity.cross(place))
     }
 

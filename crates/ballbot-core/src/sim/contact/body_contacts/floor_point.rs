@@ -1,7 +1,7 @@
 //! Contact points of bot and floor: one per wheel, and three on the rims of the body cylinder.
 
 use super::mast::MastFrame;
-use crate::lanes::{Lane, Rotation, Value, Vec3};
+use crate::lanes::{Lane, Rotation, Value, Vec3, map3};
 use crate::sim::contact::constants::{Constants, at3};
 use crate::sim::contact::friction::in_disc;
 use crate::sim::contact::phases::Start;
@@ -102,7 +102,8 @@ pub fn floor_points<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, li
         [dx.mul_add(cos, dy * sin), dy.mul_add(cos, -(dx * sin))],
     ];
     let radius = c.body_radius.at(dx);
-    let rims = directions.map(
+    let rims = map3(
+        directions,
         #[inline(always)]
         |[x, y]| [x * radius, y * radius],
     );
@@ -114,7 +115,8 @@ pub fn floor_points<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, li
     let (first, second, third) = (Vec3::new(ax, ay, lower), Vec3::new(bx, by, lower), Vec3::new(cx, cy, lower));
     let other = Vec3::new(ax, ay, upper);
     let lies = up.dot(other).lt(up.dot(second));
-    let arms = [first, Vec3::select(lies, other, second), third].map(
+    let arms = map3(
+        [first, Vec3::select(lies, other, second), third],
         #[inline(always)]
         |point| frame.principal_point(point),
     );
@@ -145,7 +147,8 @@ impl<L: Lane> FloorPoint<L> {
     fn of_wheel<V: Value<L>>(c: &Constants<V>, rotation: &Rotation<L>, height: L, limit: L, i: usize) -> Self {
         let (center, u) = (c.wheel_center(i, height), c.u(i, height));
         let radius = c.wheel_radius.at(height);
-        let rows = [rotation.rows[2], rotation.rows[0], rotation.rows[1]].map(
+        let rows = map3(
+            [rotation.rows[2], rotation.rows[0], rotation.rows[1]],
             #[inline(always)]
             |axis| {
                 let across = rotation.rows[2].cross(axis);
@@ -161,7 +164,8 @@ impl<L: Lane> FloorPoint<L> {
     /// A point fixed to the body.
     #[inline(always)]
     fn of_body<V: Value<L>>(c: &Constants<V>, rotation: &Rotation<L>, height: L, limit: L, arm: Vec3<L>) -> Self {
-        let rows = [rotation.rows[2], rotation.rows[0], rotation.rows[1]].map(
+        let rows = map3(
+            [rotation.rows[2], rotation.rows[0], rotation.rows[1]],
             #[inline(always)]
             |axis| Row::new(c, arm.cross(axis), height.zero()),
         );
