@@ -58,7 +58,7 @@ test: $(INSTALLED)
 	@sh tools/install_chromium.sh
 	cargo test --locked
 	CARGO_PROFILE_DEV_OPT_LEVEL=0 cargo test --locked --no-default-features --test features
-	$(BIN)/pytest --numprocesses 2 --dist loadfile
+	$(BIN)/pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 lint: $(INSTALLED)
 	@cargo fmt --version >/dev/null 2>&1 || { echo "rustfmt is missing: rustup component add rustfmt" >&2; exit 1; }

@@ -14,13 +14,26 @@ from validation.robots import (
     friction,
     lag,
     products_of_inertia,
+    rollers,
+    rolling,
     strength,
     sweep,
     torque_speed,
     uneven_wheels,
 )
 
-MODULES = (com_offset, products_of_inertia, uneven_wheels, friction, delay, strength, lag, torque_speed)
+MODULES = (
+    com_offset,
+    products_of_inertia,
+    uneven_wheels,
+    friction,
+    rolling,
+    rollers,
+    delay,
+    strength,
+    lag,
+    torque_speed,
+)
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__.rpartition(".")[2])
