@@ -109,18 +109,18 @@ class Chromium:
             assert time.monotonic() < ends, f"waited {LIMIT} s for {expression}"
             time.sleep(0.05)
 
-    def place_of(self, expression: str) -> tuple[float, float]:
+    def place_of(self, expression: str, seconds: float = LIMIT) -> tuple[float, float]:
         """The center of an element, scrolled into view: once it can be clicked, and has stopped moving."""
         shown = f"(e => e && (e.scrollIntoView({{block: 'center'}}), e.getBoundingClientRect()))({expression})"
         center = f"(b => b && b.width > 0 ? [b.x + b.width / 2, b.y + b.height / 2] : null)({shown})"
         hit = "(([x, y], e) => e.contains(document.elementFromPoint(x, y)))"
         before = None
-        ends = time.monotonic() + LIMIT
+        ends = time.monotonic() + seconds
         while True:
             place = self.evaluate(center)
             if place is not None and place == before and self.evaluate(f"{hit}({json.dumps(place)}, {expression})"):
                 return place[0], place[1]
-            assert time.monotonic() < ends, f"waited {LIMIT} s for {expression} to be clickable"
+            assert time.monotonic() < ends, f"waited {seconds} s for {expression} to be clickable"
             before = place
             time.sleep(0.1)
 

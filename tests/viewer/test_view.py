@@ -27,7 +27,7 @@ from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.chromium import Chromium, find_browser  # noqa: E402
 from tests.support.paths import ASSETS  # noqa: E402
 from tests.support.view import ask  # noqa: E402
-from tests.support.waiting import wait_until  # noqa: E402
+from tests.support.waiting import LIMIT, wait_until  # noqa: E402
 
 
 @pytest.fixture
@@ -48,6 +48,19 @@ def button(name):
 
 def click(page, expression):
     page.click(*page.place_of(expression))
+
+
+def click_until(condition, page, *expressions):
+    """Clicks one after the other, and again where nothing follows: a busy page may move under a click."""
+    ends = time.monotonic() + LIMIT
+    while not condition():
+        assert time.monotonic() < ends, f"waited {LIMIT} s for what follows a click on {expressions}"
+        with contextlib.suppress(AssertionError):
+            for expression in expressions:
+                page.click(*page.place_of(expression, 5.0))
+        again = time.monotonic() + 5.0
+        while not condition() and time.monotonic() < again:
+            time.sleep(0.05)
 
 
 def choose(page, label, option):
@@ -88,8 +101,7 @@ def test_the_page_in_a_browser(view, tmp_path):
         # A push at rest moves the robot.
         view.runner.submit(lambda session: session.reset((0.0, 0.0)))
         assert np.abs(state(view)[7:9]).max() < 1e-6
-        click(page, button("Push"))
-        wait_until(lambda: np.linalg.norm(state(view)[7:9]) > 0.01)
+        click_until(lambda: np.linalg.norm(state(view)[7:9]) > 0.01, page, button("Push"))
 
         # The text says what the session does.
         page.wait_for("[...document.querySelectorAll('input')].some(i => /s, running/.test(i.value))")
@@ -125,25 +137,22 @@ def test_the_page_in_a_browser(view, tmp_path):
             wait_until(lambda option=option, chosen=chosen: ask(view, chosen) == option)
 
         # A single step pauses; a replay stays open at its end.
-        click(page, button("Run"))
-        click(page, button("Step"))
-        wait_until(lambda: ask(view, lambda s: s.paused))
+        click_until(lambda: ask(view, lambda s: s.paused), page, button("Run"), button("Step"))
         time_ = ask(view, lambda s: s.time)
-        click(page, button("Step"))
-        wait_until(lambda: ask(view, lambda s: s.time) == pytest.approx(time_ + 0.01))
+        click_until(lambda: ask(view, lambda s: s.time) == pytest.approx(time_ + 0.01), page, button("Step"))
         view.runner.submit(lambda session: setattr(session, "paused", False))
-        click(page, button("Record"))
-        click(page, "[...document.querySelectorAll('button')].filter(b => b.innerText.trim() === 'Record')[1]")
+        record = "[...document.querySelectorAll('button')].filter(b => b.innerText.trim() === 'Record')[1]"
+        click_until(lambda: ask(view, lambda s: s.is_recording), page, button("Record"), record)
         wait_until(lambda: ask(view, lambda s: s.recording.duration) > 0.3)
-        click(page, button("Replay"))
+        click_until(lambda: ask(view, lambda s: s.replay_time is not None), page, button("Replay"))
         at_end = lambda s: s.replay_time is not None and s.replay_time == s.recording.duration  # noqa: E731
         wait_until(lambda: ask(view, at_end))
         page.wait_for("[...document.querySelectorAll('input')].some(i => /replay/.test(i.value))")
-        click(page, button("Back to the simulation"))
-        wait_until(lambda: ask(view, lambda s: s.replay_time is None))
+        click_until(lambda: ask(view, lambda s: s.replay_time is None), page, button("Back to the simulation"))
 
         # Plots draw.
-        click(page, button("Plots"))
+        shown = "document.querySelectorAll('.js-plotly-plot').length"
+        click_until(lambda: page.evaluate(f"{shown} > 0"), page, button("Plots"))
         page.wait_for("document.querySelectorAll('.js-plotly-plot .scatterlayer path.js-line').length >= 15")
         page.screenshot(tmp_path / "plots.png")
         assert page.errors == []
