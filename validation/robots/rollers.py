@@ -10,16 +10,12 @@ $\mu_0$.
 """
 
 import math
-from typing import TYPE_CHECKING
 
 import ballbot_rs as bb
 from validation.claim import Claim
 from validation.robots.energy import drag
 from validation.robots.sweep import PAPER, Measured, Sweep, drawn
 from validation.topic import Findings
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SWEEP = Sweep(
     "friction coefficient of the rollers",
@@ -60,17 +56,7 @@ def claims() -> list[Claim]:
 
 def run() -> Findings:
     """Sweeps the friction of the rollers."""
-    measured = Measured(SWEEP)
     robots = [PAPER.replace(roller_friction=friction) for friction in SWEEP.values]
     lines = [closed_form(params, 0.2) for params in robots]
     dots = [roller_drag(params, "contact", 0.2) for params in robots]
-
-    def draw(fig: "Figure") -> None:
-        left, middle, right = fig.subplots(1, 3)
-        left.plot(SWEEP.values, lines, label="closed form")
-        left.plot(SWEEP.values, dots, "o", label="contact")
-        left.set(xlabel=SWEEP.label, ylabel="drag at 0.2 m/s (N)")
-        left.legend()
-        measured.draw(middle, right)
-
-    return Findings(claims(), draw, measured.markdown(), (11.0, 3.2))
+    return Measured(SWEEP).findings(claims(), "drag at 0.2 m/s (N)", lines, dots)

@@ -11,16 +11,11 @@ position rms of LQR is 0.0324 m at 2 mm, not 0.0298 m (`--env-option sim_dt=0.00
 LQR, because dry friction has no derivative at rest.
 """
 
-from typing import TYPE_CHECKING
-
 import ballbot_rs as bb
 from validation.claim import Claim
 from validation.robots.energy import drag
 from validation.robots.sweep import PAPER, Measured, Sweep, drawn
 from validation.topic import Findings
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SWEEP = Sweep(
     "coefficient of rolling friction (mm)",
@@ -64,16 +59,6 @@ def claims() -> list[Claim]:
 
 def run() -> Findings:
     """Sweeps the rolling friction."""
-    measured = Measured(SWEEP)
     lines = [1e-3 * mm / PAPER.ball_radius * _WEIGHT for mm in SWEEP.values]
     dots = [rolling_drag("contact", mm) for mm in SWEEP.values]
-
-    def draw(fig: "Figure") -> None:
-        left, middle, right = fig.subplots(1, 3)
-        left.plot(SWEEP.values, lines, label="closed form")
-        left.plot(SWEEP.values, dots, "o", label="contact")
-        left.set(xlabel=SWEEP.label, ylabel="drag (N)")
-        left.legend()
-        measured.draw(middle, right)
-
-    return Findings(claims(), draw, measured.markdown(), (11.0, 3.2))
+    return Measured(SWEEP).findings(claims(), "drag (N)", lines, dots)

@@ -9,11 +9,14 @@ import numpy as np
 
 import ballbot_rs as bb
 from ballbot_rs.analysis.episodes import Result
+from validation.claim import Claim
 from validation.page import number, table
 from validation.search import largest
+from validation.topic import Findings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 PAPER = bb.Params.paper()
 POLICY = Path(__file__).parents[2] / "assets" / "policies" / "balance.onnx"
@@ -112,6 +115,19 @@ class Measured:
     def _edge_text(self, name: str) -> str:
         edge = self.edges[name]
         return "none" if edge is None else number(edge, 3)
+
+    def findings(self, claims: list[Claim], label: str, lines: Sequence[float], dots: Sequence[float]) -> Findings:
+        """Closed form and simulation of a quantity over the values, beside the episodes."""
+
+        def draw(fig: "Figure") -> None:
+            left, middle, right = fig.subplots(1, 3)
+            left.plot(self.sweep.values, lines, label="closed form")
+            left.plot(self.sweep.values, dots, "o", label="contact")
+            left.set(xlabel=self.sweep.label, ylabel=label)
+            left.legend()
+            self.draw(middle, right)
+
+        return Findings(claims, draw, self.markdown(), (11.0, 3.2))
 
     def draw(self, upright: "Axes", position: "Axes") -> None:
         """Shares of upright robots, and how far their balls are from the setpoint, over the values."""
