@@ -991,6 +991,10 @@ class Batch:
         """Options of the motors of environment `index`, every one with its value: those of the batch, or what events made of
         them.
         """
+    def sensors(self, index: int = 0) -> dict[str, Any]:
+        """Options of the sensors of environment `index`, every one with its value: those of the batch, exact ones without, or what
+        events made of them.
+        """
     def set_params(self, index: int, params: _Robot) -> None:
         """Replaces the parameters of the robot of environment `index`; they outlive resets, and are those that events draw
         from.

@@ -32,6 +32,24 @@ def same(found, expected):
         np.testing.assert_array_equal(found[term], expected[term], err_msg=term)
 
 
+def test_sensors_of_each_robot_are_drawn():
+    events = [{"term": "sensors.gyro_noise", "range": [0.0, 0.01]}, {"term": "sensors.latency", "range": [0.0, 0.03]}]
+    with pytest.raises(ValueError, match="the robots have none"):
+        bb.Batch(2, events=events)
+    batch = bb.Batch(8, events=events, sensors="kugle", observation="sensors", seed=SEED)
+    batch.reset()
+    draws, nominal = batch.draws(), bb.load_sensors("kugle")
+    for i in range(8):
+        drawn = {"gyro_noise": draws["sensors.gyro_noise"][i], "latency": draws["sensors.latency"][i]}
+        assert batch.sensors(i) == {**nominal, **drawn}
+    assert len(set(draws["sensors.gyro_noise"])) == 8
+    env = bb.BalanceEnv(events=events, sensors={})
+    env.reset(seed=3)
+    assert 0.0 <= env.draws()["sensors.gyro_noise"] <= 0.01
+    with pytest.raises(ValueError, match=r"events\[0\] \(sensors.gyro_bias\).*within an episode"):
+        bb.BalanceEnv(sensors={}, events=[{"term": "sensors.gyro_bias", "at": 1.0, "range": [0.0, 0.1]}])
+
+
 def test_draws_have_a_place_for_every_robot_and_number():
     batch = bb.Batch(5, events=EVENTS, seed=SEED, num_threads=1)
     assert all(np.isnan(values).all() for values in batch.draws().values())

@@ -6,6 +6,7 @@ use crate::convert::{elements, read_elements, vector};
 use crate::errors::{call, to_python};
 use crate::events::draws;
 use crate::exclusive::Exclusive;
+use crate::fields::field_dict;
 use crate::infos::EmptyInfos;
 use crate::numbers::{count, index, optional_index, optional_whole, seed, seeds, whole};
 use crate::options::{configure, resolved};
@@ -542,6 +543,17 @@ impl PyBatch {
         #[pyo3(from_py_with = index)] index: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
         to_dict(py, self.inner.read()?.batch.actuators(index).map_err(to_python)?)
+    }
+
+    /// Options of the sensors of environment `index`, every one with its value: those of the batch, exact ones without, or what
+    /// events made of them.
+    #[pyo3(signature = (index=0))]
+    fn sensors<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = index)] index: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        field_dict(py, self.inner.read()?.batch.sensors(index).map_err(to_python)?)
     }
 
     /// Replaces the parameters of the robot of environment `index`; they outlive resets, and are those that events draw

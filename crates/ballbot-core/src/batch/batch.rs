@@ -4,11 +4,11 @@ use super::autoreset::Autoreset;
 use super::buffers::StepBuffers;
 use super::chunk::{Chunk, Environments};
 use super::config::{Drive, EnvConfig};
-use super::events::Plan;
+use super::events::{Plan, Stages};
 use super::pieces::pieces;
 use super::robots::Single;
 use super::task_step::TaskStep;
-use crate::actuator::{Actuator, MotorOptions};
+use crate::actuator::Actuator;
 use crate::error::{Error, Result};
 use crate::interrupt::{Stop, Watch};
 use crate::lanes::EIGHT;
@@ -37,8 +37,8 @@ pub struct Batch {
     pub(super) history: usize,
     len: usize,
     pub(super) plan: Option<Arc<Plan>>,
-    /// Options of the motors, without events.
-    pub(super) actuators: MotorOptions,
+    /// Options of the stages, without events.
+    pub(super) stages: Stages,
     /// Environments in order, `width` to a chunk; the last may have fewer.
     pub(super) chunks: Vec<Box<dyn Chunk>>,
     pub(super) width: usize,
@@ -172,7 +172,7 @@ impl Batch {
             history: config.history,
             len: num_envs,
             plan,
-            actuators: config.actuators.clone(),
+            stages: config.stages(),
             chunks,
             width,
             autoreset,

@@ -3,11 +3,11 @@
 use super::autoreset::Autoreset;
 use super::buffers::{Outcome, StepBuffers};
 use super::config::EnvConfig;
-use super::events::{Plan, Randomized, Setup, Source, key_of};
+use super::events::{Plan, Randomized, Setup, Source, Stages, key_of};
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
 use super::task_step::TaskStep;
-use crate::actuator::{Actuator, MotorOptions};
+use crate::actuator::Actuator;
 use crate::control::{Controller, LaneWidth};
 use crate::error::{Error, Result};
 use crate::lane_state::StateCells;
@@ -72,8 +72,8 @@ pub trait Chunk: Send + Sync {
     /// Present draws of the events; NaN where there is none.
     fn draws(&self, i: usize) -> &[f64];
 
-    /// Options of the motors of the robot, if events may change them.
-    fn drawn_actuators(&self, i: usize) -> Option<&MotorOptions>;
+    /// Options of the stages of the robot, if there are events.
+    fn drawn_stages(&self, i: usize) -> Option<&Stages>;
 
     /// How many draws of the events made a robot that cannot be, and were repeated, since the last seed.
     fn repeated_draws(&self, i: usize) -> u32;
@@ -162,12 +162,17 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         used: usize,
         seed: u64,
     ) -> Result<Self> {
-        let nominal = Setup { params: robots.params(0).clone(), actuators: config.actuators.clone() };
-        let nominal = Arc::new(nominal);
+        let nominal = Arc::new(Setup { params: robots.params(0).clone(), stages: config.stages() });
         if !A::INDIVIDUAL && plan.is_some_and(|plan| plan.individual_motors) {
             return Err(Error::Inconsistent(
                 "events change options of the actuators or max_wheel_torque, but the motors are a stage of the caller's \
                  own, alike on all robots"
+                    .into(),
+            ));
+        }
+        if !step.sensor.is_individual() && plan.is_some_and(|plan| plan.individual_sensors) {
+            return Err(Error::Inconsistent(
+                "events change options of the sensors, but these are a stage of the caller's own, alike on all robots"
                     .into(),
             ));
         }
@@ -246,7 +251,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         let key = key_of(self.rngs[i].get_seed());
         self.actuator.begin(key, self.episodes[i], &mut self.one.actuator);
         if let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) {
-            self.actuator.equip(events.actuators(i), self.robots.params(i), &mut self.one.actuator);
+            self.actuator.equip(&events.stages(i).actuators, self.robots.params(i), &mut self.one.actuator);
         }
         self.one.episode.next_command = self.step.task.command(&mut self.rngs[i], &mut self.one.task);
         self.over[i] = false;
@@ -416,8 +421,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.events.as_ref().map_or(&[], |events| events.draws(i))
     }
 
-    fn drawn_actuators(&self, i: usize) -> Option<&MotorOptions> {
-        self.events.as_ref().map(|events| events.actuators(i))
+    fn drawn_stages(&self, i: usize) -> Option<&Stages> {
+        self.events.as_ref().map(|events| events.stages(i))
     }
 
     fn repeated_draws(&self, i: usize) -> u32 {

@@ -1,6 +1,6 @@
 //! Everything that defines an environment.
 
-use super::events::{Event, Plan, Setup, Tests};
+use super::events::{Event, Plan, Setup, Stages, Tests};
 use super::observation::Observation;
 use crate::actuator::{Actuator, Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::control::default_max_torque;
@@ -110,8 +110,7 @@ impl<T: Task> EnvConfig<T> {
     /// Those of [`Motors::new`] and [`EnvConfig::validate`].
     pub(super) fn drive(&self) -> Result<Drive> {
         if let Some(plan) = self.plan()?.filter(|plan| plan.individual_motors) {
-            let nominal = Setup { params: self.params.clone(), actuators: self.actuators.clone() };
-            let largest = plan.largest_options(&nominal);
+            let largest = plan.largest_options(&self.setup(&self.params)).actuators;
             let motors = IndividualMotors::new(&largest, self.action_torque(), self.sim_dt, self.substeps()?)?;
             return Ok(Drive::Individual(motors));
         }
@@ -135,19 +134,41 @@ impl<T: Task> EnvConfig<T> {
     }
 
     /// The sensors of [`EnvConfig::sensors`], exact ones if a task observes by sensors that are not given; `None` if there
-    /// are none.
+    /// are none. Those of events on sensors are of each robot.
     ///
     /// # Errors
-    /// Those of [`EnvConfig::substeps`] and [`Onboard::new`].
+    /// Those of [`EnvConfig::substeps`] and [`Onboard::new`]; [`Error::Inconsistent`] for events on sensors that are not given.
     pub fn onboard(&self) -> Result<Option<Onboard>> {
-        let options = match &self.sensors {
-            Some(options) => options.clone(),
-            None if self.observation == Observation::Sensors => SensorOptions::default(),
-            None => return Ok(None),
-        };
+        let estimated = self.observation == Observation::Sensors;
+        let plan = self.plan()?.filter(|plan| plan.individual_sensors);
+        if self.sensors.is_none() && !estimated {
+            return match plan {
+                None => Ok(None),
+                Some(_) => Err(Error::Inconsistent(
+                    "events change options of the sensors, but the robots have none: give sensors, exact ones for example"
+                        .into(),
+                )),
+            };
+        }
         self.substeps()?;
-        let observer = (self.observation == Observation::Sensors).then_some(&self.params);
-        Onboard::new(&options, self.control_dt, observer).map(Some)
+        let options = self.sensors.clone().unwrap_or_default();
+        let observer = estimated.then_some(&self.params);
+        let Some(plan) = plan else { return Onboard::new(&options, self.control_dt, observer).map(Some) };
+        let largest = plan.largest_options(&self.setup(&self.params)).sensors;
+        Onboard::individual(&options, &largest, self.control_dt, observer).map(Some)
+    }
+
+    /// The options of the stages without events.
+    pub(super) fn stages(&self) -> Stages {
+        Stages { actuators: self.actuators.clone(), sensors: self.sensors.clone().unwrap_or_default() }
+    }
+
+    fn setup(&self, params: &Params) -> Setup {
+        Setup { params: params.clone(), stages: self.stages() }
+    }
+
+    fn check_sensors(&self, options: &SensorOptions) -> Result<()> {
+        options.check(self.control_dt, self.observation == Observation::Sensors)
     }
 
     /// Model steps in one control step.
@@ -212,13 +233,16 @@ impl<T: Task> EnvConfig<T> {
             let params = &robot.params;
             params.validate()?;
             if plan.individual_motors {
-                Motors::new(&robot.actuators, params, torque, self.sim_dt, substeps)?;
+                Motors::new(&robot.stages.actuators, params, torque, self.sim_dt, substeps)?;
             } else {
                 check_drive(torque, motors.as_ref(), params, self.sim_dt)?;
             }
+            if plan.individual_sensors {
+                self.check_sensors(&robot.stages.sensors)?;
+            }
             self.task.validate(params)
         };
-        let nominal = Setup { params: nominal.clone(), actuators: self.actuators.clone() };
+        let nominal = self.setup(nominal);
         robot(&nominal)?;
         if self.model != ModelKind::Contact {
             Ballbot::new(&nominal.params, self.model, self.sim_dt)?;
@@ -237,8 +261,13 @@ impl<T: Task> EnvConfig<T> {
 
     /// Whether a robot that events have made can be, besides what its model asks of its parameters.
     pub(super) fn judge<A: Actuator>(&self, actuator: &A) -> impl Fn(&Setup) -> Result<()> {
-        |robot| {
-            actuator.fits(&robot.actuators, &robot.params)?;
+        // Those of the configuration have passed.
+        let passed = self.sensors.clone().unwrap_or_default();
+        move |robot| {
+            actuator.fits(&robot.stages.actuators, &robot.params)?;
+            if robot.stages.sensors != passed {
+                self.check_sensors(&robot.stages.sensors)?;
+            }
             self.task.validate(&robot.params)
         }
     }

@@ -4,6 +4,7 @@ use super::batch::Batch;
 use crate::actuator::MotorOptions;
 use crate::error::Result;
 use crate::params::Params;
+use crate::sensor::SensorOptions;
 
 impl Batch {
     /// Parameters of one robot.
@@ -61,7 +62,17 @@ impl Batch {
     /// As [`Batch::state`].
     pub fn actuators(&self, index: usize) -> Result<&MotorOptions> {
         let (chunk, i) = self.locate(index)?;
-        Ok(self.chunks[chunk].drawn_actuators(i).unwrap_or(&self.actuators))
+        Ok(&self.chunks[chunk].drawn_stages(i).unwrap_or(&self.stages).actuators)
+    }
+
+    /// Present options of the sensors of one robot: those of the configuration, exact ones without, or what events made of
+    /// them. Meaningless for sensors of one's own.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn sensors(&self, index: usize) -> Result<&SensorOptions> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(&self.chunks[chunk].drawn_stages(i).unwrap_or(&self.stages).sensors)
     }
 
     /// [`super::Event::label`] of each event, and how many numbers it draws: those of the parameter, or impulse (N·s; m/s

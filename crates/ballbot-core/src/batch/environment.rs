@@ -180,7 +180,7 @@ impl<T: Task> Environment<T> {
 
     /// As [`super::Batch::actuators`].
     pub fn actuators(&self) -> &MotorOptions {
-        self.inner.drawn_actuators(0).unwrap_or(&self.config.actuators)
+        self.inner.drawn_stages(0).map_or(&self.config.actuators, |stages| &stages.actuators)
     }
 
     /// As [`super::Batch::repeated_draws`].

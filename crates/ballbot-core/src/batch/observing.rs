@@ -1,6 +1,7 @@
 //! What is observed of the robots of a chunk.
 
 use super::chunk::Environments;
+use super::events::Randomized;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
 use crate::actuator::Actuator;
@@ -20,7 +21,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             *number = cell.get(i);
         }
         let state = self.robots.lane_state(i);
-        let start = episode_start(&self.robots, i, &state, &self.rngs[i]);
+        let start = episode_start(&self.robots, self.events.as_deref(), i, &state, &self.rngs[i]);
         self.step.sensor.begin(&start, &mut self.one.sensor);
     }
 
@@ -29,7 +30,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         let at_rest = (self.episodes[i] == 0 && !self.ledger.sensor.is_empty()).then(|| {
             let mut one = Ledger::new(self.step.sizes());
             let state = self.robots.lane_state(i);
-            self.step.sensor.begin(&episode_start(&self.robots, i, &state, &self.rngs[i]), &mut one.sensor);
+            let start = episode_start(&self.robots, self.events.as_deref(), i, &state, &self.rngs[i]);
+            self.step.sensor.begin(&start, &mut one.sensor);
             self.step.observe(&state, &mut one);
             one.sensor
         });
@@ -111,8 +113,15 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 }
 
 /// What the sensors of robot `i` take from an episode that begins in `state`.
-fn episode_start<'a>(robots: &impl Robots, i: usize, state: &'a LaneState<f64>, rng: &ChaCha8Rng) -> EpisodeStart<'a> {
-    EpisodeStart { gravity: robots.params(i).gravity, state, key: sensor_key(rng) }
+fn episode_start<'a>(
+    robots: &impl Robots,
+    events: Option<&'a Randomized>,
+    i: usize,
+    state: &'a LaneState<f64>,
+    rng: &ChaCha8Rng,
+) -> EpisodeStart<'a> {
+    let options = events.map(|events| &events.stages(i).sensors);
+    EpisodeStart { gravity: robots.params(i).gravity, state, key: sensor_key(rng), options }
 }
 
 /// Key of the random numbers of sensors: the first words of the environment's seed, for a generator of their own.

@@ -46,7 +46,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) else { return };
         let (all, one) = (&mut self.ledger.actuator, &mut self.one.actuator);
         one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
-        self.actuator.equip(events.actuators(i), self.robots.params(i), one);
+        self.actuator.equip(&events.stages(i).actuators, self.robots.params(i), one);
         all.iter_mut().zip(&*one).for_each(|(cell, one)| cell.set(i, *one));
     }
 

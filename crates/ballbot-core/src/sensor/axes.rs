@@ -1,57 +1,65 @@
 //! Three axes of a gyroscope or an accelerometer.
 
 use super::normal::Draws;
-use super::period::Period;
 use crate::lanes::{Lane, Memory, Vec3};
 
-/// Errors of three axes that are alike: bias, random walk of the bias, white noise, range.
+/// Errors of three axes that are alike, besides their first bias.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Axes {
+pub struct Axes<T> {
     /// Standard deviation of the noise of a sample.
-    noise: f64,
-    /// Standard deviation of the first bias.
-    bias: f64,
+    pub noise: T,
     /// Standard deviation of the change of the bias from one reading to the next.
-    walk: f64,
+    pub walk: T,
     /// Largest magnitude of a reading.
-    range: Option<f64>,
+    pub range: T,
+}
+
+/// Which errors the axes of any robot have, and their random numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxesErrors {
+    noise: bool,
+    walk: bool,
+    range: bool,
     /// Blocks of random numbers: of the noise, and of the walk or the first bias.
     blocks: [u32; 2],
 }
 
-impl Axes {
-    /// Axes with a density of noise, a standard deviation of the bias and one of its walk over a second, and a range (0:
-    /// none), that are read every `dt` (s) and sampled once in a `period`.
-    pub fn new([noise, bias, walk, range]: [f64; 4], dt: f64, period: Period, blocks: [u32; 2]) -> Self {
-        let range = (range > 0.0).then_some(range);
-        Self { noise: noise / period.duration().sqrt(), bias, walk: walk * dt.sqrt(), range, blocks }
+impl AxesErrors {
+    /// Those that are not 0.
+    pub fn new([noise, walk, range]: [f64; 3], blocks: [u32; 2]) -> Self {
+        Self { noise: noise > 0.0, walk: walk > 0.0, range: range > 0.0, blocks }
     }
 
-    /// The bias at the start of an episode.
-    pub fn first_bias(&self, draws: &Draws<f64>) -> [f64; 3] {
+    /// The bias at the start of an episode, of a standard deviation.
+    pub fn first_bias(&self, deviation: f64, draws: &Draws<f64>) -> [f64; 3] {
         let [x, y, z, _] = draws.normals(self.blocks[1]);
-        [x, y, z].map(|number| number * self.bias)
+        [x, y, z].map(|number| number * deviation)
     }
 
     /// What is read of the true value; numbers `first` to `first` + 2 of the memory have the bias.
     #[inline(always)]
-    pub fn read<L: Lane>(&self, value: Vec3<L>, draws: &Draws<L>, memory: &mut Memory<'_, L>, first: usize) -> Vec3<L> {
+    pub fn read<L: Lane>(
+        &self,
+        value: Vec3<L>,
+        axes: &Axes<L>,
+        draws: &Draws<L>,
+        memory: &mut Memory<'_, L>,
+        first: usize,
+    ) -> Vec3<L> {
         let mut bias = memory.vector(first);
-        if self.walk > 0.0 {
-            bias = bias.plus(vector(draws.normals(self.blocks[1])), bias.x.splat(self.walk));
+        if self.walk {
+            bias = bias.plus(vector(draws.normals(self.blocks[1])), axes.walk);
             memory.set_vector(first, bias);
         }
         let mut read = value + bias;
-        if self.noise > 0.0 {
-            read = read.plus(vector(draws.normals(self.blocks[0])), bias.x.splat(self.noise));
+        if self.noise {
+            read = read.plus(vector(draws.normals(self.blocks[0])), axes.noise);
         }
-        match self.range {
-            Some(range) => {
-                let within = |v: L| v.min(v.splat(range)).max(v.splat(-range));
-                Vec3::new(within(read.x), within(read.y), within(read.z))
-            }
-            None => read,
+        if self.range {
+            let (range, least) = (axes.range, -axes.range);
+            read = Vec3::new(read.x.min(range).max(least), read.y.min(range).max(least), read.z.min(range).max(least));
         }
+        read
     }
 }
 

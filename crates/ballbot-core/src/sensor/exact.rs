@@ -27,6 +27,10 @@ impl<S: Sensor> Sensor for Option<S> {
         self.as_ref().map_or(0, Sensor::memory_len)
     }
 
+    fn is_individual(&self) -> bool {
+        self.as_ref().is_some_and(Sensor::is_individual)
+    }
+
     fn begin(&self, start: &EpisodeStart<'_>, memory: &mut [f64]) {
         if let Some(sensor) = self {
             sensor.begin(start, memory);

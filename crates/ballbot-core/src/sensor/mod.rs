@@ -1,6 +1,7 @@
 //! Sensors: from the state of the model to the state that a task observes.
 
 mod axes;
+mod constants;
 mod encoders;
 pub mod estimator;
 mod exact;

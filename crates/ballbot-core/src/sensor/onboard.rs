@@ -1,16 +1,17 @@
 //! Gyroscope, accelerometer and encoders, and the state that follows from them.
 
-use super::axes::Axes;
-use super::encoders::Encoders;
-use super::estimator::{Estimator, EstimatorOptions, MAX_DT};
+use super::axes::AxesErrors;
+use super::constants::{CONSTANTS, Constants, constants_of};
+use super::encoders;
+use super::estimator::{Estimator, EstimatorOptions};
 use super::normal::Draws;
 use super::options::SensorOptions;
-use super::period::Period;
+use super::period::steps_of;
 use super::readings::Readings;
 use super::{EpisodeStart, Sensor};
-use crate::error::{Result, check};
+use crate::error::Result;
 use crate::lane_state::LaneState;
-use crate::lanes::{Lane, Memory, Quat, Scalar, Vec3, run_one};
+use crate::lanes::{Lane, Memory, Quat, Scalar, Vec3, map3, run_one};
 use crate::params::Params;
 use crate::state::State;
 use std::f64::consts::TAU;
@@ -18,17 +19,18 @@ use std::f64::consts::TAU;
 /// Sensors on the body and at the wheels, read once a control step.
 #[derive(Clone, Debug)]
 pub struct Onboard {
-    gyro: Axes,
-    accelerometer: Axes,
-    encoders: Encoders,
-    /// Of gyroscope and accelerometer.
-    imu_period: Period,
-    encoder_period: Period,
-    /// Of gyroscope and accelerometer, body frame, m.
-    place: [f64; 3],
-    /// Standard deviation of each angle of the mounting, rad.
-    misalignment: f64,
-    /// Control steps between a measurement and its reading.
+    options: SensorOptions,
+    /// Of `options`.
+    constants: [f64; CONSTANTS],
+    /// Whether the memory of each robot has constants of its own.
+    individual: bool,
+    gyro: AxesErrors,
+    accelerometer: AxesErrors,
+    /// Whether any robot has control steps without a sample of gyroscope and accelerometer, or of the encoders.
+    slow_imu: bool,
+    slow_encoders: bool,
+    misaligned: bool,
+    /// Most control steps between a measurement and its reading.
     latency: usize,
     dt: f64,
     /// What tasks observe the robot by; the true state without one.
@@ -58,10 +60,11 @@ const VELOCITY: usize = 16;
 const ATTITUDE: usize = 19;
 const ENCODERS: usize = 23;
 /// Sum of the specific forces since the last sample, if not every control step has one.
-const FORCES: usize = ENCODERS + Encoders::MEMORY;
+const FORCES: usize = ENCODERS + encoders::MEMORY;
 /// The readings that are out.
 const READ: usize = FORCES + 3;
-/// The readings that are under way, newest first, from that of the last step on; then what the estimator keeps.
+/// The readings that are under way, newest first, from that of the last step on; then the robot's own constants, if it has
+/// any, and what the estimator keeps.
 const UNDER_WAY: usize = READ + NUMBERS;
 
 /// Least errors that an estimator expects, rad/s, m/s², rad, and rad or m/s.
@@ -78,49 +81,80 @@ impl Onboard {
     /// `observed` if it is given; else the true state.
     ///
     /// # Errors
-    /// Those of [`SensorOptions::validate`], [`SensorOptions::latency_steps`] and [`Estimator::new`];
-    /// [`crate::Error::OutOfRange`] for `control_dt` above 1 s and for sensors without a sample in every control step with an estimator.
+    /// Those of [`SensorOptions::check`] and [`Estimator::new`].
     pub fn new(options: &SensorOptions, control_dt: f64, observed: Option<&Params>) -> Result<Self> {
-        options.validate()?;
-        if observed.is_some() {
-            let limit = format_args!("> 0 and <= {MAX_DT} s with observation = sensors");
-            check("control_dt", control_dt, limit, |dt| dt > 0.0 && dt <= MAX_DT)?;
-            options.check_sampled_each_step(control_dt)?;
-        }
-        let o = options;
-        let [imu_period, encoder_period] = o.periods(control_dt);
-        let gyro = [o.gyro_noise, o.gyro_bias, o.gyro_bias_walk, o.gyro_range];
-        let accelerometer =
-            [o.accelerometer_noise, o.accelerometer_bias, o.accelerometer_bias_walk, o.accelerometer_range];
+        Self::of(options, options, false, control_dt, observed)
+    }
+
+    /// Sensors of robots with options of their own ([`EpisodeStart::options`]), each up to that of `largest`. What the
+    /// estimator expects follows from `options`.
+    ///
+    /// # Errors
+    /// As [`Onboard::new`], of `options`.
+    pub fn individual(
+        options: &SensorOptions,
+        largest: &SensorOptions,
+        control_dt: f64,
+        observed: Option<&Params>,
+    ) -> Result<Self> {
+        Self::of(options, largest, true, control_dt, observed)
+    }
+
+    fn of(
+        options: &SensorOptions,
+        largest: &SensorOptions,
+        individual: bool,
+        control_dt: f64,
+        observed: Option<&Params>,
+    ) -> Result<Self> {
+        options.check(control_dt, observed.is_some())?;
+        let l = largest;
+        let gyro = [l.gyro_noise, l.gyro_bias_walk, l.gyro_range];
+        let accelerometer = [l.accelerometer_noise, l.accelerometer_bias_walk, l.accelerometer_range];
+        let slow = |rate: f64| if individual { rate > 0.0 } else { steps_of(rate, control_dt) > 1.0 };
         Ok(Self {
-            gyro: Axes::new(gyro, control_dt, imu_period, GYRO),
-            accelerometer: Axes::new(accelerometer, control_dt, imu_period, ACCELEROMETER),
-            encoders: Encoders::new(o.encoder_ticks, encoder_period),
-            imu_period,
-            encoder_period,
-            place: o.imu_position,
-            misalignment: o.imu_misalignment,
-            latency: o.latency_steps(control_dt)?,
+            constants: constants_of(options, control_dt)?,
+            individual,
+            gyro: AxesErrors::new(gyro, GYRO),
+            accelerometer: AxesErrors::new(accelerometer, ACCELEROMETER),
+            slow_imu: slow(l.imu_rate),
+            slow_encoders: slow(l.encoder_rate),
+            misaligned: l.imu_misalignment > 0.0,
+            latency: l.latency_steps(control_dt)?,
             dt: control_dt,
             estimator: observed
                 .map(|params| Estimator::new(params, &expected_errors(options, control_dt), control_dt))
                 .transpose()?,
+            options: options.clone(),
         })
+    }
+
+    /// The first number of a robot's own constants.
+    #[inline(always)]
+    fn own(&self) -> usize {
+        UNDER_WAY + NUMBERS * self.latency
     }
 
     /// The first number of the estimator.
     #[inline(always)]
     fn estimated(&self) -> usize {
-        UNDER_WAY + NUMBERS * self.latency
+        self.own() + if self.individual { CONSTANTS } else { 0 }
+    }
+
+    #[inline(always)]
+    fn constants<L: Lane>(&self, memory: &Memory<'_, L>) -> Constants<L> {
+        let mut numbers = [memory.splat(0.0); CONSTANTS];
+        for (k, number) in numbers.iter_mut().enumerate() {
+            *number = if self.individual { memory.get(self.own() + k) } else { memory.splat(self.constants[k]) };
+        }
+        Constants::from_numbers(numbers)
     }
 
     /// Velocity of the IMU, inertial frame.
     #[inline(always)]
-    fn velocity<L: Lane>(&self, state: &LaneState<L>) -> Vec3<L> {
-        let like = state.body_velocity.x;
-        let [x, y, z] = self.place;
-        let place = Vec3::new(like.splat(x), like.splat(y), like.splat(z));
-        state.body_velocity + state.body_quaternion.rotation().apply(state.body_angular_velocity.cross(place))
+    fn velocity<L: Lane>(state: &LaneState<L>, place: [L; 3]) -> Vec3<L> {
+        let lever = state.body_angular_velocity.cross(place.into());
+        state.body_velocity + state.body_quaternion.rotation().apply(lever)
     }
 
     /// What the sensors read at the end of a control step, after `before` others.
@@ -130,10 +164,12 @@ impl Onboard {
         state: &LaneState<L>,
         draws: &Draws<L>,
         before: L,
+        constants: &Constants<L>,
         memory: &mut Memory<'_, L>,
     ) -> Readings<L> {
-        let imu_due = self.imu_period.due(before);
-        let (velocity, attitude) = (self.velocity(state), state.body_quaternion);
+        let c = constants;
+        let imu_due = if self.slow_imu { Some(c.imu_period.due(before)) } else { None };
+        let (velocity, attitude) = (Self::velocity(state, c.place), state.body_quaternion);
         let halfway = memory.quaternion(ATTITUDE).halfway(attitude).rotation();
         let per_second = velocity.x.splat(1.0 / self.dt);
         let mut acceleration = (velocity - memory.vector(VELOCITY)) * per_second;
@@ -143,20 +179,20 @@ impl Onboard {
 
         let (mut rate, mut force) = (state.body_angular_velocity, halfway.apply_transposed(acceleration));
         if let Some(due) = imu_due {
-            force = self.mean_force(force, before, due, memory);
+            force = Self::mean_force(force, c.imu_period.inverse(), before, due, memory);
         }
-        if self.misalignment > 0.0 {
+        if self.misaligned {
             let alignment = memory.quaternion(ALIGNMENT).rotation();
             (rate, force) = (alignment.apply_transposed(rate), alignment.apply_transposed(force));
         }
-        let mut gyro = self.gyro.read(rate, draws, memory, GYRO_BIAS);
-        let mut specific_force = self.accelerometer.read(force, draws, memory, ACCELEROMETER_BIAS);
+        let mut gyro = self.gyro.read(rate, &c.gyro, draws, memory, GYRO_BIAS);
+        let mut specific_force = self.accelerometer.read(force, &c.accelerometer, draws, memory, ACCELEROMETER_BIAS);
         if let Some(due) = imu_due {
             gyro = Vec3::select(due, gyro, memory.vector(self.held()));
             specific_force = Vec3::select(due, specific_force, memory.vector(self.held() + 3));
         }
-        let due = self.encoder_period.due(before);
-        let (wheel_angles, mut wheel_rates) = self.encoders.read(state.wheel_angles, due, memory, ENCODERS);
+        let due = if self.slow_encoders { Some(c.encoder_period.due(before)) } else { None };
+        let (wheel_angles, mut wheel_rates) = c.encoders.read(state.wheel_angles, due, memory, ENCODERS);
         if let Some(due) = due {
             for (wheel, rate) in wheel_rates.iter_mut().enumerate() {
                 *rate = L::select(due, *rate, memory.get(self.held() + 9 + wheel));
@@ -172,35 +208,48 @@ impl Onboard {
     }
 
     /// Mean of the specific forces of the control steps since the last sample, each in the body frame of its step; with
-    /// `force`, that of the present one.
+    /// `force`, that of the present one, which has the share `share`.
     #[inline(always)]
-    fn mean_force<L: Lane>(&self, force: Vec3<L>, before: L, due: L::Mask, memory: &mut Memory<'_, L>) -> Vec3<L> {
+    fn mean_force<L: Lane>(force: Vec3<L>, share: L, before: L, due: L::Mask, memory: &mut Memory<'_, L>) -> Vec3<L> {
         let zero = before.zero();
         let sum = memory.vector(FORCES) + force;
         memory.set_vector(FORCES, Vec3::select(due, Vec3::zero(zero), sum));
         // The first sample is that of one step.
-        Vec3::select(before.le(zero), force, sum * zero.splat(1.0 / self.imu_period.steps()))
+        Vec3::select(before.le(zero), force, sum * share)
     }
 
     /// The readings of a latency ago; those of the start of the episode before that.
     #[inline(always)]
-    fn delayed<L: Lane>(&self, present: &Readings<L>, first: L::Mask, memory: &mut Memory<'_, L>) -> Readings<L> {
+    fn delayed<L: Lane>(
+        &self,
+        present: &Readings<L>,
+        latency: L,
+        first: L::Mask,
+        memory: &mut Memory<'_, L>,
+    ) -> Readings<L> {
         let mut newer = numbers(present);
+        let mut read = newer;
         for age in 0..self.latency {
-            for (k, number) in newer.iter_mut().enumerate() {
+            let late_enough = latency.le(latency.splat(age as f64));
+            for (k, (number, read)) in newer.iter_mut().zip(&mut read).enumerate() {
                 let index = UNDER_WAY + NUMBERS * age + k;
                 let older = L::select(first, *number, memory.get(index));
                 memory.set(index, *number);
                 *number = older;
+                *read = L::select(late_enough, *read, older);
             }
         }
-        readings(newer)
+        readings(read)
     }
 }
 
 impl Sensor for Onboard {
     /// Without latency and estimator; see [`Onboard::memory_len`].
     const MEMORY: usize = UNDER_WAY;
+
+    fn is_individual(&self) -> bool {
+        self.individual
+    }
 
     fn memory_len(&self) -> usize {
         self.estimated() + if self.estimator.is_some() { Estimator::MEMORY } else { 0 }
@@ -215,20 +264,29 @@ impl Sensor for Onboard {
         memory[KEY..KEY + 2].copy_from_slice(&key);
         memory[GRAVITY] = start.gravity;
         let state = start.state;
+        let options = start.options.filter(|_| self.individual).unwrap_or(&self.options);
+        let constants = constants_of(options, self.dt).expect("the options were checked");
+        let period = steps_of(options.encoder_rate, self.dt) * self.dt;
+        if self.individual {
+            memory[self.own()..self.own() + CONSTANTS].copy_from_slice(&constants);
+        }
         run_one(
             #[inline(always)]
             || {
+                let constants = Constants::<f64>::from_numbers(constants);
                 let draws = Draws::<f64>::new(Scalar, key, episode, 0.0);
                 let [a, b, c, _] = draws.normals(MOUNTING);
-                let half = Vec3::new(a, b, c) * (0.5 * self.misalignment);
+                let half = Vec3::new(a, b, c) * (0.5 * options.imu_misalignment);
                 let upright = Quat { w: 1.0, v: Vec3::new(0.0, 0.0, 0.0) };
                 let [p, q, r, _] = draws.units(PHASES);
-                self.encoders.begin(state.wheel_angles, state.wheel_speeds, [p, q, r], &mut memory[ENCODERS..FORCES]);
                 let mut memory = Memory::<f64>::new(Scalar, memory);
-                memory.set3(GYRO_BIAS, self.gyro.first_bias(&draws));
-                memory.set3(ACCELEROMETER_BIAS, self.accelerometer.first_bias(&draws));
+                let turned = map3(state.wheel_speeds, |speed| speed * period);
+                constants.encoders.begin(state.wheel_angles, turned, [p, q, r], &mut memory, ENCODERS);
+                memory.set3(GYRO_BIAS, self.gyro.first_bias(options.gyro_bias, &draws));
+                let bias = self.accelerometer.first_bias(options.accelerometer_bias, &draws);
+                memory.set3(ACCELEROMETER_BIAS, bias);
                 memory.set_quaternion(ALIGNMENT, upright.turned(half));
-                memory.set_vector(VELOCITY, self.velocity(state));
+                memory.set_vector(VELOCITY, Self::velocity(state, constants.place));
                 memory.set_quaternion(ATTITUDE, state.body_quaternion);
                 if let Some(estimator) = &self.estimator {
                     estimator.begin(state, &mut memory.after(self.estimated()));
@@ -252,8 +310,9 @@ impl Sensor for Onboard {
         memory.set(COUNT, count);
         let key = [memory.get(KEY), memory.get(KEY + 1)];
         let draws = Draws::new(memory.token(), key, memory.get(EPISODE), count);
-        let present = self.measure(state, &draws, before, memory);
-        let read = self.delayed(&present, before.le(before.zero()), memory);
+        let constants = self.constants(memory);
+        let present = self.measure(state, &draws, before, &constants, memory);
+        let read = self.delayed(&present, constants.latency, before.le(before.zero()), memory);
         for (k, number) in numbers(&read).into_iter().enumerate() {
             memory.set(READ + k, number);
         }
@@ -262,7 +321,7 @@ impl Sensor for Onboard {
         let estimate = estimator.update(&read, &mut memory);
         if self.latency > 0 {
             // The first readings are repeated until others arrive.
-            estimator.wait(before.lt(before.splat(self.latency as f64)), &mut memory);
+            estimator.wait(before.lt(constants.latency), &mut memory);
         }
         estimate
     }

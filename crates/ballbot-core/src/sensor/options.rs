@@ -1,6 +1,7 @@
 //! Options of the sensors.
 
-use super::period::Period;
+use super::estimator::MAX_DT;
+use super::period::steps_of;
 use crate::error::{Error, Result, check};
 use crate::fields;
 use crate::fields::{Fields, Limit};
@@ -131,22 +132,32 @@ impl SensorOptions {
         Self::from_fields(fields.iter().map(|(name, values)| (name.as_str(), values.as_slice())))
     }
 
-    /// Times between two samples of gyroscope and accelerometer and of the encoders, in control steps of `control_dt` (s).
-    pub(super) fn periods(&self, control_dt: f64) -> [Period; 2] {
-        [self.imu_rate, self.encoder_rate].map(|rate| Period::new(rate, control_dt))
-    }
-
-    /// Checks that there is a sample of every sensor at every control step, as the estimator takes them.
-    pub(super) fn check_sampled_each_step(&self, control_dt: f64) -> Result<()> {
-        let [imu, encoder] = self.periods(control_dt);
-        for (name, rate, period) in [("imu_rate", self.imu_rate, imu), ("encoder_rate", self.encoder_rate, encoder)] {
+    /// Checks the options of sensors that are read every `control_dt` (s), by an estimator if `estimated`.
+    ///
+    /// # Errors
+    /// Those of [`SensorOptions::validate`] and [`SensorOptions::latency_steps`]; with an estimator [`Error::OutOfRange`] for
+    /// `control_dt` above 1 s, and unless every sensor has a sample in every control step.
+    pub fn check(&self, control_dt: f64, estimated: bool) -> Result<()> {
+        self.validate()?;
+        self.latency_steps(control_dt)?;
+        if !estimated {
+            return Ok(());
+        }
+        let limit = format_args!("> 0 and <= {MAX_DT} s with observation = sensors");
+        check("control_dt", control_dt, limit, |dt| dt > 0.0 && dt <= MAX_DT)?;
+        for (name, rate) in [("imu_rate", self.imu_rate), ("encoder_rate", self.encoder_rate)] {
             let limit = format_args!(
                 "0 or at least the control rate, {} Hz, with observation = sensors (control_dt = {control_dt} s)",
                 1.0 / control_dt
             );
-            check(qualified(name), rate, limit, |_| period.is_one_step())?;
+            check(format_args!("{KIND}.{name}"), rate, limit, |rate| steps_of(rate, control_dt) <= 1.0)?;
         }
         Ok(())
+    }
+
+    /// Whether an option is a time in whole control steps; `index` counts in [`Fields::FIELDS`].
+    pub(crate) fn in_control_steps(index: usize) -> bool {
+        Self::FIELDS[index].name == "latency"
     }
 
     /// All numbers, in the order of the fields.
@@ -183,21 +194,27 @@ impl SensorOptions {
         for (name, range, unit) in
             [("gyro_range", self.gyro_range, "rad/s"), ("accelerometer_range", self.accelerometer_range, "m/s²")]
         {
-            check(qualified(name), range, format_args!("0 (any) or at least {LEAST_RANGE} {unit}"), |r| {
-                r == 0.0 || r >= LEAST_RANGE
-            })?;
+            check(
+                format_args!("{KIND}.{name}"),
+                range,
+                format_args!("0 (any) or at least {LEAST_RANGE} {unit}"),
+                |r| r == 0.0 || r >= LEAST_RANGE,
+            )?;
         }
         for (name, rate) in [("imu_rate", self.imu_rate), ("encoder_rate", self.encoder_rate)] {
-            check(qualified(name), rate, format_args!("0 (every control step) or at least {LEAST_RATE} Hz"), |r| {
-                r == 0.0 || r >= LEAST_RATE
-            })?;
+            check(
+                format_args!("{KIND}.{name}"),
+                rate,
+                format_args!("0 (every control step) or at least {LEAST_RATE} Hz"),
+                |r| r == 0.0 || r >= LEAST_RATE,
+            )?;
         }
-        check(qualified("encoder_ticks"), self.encoder_ticks, "0 (exact) or at least 1", |n| n == 0.0 || n >= 1.0)?;
+        check("sensors.encoder_ticks", self.encoder_ticks, "0 (exact) or at least 1", |n| n == 0.0 || n >= 1.0)?;
         Ok(())
     }
 }
 
 /// The name of an option as messages have it.
 fn qualified(name: &str) -> String {
-    format!("sensors.{name}")
+    format!("{KIND}.{name}")
 }

@@ -3,43 +3,37 @@
 use super::floor::floor;
 use crate::lanes::Lane;
 
-/// Time from one sample of a sensor to the next, a whole number of control steps.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Period {
-    steps: f64,
-    dt: f64,
+/// Control steps of `dt` (s) nearest to the period of `rate` (Hz; 0: every control step), at least one.
+pub fn steps_of(rate: f64, dt: f64) -> f64 {
+    if rate > 0.0 { (1.0 / (rate * dt)).round().max(1.0) } else { 1.0 }
 }
 
-impl Period {
-    /// The period nearest to that of `rate` (Hz; 0: every control step) in control steps of `dt` (s), at least one.
-    pub fn new(rate: f64, dt: f64) -> Self {
-        let steps = if rate > 0.0 { (1.0 / (rate * dt)).round().max(1.0) } else { 1.0 };
-        Self { steps, dt }
-    }
+/// Time from one sample of a sensor to the next, a whole number of control steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Period<T> {
+    steps: T,
+    /// 1 / `steps`.
+    inverse: T,
+}
 
-    /// Whether there is a sample at every control step.
-    pub fn is_one_step(&self) -> bool {
-        self.steps <= 1.0
-    }
-
-    /// Control steps in the period.
-    pub fn steps(&self) -> f64 {
-        self.steps
-    }
-
-    /// s.
-    pub fn duration(&self) -> f64 {
-        self.steps * self.dt
-    }
-
-    /// Whether there is a sample after `before` readings of the episode; `None` if there always is.
+impl<L: Lane> Period<L> {
+    /// Of its control steps and their inverse.
     #[inline(always)]
-    pub fn due<L: Lane>(&self, before: L) -> Option<L::Mask> {
-        if self.is_one_step() {
-            return None;
-        }
+    pub fn from_numbers([steps, inverse]: [L; 2]) -> Self {
+        Self { steps, inverse }
+    }
+
+    /// The share of one control step.
+    #[inline(always)]
+    pub fn inverse(&self) -> L {
+        self.inverse
+    }
+
+    /// Whether there is a sample after `before` readings of the episode.
+    #[inline(always)]
+    pub fn due(&self, before: L) -> L::Mask {
         // Half a reading more keeps the rounded quotient away from whole numbers.
-        let periods = floor((before + 0.5) * (1.0 / self.steps));
-        Some((before - periods * self.steps).le(before.zero()))
+        let periods = floor((before + 0.5) * self.inverse);
+        (before - periods * self.steps).le(before.zero())
     }
 }

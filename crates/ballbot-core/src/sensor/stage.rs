@@ -1,5 +1,6 @@
 //! The stage between the state of the model and the state that a task observes.
 
+use super::options::SensorOptions;
 use super::readings::Readings;
 use crate::lane_state::LaneState;
 use crate::lanes::{Lane, Memory};
@@ -13,6 +14,8 @@ pub struct EpisodeStart<'a> {
     pub state: &'a LaneState<f64>,
     /// Key of the environment's random numbers.
     pub key: [u32; 2],
+    /// Options of the robot's sensors where events change them; `None`: those of all robots.
+    pub options: Option<&'a SensorOptions>,
 }
 
 /// The stage between the true state and the observation, once a control step. Written once over lanes.
@@ -23,6 +26,11 @@ pub trait Sensor: Clone + Send + Sync + 'static {
     /// [`Sensor::MEMORY`], or another number where it follows from the options of the stage.
     fn memory_len(&self) -> usize {
         Self::MEMORY
+    }
+
+    /// Whether events may give each robot options of its own.
+    fn is_individual(&self) -> bool {
+        false
     }
 
     /// Begins an episode, before its first reading. `memory` has what the last one left, zeros before the first.

@@ -27,7 +27,7 @@ impl Robot {
         let sensors = Onboard::new(options, DT, None).unwrap();
         let mut memory = vec![0.0; sensors.memory_len()];
         let state = LaneState::from(start);
-        let start = EpisodeStart { gravity: Params::paper().gravity, state: &state, key: [1, 2] };
+        let start = EpisodeStart { gravity: Params::paper().gravity, state: &state, key: [1, 2], options: None };
         sensors.begin(&start, &mut memory);
         Self { sensors, memory }
     }

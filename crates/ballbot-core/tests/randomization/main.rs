@@ -10,6 +10,7 @@ mod robots;
 #[path = "../support/run.rs"]
 mod run;
 mod seeds;
+mod sensors;
 mod snapshots;
 mod timing;
 

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::names;
 use std::str::FromStr;
 
-/// The term that gives the body an impulse; all other terms are parameters.
+/// The term that gives the body an impulse; all other terms are numbers of the robot.
 pub(super) const PUSH: &str = "push";
 
 /// When an event draws. All fire before the action of a control step.
@@ -112,7 +112,7 @@ impl FromStr for Distribution {
 /// What changes, when, and how it is drawn. SI units and radians.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
-    /// The name of a parameter, or `push`.
+    /// The name of a parameter; `actuators.` or `sensors.` and the name of an option; or `push`.
     pub term: String,
     /// When it draws.
     pub when: When,

@@ -19,5 +19,5 @@ pub(super) use plan::Plan;
 pub(super) use robots::{Randomized, Saved};
 pub(super) use sampler::{Source, key_of};
 pub use sets::{event_sets, events_from_toml, events_to_toml, load_events};
-pub(super) use setup::Setup;
+pub(super) use setup::{Setup, Stages};
 pub use value::Value;

@@ -2,8 +2,7 @@
 
 use super::event::{Direction, Distribution, Event, Operation, PUSH, When, refused};
 use super::sampler::{Sampler, Source, bounds};
-use super::setup::{Setup, Table};
-use crate::actuator::MotorOptions;
+use super::setup::{Setup, Stages, Table};
 use crate::error::{Error, Result, check, finite};
 use crate::params::Params;
 use crate::robot::check_push;
@@ -56,6 +55,8 @@ pub struct Plan {
     pub control_dt: f64,
     /// Whether motors differ from robot to robot.
     pub individual_motors: bool,
+    /// Whether sensors do.
+    pub individual_sensors: bool,
     /// Of all events together; environments with the same have the same events.
     pub checksum: u32,
 }
@@ -75,6 +76,7 @@ impl Plan {
             timed: false,
             control_dt,
             individual_motors: false,
+            individual_sensors: false,
             checksum: 0,
         };
         let mut text = String::new();
@@ -93,6 +95,7 @@ impl Plan {
             plan.width += planned.width;
             plan.timed |= event.when.is_timed();
             plan.individual_motors |= planned.changes_motors();
+            plan.individual_sensors |= planned.changes_sensors();
             text.extend(event.entries().iter().map(|(key, value)| format!("{key} = {value}\n")));
             plan.events.push(planned);
         }
@@ -113,17 +116,19 @@ impl Plan {
         }
     }
 
-    /// The largest value of each option of the motors of any robot that the events make of one with `nominal`.
-    pub fn largest_options(&self, nominal: &Setup) -> MotorOptions {
+    /// The largest value of each option of the stages of any robot that the events make of one with `nominal`.
+    pub fn largest_options(&self, nominal: &Setup) -> Stages {
         let mut largest = nominal.clone();
         for event in &self.events {
-            let Target::Field { table: table @ Table::Actuators, index, .. } = event.target else { continue };
+            let Target::Field { table: table @ (Table::Actuators | Table::Sensors), index, .. } = event.target else {
+                continue;
+            };
             for (value, [_, high]) in largest.values_mut(table, index).iter_mut().zip(event.bounds()) {
                 // Nothing may have been drawn yet.
                 *value = value.max(event.changed(*value, high));
             }
         }
-        largest.actuators
+        largest.stages
     }
 }
 
@@ -153,13 +158,18 @@ impl Planned {
         } else {
             let (table, index) = Table::find(&event.term, &[PUSH])?;
             let followers = if table == Table::Params { followers(&event.term) } else { Vec::new() };
-            (Target::Field { table, index, followers }, table.width(index), table.grain(index, sim_dt))
+            (Target::Field { table, index, followers }, table.width(index), table.grain(index, sim_dt, control_dt))
         };
         let id = event.id.unwrap_or_else(|| u64::from(crc32fast::hash(event.term.as_bytes())));
         let most = i64::MAX.unsigned_abs();
         check("id", id as f64, "from 1 to 2^63 - 1", |_| (1..=most).contains(&id))?;
         check_range(event, if event.term == PUSH { 1 } else { width })?;
         check_times(event, control_dt)?;
+        if matches!(target, Target::Field { table: Table::Sensors, .. }) && event.when.is_timed() {
+            return Err(Error::Inconsistent(
+                "options of sensors do not change within an episode: its mode is 'startup' or 'reset'".into(),
+            ));
+        }
         check_direction(event)?;
         let mut ranges = match event.range.as_slice() {
             [pair] => vec![*pair; width],
@@ -179,8 +189,13 @@ impl Planned {
         match self.target {
             Target::Field { table: Table::Params, index, .. } => Params::NAMES[index] == "max_wheel_torque",
             Target::Field { table: Table::Actuators, .. } => true,
-            Target::Push => false,
+            Target::Field { table: Table::Sensors, .. } | Target::Push => false,
         }
+    }
+
+    /// Whether robots under it need sensors of their own.
+    fn changes_sensors(&self) -> bool {
+        matches!(self.target, Target::Field { table: Table::Sensors, .. })
     }
 
     /// Seconds to draw `count` of an event that repeats itself, from the one before or the start of the episode.

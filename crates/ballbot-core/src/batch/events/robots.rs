@@ -4,8 +4,7 @@ use super::super::robots::{Robots, refused};
 use super::event::When;
 use super::plan::{Plan, Target};
 use super::sampler::{ATTEMPTS, Source};
-use super::setup::Setup;
-use crate::actuator::MotorOptions;
+use super::setup::{Setup, Stages};
 use crate::error::Result;
 use crate::params::Params;
 use serde::{Deserialize, Serialize};
@@ -44,8 +43,8 @@ pub struct Randomized {
     pub plan: Arc<Plan>,
     nominal: Vec<Arc<Setup>>,
     drawn: Vec<Drawn>,
-    /// Options that the motors have.
-    actuators: Vec<MotorOptions>,
+    /// Options that the stages have.
+    stages: Vec<Stages>,
     /// Room for one robot.
     robot: Setup,
 }
@@ -170,7 +169,7 @@ impl Randomized {
         Self {
             nominal: vec![Arc::clone(nominal); used],
             drawn: vec![Drawn::new(plan); used],
-            actuators: vec![nominal.actuators.clone(); used],
+            stages: vec![nominal.stages.clone(); used],
             robot: Setup::clone(nominal),
             plan: Arc::clone(plan),
         }
@@ -181,9 +180,9 @@ impl Randomized {
         &self.nominal[i].params
     }
 
-    /// Present options of the motors of robot `i`.
-    pub fn actuators(&self, i: usize) -> &MotorOptions {
-        &self.actuators[i]
+    /// Present options of the stages of robot `i`.
+    pub fn stages(&self, i: usize) -> &Stages {
+        &self.stages[i]
     }
 
     /// Present draws of robot `i`, in the columns of the plan; NaN where there is none.
@@ -201,7 +200,7 @@ impl Randomized {
         let of = (&*self.plan, &*self.nominal[i]);
         let accepts = &mut |robot: &Setup| accept(robots, i, robot, judge);
         self.drawn[i].settle_start(of, &mut self.robot, source, accepts);
-        self.actuators[i].clone_from(&self.robot.actuators);
+        self.stages[i].clone_from(&self.robot.stages);
     }
 
     /// Makes robot `i` what it is in a new episode.
@@ -209,7 +208,7 @@ impl Randomized {
         let of = (&*self.plan, &*self.nominal[i]);
         let accepts = &mut |robot: &Setup| accept(robots, i, robot, judge);
         self.drawn[i].settle_episode(of, &mut self.robot, source, accepts);
-        self.actuators[i].clone_from(&self.robot.actuators);
+        self.stages[i].clone_from(&self.robot.stages);
     }
 
     /// The parameters that robot `i` would have in a new episode, after a new seed if there is one.
@@ -303,7 +302,7 @@ impl Randomized {
     }
 
     fn nominal_with(&self, i: usize, params: &Params) -> Setup {
-        Setup { params: params.clone(), actuators: self.nominal[i].actuators.clone() }
+        Setup { params: params.clone(), stages: self.nominal[i].stages.clone() }
     }
 
     /// Everything that the future of robot `i` depends on.
@@ -339,7 +338,7 @@ impl Randomized {
         self.drawn[i] = saved.drawn.clone();
         self.drawn[i].find_next(&self.plan);
         self.nominal[i] = Arc::new(nominal);
-        self.actuators[i].clone_from(&self.robot.actuators);
+        self.stages[i].clone_from(&self.robot.stages);
         Ok(())
     }
 
@@ -349,7 +348,7 @@ impl Randomized {
         if accept(robots, i, &self.robot, judge).is_err() {
             return false;
         }
-        self.actuators[i].clone_from(&self.robot.actuators);
+        self.stages[i].clone_from(&self.robot.stages);
         true
     }
 }

@@ -4,12 +4,20 @@ use crate::actuator::MotorOptions;
 use crate::error::{Error, Result};
 use crate::fields::Fields;
 use crate::params::Params;
+use crate::sensor::SensorOptions;
 
 /// A robot with the options of its stages.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     pub params: Params,
+    pub stages: Stages,
+}
+
+/// The options of a robot's stages.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stages {
     pub actuators: MotorOptions,
+    pub sensors: SensorOptions,
 }
 
 /// A part of a [`Setup`]. That of another stage needs a variant here, and its arms below.
@@ -17,16 +25,18 @@ pub struct Setup {
 pub enum Table {
     Params,
     Actuators,
+    Sensors,
 }
 
 impl Table {
-    const ALL: [Self; 2] = [Self::Params, Self::Actuators];
+    const ALL: [Self; 3] = [Self::Params, Self::Actuators, Self::Sensors];
 
     /// What stands before the names of its numbers in a term.
     const fn prefix(self) -> &'static str {
         match self {
             Self::Params => "",
             Self::Actuators => "actuators.",
+            Self::Sensors => "sensors.",
         }
     }
 
@@ -35,6 +45,7 @@ impl Table {
         match self {
             Self::Params => Params::NAMES.to_vec(),
             Self::Actuators => MotorOptions::FIELDS.iter().map(|field| field.name).collect(),
+            Self::Sensors => SensorOptions::FIELDS.iter().map(|field| field.name).collect(),
         }
     }
 
@@ -43,14 +54,16 @@ impl Table {
         match self {
             Self::Params => Params::WIDTHS[index],
             Self::Actuators => MotorOptions::FIELDS[index].len,
+            Self::Sensors => SensorOptions::FIELDS[index].len,
         }
     }
 
     /// The time of which one of them is a whole multiple, s, if it is so.
-    pub fn grain(self, index: usize, sim_dt: f64) -> Option<f64> {
+    pub fn grain(self, index: usize, sim_dt: f64, control_dt: f64) -> Option<f64> {
         match self {
             Self::Params => None,
             Self::Actuators => MotorOptions::in_model_steps(index).then_some(sim_dt),
+            Self::Sensors => SensorOptions::in_control_steps(index).then_some(control_dt),
         }
     }
 
@@ -77,7 +90,8 @@ impl Setup {
     pub fn values_mut(&mut self, table: Table, index: usize) -> &mut [f64] {
         match table {
             Table::Params => self.params.values_mut(index),
-            Table::Actuators => self.actuators.values_mut(index),
+            Table::Actuators => self.stages.actuators.values_mut(index),
+            Table::Sensors => self.stages.sensors.values_mut(index),
         }
     }
 }
