@@ -79,6 +79,7 @@ class _Controller(TypedDict):
     summary: str
     control_dt: float | None
     setpoint: list[str]
+    traction: float | None
     options: list[_Option]
 
 __version__: str
@@ -687,7 +688,7 @@ class Controller:
         name: "lqr", "pid", or a registered one.
         params: the robot: `Params`, or the name of a preset; None is the paper's.
         control_dt: time between two calls, s; None is the one that the law is made for, or 0.01.
-        max_torque: no wheel torque exceeds it, N·m; None is 0.9 of the torque at which a wheel of the upright robot slips.
+        max_torque: PLACEHOLDER
         options: weights or gains of the law.
 
     Raises:
@@ -702,6 +703,7 @@ class Controller:
         control_dt: float | None = None,
         *,
         max_torque: float | None = None,
+        traction: bool | float | None = None,
         **options: float,
     ) -> Self: ...
     def __call__(self, state: State, **setpoint: npt.ArrayLike) -> _Array:
@@ -748,6 +750,7 @@ class Pid(Controller):
         *,
         mapping: Literal["consistent", "as_printed"] | str = "consistent",
         max_torque: float | None = None,
+        traction: bool | float | None = None,
         proportional: float = 20.39,  # N·m/rad, >= 0 and <= 1e9
         integral: float = 56.57,  # N·m/(rad·s), >= 0 and <= 1e9
         derivative: float = 1.34,  # N·m·s/rad, >= 0 and <= 1e9
@@ -782,6 +785,7 @@ class Lqr(Controller):
         Q: npt.ArrayLike | None = None,
         R: npt.ArrayLike | None = None,
         max_torque: float | None = None,
+        traction: bool | float | None = None,
         position: float = 0.15,  # m, >= 1e-6 and <= 1e6
         velocity: float = 0.4,  # m/s, >= 1e-6 and <= 1e6
         tilt: float = 0.1,  # rad, >= 1e-6 and <= 1e6

@@ -7,7 +7,7 @@ mod support;
 
 use ballbot_core::batch::{BalanceConfig, Environment};
 use ballbot_core::control::riccati::{self, Regulator};
-use ballbot_core::control::{Controller, Lqr, LqrWeights, Pid, PidGains, Setpoint, default_max_torque};
+use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Setpoint, default_max_torque};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, SpatialModel, traction_torque};
 use ballbot_core::{Ballbot, Error, ModelKind, Params, State, attitude};
@@ -292,10 +292,10 @@ fn scattered_states(params: &Params) -> impl Iterator<Item = State> {
 #[test]
 fn torques_are_within_the_limit() {
     let params = Params { max_wheel_torque: 0.9, ..Params::paper() };
-    let lqr = Lqr::new(&params, CONTROL_DT).unwrap();
-    let tight = Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), 0.05).unwrap();
+    let lqr = Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), &LimitOptions::CAP).unwrap();
+    let tight = Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), &LimitOptions::capped(0.05)).unwrap();
     let pid = Pid::new(&params, CONTROL_DT, &PidGains::default(), TorqueMap::AsPrinted).unwrap();
-    let strong = pid.clone().with_max_torque(0.9).unwrap();
+    let strong = pid.clone().with_limits(&params, &LimitOptions::capped(0.9)).unwrap();
     let grip = default_max_torque(&params);
     let limited: [(Box<dyn Controller>, f64); 4] =
         [(Box::new(lqr), grip), (Box::new(tight), 0.05), (Box::new(pid), grip), (Box::new(strong), 0.9)];
@@ -363,7 +363,8 @@ fn saturation_keeps_the_direction_of_the_torques() {
     let params = Params { max_wheel_torque: 1e6, ..Params::paper() };
     let state = State::tilted(&params, Vector2::new(0.4, -0.3), 0.2);
     let torques = |limit: f64| {
-        let mut lqr = Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), limit).unwrap();
+        let mut lqr =
+            Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), &LimitOptions::capped(limit)).unwrap();
         Vector3::from(lqr.wheel_torques(&state, &Setpoint::default()))
     };
     let (free, limited) = (torques(1e6), torques(0.1));
@@ -404,7 +405,7 @@ fn reset_pid_equals_a_new_one() {
     let params = Params { max_wheel_torque: 1e6, ..Params::paper() };
     let run = |pid: &mut Pid| [0.1, -0.2, 0.05].map(|e| virtual_torques(&params, pid, Vector2::new(e, 2.0 * e)));
     let pid = Pid::new(&params, CONTROL_DT, &PidGains::default(), TorqueMap::Consistent).unwrap();
-    let mut pid = pid.with_max_torque(1e6).unwrap();
+    let mut pid = pid.with_limits(&params, &LimitOptions::capped(1e6)).unwrap();
     let first = run(&mut pid);
     assert_ne!(first, run(&mut pid));
     pid.reset();
@@ -438,10 +439,10 @@ fn errors_of_invalid_numbers_name_the_value() {
     let pid = |gains: PidGains, dt| Pid::new(&params, dt, &gains, TorqueMap::Consistent).map(|_| ());
     let strength = |torque| {
         let pid = Pid::new(&params, CONTROL_DT, &gains, TorqueMap::Consistent);
-        pid.and_then(|pid| pid.with_max_torque(torque)).map(|_| ())
+        pid.and_then(|pid| pid.with_limits(&params, &LimitOptions::capped(torque))).map(|_| ())
     };
     let weights = LqrWeights::default();
-    let lqr = |weights, dt, torque| Lqr::with_weights(&params, dt, &weights, torque).map(|_| ());
+    let lqr = |weights, dt, torque| Lqr::with_weights(&params, dt, &weights, &LimitOptions::capped(torque)).map(|_| ());
     for (result, message) in [
         (pid(PidGains { proportional: -1.0, ..gains }, CONTROL_DT), "proportional = -1 "),
         (pid(PidGains { integral: f64::NAN, ..gains }, CONTROL_DT), "integral = NaN "),

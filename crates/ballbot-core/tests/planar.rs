@@ -5,7 +5,7 @@
 #[path = "support/motion.rs"]
 mod motion;
 
-use ballbot_core::control::{Controller, Pid, PidGains, Setpoint};
+use ballbot_core::control::{Controller, LimitOptions, Pid, PidGains, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::planar::Plane;
 use ballbot_core::models::{PlanarModel, PlanarMotion, SpatialModel, WheelInertia};
@@ -340,7 +340,7 @@ fn sampled_pid_answers_as_the_continuous_one() {
     // No torque is limited.
     let params = Params { max_wheel_torque: 1e9, ..Params::paper() };
     let pid = Pid::new(&params, dt, &PidGains::default(), TorqueMap::Consistent).unwrap();
-    let mut pid = pid.with_max_torque(1e9).unwrap();
+    let mut pid = pid.with_limits(&params, &LimitOptions::capped(1e9)).unwrap();
     let about_x = Omniwheels::new(&params).wheel_torques(&Vector3::x(), TorqueMap::Consistent);
     // The tilt about +x leans towards −y.
     let mut virtual_torque = |tilt: f64, setpoint: f64| {

@@ -1,6 +1,6 @@
 //! The Riccati equation of the regulator, for weights, rates and robots from everywhere that is allowed.
 
-use ballbot_core::control::{Lqr, LqrWeights, default_max_torque};
+use ballbot_core::control::{LimitOptions, Lqr, LqrWeights};
 use ballbot_core::fields::Fields;
 use ballbot_core::models::LinearModel;
 use ballbot_core::{Error, Params};
@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 fn regulator(params: &Params, control_dt: f64, weights: &LqrWeights) -> ballbot_core::Result<Lqr> {
-    Lqr::with_weights(params, control_dt, weights, default_max_torque(params))
+    Lqr::with_weights(params, control_dt, weights, &LimitOptions::CAP)
 }
 
 /// ‖P − Riccati(P)‖ / ‖P‖ in units of equal cost, computed anew.
@@ -71,10 +71,9 @@ fn every_regulator_is_solved_or_refused() {
 #[test]
 fn costs_that_no_regulator_has_are_refused() {
     let paper = Params::paper();
-    let torque = default_max_torque(&paper);
     let identity = |n: usize| DMatrix::<f64>::identity(n, n);
     let refused = |q: &DMatrix<f64>, r: &DMatrix<f64>, words: &str| {
-        let error = Lqr::with_costs(&paper, 0.01, q, r, torque).unwrap_err().to_string();
+        let error = Lqr::with_costs(&paper, 0.01, [q, r], [0.2, 1.0], &LimitOptions::CAP).unwrap_err().to_string();
         assert!(error.contains(words), "'{error}' does not say '{words}'");
     };
     refused(&(identity(10) * 1e16), &identity(3), "Q[0, 0] = 1e16 is out of range: it must be within ±1e15");

@@ -8,14 +8,15 @@ use crate::params::or_paper;
 use crate::state::PyState;
 use ballbot_core::Params;
 use ballbot_core::control::{
-    Controller, Lqr, LqrWeights, Pid, PidGains, SETPOINT_PARTS, Setpoint, controller_kind, default_max_torque,
+    Controller, DEFAULT_TRACTION, LimitOptions, Lqr, LqrWeights, Pid, PidGains, SETPOINT_PARTS, Setpoint,
+    controller_kind,
 };
 use ballbot_core::fields::Fields;
 use nalgebra::DMatrix;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBool, PyDict};
 
 type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 type Keywords<'a, 'py> = Option<&'a Bound<'py, PyDict>>;
@@ -83,13 +84,28 @@ fn borrowed(options: &[(String, Vec<f64>)]) -> Vec<(&str, &[f64])> {
     options.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect()
 }
 
+/// Limits of torques as arguments give them, in place of those of a law.
+fn limits(own: LimitOptions, max_torque: Option<f64>, traction: Argument<'_, '_>) -> PyResult<LimitOptions> {
+    let traction = match traction.filter(|value| !value.is_none()) {
+        None => own.traction,
+        Some(value) if value.is_instance_of::<PyBool>() => value.extract::<bool>()?.then_some(DEFAULT_TRACTION),
+        Some(value) => {
+            Some(real(value).map_err(|_| PyTypeError::new_err("traction must be True, False, a number or None"))?)
+        }
+    };
+    Ok(LimitOptions { max_torque, traction })
+}
+
 /// A feedback law by its name (see `CONTROLLERS`), for one robot when called, for all robots of a `Batch` in Rust.
 ///
 /// Args:
 ///     name: "lqr", "pid", or a registered one.
 ///     params: the robot: `Params`, or the name of a preset; None is the paper's.
 ///     control_dt: time between two calls, s; None is the one that the law is made for, or 0.01.
-///     max_torque: no wheel torque exceeds it, N·m; None is 0.9 of the torque at which a wheel of the upright robot slips.
+///     max_torque: no wheel torque exceeds it, N·m; None is the motors' limit with `traction`, else 0.9 of the torque at which
+///         a wheel of the upright robot slips.
+///     traction: whether torques are scaled down so that no wheel slips or lifts, yaw torque first; True is 0.9 of the friction
+///         limit, a number from 0.01 to 1 another share, None the law's own choice (`CONTROLLERS`).
 ///     options: weights or gains of the law.
 ///
 /// Raises:
@@ -124,12 +140,13 @@ impl PyController {
 #[pymethods]
 impl PyController {
     #[new]
-    #[pyo3(signature = (name, params=None, control_dt=None, *, max_torque=None, **options))]
+    #[pyo3(signature = (name, params=None, control_dt=None, *, max_torque=None, traction=None, **options))]
     fn py_new(
         name: &str,
         params: Argument<'_, '_>,
         #[pyo3(from_py_with = optional_real)] control_dt: Option<f64>,
         #[pyo3(from_py_with = optional_real)] max_torque: Option<f64>,
+        traction: Argument<'_, '_>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let kind = controller_kind(name).map_err(to_python)?;
@@ -138,7 +155,8 @@ impl PyController {
         let options = self::options("Controller", options, &known)?;
         let params = or_paper(params)?;
         let control_dt = control_dt.or(kind.control_dt).unwrap_or(0.01);
-        let law = call(|| (kind.make)(&params, control_dt, max_torque, &borrowed(&options)))?;
+        let limits = limits(kind.limits, max_torque, traction)?;
+        let law = call(|| (kind.make)(&params, control_dt, &limits, &borrowed(&options)))?;
         Ok(Self { name: name.to_owned(), class: "Controller", law: Exclusive::new("controller", law) })
     }
 
@@ -213,6 +231,7 @@ impl PyController {
 ///     filter_coefficient: N, rad/s.
 ///     mapping: "consistent" or "as_printed", as in `virtual_to_wheel_torques`.
 ///     max_torque: as in `Controller`.
+///     traction: as in `Controller`; None is False.
 ///
 /// Raises:
 ///     ValueError: a number out of range; "as_printed" for wheels that are uneven.
@@ -223,23 +242,25 @@ pub(crate) struct PyPid;
 impl PyPid {
     #[new]
     #[pyo3(
-        signature = (params=None, control_dt=Pid::PAPER_CONTROL_DT, *, mapping="consistent", max_torque=None, **gains),
-        text_signature = "(params=None, control_dt=0.002, *, mapping='consistent', max_torque=None, **gains)"
+        signature = (
+            params=None, control_dt=Pid::PAPER_CONTROL_DT, *, mapping="consistent", max_torque=None, traction=None, **gains
+        ),
+        text_signature =
+            "(params=None, control_dt=0.002, *, mapping='consistent', max_torque=None, traction=None, **gains)"
     )]
     fn new(
         params: Argument<'_, '_>,
         #[pyo3(from_py_with = real)] control_dt: f64,
         mapping: &str,
         #[pyo3(from_py_with = optional_real)] max_torque: Option<f64>,
+        traction: Argument<'_, '_>,
         gains: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let map = mapping.parse().map_err(to_python)?;
         let gains: PidGains = fields("Pid", gains)?;
         let params = or_paper(params)?;
-        let pid = call(|| {
-            let pid = Pid::new(&params, control_dt, &gains, map)?;
-            max_torque.map_or(Ok(pid.clone()), |limit| pid.with_max_torque(limit))
-        })?;
+        let limits = limits(LimitOptions::CAP, max_torque, traction)?;
+        let pid = call(|| Pid::new(&params, control_dt, &gains, map)?.with_limits(&params, &limits))?;
         Ok(PyClassInitializer::from(PyController::new("pid", "Pid", pid)).add_subclass(Self))
     }
 }
@@ -262,8 +283,11 @@ fn fields<F: Fields>(class: &str, keywords: Keywords<'_, '_>) -> PyResult<F> {
 ///     Q: cost of the states of `LinearModel` (10×10, or its diagonal), in place of the weights.
 ///     R: cost of the torques (3×3, or its diagonal), in place of `torque`.
 ///     max_torque: as in `Controller`.
+///     traction: as in `Controller`; None is True.
 ///     weights: deviations of equal cost (Bryson's rule): `position` (0.15 m), `velocity` (0.4 m/s), `tilt` (0.1 rad),
-///         `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m).
+///         `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m); and `max_lean` (0.175 rad), the
+///         largest lean that deviations of position and velocity may ask for, and `max_speed` (1 m/s), the largest speed that
+///         those of position may.
 ///
 /// Raises:
 ///     ValueError: a number out of range, or a cost that is not symmetric and positive.
@@ -284,10 +308,9 @@ fn regulator(
     params: &Params,
     control_dt: f64,
     costs: [Argument<'_, '_>; 2],
-    max_torque: Option<f64>,
+    limits: &LimitOptions,
     weights: Keywords<'_, '_>,
 ) -> PyResult<Lqr> {
-    let max_torque = max_torque.unwrap_or_else(|| default_max_torque(params));
     let weighted: LqrWeights = fields("Lqr", weights)?;
     let [q, r] = costs;
     for (name, _) in weights.into_iter().flatten() {
@@ -295,7 +318,7 @@ fn regulator(
         if name == "torque" && r.is_some() {
             return Err(PyTypeError::new_err("Lqr takes R or the weight torque, not both"));
         }
-        if name != "torque" && q.is_some() {
+        if !["torque", "max_lean", "max_speed"].contains(&name.as_str()) && q.is_some() {
             return Err(PyTypeError::new_err(format!("Lqr takes Q or the weight {name}, not both")));
         }
     }
@@ -307,13 +330,15 @@ fn regulator(
     if let Some(r) = r {
         r_matrix = cost("R", r, r_matrix.nrows())?;
     }
-    call(|| Lqr::with_costs(params, control_dt, &q_matrix, &r_matrix, max_torque))
+    call(|| {
+        Lqr::with_costs(params, control_dt, [&q_matrix, &r_matrix], [weighted.max_lean, weighted.max_speed], limits)
+    })
 }
 
 #[pymethods]
 impl PyLqr {
     #[new]
-    #[pyo3(signature = (params=None, control_dt=0.01, *, Q=None, R=None, max_torque=None, **weights))]
+    #[pyo3(signature = (params=None, control_dt=0.01, *, Q=None, R=None, max_torque=None, traction=None, **weights))]
     #[allow(non_snake_case, reason = "the names that SciPy and python-control give these matrices")]
     fn new(
         params: Argument<'_, '_>,
@@ -321,9 +346,11 @@ impl PyLqr {
         Q: Argument<'_, '_>,
         R: Argument<'_, '_>,
         #[pyo3(from_py_with = optional_real)] max_torque: Option<f64>,
+        traction: Argument<'_, '_>,
         weights: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
-        let lqr = regulator(&or_paper(params)?, control_dt, [Q, R], max_torque, weights)?;
+        let limits = limits(LimitOptions::TRACTION, max_torque, traction)?;
+        let lqr = regulator(&or_paper(params)?, control_dt, [Q, R], &limits, weights)?;
         Ok(PyClassInitializer::from(PyController::new("lqr", "Lqr", lqr.clone())).add_subclass(Self(lqr)))
     }
 

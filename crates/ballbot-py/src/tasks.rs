@@ -66,7 +66,7 @@ pub(crate) fn tasks(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(tasks)
 }
 
-/// Controllers by name: summary, sampling time, parts of the setpoint, options.
+/// Controllers by name: summary, sampling time, parts of the setpoint, share of traction, options.
 pub(crate) fn controllers(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let controllers = PyDict::new(py);
     for kind in controller_kinds() {
@@ -74,6 +74,7 @@ pub(crate) fn controllers(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         controller.set_item("summary", kind.summary)?;
         controller.set_item("control_dt", kind.control_dt)?;
         controller.set_item("setpoint", kind.parts)?;
+        controller.set_item("traction", kind.limits.traction)?;
         controller.set_item("options", options(py, &(kind.options)())?)?;
         controllers.set_item(kind.name, controller)?;
     }

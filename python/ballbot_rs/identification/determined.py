@@ -1,5 +1,6 @@
 """What a log determines: windows that the model explains, parameters that differ in their effects, their covariance."""
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -84,3 +85,26 @@ def covariance_of(flat: Array, free: Mask) -> tuple[Array, Array]:
     covariance = np.diag(1.0 / np.maximum((flat**2).sum(axis=0), 1e-300))
     covariance[np.ix_(free, free)] = (directions.T / singular**2) @ directions
     return singular, covariance
+
+
+def jackknife_errors(slopes: Sequence[Array], residuals: Sequence[Array], free: Mask) -> Array:
+    """Standard errors from the estimates that each leave one window out, to first order (Miller, Biometrika 61, 1974).
+
+    They need no white noise and no model that is right, but windows that are independent of each other. Those of numbers
+    at a limit are zero.
+
+    Args:
+        slopes: derivatives of each window, shape (rows, p).
+        residuals: of each window, shape (rows,).
+        free: which numbers are at no limit, shape (p,).
+    """
+    normal = sum(one[:, free].T @ one[:, free] for one in slopes)
+    changes = [
+        np.linalg.lstsq(normal - one[:, free].T @ one[:, free], one[:, free].T @ own, rcond=1e-12)[0]
+        for one, own in zip(slopes, residuals, strict=True)
+    ]
+    spread = np.array(changes) - np.mean(changes, axis=0)
+    count = len(slopes)
+    errors = np.zeros(len(free))
+    errors[free] = np.sqrt((count - 1.0) / count * (spread**2).sum(axis=0))
+    return errors

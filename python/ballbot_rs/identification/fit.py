@@ -1,5 +1,6 @@
 """The fit: nonlinear least squares over the parameters, in passes that renew the noise and the windows that count."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -14,7 +15,7 @@ from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.identification import noise as noise_of
 from ballbot_rs.identification import starts as starts_of
-from ballbot_rs.identification.determined import at_limit, check_determined, check_windows, covariance_of
+from ballbot_rs.identification.determined import at_limit, check_determined, check_windows, covariance_of, jackknife_errors
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.motors import MAX_DELAY, MAX_LAG, Motors
 from ballbot_rs.identification.parameters import Fitted, Robot, fitted
@@ -170,6 +171,7 @@ def _passes(
     noise_of.check(noise_of.estimated(problem, point, leverage, kept, old), expected)
     ratio = problem.spread(old) / problem.spread(spreads)
     derivatives = derivatives * ratio[:, None]
+    point = dataclasses.replace(point, residuals=point.residuals * ratio)
     check_determined(problem, derivatives, kept, point)
     return point, derivatives, spreads, kept
 
@@ -244,7 +246,10 @@ def _result(
     # What is at a limit has no derivative worth an interval, and takes none of the others'.
     free = ~at_limit(wanted, point.values)
     singular, covariance = covariance_of(flat, free)
-    errors = np.sqrt(np.diag(covariance))
+    linear = np.sqrt(np.diag(covariance))
+    places = [windows.rows_of(i) for i in np.flatnonzero(kept).tolist()]
+    slopes = [derivatives[one].reshape(-1, len(wanted.names)) for one in places]
+    errors = np.maximum(linear, jackknife_errors(slopes, [point.residuals[one].reshape(-1) for one in places], free))
     measurements = int(problem.used[chosen].sum())
     freedom = measurements - 11 * int(kept.sum()) - len(wanted.names)
     half = float(stdtrit(max(freedom, 1), 0.975)) * errors * wanted.scales
@@ -258,7 +263,7 @@ def _result(
         units=units_of(wanted.places),
         values=point.values,
         standard_errors=errors * wanted.scales,
-        correlation=covariance / np.outer(errors, errors),
+        correlation=covariance / np.outer(linear, linear),
         intervals=np.stack([point.values - half, point.values + half], axis=-1),
         nominal=_nominal(wanted, base),
         at_limit=tuple(np.array(wanted.names)[at_limit(wanted, point.values)].tolist()),

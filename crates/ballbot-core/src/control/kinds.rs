@@ -1,6 +1,6 @@
 //! Controllers by name: those of this crate, and those that other crates register.
 
-use super::{Controller, Law, Lqr, LqrWeights, Pid, PidGains, check_max_torque, default_max_torque};
+use super::{Controller, Law, LimitOptions, Lqr, LqrWeights, Pid, PidGains};
 use crate::error::{Error, Result};
 use crate::fields::{Fields, OptionDescription, describe_options};
 use crate::kinematics::TorqueMap;
@@ -18,18 +18,19 @@ pub struct ControllerKind {
     pub control_dt: Option<f64>,
     /// The parts of a setpoint that it follows.
     pub parts: &'static [&'static str],
+    /// How its torques are limited by default.
+    pub limits: LimitOptions,
     /// Its options.
     pub options: fn() -> Vec<OptionDescription>,
     /// Makes one.
     pub make: MakeController,
 }
 
-/// Makes a controller for `params`, sampled every `control_dt` seconds, no wheel torque above `max_torque` (N·m; `None` is
-/// [`default_max_torque`]), from options by name.
+/// Makes a controller for `params`, sampled every `control_dt` seconds, with limited torques, from options by name.
 pub type MakeController = fn(
     params: &Params,
     control_dt: f64,
-    max_torque: Option<f64>,
+    limits: &LimitOptions,
     options: &[(&str, &[f64])],
 ) -> Result<Box<dyn Controller>>;
 
@@ -44,11 +45,6 @@ pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
     Ok(fields)
 }
 
-/// The limit of torques that was asked for, or the default.
-fn limit(params: &Params, max_torque: Option<f64>) -> Result<f64> {
-    max_torque.map_or_else(|| Ok(default_max_torque(params)), |t| check_max_torque(t, params.max_wheel_torque))
-}
-
 /// The controllers of this crate.
 static CONTROLLERS: [ControllerKind; 2] = [
     ControllerKind {
@@ -56,10 +52,10 @@ static CONTROLLERS: [ControllerKind; 2] = [
         summary: "Linear-quadratic regulator of position, tilt and heading.",
         control_dt: None,
         parts: <Lqr as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
         options: describe_options::<LqrWeights>,
-        make: |params, control_dt, max_torque, options| {
-            let weights = fields_with(options)?;
-            Ok(Box::new(Lqr::with_weights(params, control_dt, &weights, limit(params, max_torque)?)?))
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(Lqr::with_weights(params, control_dt, &fields_with(options)?, limits)?))
         },
     },
     ControllerKind {
@@ -67,10 +63,11 @@ static CONTROLLERS: [ControllerKind; 2] = [
         summary: "The paper's PID of the tilt; nothing holds the ball's position or the heading.",
         control_dt: Some(Pid::PAPER_CONTROL_DT),
         parts: <Pid as Law>::PARTS,
+        limits: LimitOptions::CAP,
         options: describe_options::<PidGains>,
-        make: |params, control_dt, max_torque, options| {
+        make: |params, control_dt, limits, options| {
             let pid = Pid::new(params, control_dt, &fields_with(options)?, TorqueMap::Consistent)?;
-            Ok(Box::new(pid.with_max_torque(limit(params, max_torque)?)?))
+            Ok(Box::new(pid.with_limits(params, limits)?))
         },
     },
 ];

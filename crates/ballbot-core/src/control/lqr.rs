@@ -2,10 +2,7 @@
 
 use super::balance_frame::BalanceFrame;
 use super::riccati::{self, Regulator};
-use super::{
-    LaneSetpoint, Law, Sampling, Setpoint, SetpointCells, check_control_dt, check_max_torque, default_max_torque,
-    saturate,
-};
+use super::{LaneSetpoint, Law, LimitOptions, Sampling, Setpoint, SetpointCells, TorqueLimits, check_control_dt};
 use crate::error::{Error, Result, check};
 use crate::fields::{Fields, Limit};
 use crate::lane_state::{LaneState, StateCells};
@@ -34,6 +31,11 @@ crate::fields! {
         pub yaw_rate: f64 = 2.0, "rad/s", Limit::from(1e-6).to(1e6);
         /// Wheel torque.
         pub torque: f64 = 0.2, "N·m", Limit::from(1e-6).to(1e6);
+        /// No deviation: the largest lean that those of position and velocity may ask for, which leaves torque to the
+        /// balance.
+        pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
+        /// No deviation: the largest speed that one of the position may ask for.
+        pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
     }
 }
 
@@ -57,31 +59,32 @@ pub struct Lqr {
     /// K, row by row.
     gain: [[f64; STATES]; INPUTS],
     frame: BalanceFrame,
+    outer: Outer,
     sampling: Sampling,
-    max_torque: f64,
+    limits: TorqueLimits,
 }
 
 impl Lqr {
-    /// A regulator with the default weights, its torques within [`default_max_torque`].
+    /// A regulator with the default weights and [`LimitOptions::TRACTION`].
     ///
     /// # Errors
     /// As [`Lqr::with_weights`].
     pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
-        Self::with_weights(params, control_dt, &LqrWeights::default(), default_max_torque(params))
+        Self::with_weights(params, control_dt, &LqrWeights::default(), &LimitOptions::TRACTION)
     }
 
-    /// A regulator from the linear model of `params`, discretized at `control_dt` (s); no wheel torque exceeds
-    /// `max_torque` (N·m).
+    /// A regulator from the linear model of `params`, discretized at `control_dt` (s).
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a number that is not positive, [`crate::Error::Riccati`] if there is no solution.
-    pub fn with_weights(params: &Params, control_dt: f64, weights: &LqrWeights, max_torque: f64) -> Result<Self> {
+    /// [`crate::Error::OutOfRange`] for a number that is not positive, those of [`TorqueLimits::new`], [`crate::Error::Riccati`] if there is no solution.
+    pub fn with_weights(params: &Params, control_dt: f64, weights: &LqrWeights, limits: &LimitOptions) -> Result<Self> {
         weights.check_limits()?;
         let (q, r) = weights.matrices();
-        Self::with_costs(params, control_dt, &q, &r, max_torque)
+        Self::with_costs(params, control_dt, [&q, &r], [weights.max_lean, weights.max_speed], limits)
     }
 
-    /// [`Lqr::with_weights`] with Q (10 × 10) and R (3 × 3) of the cost Σ xᵀQx + uᵀRu.
+    /// [`Lqr::with_weights`] with Q (10 × 10) and R (3 × 3) of the cost Σ xᵀQx + uᵀRu, and the largest lean (rad) and
+    /// speed (m/s) of [`LqrWeights`].
     ///
     /// # Errors
     /// As [`Lqr::with_weights`]; [`crate::Error::Length`] for matrices of another size; [`crate::Error::Inconsistent`] if one
@@ -89,13 +92,13 @@ impl Lqr {
     pub fn with_costs(
         params: &Params,
         control_dt: f64,
-        q: &DMatrix<f64>,
-        r: &DMatrix<f64>,
-        max_torque: f64,
+        [q, r]: [&DMatrix<f64>; 2],
+        largest: [f64; 2],
+        limits: &LimitOptions,
     ) -> Result<Self> {
         params.validate()?;
         check_control_dt(control_dt)?;
-        check_max_torque(max_torque, params.max_wheel_torque)?;
+        let limits = TorqueLimits::new(params, limits)?;
         check_cost("Q", q, STATES)?;
         check_cost("R", r, INPUTS)?;
         let (a, b) = LinearModel::new(params).discretize(control_dt);
@@ -104,7 +107,14 @@ impl Lqr {
         let regulator = riccati::solve(&a, &b, q, r)?;
         let gain = std::array::from_fn(|i| std::array::from_fn(|j| regulator.gain[(i, j)]));
         let frame = BalanceFrame::new(params);
-        Ok(Self { gain, frame, regulator, sampling: Sampling::new(control_dt, <Self as Law>::MEMORY), max_torque })
+        Ok(Self {
+            outer: Outer::new(&regulator.gain, largest),
+            gain,
+            frame,
+            regulator,
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            limits,
+        })
     }
 
     /// The Riccati solution behind the gains.
@@ -186,9 +196,69 @@ impl Law for Lqr {
 
     #[inline(always)]
     fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, _: &mut Memory<'_, L>) -> [L; 3] {
-        let x = deviation(&self.frame, state, setpoint);
-        saturate([product(&self.gain[0], &x), product(&self.gain[1], &x), product(&self.gain[2], &x)], self.max_torque)
+        let mut x = deviation(&self.frame, state, setpoint);
+        self.outer.clip(&mut x);
+        let wanted = [product(&self.gain[0], &x), product(&self.gain[1], &x), product(&self.gain[2], &x)];
+        self.limits.apply(wanted, state).torques
     }
+}
+
+/// The outer loop of a gain: deviations of position ask for a speed, those of position and velocity for a lean. Both are
+/// cut as vectors.
+#[derive(Clone, Copy, Debug)]
+struct Outer {
+    /// Speed that has the torques of a deviation of the position.
+    speed: [[f64; 2]; 2],
+    /// Lean about x and y that has the torques of deviations of position and velocity (x, y, v_x, v_y).
+    lean: [[f64; 4]; 2],
+    max_lean: f64,
+    max_speed: f64,
+}
+
+/// Places of position and velocity among the states.
+const MOVING: [usize; 4] = [0, 1, 5, 6];
+
+impl Outer {
+    fn new(gain: &DMatrix<f64>, [max_lean, max_speed]: [f64; 2]) -> Self {
+        let columns = |first: usize| gain.columns(first, 2).into_owned();
+        let moving = DMatrix::from_fn(INPUTS, 4, |i, j| gain[(i, MOVING[j])]);
+        let (lean, speed) = (equal_torques(columns(2), &moving), equal_torques(columns(5), &columns(0)));
+        Self {
+            speed: std::array::from_fn(|i| std::array::from_fn(|j| speed[(i, j)])),
+            lean: std::array::from_fn(|i| std::array::from_fn(|j| lean[(i, j)])),
+            max_lean,
+            max_speed,
+        }
+    }
+
+    /// Cuts the deviations of position and velocity.
+    #[inline(always)]
+    fn clip<L: Lane>(&self, x: &mut [L; STATES]) {
+        let [[a, b], [c, d]] = self.speed;
+        let speeds = [x[1].mul_add_all(b, x[0] * a), x[1].mul_add_all(d, x[0] * c)];
+        let slower = share_within(speeds, self.max_speed);
+        x[0] = x[0] * slower;
+        x[1] = x[1] * slower;
+        let lean = |[a, b, c, d]: [f64; 4]| x[6].mul_add_all(d, x[5].mul_add_all(c, x[1].mul_add_all(b, x[0] * a)));
+        let less = share_within([lean(self.lean[0]), lean(self.lean[1])], self.max_lean);
+        for place in MOVING {
+            x[place] = x[place] * less;
+        }
+    }
+}
+
+/// The deviations that have the torques of others: of `gain` those of `other`, in the sense of least squares.
+fn equal_torques(gain: DMatrix<f64>, other: &DMatrix<f64>) -> DMatrix<f64> {
+    let size = (gain.ncols(), other.ncols());
+    // A gain of zero asks for nothing.
+    gain.svd(true, true).solve(other, f64::MIN_POSITIVE).unwrap_or_else(|_| DMatrix::zeros(size.0, size.1))
+}
+
+/// The share of a vector that is of length `longest`, at most 1.
+#[inline(always)]
+fn share_within<L: Lane>([x, y]: [L; 2], longest: f64) -> L {
+    let (bound, length) = (x.splat(longest), x.mul_add(x, y.squared()).sqrt());
+    L::select(bound.lt(length), bound / length, x.splat(1.0))
 }
 
 /// −row · x.

@@ -4,11 +4,13 @@
 
 mod balance_frame;
 mod kinds;
+mod limits;
 mod lqr;
 mod pid;
 pub mod riccati;
 
 pub use kinds::{ControllerKind, MakeController, controller_kind, controller_kinds, fields_with, register_controller};
+pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
 pub use lqr::{Lqr, LqrWeights};
 pub use pid::{Pid, PidGains};
 
@@ -219,22 +221,6 @@ impl LaneWidth for Eight {
     fn set_setpoint(setpoints: &mut SetpointCells<Eight>, index: usize, one: &Setpoint) {
         setpoints.set_lane(index, &one.into());
     }
-}
-
-/// Scales torques down together to within ±`limit`, which keeps their direction; NaN passes through.
-#[inline(always)]
-pub fn saturate<L: Lane>(torques: [L; 3], limit: f64) -> [L; 3] {
-    let [a, b, c] = torques;
-    let largest = a.abs().max(b.abs()).max(c.abs());
-    let bound = a.splat(limit);
-    let scale = L::select(bound.lt(largest), bound / largest, a.splat(1.0));
-    [within(a * scale, bound), within(b * scale, bound), within(c * scale, bound)]
-}
-
-/// Cut off at ±`bound`, above which a scaled torque may round; NaN passes through.
-#[inline(always)]
-fn within<L: Lane>(torque: L, bound: L) -> L {
-    L::select(bound.lt(torque.abs()), torque.min(bound).max(-bound), torque)
 }
 
 /// Longest time between two calls of a controller, s.

@@ -1,7 +1,7 @@
 //! The paper's controller (section III-A): a PID with filtered derivative on each tilt component.
 
 use super::balance_frame::BalanceFrame;
-use super::{LaneSetpoint, Law, Sampling, check_control_dt, check_max_torque, default_max_torque, saturate};
+use super::{LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, check_control_dt};
 use crate::error::Result;
 use crate::fields::{Fields, Limit};
 use crate::kinematics::{Omniwheels, TorqueMap};
@@ -38,8 +38,7 @@ pub struct Pid {
     /// Share of the distance to the error that the derivative filter goes in a sample; exact for a held error.
     filter_share: f64,
     sampling: Sampling,
-    max_torque: f64,
-    motor_torque: f64,
+    limits: TorqueLimits,
 }
 
 /// What is kept of a robot: integrals of the errors, states of the derivative filters, and whether these are set. A filter
@@ -53,7 +52,7 @@ impl Pid {
     /// (docs/paper.md).
     pub const PAPER_CONTROL_DT: f64 = 0.002;
 
-    /// A PID for `params`, sampled every `control_dt` seconds, its wheel torques within [`default_max_torque`].
+    /// A PID for `params`, sampled every `control_dt` seconds, its wheel torques limited by [`LimitOptions::CAP`].
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for gains that are negative or not finite, or a `control_dt` that is not positive; those of
@@ -73,18 +72,16 @@ impl Pid {
             filter_share: 1.0 - (-gains.filter_coefficient * control_dt).exp(),
             gains: *gains,
             sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
-            max_torque: default_max_torque(params),
-            motor_torque: params.max_wheel_torque,
+            limits: TorqueLimits::new(params, &LimitOptions::CAP)?,
         })
     }
 
-    /// The same with another limit of the wheel torques, N·m.
+    /// The same with other limits of the wheel torques, on the robot of `params`.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a limit that is not positive, or above the motors'.
-    pub fn with_max_torque(mut self, max_torque: f64) -> Result<Self> {
-        self.max_torque = check_max_torque(max_torque, self.motor_torque)?;
-        Ok(self)
+    /// As [`TorqueLimits::new`].
+    pub fn with_limits(self, params: &Params, limits: &LimitOptions) -> Result<Self> {
+        Ok(Self { limits: TorqueLimits::new(params, limits)?, ..self })
     }
 
     /// Virtual torque for a tilt error about one axis of the heading frame, before any limit, N·m; updates the filter.
@@ -125,14 +122,14 @@ impl Law for Pid {
         let y = self.virtual_torque(1, errors[1], started, memory);
         let [m0, m1, m2] = self.map;
         let wanted = [x * m0[0] + y * m0[1], x * m1[0] + y * m1[1], x * m2[0] + y * m2[1]];
-        let [a, b, c] = wanted;
-        // A saturated motor cannot act on the integral: hold it.
-        let saturated = zero.splat(self.max_torque).lt(a.abs().max(b.abs()).max(c.abs()));
+        let limited = self.limits.apply(wanted, state);
+        // A torque that is limited cannot act on the integral: hold it.
+        let saturated = limited.share.lt(zero.splat(1.0));
         for axis in 0..2 {
             let integral = memory.get(INTEGRAL[axis]);
             let next = errors[axis].mul_add_all(self.sampling.control_dt, integral);
             memory.set(INTEGRAL[axis], L::select(saturated, integral, next));
         }
-        saturate(wanted, self.max_torque)
+        limited.torques
     }
 }

@@ -2,6 +2,7 @@
 
 mod friction_limit;
 pub mod linear;
+mod load_map;
 mod losses;
 pub mod planar;
 mod planar_motion;
@@ -11,6 +12,7 @@ mod spatial_motion;
 
 pub use friction_limit::traction_torque;
 pub use linear::LinearModel;
+pub use load_map::{LoadMap, WheelLoad};
 pub use planar::{PlanarModel, WheelInertia};
 pub use planar_motion::PlanarMotion;
 pub use spatial::{BallSpin, SpatialModel, WheelSpin};

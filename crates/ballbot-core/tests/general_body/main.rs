@@ -4,7 +4,7 @@
 mod support;
 mod task;
 
-use ballbot_core::control::{Controller, Lqr, LqrWeights, Pid, PidGains, Setpoint};
+use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel, SpatialMotion, WheelInertia, traction_torque};
 use ballbot_core::{Ballbot, Error, Model, ModelKind, Params, State, mechanical_energy};
@@ -168,7 +168,7 @@ fn regulator(params: &Params) -> Lqr {
         torque: params.body_mass * params.gravity * params.wheel_radius,
         ..LqrWeights::default()
     };
-    Lqr::with_weights(params, 0.05 / rate, &weights, params.max_wheel_torque).unwrap()
+    Lqr::with_weights(params, 0.05 / rate, &weights, &LimitOptions::capped(params.max_wheel_torque)).unwrap()
 }
 
 proptest! {

@@ -2,8 +2,7 @@
 
 use ballbot_core::LaneState;
 use ballbot_core::control::{
-    Controller, ControllerKind, LaneSetpoint, Law, Sampling, check_max_torque, default_max_torque, fields_with,
-    saturate,
+    Controller, ControllerKind, LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, fields_with,
 };
 use ballbot_core::fields::{Limit, describe_options};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
@@ -32,7 +31,7 @@ pub struct Feedback {
     map: [[f64; 2]; 3],
     /// Share of the distance to the error that the low-pass goes in a sample.
     share: f64,
-    max_torque: f64,
+    limits: TorqueLimits,
     sampling: Sampling,
 }
 
@@ -43,17 +42,14 @@ pub const KIND: ControllerKind = ControllerKind {
     control_dt: None,
     parts: Feedback::PARTS,
     options: describe_options::<Gains>,
-    make: |params, control_dt, max_torque, options| {
-        let limit = max_torque.map_or_else(
-            || Ok(default_max_torque(params)),
-            |torque| check_max_torque(torque, params.max_wheel_torque),
-        )?;
-        Ok(Box::new(Feedback::new(params, control_dt, &fields_with(options)?, limit)?) as Box<dyn Controller>)
+    limits: LimitOptions::CAP,
+    make: |params, control_dt, limits, options| {
+        Ok(Box::new(Feedback::new(params, control_dt, &fields_with(options)?, limits)?) as Box<dyn Controller>)
     },
 };
 
 impl Feedback {
-    pub fn new(params: &Params, control_dt: f64, gains: &Gains, max_torque: f64) -> Result<Self> {
+    pub fn new(params: &Params, control_dt: f64, gains: &Gains, limits: &LimitOptions) -> Result<Self> {
         params.validate()?;
         let wheels = Omniwheels::new(params);
         let column = |axis: Vector3<f64>| wheels.wheel_torques(&axis, TorqueMap::Consistent);
@@ -62,7 +58,7 @@ impl Feedback {
             map: [0, 1, 2].map(|i| [about_x[i], about_y[i]]),
             share: 1.0 - (-control_dt / gains.filter).exp(),
             gains: gains.clone(),
-            max_torque,
+            limits: TorqueLimits::new(params, limits)?,
             sampling: Sampling::new(control_dt, Self::MEMORY),
         })
     }
@@ -99,6 +95,6 @@ impl Law for Feedback {
         let x = lean_x * self.gains.tilt - rate.x * self.gains.rate;
         let y = lean_y * self.gains.tilt - rate.y * self.gains.rate;
         let wheel = |i: usize| x * self.map[i][0] + y * self.map[i][1];
-        saturate([wheel(0), wheel(1), wheel(2)], self.max_torque)
+        self.limits.apply([wheel(0), wheel(1), wheel(2)], state).torques
     }
 }

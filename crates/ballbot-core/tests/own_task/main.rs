@@ -6,7 +6,9 @@ mod run;
 mod shuttle;
 
 use ballbot_core::batch::{Autoreset, Batch, EnvConfig, Environment, Outcome, register_task, task_kind, task_kinds};
-use ballbot_core::control::{Controller, Setpoint, controller_kind, controller_kinds, register_controller};
+use ballbot_core::control::{
+    Controller, LimitOptions, Setpoint, controller_kind, controller_kinds, register_controller,
+};
 use ballbot_core::task::{ACTION_LEN, TaskDescription};
 use ballbot_core::{Error, ModelKind, State};
 use feedback::{Feedback, Gains};
@@ -313,7 +315,8 @@ fn invalid_options_and_names_are_refused() {
 #[test]
 fn controllers_follow_the_command_of_the_task() {
     let config = config(ModelKind::Contact);
-    let controller = Feedback::new(&config.params, config.control_dt, &Gains::default(), 1.0).unwrap();
+    let controller =
+        Feedback::new(&config.params, config.control_dt, &Gains::default(), &LimitOptions::capped(1.0)).unwrap();
     let mut run = Run::new(
         Batch::new(&EnvConfig { scale_observations: false, ..config }, 11, Autoreset::SameStep, Some(1), 1).unwrap(),
     );
@@ -325,7 +328,8 @@ fn controllers_follow_the_command_of_the_task() {
             ..Setpoint::default()
         })
         .collect();
-    let again = Feedback::new(run.batch.params(0).unwrap(), 0.01, &Gains::default(), 1.0).unwrap();
+    let again =
+        Feedback::new(run.batch.params(0).unwrap(), 0.01, &Gains::default(), &LimitOptions::capped(1.0)).unwrap();
     run.batch.control(&again, Some(&setpoints), &mut actions[1]).unwrap();
     for (found, expected) in actions[0].iter().zip(&actions[1]) {
         assert!((found - expected).abs() < 1e-6, "{found}, expected {expected}");
@@ -342,19 +346,22 @@ fn registered_controllers_are_made_by_name() {
     let options: Vec<_> = (kind.options)().iter().map(|o| (o.name, o.default[0])).collect();
     assert_eq!(options, [("tilt", 20.0), ("rate", 1.3), ("velocity", 0.03), ("filter", 0.05)]);
     let params = ballbot_core::Params::paper();
-    let make = |max_torque, options: &[Setting<'_>]| (kind.make)(&params, 0.002, max_torque, options);
-    let mut named = make(Some(0.3), &[("tilt", &[15.0])]).unwrap();
+    let make = |limits, options: &[Setting<'_>]| (kind.make)(&params, 0.002, &limits, options);
+    let mut named = make(LimitOptions::capped(0.3), &[("tilt", &[15.0])]).unwrap();
     let gains = Gains { tilt: 15.0, ..Gains::default() };
-    let mut typed = Feedback::new(&params, 0.002, &gains, 0.3).unwrap();
+    let mut typed = Feedback::new(&params, 0.002, &gains, &LimitOptions::capped(0.3)).unwrap();
     let state = State::tilted(&params, Vector2::new(0.01, -0.02), 0.3);
     let setpoint = Setpoint { velocity: Vector2::new(0.2, -0.1), ..Setpoint::default() };
     for _ in 0..3 {
         assert_eq!(named.wheel_torques(&state, &setpoint), typed.wheel_torques(&state, &setpoint));
     }
     for (result, words) in [
-        (make(None, &[("tild", &[1.0])]), "unknown option 'tild': expected one of tilt, rate, velocity, filter"),
-        (make(None, &[("filter", &[0.0])]), "filter = 0 is out of range: it must be > 0 s"),
-        (make(Some(9.0), &[]), "max_torque = 9 "),
+        (
+            make(LimitOptions::CAP, &[("tild", &[1.0])]),
+            "unknown option 'tild': expected one of tilt, rate, velocity, filter",
+        ),
+        (make(LimitOptions::CAP, &[("filter", &[0.0])]), "filter = 0 is out of range: it must be > 0 s"),
+        (make(LimitOptions::capped(9.0), &[]), "max_torque = 9 "),
     ] {
         let message = result.err().expect("accepted").to_string();
         assert!(message.starts_with(words), "{message}");
@@ -371,7 +378,8 @@ fn registered_controllers_balance_a_batch_as_single_robots() {
         config.control_dt = 0.002;
         config.max_episode_steps = 1500;
         (config.task.track, config.task.interval) = (10.0, 5000.0);
-        let make = || (controller_kind("feedback").unwrap().make)(&config.params, 0.002, None, &[]).unwrap();
+        let make =
+            || (controller_kind("feedback").unwrap().make)(&config.params, 0.002, &LimitOptions::CAP, &[]).unwrap();
         let controller = make();
         let mut run = Run::new(batch(&config, n, Autoreset::NextStep, 1));
         let mut single = (Single::new(&config, SEED + 1), make());

@@ -1,0 +1,269 @@
+//! The last stage of every law: the torques that the wheels can pass on.
+
+use super::balance_frame::BalanceFrame;
+use super::{check_max_torque, default_max_torque};
+use crate::error::{Result, check};
+use crate::kinematics::Omniwheels;
+use crate::lane_state::LaneState;
+use crate::lanes::{Heading, Lane};
+use crate::models::{LoadMap, WheelLoad};
+use crate::params::Params;
+use nalgebra::Vector3;
+
+/// Least load that a wheel keeps, as a share of its load in equilibrium: below, the body is about to lift off the ball.
+const LEAST_LOAD: f64 = 0.3;
+
+/// Share of the friction limit that is used by default: the rest is for what the maps leave out.
+pub const DEFAULT_TRACTION: f64 = 0.9;
+
+/// Slip of a wheel from which the maps do not hold, m/s.
+const SLIPPING: f64 = 0.1;
+
+/// Least distance of a row from its bound, N. It keeps quotients finite; a row beyond its bound allows no torque that raises
+/// it.
+const LEAST_MARGIN: f64 = 1e-9;
+
+/// How a law's torques are limited.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LimitOptions {
+    /// Largest torque of a wheel, N·m. `None` is the motors' limit with traction scaling, [`default_max_torque`] without.
+    pub max_torque: Option<f64>,
+    /// Share of the friction limit that the wheels may use, from 0.01 to 1; `None` for no traction scaling.
+    pub traction: Option<f64>,
+}
+
+impl LimitOptions {
+    /// Traction scaling at nine tenths of the friction limit.
+    pub const TRACTION: Self = Self { max_torque: None, traction: Some(DEFAULT_TRACTION) };
+
+    /// A largest torque alone.
+    pub const CAP: Self = Self { max_torque: None, traction: None };
+
+    /// A largest torque (N·m) alone.
+    pub const fn capped(max_torque: f64) -> Self {
+        Self { max_torque: Some(max_torque), traction: None }
+    }
+}
+
+/// Torques within the limits.
+#[derive(Clone, Copy, Debug)]
+pub struct Limited<L> {
+    /// Of the wheels, N·m.
+    pub torques: [L; 3],
+    /// Share of the wanted tilt torque in them, from 0 to 1; a law that integrates holds its integral below 1.
+    pub share: L,
+    /// Share of the wanted yaw torque in them, from 0 to 1.
+    pub yaw_share: L,
+}
+
+/// Limits of the wheel torques of one robot.
+///
+/// Without traction scaling the torques are scaled down together to the largest torque. With it the largest share of the
+/// wanted torques is used with which no wheel slips (|f_i| ≤ ρ μ N_i) or lifts (N_i ≥ 0.3 of the load in equilibrium) and no
+/// motor is asked for more than it has; loads and tractions are those of [`LoadMap`]. The yaw torque is given up first: it
+/// balances nothing. The maps hold while all wheels grip: where one slips by more than 0.1 m/s, as after a push that lifts it,
+/// the torques are scaled down together to [`default_max_torque`]. Derived in `docs/controllers.md`.
+#[derive(Clone, Debug)]
+pub struct TorqueLimits {
+    max_torque: f64,
+    traction: Option<Traction>,
+}
+
+/// Conditions on the torques of one robot, c + g·τ ≤ 0 each.
+#[derive(Clone, Debug)]
+struct Traction {
+    rows: [Row; ROWS],
+    frame: BalanceFrame,
+    /// The yaw torque of torques τ is `turning` (`yaw` · τ).
+    yaw: [f64; 3],
+    turning: [f64; 3],
+    /// Rows u_i r_k: what a wheel's contact moves by as the ball turns relative to the body.
+    surface: [[f64; 3]; 3],
+    wheel_radius: f64,
+    /// Largest torque where a wheel slips, N·m.
+    slipping_torque: f64,
+}
+
+/// Two for slip and one for the load of each wheel.
+const ROWS: usize = 9;
+
+/// c = `at_rest` + `per_tilt` · ϑ + `per_rate_squared` |Ω|², g = `per_torque`.
+type Row = WheelLoad;
+
+impl Traction {
+    fn new(params: &Params, share: f64) -> Self {
+        let map = LoadMap::new(params);
+        let friction = share * params.wheel_dynamic_friction;
+        let rows = std::array::from_fn(|k| {
+            let (load, traction) = (&map.loads[k / 3], &map.tractions[k / 3]);
+            let sum = |sign: f64, factor: f64| Row {
+                at_rest: sign * traction.at_rest + factor * load.at_rest,
+                per_tilt: std::array::from_fn(|i| sign * traction.per_tilt[i] + factor * load.per_tilt[i]),
+                per_torque: std::array::from_fn(|i| sign * traction.per_torque[i] + factor * load.per_torque[i]),
+                per_rate_squared: sign * traction.per_rate_squared + factor * load.per_rate_squared,
+            };
+            match k % 3 {
+                0 => sum(1.0, -friction),
+                1 => sum(-1.0, -friction),
+                _ => {
+                    let row = sum(0.0, -1.0);
+                    Row { at_rest: row.at_rest + LEAST_LOAD * load.at_rest, ..row }
+                }
+            }
+        });
+        let wheels = Omniwheels::new(params);
+        let frame = BalanceFrame::new(params);
+        let vertical = frame.in_body(&Vector3::z());
+        let inverse = wheels.u.transpose().try_inverse().expect("the wheels drive the ball about every axis");
+        Self {
+            rows,
+            frame,
+            yaw: (wheels.u * vertical).into(),
+            turning: (inverse * vertical).into(),
+            surface: std::array::from_fn(|i| std::array::from_fn(|j| wheels.u[(i, j)] * params.ball_radius)),
+            wheel_radius: params.wheel_radius,
+            slipping_torque: default_max_torque(params),
+        }
+    }
+
+    /// Whether a wheel slips.
+    #[inline(always)]
+    fn slips<L: Lane>(&self, state: &LaneState<L>) -> L::Mask {
+        let turned = state.body_quaternion.rotation().apply_transposed(state.ball_angular_velocity);
+        let relative = turned - state.body_angular_velocity;
+        let relative = [relative.x, relative.y, relative.z];
+        let slip = |i: usize| state.wheel_speeds[i].mul_add_all(-self.wheel_radius, dot(&self.surface[i], relative));
+        relative[0].splat(SLIPPING).lt(largest([slip(0), slip(1), slip(2)]))
+    }
+
+    /// c of each row.
+    #[inline(always)]
+    fn constants<L: Lane>(&self, state: &LaneState<L>) -> [L; ROWS] {
+        let attitude = self.frame.attitude(state.body_quaternion);
+        let [inertial_x, inertial_y] = attitude.tilt_components();
+        let tilt = Heading::new(attitude).of(inertial_x, inertial_y);
+        let rate = self.frame.of_body(state.body_angular_velocity);
+        let squared = rate.x.mul_add(rate.x, rate.y.squared());
+        let mut constants = [squared; ROWS];
+        for (row, c) in self.rows.iter().zip(&mut constants) {
+            let tilted = tilt[0].mul_add_all(row.per_tilt[0], tilt[1] * row.per_tilt[1]);
+            *c = squared.mul_add_all(row.per_rate_squared, tilted) + row.at_rest;
+        }
+        constants
+    }
+
+    /// The torques in two parts: those that turn the body about the vertical, and the others.
+    #[inline(always)]
+    fn parts<L: Lane>(&self, [a, b, c]: [L; 3]) -> ([L; 3], [L; 3]) {
+        let amount = dot(&self.yaw, [a, b, c]);
+        let yaw = [amount * self.turning[0], amount * self.turning[1], amount * self.turning[2]];
+        ([a - yaw[0], b - yaw[1], c - yaw[2]], yaw)
+    }
+}
+
+impl TorqueLimits {
+    /// Limits of the robot of `params`.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] for a torque that is not positive or beyond the motors' limit, and for a share of the
+    /// friction limit out of range.
+    pub fn new(params: &Params, options: &LimitOptions) -> Result<Self> {
+        if let Some(share) = options.traction {
+            check("traction", share, "from 0.01 to 1", |share| (0.01..=1.0).contains(&share))?;
+        }
+        let motors = params.max_wheel_torque;
+        let max_torque = match (options.max_torque, options.traction) {
+            (Some(torque), _) => check_max_torque(torque, motors)?,
+            (None, Some(_)) => motors,
+            (None, None) => default_max_torque(params),
+        };
+        Ok(Self { max_torque, traction: options.traction.map(|share| Traction::new(params, share)) })
+    }
+
+    /// Largest torque of a wheel, N·m.
+    pub fn max_torque(&self) -> f64 {
+        self.max_torque
+    }
+
+    /// The torques that are applied in place of wanted ones. Wanted torques that are within the limits stay as they are, to
+    /// the last bit; NaN passes through.
+    #[inline(always)]
+    pub fn apply<L: Lane>(&self, wanted: [L; 3], state: &LaneState<L>) -> Limited<L> {
+        let Some(traction) = &self.traction else { return cap(wanted, self.max_torque) };
+        let constants = traction.constants(state);
+        let bound = wanted[0].splat(self.max_torque);
+        let mut fits = largest(wanted).le(bound);
+        for (row, c) in traction.rows.iter().zip(constants) {
+            fits = fits & (dot(&row.per_torque, wanted) + c).le(c.zero());
+        }
+        let slips = traction.slips(state);
+        let limited = slips | !fits;
+        let one = bound.splat(1.0);
+        if !L::any(limited) {
+            return Limited { torques: wanted, share: one, yaw_share: one };
+        }
+        let capped = cap(wanted, self.max_torque.min(traction.slipping_torque));
+        let (tilting, yaw) = traction.parts(wanted);
+        let share = one / self.excess(traction, &constants, [bound.zero(); 3], tilting);
+        let base = [tilting[0] * share, tilting[1] * share, tilting[2] * share];
+        let mut left = constants;
+        for (row, c) in traction.rows.iter().zip(&mut left) {
+            *c += dot(&row.per_torque, base);
+        }
+        let yaw_share = one / self.excess(traction, &left, base, yaw);
+        let mut torques = wanted;
+        for i in 0..3 {
+            let scaled = within(yaw[i].mul_add(yaw_share, base[i]), bound);
+            let scaled = L::select(slips, capped.torques[i], scaled);
+            let is_number = wanted[i].le(wanted[i]);
+            torques[i] = L::select(limited & is_number, scaled, wanted[i]);
+        }
+        let of_limited = |capped: L, scaled: L| L::select(limited, L::select(slips, capped, scaled), one);
+        Limited { torques, share: of_limited(capped.share, share), yaw_share: of_limited(capped.yaw_share, yaw_share) }
+    }
+
+    /// By how much torques must be divided, at least 1, so that they may be added to others, at which the rows have the
+    /// constants `constants`.
+    #[inline(always)]
+    fn excess<L: Lane>(&self, traction: &Traction, constants: &[L; ROWS], others: [L; 3], torques: [L; 3]) -> L {
+        let least = others[0].splat(LEAST_MARGIN);
+        let mut excess = least.splat(1.0);
+        for (row, c) in traction.rows.iter().zip(constants) {
+            excess = (dot(&row.per_torque, torques) / (-*c).max(least)).max(excess);
+        }
+        for (torque, other) in torques.into_iter().zip(others) {
+            // Towards its bound.
+            let zero = torque.zero();
+            let signed = L::select(torque.lt(zero), -other, other);
+            excess = (torque.abs() / (least.splat(self.max_torque) - signed).max(least)).max(excess);
+        }
+        excess
+    }
+}
+
+/// Scales torques down together to within ±`limit`, which keeps their direction; NaN passes through.
+#[inline(always)]
+fn cap<L: Lane>(torques: [L; 3], limit: f64) -> Limited<L> {
+    let [a, b, c] = torques;
+    let largest = largest(torques);
+    let bound = a.splat(limit);
+    let scale = L::select(bound.lt(largest), bound / largest, a.splat(1.0));
+    let torques = [within(a * scale, bound), within(b * scale, bound), within(c * scale, bound)];
+    Limited { torques, share: scale, yaw_share: scale }
+}
+
+/// Cut off at ±`bound`, above which a scaled torque may round; NaN passes through.
+#[inline(always)]
+fn within<L: Lane>(torque: L, bound: L) -> L {
+    L::select(bound.lt(torque.abs()), torque.min(bound).max(-bound), torque)
+}
+
+#[inline(always)]
+fn largest<L: Lane>([a, b, c]: [L; 3]) -> L {
+    a.abs().max(b.abs()).max(c.abs())
+}
+
+#[inline(always)]
+fn dot<L: Lane>(row: &[f64; 3], [a, b, c]: [L; 3]) -> L {
+    c.mul_add_all(row[2], b.mul_add_all(row[1], a * row[0]))
+}
