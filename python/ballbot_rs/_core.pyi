@@ -957,6 +957,8 @@ class Batch:
         Raises:
             ValueError: the task observes the true state (`observation="sensors"` makes it observe these).
         """
+    def estimate(self, index: int) -> State:
+        """The same of the robot of environment `index`, as a `State`; beside `state`."""
     def privileged_observations(self, index: int | None = None) -> npt.NDArray[np.float32]:
         """Rows of the observations computed from the true states, float32, scaled alike: what a critic may see. With
         `observation="ground_truth"` and `history=1` they are the observations.
@@ -1005,7 +1007,11 @@ class Batch:
     def push(self, index: int, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
         """Gives the body of one robot an impulse (inertial frame, N·s) at `point` (body frame, m; None is its CoM)."""
     def control(
-        self, controller: Controller, setpoints: Mapping[str, npt.ArrayLike] | None = None
+        self,
+        controller: Controller,
+        setpoints: Mapping[str, npt.ArrayLike] | None = None,
+        *,
+        privileged: bool = False,
     ) -> npt.NDArray[np.float32]:
         """Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
 
@@ -1027,6 +1033,8 @@ class Batch:
         steps: int,
         setpoints: Mapping[str, npt.ArrayLike] | None = None,
         record: Sequence[str] = ...,
+        *,
+        privileged: bool = False,
     ) -> dict[str, Any]:
         """Runs `steps` control steps under a controller, without Python in the loop.
 
