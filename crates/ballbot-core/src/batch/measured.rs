@@ -1,12 +1,8 @@
 //! The states that controllers take: those that the sensors gave last, of one robot or of eight.
 
-use super::chunk::Environments;
-use super::robots::Robots;
-use crate::actuator::Actuator;
 use crate::lane_state::{LaneState, StateCells};
 use crate::lanes::{Cell, EIGHT, Eight, Kernel, Memory, Scalar, Wide, run_eight, run_one};
 use crate::sensor::Sensor;
-use crate::task::Task;
 use fearless_simd::Simd;
 
 /// Cells in which a sensor keeps its numbers.
@@ -54,23 +50,5 @@ impl<S: Sensor> Kernel for Last<'_, S> {
             f64::measure(self.sensor, self.one, &mut [], &mut state);
             self.states.set_lane(i, &state);
         }
-    }
-}
-
-impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
-    /// Writes the states of all robots as the task observes them. Of a robot before its first episode it is that at rest.
-    pub(super) fn read_measured(&mut self, states: &mut StateCells<R::Cell>) {
-        self.robots.read(states);
-        let (sensor, one) = (&self.step.sensor, &mut self.one.sensor);
-        if self.episodes.iter().all(|episodes| *episodes > 0) {
-            R::Cell::measure(sensor, &mut self.ledger.sensor, one, states);
-            return;
-        }
-        let mut memory = self.ledger.sensor.clone();
-        for i in 0..self.used {
-            let number = self.sensor_numbers(i);
-            memory.iter_mut().enumerate().for_each(|(k, cell)| cell.set(i, number(k)));
-        }
-        R::Cell::measure(&self.step.sensor, &mut memory, &mut self.one.sensor, states);
     }
 }
