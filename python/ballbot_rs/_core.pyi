@@ -961,6 +961,12 @@ class Batch:
         Raises:
             ValueError: the task observes the true state (`observation="sensors"` makes it observe these).
         """
+    def estimate(self, index: int) -> State:
+        """The same of the robot of environment `index`, as a `State`; beside `state`.
+
+        Raises:
+            ValueError: as `estimates`.
+        """
     def privileged_observations(self, index: int | None = None) -> npt.NDArray[np.float32]:
         """Rows of the observations computed from the true states, float32, scaled alike: what a critic may see. With
         `observation="ground_truth"` and `history=1` they are the observations.
@@ -1013,9 +1019,15 @@ class Batch:
     def push(self, index: int, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
         """Gives the body of one robot an impulse (inertial frame, N·s) at `point` (body frame, m; None is its CoM)."""
     def control(
-        self, controller: Controller, setpoints: Mapping[str, npt.ArrayLike] | None = None
+        self,
+        controller: Controller,
+        setpoints: Mapping[str, npt.ArrayLike] | None = None,
+        *,
+        privileged: bool = False,
     ) -> npt.NDArray[np.float32]:
         """Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
+
+        It takes what the task observes: with `observation="sensors"` the states of `estimates()`, else the true ones.
 
         What the controller keeps of a robot advances with each call; it starts anew with the robot's episode, and when
         another controller is used.
@@ -1024,6 +1036,7 @@ class Batch:
             controller: sampled at the batch's `control_dt`.
             setpoints: parts by name, each of all robots or with one row a robot; parts that are not named are zero. None
                 takes the task's.
+            privileged: whether the controller takes the true states whatever the task observes, as a teacher does.
 
         Raises:
             ValueError: the controller is sampled at another rate, or a wrong shape.
@@ -1035,6 +1048,8 @@ class Batch:
         steps: int,
         setpoints: Mapping[str, npt.ArrayLike] | None = None,
         record: Sequence[str] = ...,
+        *,
+        privileged: bool = False,
     ) -> dict[str, Any]:
         """Runs `steps` control steps under a controller, without Python in the loop.
 
@@ -1045,6 +1060,7 @@ class Batch:
             record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
                 `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
                 step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
+            privileged: as in `control`.
 
         Returns:
             Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number a robot; `draws` is

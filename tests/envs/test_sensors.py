@@ -212,7 +212,7 @@ def test_a_copy_reads_the_same(copied):
         np.testing.assert_array_equal(other.step(action)[0], env.step(action)[0])
 
 
-def test_a_policy_keeps_its_sensors(tmp_path, capsys):
+def test_a_policy_keeps_its_sensors(tmp_path):
     env = bb.BallbotVecEnv(1, model="spatial", **OBSERVED)
     path = bb.save(PPO("MlpPolicy", env, policy_kwargs={"net_arch": [8]}, seed=0), tmp_path / "p.zip")
     assert main(["export", str(path), "-o", str(tmp_path / "p.onnx")]) == 0
@@ -226,7 +226,7 @@ def test_a_policy_keeps_its_sensors(tmp_path, capsys):
     assert own == given
     assert own.tilt_rms != truth.tilt_rms
     assert main(["evaluate", "--episodes", "2", "--quiet", "--controller", str(path), "--sensors", "kugle"]) == 0
-    # The page shows such a policy on what it observes of the true state.
+    # The page's observations have the history of the training.
     driver = PolicyDriver(find(path), bb.Params.paper(), 2)
     states = [bb.State.at_rest(bb.Params.paper(), tilt=(0.02, 0.0))] * 2
     first, second = (driver.torques(states, (0.0, 0.0)) for _ in range(2))
@@ -234,8 +234,6 @@ def test_a_policy_keeps_its_sensors(tmp_path, capsys):
     assert not np.array_equal(first, second)
     driver.reset()
     np.testing.assert_array_equal(driver.torques(states, (0.0, 0.0)), first)
-    assert main(["view", "--no-open", "--env-option", "observation=sensors"]) == 1
-    assert "policies observe the true state" in capsys.readouterr().err
 
 
 def test_robots_that_were_never_reset_read_at_rest():
@@ -261,3 +259,66 @@ def test_estimates_are_beside_the_states():
     assert errors[:, 0:2].max() < 0.05, "position of the ball, m"
     with pytest.raises(ValueError, match="no estimator"):
         bb.Batch(1, sensors="kugle").estimates()
+
+
+@pytest.mark.parametrize("model", _core.MODELS)
+def test_controllers_take_what_the_task_observes(model):
+    """The reference is the controller on the estimates, and for a teacher on the states, robot by robot."""
+    batch = bb.Batch(11, model=model, sensors=EVERYTHING, observation="sensors", seed=3)
+    batch.reset()
+    law, limit = bb.Lqr(control_dt=0.01), batch.max_wheel_torque
+
+    def actions_on(states):
+        return np.float32([law(state) / limit for state in states])
+
+    for _ in range(20):
+        estimates = [batch.estimate(i) for i in range(11)]
+        np.testing.assert_array_equal(batch.estimates(), [state.to_array() for state in estimates])
+        found = batch.control(law)
+        np.testing.assert_array_equal(found, actions_on(estimates))
+        truth = actions_on(batch.state(i) for i in range(11))
+        np.testing.assert_array_equal(batch.control(law, privileged=True), truth)
+        assert not np.array_equal(found, truth)
+        batch.step(np.clip(found, -1.0, 1.0))
+    taught, own = (bb.Batch(11, model=model, sensors=EVERYTHING, observation="sensors", seed=3) for _ in range(2))
+    records = []
+    for batch, privileged in ((taught, True), (own, False)):
+        batch.reset()
+        records.append(batch.rollout(law, 50, record=("states", "actions"), privileged=privileged))
+    truth = bb.Batch(11, model=model, seed=3)
+    truth.reset()
+    expected = truth.rollout(law, 50, record=("states", "actions"))
+    for name in expected:
+        np.testing.assert_array_equal(records[0][name], expected[name])
+        assert not np.array_equal(records[1][name], expected[name])
+    with pytest.raises(ValueError, match="no estimator"):
+        truth.estimate(0)
+    with pytest.raises(ValueError, match="environment index = 11"):
+        own.estimate(11)
+
+
+LQR = bb.Lqr(control_dt=0.01)
+
+
+def law_in_python(state):
+    return LQR(state)
+
+
+def test_every_command_has_controllers_on_estimates(capsys):
+    """A law in Python and the same one of the core see alike, and neither sees the truth."""
+    options = {"sensors": EVERYTHING, "observation": "sensors"}
+    core, python = (bb.evaluate(law, episodes=5, env_options=options) for law in ("lqr", law_in_python))
+    assert core.tilt_rms == pytest.approx(python.tilt_rms, rel=1e-6)
+    assert bb.evaluate("lqr", episodes=5).tilt_rms != core.tilt_rms
+    runs = [bb.run(law, seconds=1.0, env_options=options) for law in ("lqr", law_in_python)]
+    states = [np.array([state.to_array() for state in found.states]) for found in runs]
+    np.testing.assert_allclose(states[0], states[1], atol=1e-6)
+    seen = [state.to_array() for state in runs[0].estimates]
+    assert not np.array_equal(seen, states[0])
+    action = LQR(runs[0].estimates[3])
+    np.testing.assert_allclose(runs[0].torques[3], action, atol=1e-6)
+    given = ["--sensors", "kugle", "--env-option", "observation=sensors", "--quiet", "--json", "--episodes", "5"]
+    assert main(["evaluate", "--controller", "lqr", *given]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["results"]
+    kugle = bb.evaluate("lqr", episodes=5, env_options={"sensors": "kugle", "observation": "sensors"})
+    assert found["tilt_rms"] == pytest.approx(kugle.tilt_rms)

@@ -8,6 +8,7 @@ import pytest
 from ballbot_rs import Batch, Params, State
 from ballbot_rs._state_rows import tilt_components_of, tilt_of
 from ballbot_rs.viewer.changes import CHANGES, NEUTRAL
+from ballbot_rs.viewer.history import SERIES
 from ballbot_rs.viewer.robots import FALLEN_TILT
 from ballbot_rs.viewer.session import LIES_FOR, Session
 from tests.viewer.test_viewer_session import MODELS, run
@@ -25,6 +26,7 @@ EXPECTED = {
     "motor_strength": (0.5, {"strength": [0.5, 0.5, 0.5]}),
     "motor_delay": (10.0, {"delay": 0.01}),
     "motor_lag": (7.0, {"lag": 0.007}),
+    "sensor_noise": (2.0, {}),
 }
 
 
@@ -164,7 +166,7 @@ def test_the_tilt_is_that_from_the_equilibrium(offset):
     assert session.robots.states[0].tilt == pytest.approx(lean, abs=1e-12)
     run(session, 0.2)
     assert math.hypot(*session.frame().tilt) < 1e-9
-    assert np.abs(session.history.series()[1:3]).max() < 1e-9
+    assert np.abs(session.history.series()[SERIES["tilt"]]).max() < 1e-9
     session.reset((0.02, -0.03))
     np.testing.assert_allclose(session.frame().tilt, [0.02, -0.03], atol=1e-12)
 

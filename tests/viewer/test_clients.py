@@ -7,6 +7,7 @@ import socket
 import urllib.error
 import urllib.request
 
+import numpy as np
 import pytest
 
 viser = pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs[view]'")
@@ -66,6 +67,7 @@ WRONG = [
     ("Model", "flat"),
     ("Robot", 3),
     ("Robots", "1e9"),
+    ("Controller sees", "sensors"),
     ("Policy file", 5),
     ("Policy file", "x" * 2000),
     ("Status", "all is well"),
@@ -140,6 +142,22 @@ def test_sliders_change_the_running_robot_and_a_button_takes_it_back(view):
         wait_until(lambda: ask(view, lambda session: session.changes) == dict(NEUTRAL))
         wait_until(lambda: all(control(view, CHANGES[name].label).value == NEUTRAL[name] for name in CHANGES))
         assert ask(view, lambda session: session.robots.params_of(0)) == params.paper()
+
+
+def test_what_the_controller_sees_is_chosen_and_plotted(view):
+    with client(view) as sender:
+        wait_until(lambda: view.server.get_clients())
+        sender.send(update(control(view, "Controller sees"), "estimate"))
+        wait_until(lambda: ask(view, lambda session: session.observation) == "sensors")
+        assert moved(view, sender, "sensor_noise", 5.0)["sensor_noise"] == 5.0
+        wait_until(lambda: "| encoder_ticks | | 7.1e+04 | |" in view._page._tuning._table.content)
+        curves = view._page._plots._figure.data[2:4]
+        wait_until(lambda: all(curve.y is not None and np.isfinite(curve.y).any() for curve in curves))
+        assert all(curve.line.dash == "dot" for curve in curves)
+        sender.send(update(control(view, "Controller sees"), "true state"))
+        wait_until(lambda: ask(view, lambda session: session.observation) == "ground_truth")
+        sender.send(update(control(view, "Nominal robot"), True))
+        wait_until(lambda: ask(view, lambda session: session.changes) == dict(NEUTRAL))
 
 
 def test_a_robot_that_cannot_be_is_refused_with_the_reason_and_the_slider_goes_back(view):

@@ -32,7 +32,7 @@ COMMON = (
     ("sensors", "Sensors | str | PathLike[str] | None", "", f"{', '.join(SENSORS)}, or FILE.toml",
      "The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md."),
     ("observation", "Observed | str", "", ", ".join(OBSERVATIONS),
-     "What observations are computed from: the true state, or what follows from the readings of the sensors."),
+     "What policies and controllers observe: the true state, or what follows from the readings of the sensors."),
     ("history", "int", "", ">= 1 and <= 1000", "How many observations, the last ones, are given together."),
     ("scale_observations", "bool", "", "",
      f"Whether each row, less its value at rest, is divided by its typical magnitude, within ±{SCALED_BOUND:g}."),

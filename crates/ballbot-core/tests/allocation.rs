@@ -3,7 +3,7 @@
 
 use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Outcome, StepBuffers, When};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Outcome, StepBuffers, Under, When};
 use ballbot_core::control::{Controller, Lqr, Pid, PidGains};
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::sensor::SensorOptions;
@@ -68,7 +68,7 @@ fn allocations(config: &BalanceConfig, controller: Option<&dyn Controller>) -> u
                 outcomes: &mut outcomes,
             };
             match controller {
-                Some(controller) => batch.step_under(controller, None, &mut actions, &mut buffers).unwrap(),
+                Some(controller) => batch.step_under(&Under::new(controller), &mut actions, &mut buffers).unwrap(),
                 None => batch.step(&actions, &mut buffers).unwrap(),
             }
         }
@@ -127,6 +127,9 @@ fn steps_under_a_controller_allocate_nothing() {
         let config = endless(model);
         let lqr = Lqr::new(&config.params, config.control_dt).unwrap();
         assert_eq!(allocations(&config, Some(&lqr)), 0, "{model} under LQR");
+        let sensors = Some(SensorOptions { latency: 0.02, ..SensorOptions::default() });
+        let measured = BalanceConfig { sensors, observation: Observation::Sensors, ..config.clone() };
+        assert_eq!(allocations(&measured, Some(&lqr)), 0, "{model} under LQR on estimates");
         // A law with memory, at the rate of its gains; resets of `contact` included.
         let steps = if model == ModelKind::Contact { 2 } else { usize::MAX };
         let config = BalanceConfig { control_dt: Pid::PAPER_CONTROL_DT, max_episode_steps: steps, ..config };

@@ -4,14 +4,14 @@
 #[path = "support/run.rs"]
 mod run;
 
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Outcome};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Outcome, Under};
 use ballbot_core::control::{Controller, LaneWidth, Lqr, Pid, PidGains, Setpoint, SetpointCells};
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::task::{ACTION_LEN, Balance};
 use ballbot_core::{LaneState, ModelKind, Params, State, StateCells, attitude};
 use nalgebra::{Vector2, Vector3};
-use run::{Run, Under};
+use run::Run;
 
 const SEED: u64 = 40;
 
@@ -54,7 +54,7 @@ fn assert_equals_singles<C: Controller + Clone>(config: &BalanceConfig, controll
     let (model, torque) = (config.model, config.action_torque());
     let batch = || Run::new(Batch::new(config, n, mode, Some(1), SEED).unwrap());
     let setpoints = setpoints(n);
-    let under = Under { controller, setpoints: Some(&setpoints) };
+    let under = Under { setpoints: Some(&setpoints), ..Under::new(controller) };
     let (mut looped, mut stepped) = (batch(), batch());
     let mut singles: Vec<_> = (0..n)
         .map(|i| {
@@ -68,7 +68,10 @@ fn assert_equals_singles<C: Controller + Clone>(config: &BalanceConfig, controll
     let (mut falls, mut ends) = (0, 0);
     for k in 0..90 {
         looped.step_under(&under, &mut actions[0]).unwrap();
-        stepped.batch.control(controller, Some(&setpoints), &mut actions[1]).unwrap();
+        stepped
+            .batch
+            .control(&Under { setpoints: Some(&setpoints), ..Under::new(controller) }, &mut actions[1])
+            .unwrap();
         stepped.step(&actions[1]).unwrap();
         assert!(looped.all_bits() == stepped.all_bits(), "{model}, {mode:?}: the loops differ in step {k}");
         let bits = |actions: &[f32]| actions.iter().map(|a| a.to_bits()).collect::<Vec<_>>();
@@ -138,7 +141,7 @@ fn closed_loop_does_not_depend_on_threads() {
             assert_eq!(run.batch.num_threads(), threads);
             let mut actions = vec![0.0; n * ACTION_LEN];
             for _ in 0..30 {
-                run.step_under(&Under { controller, setpoints: Some(&setpoints) }, &mut actions).unwrap();
+                run.step_under(&Under { setpoints: Some(&setpoints), ..Under::new(controller) }, &mut actions).unwrap();
             }
             (run.all_bits(), actions)
         };
@@ -157,9 +160,11 @@ fn default_setpoint_is_that_of_the_task() {
     let given = vec![Setpoint { position: config.task.setpoint.into(), ..Setpoint::default() }; 11];
     let mut run = Run::new(Batch::new(&config, 11, Autoreset::SameStep, Some(1), SEED).unwrap());
     let mut actions = [vec![0.0; 33], vec![0.0; 33], vec![0.0; 33]];
-    run.batch.control(&controller, None, &mut actions[0]).unwrap();
-    run.batch.control(&controller, Some(&given), &mut actions[1]).unwrap();
-    run.batch.control(&controller, Some(&[Setpoint::default(); 11]), &mut actions[2]).unwrap();
+    run.batch.control(&Under::new(&controller), &mut actions[0]).unwrap();
+    run.batch.control(&Under { setpoints: Some(&given), ..Under::new(&controller) }, &mut actions[1]).unwrap();
+    run.batch
+        .control(&Under { setpoints: Some(&[Setpoint::default(); 11]), ..Under::new(&controller) }, &mut actions[2])
+        .unwrap();
     assert_eq!(actions[0], actions[1]);
     assert_ne!(actions[0], actions[2]);
 }
@@ -224,17 +229,17 @@ fn memory_of_a_controller_restarts_with_another_controller() {
     let (mut fresh, mut used, mut again) = (vec![0.0; 33], vec![0.0; 33], vec![0.0; 33]);
     let tilted = vec![Setpoint { tilt: Vector2::new(0.004, 0.0), ..Setpoint::default() }; 11];
     let upright = vec![Setpoint::default(); 11];
-    run.batch.control(&first, Some(&upright), &mut fresh).unwrap();
-    run.batch.control(&first, Some(&tilted), &mut used).unwrap();
-    run.batch.control(&first, Some(&upright), &mut used).unwrap();
+    run.batch.control(&Under { setpoints: Some(&upright), ..Under::new(&first) }, &mut fresh).unwrap();
+    run.batch.control(&Under { setpoints: Some(&tilted), ..Under::new(&first) }, &mut used).unwrap();
+    run.batch.control(&Under { setpoints: Some(&upright), ..Under::new(&first) }, &mut used).unwrap();
     assert_ne!(used, fresh, "the PID keeps nothing");
-    run.batch.control(&second, Some(&upright), &mut again).unwrap();
+    run.batch.control(&Under { setpoints: Some(&upright), ..Under::new(&second) }, &mut again).unwrap();
     assert_eq!(again, fresh);
     // A loaded environment starts anew as well.
     let saved = run.batch.save(3).unwrap();
-    run.batch.control(&second, Some(&tilted), &mut used).unwrap();
+    run.batch.control(&Under { setpoints: Some(&tilted), ..Under::new(&second) }, &mut used).unwrap();
     run.batch.load(3, &saved).unwrap();
-    run.batch.control(&second, Some(&upright), &mut used).unwrap();
+    run.batch.control(&Under { setpoints: Some(&upright), ..Under::new(&second) }, &mut used).unwrap();
     assert_eq!(used[9..12], fresh[9..12]);
     assert_ne!(used, fresh);
 }
@@ -251,7 +256,7 @@ fn diverged_robots_do_not_affect_neighbors_in_the_closed_loop() {
             if k == 5 {
                 run.batch.push(2, &Vector3::new(impulse, 0.0, 0.0), None).unwrap();
             }
-            run.step_under(&Under { controller: &controller, setpoints: None }, &mut actions).unwrap();
+            run.step_under(&Under::new(&controller), &mut actions).unwrap();
             assert!(actions.iter().all(|a| a.is_finite()), "step {k}");
             steps.push((run.all_bits(), run.outcomes[2].terminated));
         }
@@ -289,9 +294,10 @@ fn invalid_arguments_of_control_are_refused() {
         (&controller, None, 32, "actions has 32 values, expected 33"),
     ];
     for (controller, setpoints, len, words) in cases {
-        let error = run.batch.control(controller, setpoints, &mut actions[..len]).unwrap_err();
+        let under = Under { setpoints, ..Under::new(controller) };
+        let error = run.batch.control(&under, &mut actions[..len]).unwrap_err();
         assert_eq!(error.to_string(), words);
-        let error = run.step_under(&Under { controller, setpoints }, &mut actions[..len]).unwrap_err();
+        let error = run.step_under(&under, &mut actions[..len]).unwrap_err();
         assert_eq!(error.to_string(), words);
     }
     assert!(run.snapshots() == before, "refused, but something moved");

@@ -15,7 +15,7 @@ use crate::rollout::{CONTACT_PARTS, Stepped};
 use crate::sensors::readings;
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
-use ballbot_core::batch::{Autoreset, Batch, Outcome, ResetRequest, StepBuffers, task_kind};
+use ballbot_core::batch::{Autoreset, Batch, Outcome, ResetRequest, StepBuffers, Under, task_kind};
 use ballbot_core::task::ACTION_LEN;
 use ballbot_core::{Contacts, State, require_memory};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
@@ -445,6 +445,14 @@ impl PyBatch {
         })
     }
 
+    /// The same of the robot of environment `index`, as a `State`; beside `state`.
+    ///
+    /// Raises:
+    ///     ValueError: as `estimates`.
+    fn estimate(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<PyState> {
+        self.inner.read()?.batch.estimate(index).map(PyState).map_err(to_python)
+    }
+
     /// Last readings of the sensors, latency included, by name: `gyro` (rad/s), `specific_force` (m/s²), both in the body
     /// frame, `wheel_angles` (rad, since the start of the episode) and `wheel_rates` (rad/s).
     ///
@@ -587,6 +595,8 @@ impl PyBatch {
 
     /// Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
     ///
+    /// It takes what the task observes: with `observation="sensors"` the states of `estimates()`, else the true ones.
+    ///
     /// What the controller keeps of a robot advances with each call; it starts anew with the robot's episode, and when
     /// another controller is used.
     ///
@@ -594,16 +604,18 @@ impl PyBatch {
     ///     controller: sampled at the batch's `control_dt`.
     ///     setpoints: parts by name, each of all robots or with one row a robot; parts that are not named are zero. None
     ///         takes the task's.
+    ///     privileged: whether the controller takes the true states whatever the task observes, as a teacher does.
     ///
     /// Raises:
     ///     ValueError: the controller is sampled at another rate, or a wrong shape.
     ///     TypeError: a part that the controller does not follow.
-    #[pyo3(signature = (controller, setpoints=None))]
+    #[pyo3(signature = (controller, setpoints=None, *, privileged=false))]
     fn control<'py>(
         &self,
         py: Python<'py>,
         controller: &PyController,
         setpoints: Option<&Bound<'py, PyDict>>,
+        privileged: bool,
     ) -> PyResult<Array2<'py, f32>> {
         let mut inner = self.inner.write()?;
         let batch = &mut inner.batch;
@@ -611,11 +623,12 @@ impl PyBatch {
         let law = controller.law.read()?;
         let law = law.as_ref();
         let setpoints = setpoints.map(|parts| self::setpoints(controller, law, n, parts)).transpose()?;
+        let under = Under { controller: law, setpoints: setpoints.as_deref(), privileged };
         let actions = PyArray2::zeros(py, [n, ACTION_LEN], false);
         {
             let mut writable = actions.readwrite();
             let out = writable.as_slice_mut()?;
-            interruptible(py, || batch.control(law, setpoints.as_deref(), out))?;
+            interruptible(py, || batch.control(&under, out))?;
         }
         Ok(actions)
     }
@@ -629,6 +642,7 @@ impl PyBatch {
     ///     record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
     ///         `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
     ///         step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
+    ///     privileged: as in `control`.
     ///
     /// Returns:
     ///     Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number a robot; `draws` is
@@ -640,7 +654,7 @@ impl PyBatch {
     ///     MemoryError: the records need more memory than there is.
     ///     KeyboardInterrupt: Ctrl-C. The robots have come some of the way then; where a single step takes long, all must be
     ///         reset.
-    #[pyo3(signature = (controller, steps, setpoints=None, record=vec!["states".to_owned()]))]
+    #[pyo3(signature = (controller, steps, setpoints=None, record=vec!["states".to_owned()], *, privileged=false))]
     #[expect(clippy::needless_pass_by_value, reason = "extracted from a Python sequence")]
     fn rollout<'py>(
         &self,
@@ -649,6 +663,7 @@ impl PyBatch {
         #[pyo3(from_py_with = whole)] steps: i64,
         setpoints: Option<&Bound<'py, PyDict>>,
         record: Vec<String>,
+        privileged: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let steps = count("steps", steps, 0)?;
         let mut inner = self.inner.write()?;
@@ -657,7 +672,8 @@ impl PyBatch {
         let law = law.as_ref();
         let setpoints = setpoints.map(|parts| self::setpoints(controller, law, batch.len(), parts)).transpose()?;
         let stepped = Stepped { batch, outcomes, final_observations };
-        stepped.rollout(py, law, setpoints.as_deref(), steps, &record)
+        let under = Under { controller: law, setpoints: setpoints.as_deref(), privileged };
+        stepped.rollout(py, &under, steps, &record)
     }
 
     /// Everything that the future of environment `index` depends on, its robot's parameters included, for `restore`.

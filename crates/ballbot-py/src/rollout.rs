@@ -3,8 +3,7 @@
 use crate::errors::to_python;
 use crate::events::draw_records;
 use crate::signals::interruptible;
-use ballbot_core::batch::{Batch, Outcome, StepBuffers};
-use ballbot_core::control::{Controller, Setpoint};
+use ballbot_core::batch::{Batch, Outcome, StepBuffers, Under};
 use ballbot_core::task::ACTION_LEN;
 use ballbot_core::{Contacts, State, try_zeros};
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
@@ -179,12 +178,11 @@ pub(crate) struct Stepped<'a> {
 }
 
 impl Stepped<'_> {
-    /// Runs `steps` control steps under a law and returns the records by name.
+    /// Runs `steps` control steps under a controller and returns the records by name.
     pub(crate) fn rollout<'py>(
         mut self,
         py: Python<'py>,
-        law: &dyn Controller,
-        setpoints: Option<&[Setpoint]>,
+        under: &Under<'_>,
         steps: usize,
         names: &[String],
     ) -> PyResult<Bound<'py, PyDict>> {
@@ -197,7 +195,7 @@ impl Stepped<'_> {
             let what = format!("the record '{}' of shape {shape:?}", record.name);
             recorded.push(try_zeros(what, &shape).map_err(to_python)?);
         }
-        self.run(py, law, setpoints, steps, &records, &mut recorded)?;
+        self.run(py, under, steps, &records, &mut recorded)?;
         let dict = PyDict::new(py);
         for (record, values) in records.iter().zip(recorded) {
             if matches!(record.source, Source::Draws) {
@@ -213,8 +211,7 @@ impl Stepped<'_> {
     fn run(
         &mut self,
         py: Python<'_>,
-        law: &dyn Controller,
-        setpoints: Option<&[Setpoint]>,
+        under: &Under<'_>,
         steps: usize,
         records: &[&Record],
         recorded: &mut [Vec<f64>],
@@ -238,7 +235,7 @@ impl Stepped<'_> {
                         final_observations: self.final_observations,
                         outcomes: self.outcomes,
                     };
-                    self.batch.step_under(law, setpoints, &mut actions, &mut buffers)?;
+                    self.batch.step_under(under, &mut actions, &mut buffers)?;
                 }
                 let last = Last { actions: &actions, observations: &observations, outcomes: self.outcomes };
                 write_records(self.batch, &last, step, records, recorded);

@@ -196,7 +196,11 @@ def run_one(
 
 def _estimates(batch: Batch) -> list[State]:
     """The present estimate of the only robot, if its task observes one."""
-    return [State.from_array(batch.estimates()[0])] if batch.options["observation"] == "sensors" else []
+    return [batch.estimate(0)] if _observes_estimates(batch) else []
+
+
+def _observes_estimates(batch: Batch) -> bool:
+    return bool(batch.options["observation"] == "sensors")
 
 
 def _lie(
@@ -235,16 +239,17 @@ def _core_law(controller: ResolvedController, batch: Batch) -> Controller | None
 
 
 def _bind(controller: ResolvedController, batch: Batch) -> _Act:
-    """Actions within [-1, 1] of a policy, or of a feedback law in Python, on the robots of a batch."""
+    """Actions within [-1, 1] of a policy, or of a feedback law in Python, on what the task of a batch observes."""
     if controller.policy is not None:
         policy = controller.policy
         return lambda observations: _limited(policy(observations))
     params = batch.nominal_params(0).replace(max_wheel_torque=batch.max_wheel_torque)
     laws = controller.laws(batch.num_envs, params, batch.control_dt)
     setpoint = batch.options.get("setpoint", (0.0, 0.0))
+    seen = batch.estimate if _observes_estimates(batch) else batch.state
 
     def act(observations: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:  # noqa: ARG001
-        torques = [law(batch.state(i), setpoint) for i, law in enumerate(laws)]
+        torques = [law(seen(i), setpoint) for i, law in enumerate(laws)]
         return _limited(np.asarray(torques, dtype=np.float64) / batch.max_wheel_torque)
 
     return act

@@ -60,8 +60,8 @@ def add_controller(command: Any, *, several: bool = False) -> None:
         command.add_argument("--controller", default="lqr", metavar=CONTROLLER_METAVAR, help=f"{what} (default lqr)")
 
 
-def add_robot(command: Any, *, otherwise: str = "the policy's own, else", sensors: bool = True) -> None:
-    """Adds the model, the robot, its motors, sensors (unless they are off) and other options of the environment."""
+def add_robot(command: Any, *, otherwise: str = "the policy's own, else") -> None:
+    """Adds the model, the robot, its motors, sensors and other options of the environment."""
     command.add_argument("--model", help=f"{', '.join(MODELS)} (default: {otherwise} contact)")
     command.add_argument(
         "--robot",
@@ -89,13 +89,12 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", sensor
         help=f"motors: {', '.join(ACTUATORS)}, a TOML file with a table [actuators], or the URDF of the bot "
         f"(default: {otherwise} ideal)",
     )
-    if sensors:
-        command.add_argument(
-            "--sensors",
-            metavar="NAME|FILE.toml",
-            help=f"sensors: {', '.join(SENSORS)}, or a TOML file with a table [sensors]; observed by policies with "
-            f"--env-option observation=sensors (default: {otherwise} none)",
-        )
+    command.add_argument(
+        "--sensors",
+        metavar="NAME|FILE.toml",
+        help=f"sensors: {', '.join(SENSORS)}, or a TOML file with a table [sensors]; with --env-option "
+        f"observation=sensors controllers take what follows from them (default: {otherwise} none)",
+    )
 
 
 def add_events(command: Any, *others: str) -> None:

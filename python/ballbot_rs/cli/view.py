@@ -30,7 +30,7 @@ def add_to(commands: Any) -> None:
     command = commands.add_parser("view", help="show the robot in the browser, push it, plot it")
     scenario.add_task(command)
     scenario.add_controller(command)
-    scenario.add_robot(command, sensors=False)
+    scenario.add_robot(command)
     scenario.add_events(command, TRAINED)
     scenario.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
     command.add_argument(
@@ -78,15 +78,11 @@ def _end_without(code: int) -> None:
 def _start(arguments: argparse.Namespace) -> "View":
     (controller,) = scenario.controllers(arguments)
     given = scenario.env_options(arguments)
-    for name in ("sensors", "observation", "history"):
-        if name in given:
-            raise ValueError(
-                f"--env-option {name}=... has no place here: the page's policies observe the true state, with the "
-                "history of their training"
-            )
+    if "history" in given:
+        raise ValueError(
+            "--env-option history=... has no place here: the page's policies observe with the history of their training"
+        )
     options = common_options([controller], given)
-    if options.get("observation", "ground_truth") != "ground_truth":
-        print("the page's policies observe the true state, unlike in the policy's training", file=sys.stderr)
     robot, params = _robot(arguments, options.get("params", "paper"))
     urdfs = {} if arguments.urdf is None else {robot: tuple(arguments.urdf)}
     # The robot of the policy's training remains: a session tries the policy on any other.
@@ -102,6 +98,8 @@ def _start(arguments: argparse.Namespace) -> "View":
         options.get("actuators"),
         options.get("events"),
         arguments.seed,
+        options.get("sensors"),
+        options.get("observation", "ground_truth"),
     )
     with require("the page", "view"):
         from ballbot_rs.viewer.view import View

@@ -107,7 +107,7 @@ class CommonOptions(TypedDict, total=False):
     #: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (exact, kugle, or
     #: FILE.toml)
     sensors: Sensors | str | PathLike[str] | None
-    #: What observations are computed from: the true state, or what follows from the readings of the sensors.
+    #: What policies and controllers observe: the true state, or what follows from the readings of the sensors.
     #: (ground_truth, sensors)
     observation: Observed | str
     #: How many observations, the last ones, are given together. (>= 1 and <= 1000)

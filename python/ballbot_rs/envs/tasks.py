@@ -84,7 +84,7 @@ class BalanceEnv(BallbotEnv):
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
-    - `observation`: What observations are computed from: the true state, or what follows from the readings of the
+    - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
     - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.

@@ -1,4 +1,4 @@
-"""Changes of a robot while it runs: factors and addends on the parameters and motors that it has otherwise."""
+"""Changes of a robot while it runs: factors and addends on the parameters, motors and sensors that it has otherwise."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -11,6 +11,12 @@ from ballbot_rs.viewer.bounds import check_bounded
 
 #: The option `actuators` of an environment.
 Motors = Mapping[str, Any] | str | None
+
+#: The option `sensors` of an environment, in full; None where controllers take the true state.
+Sensors = Mapping[str, Any] | None
+
+#: What the names of the errors of sensors end in.
+ERRORS: Final = ("_noise", "_bias", "_walk")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,6 +43,9 @@ CHANGES: Final[Mapping[str, Change]] = {
     "motor_strength": Change("Motor strength (×)", 0.0, 2.0, 0.01, 1.0, "share of the commanded torque"),
     "motor_delay": Change("Motor delay (ms)", 0.0, 100.0, 2.0, 0.0, "dead time: a whole number of model steps"),
     "motor_lag": Change("Motor lag (ms)", 0.0, 100.0, 1.0, 0.0, "time constant"),
+    "sensor_noise": Change(
+        "Sensor noise (×)", 0.0, 20.0, 0.1, 1.0, "noise, bias and its walk, of a controller that sees the estimate"
+    ),
 }
 
 NEUTRAL: Final[Mapping[str, float]] = {name: change.neutral for name, change in CHANGES.items()}
@@ -60,7 +69,7 @@ def changed_params(params: Params, values: Mapping[str, float]) -> Params:
     Raises:
         ValueError: no such robot can be.
     """
-    if all(values[name] == NEUTRAL[name] for name in NEUTRAL if not name.startswith("motor_")):
+    if all(values[name] == NEUTRAL[name] for name in NEUTRAL if not name.startswith(("motor_", "sensor_"))):
         return params
     wheels, floor, mass = (values[name] for name in ("wheel_friction", "floor_friction", "body_mass"))
     x, y = params.body_com_offset
@@ -93,3 +102,11 @@ def changed_motors(motors: Motors, values: Mapping[str, float]) -> Motors:
         "delay": own.get("delay", 0.0) + 1e-3 * values["motor_delay"],
         "lag": own.get("lag", 0.0) + 1e-3 * values["motor_lag"],
     }
+
+
+def changed_sensors(sensors: Sensors, values: Mapping[str, float]) -> Sensors:
+    """The sensors with changed errors."""
+    if sensors is None:
+        return None
+    factor = values["sensor_noise"]
+    return {name: factor * value if name.endswith(ERRORS) else value for name, value in sensors.items()}

@@ -118,7 +118,8 @@ class PolicyDriver:
         fixed = {"params": params, "model": "contact", "actuators": None, "events": None, "setpoint": (0.0, 0.0)}
         fixed |= {"sensors": None, "observation": "ground_truth", "history": 1}
         options = {**controller.env_options, **fixed}
-        self._history = int(controller.env_options.get("history", 1))
+        past = {"history": controller.env_options.get("history", 1)}
+        self._history = new_batch(1, num_threads=1, options={**options, **past}).history
         self._past: list[list[npt.NDArray[np.float32]]] = [[] for _ in range(num_robots)]
         self._observers = [new_batch(1, num_threads=1, options=options) for _ in range(num_robots)]
         self.control_dt = self._observers[0].control_dt

@@ -21,6 +21,7 @@ SERIES: dict[str, slice] = {
     "loads": slice(6, 9),
     "slip": slice(9, 12),
     "utilization": slice(12, 16),
+    "estimated tilt": slice(16, 18),
 }
 
 
@@ -38,7 +39,8 @@ class History:
                 self.clear()
             elif elapsed < PERIOD * (1.0 - 1e-9):
                 return
-        parts = ([frame.time], frame.tilt, frame.torques[0], frame.loads, frame.slip, frame.utilization)
+        estimated = np.full(2, np.nan) if frame.estimated_tilt is None else frame.estimated_tilt
+        parts = ([frame.time], frame.tilt, frame.torques[0], frame.loads, frame.slip, frame.utilization, estimated)
         self._samples.append(np.concatenate(parts))
 
     def clear(self) -> None:
@@ -46,5 +48,5 @@ class History:
         self._samples.clear()
 
     def series(self) -> FloatArray:
-        """All samples, shape (16, n), rows as in `SERIES`."""
-        return np.array(self._samples).T if self._samples else np.empty((16, 0))
+        """All samples, shape (18, n), rows as in `SERIES`; NaN where there was no estimate."""
+        return np.array(self._samples).T if self._samples else np.empty((18, 0))

@@ -25,6 +25,9 @@ from ballbot_rs.viewer.tuning import Tuning
 #: What the page calls a policy, whose file is named below.
 POLICY = "policy file"
 
+#: What the page calls the choices of `session.OBSERVATIONS`.
+SEES = {"ground_truth": "true state", "sensors": "estimate"}
+
 #: Time between two updates of the numbers, and of the plots, s.
 STATUS_PERIOD, PLOT_PERIOD = 0.2, 0.4
 
@@ -87,9 +90,15 @@ class Page:
         self._policy = gui.add_text(
             "Policy file", "" if chosen != POLICY else session.controller, hint="path of an .onnx file"
         )
+        self._sees = gui.add_dropdown(
+            "Controller sees",
+            tuple(SEES.values()),
+            initial_value=SEES[session.observation],
+            hint="estimate: what follows from gyroscope, accelerometer and encoders",
+        )
         counts = sorted({1, 4, 16, len(session.robots)})
         self._count = gui.add_dropdown("Robots", [str(n) for n in counts], initial_value=str(len(session.robots)))
-        for control in (self._model, self._robot, self._controller, self._policy, self._count):
+        for control in (self._model, self._robot, self._controller, self._policy, self._sees, self._count):
             control.on_update(self._choose)
 
     def _choose(self, event: viser.GuiEvent[Any]) -> None:
@@ -97,6 +106,7 @@ class Page:
             return
         model, robot, count = self._model.value, self._robot.value, self._count.value
         controller = self._policy.value if self._controller.value == POLICY else self._controller.value
+        observation = next(name for name, label in SEES.items() if label == self._sees.value)
         waits_for_name = self._controller.value == POLICY and not controller
 
         def command(session: Session) -> None:
@@ -108,6 +118,8 @@ class Page:
                     changes["robot"] = robot
                 if count != str(len(session.robots)):
                     changes["num_robots"] = int(count)
+                if observation != session.observation:
+                    changes["observation"] = observation
                 if waits_for_name:
                     session.notices.append("name a policy file")
                 elif controller != session.controller:
@@ -127,6 +139,7 @@ class Page:
             (self._model, session.robots.model),
             (self._robot, session.robots.name),
             (self._controller, chosen),
+            (self._sees, SEES[session.observation]),
             (self._count, str(len(session.robots))),
         )
         for control, value in shown:

@@ -1,4 +1,4 @@
-"""Live plots of robot 0: tilt, torques, loads, slip and how much of the traction limit is in use."""
+"""Live plots of robot 0: tilt and its estimate, torques, loads, slip and how much of the traction limit is in use."""
 
 import numpy as np
 import plotly.graph_objects as go
@@ -9,13 +9,16 @@ from ballbot_rs.viewer.history import SERIES, SPAN, History
 
 #: Title, row of `SERIES`, factor to the unit shown, names of the curves.
 PLOTS = (
-    ("tilt from the equilibrium (deg)", "tilt", 180.0 / np.pi, ("about x", "about y")),
+    ("tilt from the equilibrium (deg); dotted: estimate", "tilt", 180.0 / np.pi, ("about x", "about y")),
     ("wheel torques (N·m)", "torques", 1.0, ("wheel 0", "wheel 1", "wheel 2")),
     ("wheel loads (N)", "loads", 1.0, ("wheel 0", "wheel 1", "wheel 2")),
     ("slip speeds (m/s)", "slip", 1.0, ("wheel 0", "wheel 1", "wheel 2")),
     ("traction in use (1: limit)", "utilization", 1.0, ("wheel 0", "wheel 1", "wheel 2", "floor")),
 )
 COLORS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#7f7f7f")
+
+#: Rows of `SERIES` that are drawn dotted over others.
+DOTTED = {"tilt": "estimated tilt"}
 
 #: A contact without load has no limit: its share is infinite, and drawn at this height.
 TOP = 2.0
@@ -31,10 +34,11 @@ class Plots:
         self._figure = make_subplots(
             rows=len(PLOTS), cols=1, shared_xaxes=True, vertical_spacing=0.05, subplot_titles=[p[0] for p in PLOTS]
         )
-        for row, (_, _, _, names) in enumerate(PLOTS, start=1):
-            for name, color in zip(names, COLORS, strict=False):
-                line = {"color": color, "width": 1.5}
-                self._figure.add_trace(go.Scatter(name=name, line=line, mode="lines"), row=row, col=1)
+        for row, (_, key, _, names) in enumerate(PLOTS, start=1):
+            for dash in ("solid", "dot") if key in DOTTED else ("solid",):
+                for name, color in zip(names, COLORS, strict=False):
+                    line = {"color": color, "width": 1.5, "dash": dash}
+                    self._figure.add_trace(go.Scatter(name=name, line=line, mode="lines"), row=row, col=1)
         self._figure.add_hline(y=1.0, line={"color": "#d62728", "dash": "dash", "width": 1.5}, row=len(PLOTS), col=1)
         self._figure.update_yaxes(range=[0.0, TOP], row=len(PLOTS), col=1)
         self._figure.update_layout(
@@ -53,7 +57,8 @@ class Plots:
         traces = iter(self._figure.data)
         with self._figure.batch_update():
             for row, (_, key, factor, _) in enumerate(PLOTS, start=1):
-                values = factor * series[SERIES[key]]
+                rows = [series[SERIES[name]] for name in (key, DOTTED.get(key)) if name is not None]
+                values = factor * np.concatenate(rows)
                 if key == "utilization":
                     values = np.nan_to_num(np.minimum(values, TOP), nan=0.0)
                 else:
@@ -65,6 +70,6 @@ class Plots:
         self._handle.figure = self._figure
 
     def _set_range(self, row: int, values: np.ndarray, least: float) -> None:
-        low, high = float(values.min()), float(values.max())
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
         margin = 0.05 * (high - low) + max(0.0, 0.5 * (least - (high - low)))
         self._figure.update_yaxes(range=[low - margin, high + margin], row=row, col=1)

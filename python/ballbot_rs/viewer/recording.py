@@ -29,6 +29,8 @@ class Frame:
     torques: FloatArray
     #: Components about inertial x and y of the tilt of robot 0 from its equilibrium, rad.
     tilt: FloatArray
+    #: The same of the state that its controller takes; None where that is the true one.
+    estimated_tilt: FloatArray | None
     #: Loads of the wheels of robot 0, N.
     loads: FloatArray
     #: Slip speeds of the wheels of robot 0, m/s.

@@ -17,7 +17,7 @@ class Robot:
     """Robot `index` of a setup; `start` or `go_on_from` comes first.
 
     Raises:
-        ValueError: the robot, its motors or its events cannot be.
+        ValueError: the robot, its motors, sensors or events cannot be.
     """
 
     def __init__(self, setup: Setup, index: int) -> None:
@@ -52,7 +52,7 @@ class Robot:
         """Begins the episode that another robot is in, with its draws, where that robot is.
 
         Slip is left behind where the model has none; a state that it cannot have at all makes the robot start anew,
-        with a tilt. Torques under way in the motors are lost.
+        with a tilt. Torques under way in the motors are lost; an estimate begins anew at the true state.
         """
         state = other.state
         for _ in range(other._episode - 1 if self._setup.events else 0):
@@ -76,9 +76,12 @@ class Robot:
             self._lying.set_params(self._batch.params(0))
 
     def step(self, torques: FloatArray, steps: int) -> bool:
-        """Time steps under commanded torques, N·m; False if the robot has left the range of the numbers."""
+        """Time steps under commanded torques, N·m; False if the robot has left the range of the numbers.
+
+        `steps` is a multiple of the setup's `substeps`.
+        """
         actions = np.asarray(torques / self._batch.max_wheel_torque, dtype=np.float32)[np.newaxis]
-        for done in range(steps):
+        for done in range(0, steps, self._setup.substeps):
             if self._lying is not None:
                 try:
                     self._lying.step(np.zeros(3), steps - done)
@@ -109,6 +112,11 @@ class Robot:
     def state(self) -> State:
         """The present state."""
         return self._batch.state(0) if self._lying is None else self._lying.state
+
+    @property
+    def seen(self) -> State:
+        """The state as controllers take it: the last estimate of the episode, or the present state without sensors."""
+        return self.state if self._setup.sensors is None else self._batch.estimate(0)
 
     @property
     def contacts(self) -> Contacts:

@@ -29,7 +29,7 @@ class Robots:
     Robot i starts with the chosen tilt turned by i/n of a circle, so that a batch covers all directions.
 
     Raises:
-        ValueError: the robot, its motors or its events cannot be.
+        ValueError: the robot, its motors, sensors or events cannot be.
     """
 
     def __init__(self, setup: Setup, num_robots: int) -> None:
@@ -62,6 +62,11 @@ class Robots:
     def states(self) -> list[State]:
         """States of all robots."""
         return [robot.state for robot in self._robots]
+
+    @property
+    def seen(self) -> list[State]:
+        """The states as controllers take them: estimated with sensors, else the true ones."""
+        return [robot.seen for robot in self._robots]
 
     def params_of(self, index: int) -> Params:
         """What changes and events make of one robot."""
@@ -106,7 +111,7 @@ class Robots:
         """As many robots of a setup of the same kind of robot, where these are: these or others.
 
         Raises:
-            ValueError: the robot, its motors or its events cannot be; these robots are as they were then.
+            ValueError: the robot, its motors, sensors or events cannot be; these robots are as they were then.
         """
         if self.setup.differs_in_numbers_alone(setup):
             try:
@@ -166,12 +171,15 @@ class Robots:
         """What is to be shown."""
         states = self._rows()
         contacts = self._robots[0].contacts
+        com = self.params_of(0).body_com
+        seen = None if self.setup.sensors is None else self._robots[0].seen
         return Frame(
             robot=self.name,
             time=time,
             states=states,
             torques=self.applied,
-            tilt=tilt_components_of(states[0], self.params_of(0).body_com),
+            tilt=tilt_components_of(states[0], com),
+            estimated_tilt=None if seen is None else tilt_components_of(seen.to_array(), com),
             loads=contacts.wheel_normal_forces,
             slip=contacts.wheel_slip_speeds,
             utilization=contacts.friction_utilization,

@@ -9,11 +9,11 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import MODELS, ROBOTS, Params
+from ballbot_rs._core import MODELS, ROBOTS, Params, load_sensors
 from ballbot_rs.control.reference import Reference
 from ballbot_rs.control.resolve import NAMES, ResolvedController, find
 from ballbot_rs.viewer.bounds import check_bounded
-from ballbot_rs.viewer.changes import NEUTRAL, Motors, checked
+from ballbot_rs.viewer.changes import NEUTRAL, Motors, Sensors, checked
 from ballbot_rs.viewer.drivers import Driver, Torques, lead_of, make_driver
 from ballbot_rs.viewer.history import History
 from ballbot_rs.viewer.recording import Frame, Recording
@@ -29,6 +29,12 @@ MAX_ROBOTS = 64
 #: How long a policy, or a law that is not of the core, may take for a control step, and to be loaded and tried, s.
 MAX_CALL = 1.0
 MAX_LOAD = 10.0
+
+#: What controllers take, as the option `observation` of an environment.
+OBSERVATIONS = ("ground_truth", "sensors")
+
+#: Sensors where none are named, by what controllers take at first: those of environments, and published ones to choose.
+DEFAULT_SENSORS = {"sensors": "exact", "ground_truth": "kugle"}
 
 #: How long a robot that has fallen lies before it starts anew, s.
 LIES_FOR = 2.0
@@ -53,10 +59,13 @@ class Session:
         events: the option `events` of an environment: what is drawn of the robots at random. Controllers are made for
             the robot without them.
         seed: of the draws.
+        sensors: the option `sensors` of an environment. None is exact ones with `observation` "sensors", else those of
+            kugle, for when they are chosen.
+        observation: what controllers take, "ground_truth" (the true states) or "sensors" (estimated ones).
 
     Raises:
-        ValueError: a name that is not known, a number out of range, motors or events that do not fit the robot, or a
-            policy that falls on a robot other than the one that it was trained on.
+        ValueError: a name that is not known, a number out of range, motors, sensors or events that do not fit the
+            robot, or a policy that falls on a robot other than the one that it was trained on.
         FileNotFoundError: there is no policy at that path.
         TimeoutError: a policy takes too long.
     """
@@ -71,9 +80,14 @@ class Session:
         motors: Motors = None,
         events: Events = None,
         seed: int = 0,
+        sensors: Sensors | str = None,
+        observation: str = "ground_truth",
     ) -> None:
         self._own = {} if params is None else {robot: params}
         self._motors, self._events, self._seed = motors, events, seed
+        _check_observation(observation)
+        chosen = DEFAULT_SENSORS[observation] if sensors is None else sensors
+        self._sensors = load_sensors(chosen) if isinstance(chosen, str) else chosen
         self.time = 0.0
         self.paused = False
         self.speed = 1.0
@@ -89,8 +103,11 @@ class Session:
         self._ahead = 0.0
         self._references: list[Reference] = []
         self._controller = self._found(controller)
-        self.driver, setup = self._make(model, robot, self._controller, num_robots, NEUTRAL)
+        self.driver, setup = self._make(model, robot, self._controller, num_robots, NEUTRAL, observation)
         self.robots = Robots(setup, num_robots)
+        if sensors is not None:
+            # They may be chosen later.
+            self._with_sensors(setup, self.driver).batch(0)
         self.reset()
 
     @property
@@ -103,8 +120,19 @@ class Session:
         """What is changed of the robots, by the names of `changes.CHANGES`."""
         return dict(self.robots.setup.changes)
 
+    @property
+    def observation(self) -> str:
+        """What controllers take, one of `OBSERVATIONS`."""
+        return OBSERVATIONS[self.robots.setup.sensors is not None]
+
     def _make(
-        self, model: str, robot: str, controller: ResolvedController, num_robots: int, changes: Mapping[str, float]
+        self,
+        model: str,
+        robot: str,
+        controller: ResolvedController,
+        num_robots: int,
+        changes: Mapping[str, float],
+        observation: str,
     ) -> tuple[Driver, Setup]:
         if model not in MODELS:
             raise ValueError(f"unknown model '{model}': expected one of {', '.join(MODELS)}")
@@ -114,9 +142,14 @@ class Session:
         driver = make_driver(controller, params, num_robots)
         if controller.policy is not None:
             self._watched(controller, lambda: check_balances(controller, robot, params), MAX_LOAD)
-        return driver, Setup(
+        setup = Setup(
             robot, params, model, driver.sim_dt, driver.max_torque, self._motors, self._events, self._seed, changes
         )
+        return driver, self._with_sensors(setup, driver) if observation == "sensors" else setup
+
+    def _with_sensors(self, setup: Setup, driver: Driver) -> Setup:
+        substeps = round(driver.control_dt / driver.sim_dt)
+        return dataclasses.replace(setup, sensors=self._sensors, substeps=substeps)
 
     def _found(self, controller: str | ResolvedController) -> ResolvedController:
         """A page may name any controller or ONNX file: these have no pickled code."""
@@ -144,12 +177,17 @@ class Session:
         robot: str | None = None,
         controller: str | ResolvedController | None = None,
         num_robots: int | None = None,
+        observation: str | None = None,
     ) -> None:
         """Changes what is simulated. The robots move on, unless their kind or number changes: then they start anew.
+
+        Estimates begin anew at the true states, unless all that they follow from remains.
 
         Raises as the constructor, and changes nothing then.
         """
         old = self.robots
+        if observation is not None:
+            _check_observation(observation)
         # The file of a policy that is in use already is not read again.
         chosen = self._controller
         if controller is not None and controller != self.controller:
@@ -161,6 +199,7 @@ class Session:
             chosen,
             count,
             old.setup.changes,
+            self.observation if observation is None else observation,
         )
         starts_anew = (setup.name, count) != (old.name, len(old))
         self.robots = Robots(setup, count) if starts_anew else old if setup == old.setup else old.become(setup)
@@ -171,9 +210,9 @@ class Session:
         self.replay_time = None
 
     def change(self, **values: float) -> None:
-        """Changes parameters and motors of all robots, by the names of `changes.CHANGES`; the others remain changed.
+        """Changes parameters, motors and sensors of all robots, by the names of `changes.CHANGES`; the others remain.
 
-        The robots move on. Controllers remain those of the robot without changes.
+        The robots move on. Controllers and estimator remain those of the robot without changes.
 
         Raises:
             ValueError: an unknown name, a number out of range, or a robot or motors that cannot be; nothing has changed
@@ -277,8 +316,8 @@ class Session:
             self.notices.append(f"the recording is full, after {self.recording.duration:.0f} s")
 
     def _torques(self) -> Torques:
-        """What the controller wants of the robots now, with targets that it can follow."""
-        driver, states = self.driver, self.robots.states
+        """What the controller makes of what it sees of the robots now, with targets that it can follow."""
+        driver, states = self.driver, self.robots.seen
         if driver.follows_position:
             if not self._references:
                 lead = self._of_driver(lambda: lead_of(self._controller, self.robots.params))
@@ -337,3 +376,8 @@ class Session:
         goal = self.setpoint if self.driver.follows_position else None
         target = self._references[0].position if self._references else None
         return self.robots.frame(self.time, goal, target)
+
+
+def _check_observation(observation: str) -> None:
+    if observation not in OBSERVATIONS:
+        raise ValueError(f"unknown observation '{observation}': expected one of {', '.join(OBSERVATIONS)}")

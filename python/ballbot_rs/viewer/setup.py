@@ -8,7 +8,7 @@ from typing import Any
 
 from ballbot_rs._core import Batch, Params
 from ballbot_rs.envs._batch_env import new_batch
-from ballbot_rs.viewer.changes import NEUTRAL, Motors, changed_motors, changed_params
+from ballbot_rs.viewer.changes import NEUTRAL, Motors, Sensors, changed_motors, changed_params, changed_sensors
 
 Events = Sequence[Mapping[str, Any]] | str | None
 
@@ -43,31 +43,48 @@ class Setup:
     seed: int = 0
     #: As in `changes.CHANGES`.
     changes: Mapping[str, float] = dataclasses.field(default_factory=lambda: NEUTRAL)
+    #: Sensors from whose readings the states that controllers take are estimated; None: they take the true states.
+    sensors: Sensors = None
+    #: Model steps in a control step of the environment; with sensors, from one reading to the next.
+    substeps: int = 1
 
     @functools.cached_property
     def params(self) -> Params:
         """The changed robot, of which events draw. Raises ValueError if it cannot be."""
         return changed_params(self.nominal, self.changes)
 
+    @property
+    def changed_sensors(self) -> Sensors:
+        """The sensors with changed errors."""
+        return changed_sensors(self.sensors, self.changes)
+
     def batch(self, index: int) -> Batch:
-        """The environment of robot `index`: a control step is one model step, an episode ends on the floor alone.
+        """The environment of robot `index`: an episode ends on the floor alone.
+
+        The estimator is that of the nominal robot, since a robot does not measure what is changed of it.
 
         Raises:
-            ValueError: the robot, its motors or its events cannot be.
+            ValueError: the robot, its motors, sensors or events cannot be.
         """
+        estimates = self.sensors is not None
         options = {
-            "params": self.params,
+            "params": self.nominal if estimates else self.params,
             "model": self.model,
-            "control_dt": self.sim_dt,
+            "control_dt": self.substeps * self.sim_dt,
             "sim_dt": self.sim_dt,
             "max_wheel_torque": self.max_torque,
             "max_episode_steps": None,
             "fall_tilt": math.pi,
             "actuators": changed_motors(self.motors, self.changes),
             "events": self.events,
+            "sensors": self.changed_sensors,
+            "observation": "sensors" if estimates else "ground_truth",
         }
         seed = (self.seed + index) % 2**64
-        return new_batch(1, autoreset="disabled", num_threads=1, seed=seed, options=options)
+        batch = new_batch(1, autoreset="disabled", num_threads=1, seed=seed, options=options)
+        if estimates and self.params != self.nominal:
+            batch.set_params(0, self.params)
+        return batch
 
     def differs_in_numbers_alone(self, other: "Setup") -> bool:
         """Whether a robot can become one of the other setup by `set_params` while it moves."""
@@ -75,5 +92,6 @@ class Setup:
         return (
             dataclasses.replace(self, changes=other.changes, seed=other.seed) == other
             and motors[0] == motors[1]
+            and self.changed_sensors == other.changed_sensors
             and all(getattr(self.params, name) == getattr(other.params, name) for name in SHAPE)
         )

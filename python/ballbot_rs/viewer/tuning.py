@@ -91,7 +91,8 @@ def table_of(session: Session) -> str:
         if now[name] != value or name in terms
     ]
     rows += [f"| {name} | | | {_text(draw)} |" for name, draw in draws.items() if name.partition(":")[0] not in now]
-    rows += [f"| {name} | | {_text(value)} | |" for name, value in robots.motors_of(0).items()]
+    sensors = {name: value for name, value in (robots.setup.changed_sensors or {}).items() if np.any(value)}
+    rows += [f"| {name} | | {_text(value)} | |" for name, value in (robots.motors_of(0) | sensors).items()]
     if not rows:
         return "Robot 0 is the nominal one, with ideal motors."
     return "\n".join(["| robot 0, SI units | nominal | now | drawn |", "|---|---|---|---|", *rows])

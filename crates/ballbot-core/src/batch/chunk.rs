@@ -27,8 +27,9 @@ pub trait Chunk: Send + Sync {
     /// Steps all of them; the caller has checked actions and buffers.
     fn step(&mut self, autoreset: Autoreset, actions: &[f32], buffers: StepBuffers<'_>);
 
-    /// Writes the actions of a controller; `setpoints` has one an environment, or is empty for those of the task.
-    fn control(&mut self, controller: &dyn Controller, setpoints: &[Setpoint], actions: &mut [f32]);
+    /// Writes the actions of a controller, on the true states if it is `privileged`, else on those that the task observes;
+    /// `setpoints` has one an environment, or is empty for those of the task.
+    fn control(&mut self, controller: &dyn Controller, setpoints: &[Setpoint], privileged: bool, actions: &mut [f32]);
 
     /// Begins an episode from a given state, or one drawn at random, and writes its first observation.
     ///
@@ -324,7 +325,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         }
     }
 
-    fn control(&mut self, controller: &dyn Controller, setpoints: &[Setpoint], actions: &mut [f32]) {
+    fn control(&mut self, controller: &dyn Controller, setpoints: &[Setpoint], privileged: bool, actions: &mut [f32]) {
         let len = controller.memory_len();
         if self.control.owner != controller.id() || self.control.cells.len() != len {
             self.control.owner = controller.id();
@@ -332,7 +333,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             self.control.cells.resize(len, R::Cell::default());
         }
         let mut states = StateCells::<R::Cell>::default();
-        self.robots.read(&mut states);
+        if privileged {
+            self.robots.read(&mut states);
+        } else {
+            self.read_measured(&mut states);
+        }
         let mut targets = SetpointCells::<R::Cell>::default();
         for i in 0..self.used {
             let setpoint = match setpoints.get(i) {

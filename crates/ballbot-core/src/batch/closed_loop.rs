@@ -10,22 +10,35 @@ use crate::setpoint::Setpoint;
 use crate::task::ACTION_LEN;
 use std::sync::{Mutex, PoisonError};
 
+/// A controller on all robots of a batch, as [`Batch::control`] and [`Batch::step_under`] take it.
+#[derive(Clone, Copy)]
+pub struct Under<'a> {
+    /// The controller; what it keeps of a robot starts anew with its episode, and when another controller is used.
+    pub controller: &'a dyn Controller,
+    /// One an environment; `None` takes those of the task.
+    pub setpoints: Option<&'a [Setpoint]>,
+    /// Whether the controller takes the true states even where the task observes estimated ones, as a teacher does.
+    pub privileged: bool,
+}
+
+impl<'a> Under<'a> {
+    /// A controller on what the task observes, with the setpoints of the task.
+    pub fn new(controller: &'a dyn Controller) -> Self {
+        Self { controller, setpoints: None, privileged: false }
+    }
+}
+
 impl Batch {
-    /// Writes the actions of `controller` on every robot, n × 3, in [-1, 1] where its torques are within the torque of an
-    /// action. `setpoints` has one an environment; `None` takes those of the task. What the controller keeps of a robot
-    /// starts anew with its episode, and when another controller is used.
+    /// Writes the actions of a controller on every robot, n × 3, in [-1, 1] where its torques are within the torque of an
+    /// action. It takes the states that the task observes: those of [`Batch::estimate`] with
+    /// [`super::Observation::Sensors`].
     ///
     /// # Errors
     /// [`crate::Error::Length`] for slices of the wrong length; [`crate::Error::OutOfRange`] if the controller is sampled at another
     /// rate than the batch; [`crate::Error::Interrupted`] as in [`Batch::step`].
-    pub fn control(
-        &mut self,
-        controller: &dyn Controller,
-        setpoints: Option<&[Setpoint]>,
-        actions: &mut [f32],
-    ) -> Result<()> {
-        self.check_control(controller, setpoints, actions.len())?;
-        let setpoints = setpoints.unwrap_or_default();
+    pub fn control(&mut self, under: &Under<'_>, actions: &mut [f32]) -> Result<()> {
+        self.check_control(under, actions.len())?;
+        let setpoints = under.setpoints.unwrap_or_default();
         let mut watch = Watch::new();
         let mut first = 0;
         for (chunk, actions) in self.chunks.iter_mut().zip(actions.chunks_mut(self.width * ACTION_LEN)) {
@@ -35,27 +48,23 @@ impl Batch {
                 return Err(stop);
             }
             let n = actions.len() / ACTION_LEN;
-            chunk.control(controller, setpoints.get(first..first + n).unwrap_or_default(), actions);
+            let setpoints = setpoints.get(first..first + n).unwrap_or_default();
+            chunk.control(under.controller, setpoints, under.privileged, actions);
             first += n;
         }
         Ok(())
     }
 
-    /// One control step under `controller`: [`Batch::control`], then [`Batch::step`] with its actions, which are left in
+    /// One control step under a controller: [`Batch::control`], then [`Batch::step`] with its actions, which are left in
     /// `actions`.
     ///
     /// # Errors
     /// As [`Batch::control`] and [`Batch::step`].
-    pub fn step_under(
-        &mut self,
-        controller: &dyn Controller,
-        setpoints: Option<&[Setpoint]>,
-        actions: &mut [f32],
-        buffers: &mut StepBuffers<'_>,
-    ) -> Result<()> {
-        self.check_control(controller, setpoints, actions.len())?;
+    pub fn step_under(&mut self, under: &Under<'_>, actions: &mut [f32], buffers: &mut StepBuffers<'_>) -> Result<()> {
+        self.check_control(under, actions.len())?;
         self.check_buffers(buffers)?;
         self.check_running()?;
+        let Under { controller, setpoints, privileged } = *under;
         let setpoints = setpoints.unwrap_or_default();
         let (autoreset, width) = (self.autoreset, self.width);
         let stop = self.stop()?;
@@ -68,7 +77,7 @@ impl Batch {
                 }
                 let n = actions.len() / ACTION_LEN;
                 let from = first + k * width;
-                chunk.control(controller, setpoints.get(from..from + n).unwrap_or_default(), actions);
+                chunk.control(controller, setpoints.get(from..from + n).unwrap_or_default(), privileged, actions);
                 // A controller on a robot that has diverged may give no number; the robot is reset, not stepped on.
                 actions.iter_mut().filter(|a| !a.is_finite()).for_each(|a| *a = 0.0);
                 let (now, later) = rest.split(n);
@@ -94,16 +103,16 @@ impl Batch {
         self.finish(&stop)
     }
 
-    fn check_control(&self, controller: &dyn Controller, setpoints: Option<&[Setpoint]>, actions: usize) -> Result<()> {
+    fn check_control(&self, under: &Under<'_>, actions: usize) -> Result<()> {
         self.expect_len("actions", actions, self.len() * ACTION_LEN)?;
-        if let Some(setpoints) = setpoints {
+        if let Some(setpoints) = under.setpoints {
             self.expect_len("setpoints", setpoints.len(), self.len())?;
             setpoints.iter().try_for_each(Setpoint::validate)?;
         }
         let control_dt = self.control_dt();
         check(
             "control_dt of the controller",
-            controller.control_dt(),
+            under.controller.control_dt(),
             format_args!("that of the batch, {control_dt} s"),
             |dt| (dt - control_dt).abs() <= 1e-9 * control_dt,
         )?;

@@ -15,6 +15,7 @@ mod environment;
 mod events;
 mod kinds;
 mod ledger;
+mod measured;
 mod observation;
 mod observations;
 mod observing;
@@ -28,6 +29,7 @@ mod task_step;
 pub use autoreset::Autoreset;
 pub use batch::Batch;
 pub use buffers::{Outcome, StepBuffers};
+pub use closed_loop::Under;
 pub use config::{BalanceConfig, EnvConfig};
 pub use environment::Environment;
 pub use events::{

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::names;
 use std::str::FromStr;
 
-/// What the rows of an observation are computed from.
+/// What the rows of an observation are computed from, and what controllers take.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Observation {
     /// The true state.

@@ -3,9 +3,10 @@
 use super::chunk::Environments;
 use super::events::Randomized;
 use super::ledger::{Ledger, Ledgers};
+use super::measured::Measured;
 use super::robots::Robots;
 use crate::actuator::Actuator;
-use crate::lane_state::LaneState;
+use crate::lane_state::{LaneState, StateCells};
 use crate::lanes::Cell;
 use crate::sensor::{EpisodeStart, Sensor};
 use crate::task::Task;
@@ -36,6 +37,21 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             one.sensor
         });
         move |number| at_rest.as_ref().map_or_else(|| self.ledger.sensor[number].get(i), |numbers| numbers[number])
+    }
+
+    /// Writes the states of all robots as the task observes them. Of a robot before its first episode it is that at rest.
+    pub(super) fn read_measured(&mut self, states: &mut StateCells<R::Cell>) {
+        self.robots.read(states);
+        if self.episodes.iter().all(|episodes| *episodes > 0) {
+            R::Cell::measure(&self.step.sensor, &mut self.ledger.sensor, &mut self.one.sensor, states);
+            return;
+        }
+        let mut memory = self.ledger.sensor.clone();
+        for i in 0..self.used {
+            let number = self.sensor_numbers(i);
+            memory.iter_mut().enumerate().for_each(|(k, cell)| cell.set(i, number(k)));
+        }
+        R::Cell::measure(&self.step.sensor, &mut memory, &mut self.one.sensor, states);
     }
 
     /// Gives the sensors of robot `i` its present gravity, within an episode.

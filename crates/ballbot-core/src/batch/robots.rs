@@ -1,6 +1,7 @@
 //! The robots of a chunk: one of any model, or eight of the contact model in lanes.
 
 use super::ledger::{Ledger, Ledgers};
+use super::measured::Measured;
 use super::task_step::TaskStep;
 use crate::actuator::Actuator;
 use crate::control::LaneWidth;
@@ -23,7 +24,7 @@ use nalgebra::Vector3;
 /// Robots that are stepped together; `i` counts within them.
 pub trait Robots: Send + Sync {
     /// Their numbers in memory.
-    type Cell: Ledgers + LaneWidth;
+    type Cell: Ledgers + LaneWidth + Measured;
 
     /// Advances all by `steps` model steps under commands in [-1, 1]. `one` is room for the actuator of one robot.
     fn drive<A: Actuator>(

@@ -57,6 +57,14 @@ impl<S: Sensor> Sensor for Option<S> {
         }
     }
 
+    #[inline(always)]
+    fn last<L: Lane>(&self, state: &LaneState<L>, memory: &mut Memory<'_, L>) -> LaneState<L> {
+        match self {
+            None => *state,
+            Some(sensor) => sensor.last(state, memory),
+        }
+    }
+
     fn readings(&self, number: impl Fn(usize) -> f64) -> Option<Readings<f64>> {
         self.as_ref()?.readings(number)
     }

@@ -326,6 +326,16 @@ impl Sensor for Onboard {
         estimate
     }
 
+    #[inline(always)]
+    fn last<L: Lane>(&self, state: &LaneState<L>, memory: &mut Memory<'_, L>) -> LaneState<L> {
+        let Some(estimator) = &self.estimator else { return *state };
+        let mut read = [memory.get(READ); NUMBERS];
+        for (k, number) in read.iter_mut().enumerate() {
+            *number = memory.get(READ + k);
+        }
+        estimator.last(&readings(read), &memory.after(self.estimated()))
+    }
+
     fn readings(&self, number: impl Fn(usize) -> f64) -> Option<Readings<f64>> {
         let mut values = [0.0; NUMBERS];
         values.iter_mut().enumerate().for_each(|(k, value)| *value = number(READ + k));

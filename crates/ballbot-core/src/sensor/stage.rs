@@ -52,6 +52,13 @@ pub trait Sensor: Clone + Send + Sync + 'static {
     /// The state as it is measured.
     fn read<L: Lane>(&self, state: &LaneState<L>, memory: &mut Memory<'_, L>) -> LaneState<L>;
 
+    /// The state that the last [`Sensor::read`] gave; `state` is the true one. The memory remains as it is.
+    #[inline(always)]
+    fn last<L: Lane>(&self, state: &LaneState<L>, memory: &mut Memory<'_, L>) -> LaneState<L> {
+        let _ = memory;
+        *state
+    }
+
     /// The last readings, from the numbers of the memory by their index; `None` if the stage has none.
     fn readings(&self, number: impl Fn(usize) -> f64) -> Option<Readings<f64>> {
         let _ = number;

@@ -4,6 +4,7 @@ mod batches;
 mod closed_forms;
 mod gravity;
 mod jitter;
+mod measured;
 mod options;
 mod rates;
 mod readings;

@@ -11,9 +11,11 @@ pub struct Delay;
 const NUMBERS: usize = 32;
 /// Whether there was a reading, after the numbers of the last state.
 const STARTED: usize = NUMBERS;
+/// The state that was given last.
+const GIVEN: usize = STARTED + 1;
 
 impl Sensor for Delay {
-    const MEMORY: usize = NUMBERS + 1;
+    const MEMORY: usize = GIVEN + NUMBERS;
 
     #[inline(always)]
     fn read<L: Lane>(&self, state: &LaneState<L>, memory: &mut Memory<'_, L>) -> LaneState<L> {
@@ -22,10 +24,20 @@ impl Sensor for Delay {
         for (i, number) in measured.iter_mut().enumerate() {
             let last = L::select(started, memory.get(i), *number);
             memory.set(i, *number);
+            memory.set(GIVEN + i, last);
             *number = last;
         }
         memory.set(STARTED, memory.splat(1.0));
         from_numbers(&measured)
+    }
+
+    #[inline(always)]
+    fn last<L: Lane>(&self, state: &LaneState<L>, memory: &mut Memory<'_, L>) -> LaneState<L> {
+        let mut given = numbers(state);
+        for (i, number) in given.iter_mut().enumerate() {
+            *number = memory.get(GIVEN + i);
+        }
+        from_numbers(&given)
     }
 }
 

@@ -11,10 +11,11 @@ mod shuttle;
 
 use back_emf::BackEmf;
 use ballbot_core::actuator::{Actuator, Ideal};
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, EnvConfig, ResetRequest};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, EnvConfig, ResetRequest, Under};
+use ballbot_core::control::Lqr;
 use ballbot_core::lanes::{Memory, Scalar};
 use ballbot_core::sensor::{Exact, Sensor};
-use ballbot_core::task::{Balance, Task};
+use ballbot_core::task::{ACTION_LEN, Balance, Task};
 use ballbot_core::{Ballbot, ModelKind, State};
 use delay::Delay;
 use lag::Lag;
@@ -234,6 +235,37 @@ fn delay_is_one_step_under_changing_commands() {
             }
             for i in 0..n {
                 assert_eq!(delayed.observation(i)[7..9], plain.observation(i)[7..9], "{model}: step {k}");
+            }
+        }
+    }
+}
+
+/// The state of the step before, or that of the start.
+#[test]
+fn controllers_take_what_a_sensor_gave_last() {
+    for (model, n) in MODELS {
+        let config = config(model);
+        let law = Lqr::new(&config.params, config.control_dt).unwrap();
+        let control = |run: &mut Run, privileged: bool| {
+            let mut actions = vec![0.0; n * ACTION_LEN];
+            run.batch.control(&Under { privileged, ..Under::new(&law) }, &mut actions).unwrap();
+            actions
+        };
+        let mut plain = batch(&config, &Ideal { max_torque: TORQUE }, &Exact, n);
+        let mut delayed = batch(&config, &Ideal { max_torque: TORQUE }, &Delay, n);
+        let mut before = control(&mut plain, false);
+        for k in 0..60 {
+            let (now, found) = (control(&mut plain, false), control(&mut delayed, false));
+            assert_eq!(control(&mut delayed, true), now, "{model}: step {k}");
+            for i in 0..n {
+                let begins = k == 0 || plain.outcomes[i].done();
+                let expected = if begins { &now } else { &before };
+                let part = i * ACTION_LEN..(i + 1) * ACTION_LEN;
+                assert_eq!(found[part.clone()], expected[part], "{model}: environment {i}, step {k}");
+            }
+            before = now;
+            for run in [&mut plain, &mut delayed] {
+                run.step(&actions(0, n, k, 0.2)).unwrap();
             }
         }
     }

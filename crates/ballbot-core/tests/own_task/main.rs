@@ -5,7 +5,9 @@ mod feedback;
 mod run;
 mod shuttle;
 
-use ballbot_core::batch::{Autoreset, Batch, EnvConfig, Environment, Outcome, register_task, task_kind, task_kinds};
+use ballbot_core::batch::{
+    Autoreset, Batch, EnvConfig, Environment, Outcome, Under, register_task, task_kind, task_kinds,
+};
 use ballbot_core::control::{
     Controller, LimitOptions, Setpoint, controller_kind, controller_kinds, register_controller,
 };
@@ -13,7 +15,7 @@ use ballbot_core::task::{ACTION_LEN, TaskDescription};
 use ballbot_core::{Error, ModelKind, State};
 use feedback::{Feedback, Gains};
 use nalgebra::Vector2;
-use run::{Run, Under, actions};
+use run::{Run, actions};
 use shuttle::Shuttle;
 use std::sync::Once;
 
@@ -321,7 +323,7 @@ fn controllers_follow_the_command_of_the_task() {
         Batch::new(&EnvConfig { scale_observations: false, ..config }, 11, Autoreset::SameStep, Some(1), 1).unwrap(),
     );
     let mut actions = [vec![0.0; 33], vec![0.0; 33]];
-    run.batch.control(&controller, None, &mut actions[0]).unwrap();
+    run.batch.control(&Under::new(&controller), &mut actions[0]).unwrap();
     let setpoints: Vec<_> = (0..11)
         .map(|i| Setpoint {
             velocity: Vector2::from(command(run.observation(i)).map(f64::from)),
@@ -330,7 +332,7 @@ fn controllers_follow_the_command_of_the_task() {
         .collect();
     let again =
         Feedback::new(run.batch.params(0).unwrap(), 0.01, &Gains::default(), &LimitOptions::capped(1.0)).unwrap();
-    run.batch.control(&again, Some(&setpoints), &mut actions[1]).unwrap();
+    run.batch.control(&Under { setpoints: Some(&setpoints), ..Under::new(&again) }, &mut actions[1]).unwrap();
     for (found, expected) in actions[0].iter().zip(&actions[1]) {
         assert!((found - expected).abs() < 1e-6, "{found}, expected {expected}");
     }
@@ -390,7 +392,7 @@ fn registered_controllers_balance_a_batch_as_single_robots() {
         for k in 0..1499 {
             let state = single.0.environment.robot().state();
             let torques = single.1.wheel_torques(&state, &setpoints[1]);
-            run.step_under(&Under { controller: controller.as_ref(), setpoints: Some(&setpoints) }, &mut actions)
+            run.step_under(&Under { setpoints: Some(&setpoints), ..Under::new(controller.as_ref()) }, &mut actions)
                 .unwrap();
             assert_eq!(actions[3..6], torques.map(|t| (t / 0.5) as f32), "{model}: step {k}");
             let outcome = single.0.step(Autoreset::NextStep, &actions[3..6]);

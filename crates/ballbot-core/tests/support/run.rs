@@ -4,8 +4,7 @@
 #![allow(dead_code)]
 
 use ballbot_core::Result;
-use ballbot_core::batch::{Batch, Outcome, StepBuffers};
-use ballbot_core::control::{Controller, Setpoint};
+use ballbot_core::batch::{Batch, Outcome, StepBuffers, Under};
 use ballbot_core::task::ACTION_LEN;
 
 pub struct Run {
@@ -16,12 +15,6 @@ pub struct Run {
     pub truncated: Vec<bool>,
     pub last: Vec<f32>,
     pub outcomes: Vec<Outcome>,
-}
-
-/// Steps under a controller, as [`Batch::step_under`] takes them.
-pub struct Under<'a> {
-    pub controller: &'a dyn Controller,
-    pub setpoints: Option<&'a [Setpoint]>,
 }
 
 impl Run {
@@ -49,7 +42,7 @@ impl Run {
     /// As [`Batch::step_under`]; `actions` gets the actions.
     pub fn step_under(&mut self, under: &Under<'_>, actions: &mut [f32]) -> Result<()> {
         let (batch, mut buffers) = self.split();
-        batch.step_under(under.controller, under.setpoints, actions, &mut buffers)
+        batch.step_under(under, actions, &mut buffers)
     }
 
     fn split(&mut self) -> (&mut Batch, StepBuffers<'_>) {

@@ -1,0 +1,54 @@
+//! The states that controllers take: those that the sensors gave last, of one robot or of eight.
+
+use crate::lane_state::{LaneState, StateCells};
+use crate::lanes::{Cell, EIGHT, Eight, Kernel, Memory, Scalar, Wide, run_eight, run_one};
+use crate::sensor::Sensor;
+use fearless_simd::Simd;
+
+/// Cells in which a sensor keeps its numbers.
+pub trait Measured: Cell {
+    /// Replaces true states by those that the sensor gave last; `one` is room for its numbers of one robot.
+    fn measure<S: Sensor>(sensor: &S, memory: &mut [Self], one: &mut [f64], states: &mut StateCells<Self>);
+}
+
+impl Measured for f64 {
+    fn measure<S: Sensor>(sensor: &S, memory: &mut [f64], _: &mut [f64], states: &mut StateCells<f64>) {
+        run_one(
+            #[inline(always)]
+            || {
+                let state: LaneState<f64> = states.load(Scalar);
+                sensor.last(&state, &mut Memory::new(Scalar, memory)).store(states);
+            },
+        );
+    }
+}
+
+impl Measured for Eight {
+    fn measure<S: Sensor>(sensor: &S, memory: &mut [Eight], one: &mut [f64], states: &mut StateCells<Eight>) {
+        run_eight(Last { sensor, memory, one, states });
+    }
+}
+
+struct Last<'a, S> {
+    sensor: &'a S,
+    memory: &'a mut [Eight],
+    one: &'a mut [f64],
+    states: &'a mut StateCells<Eight>,
+}
+
+impl<S: Sensor> Kernel for Last<'_, S> {
+    #[inline(always)]
+    fn run<V: Simd>(self, simd: V) {
+        let state: LaneState<Wide<V>> = self.states.load(simd);
+        self.sensor.last(&state, &mut Memory::new(simd, self.memory)).store(self.states);
+    }
+
+    fn run_one_by_one(self) {
+        for i in 0..EIGHT {
+            self.one.iter_mut().zip(&*self.memory).for_each(|(one, all)| *one = all.0[i]);
+            let mut state = self.states.lane(i);
+            f64::measure(self.sensor, self.one, &mut [], &mut state);
+            self.states.set_lane(i, &state);
+        }
+    }
+}
