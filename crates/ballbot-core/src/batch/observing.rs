@@ -40,7 +40,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     pub(super) fn note_gravity(&mut self, i: usize) {
         let (all, one) = (&mut self.ledger.sensor, &mut self.one.sensor);
         one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
-        self.step.sensor.set_gravity(self.robots.params(i).gravity, one);
+        self.step.sensor.set_gravity(self.robots.params(i).gravity_vector().into(), one);
         all.iter_mut().zip(&*one).for_each(|(cell, one)| cell.set(i, *one));
     }
 
@@ -112,7 +112,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
 /// What the sensors of robot `i` take from an episode that begins in `state`.
 fn episode_start<'a>(robots: &impl Robots, i: usize, state: &'a LaneState<f64>, rng: &ChaCha8Rng) -> EpisodeStart<'a> {
-    EpisodeStart { gravity: robots.params(i).gravity, state, key: sensor_key(rng) }
+    EpisodeStart { gravity: robots.params(i).gravity_vector().into(), state, key: sensor_key(rng) }
 }
 
 /// Key of the random numbers of sensors: the first words of the environment's seed, for a generator of their own.
