@@ -274,6 +274,20 @@ class Params:
     def roller_friction_slope(self) -> float:
         """Growth of that coefficient with the speed of the ball along the free direction, s/m."""
     @property
+    def floor_tilt(self) -> tuple[float, float]:
+        """Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad."""
+    @property
+    def gravity_vector(self) -> tuple[float, float, float]:
+        """Acceleration of gravity in the frame of the floor, m/s²: (0, 0, -g) on a level one."""
+    def slope_lean(self) -> tuple[float, float]:
+        """Tilt (x, y) from the floor's normal in which the robot stands still on the slope of `floor_tilt`, rad, as
+        `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
+        """
+    def holding_torques(self, yaw: float = 0.0) -> tuple[float, float, float]:
+        """Motor torques that hold the robot still in `slope_lean` at the heading `yaw` (rad), N·m. Raises ValueError as
+        `slope_lean`.
+        """
+    @property
     def body_com(self) -> tuple[float, float, float]:
         """CoM of the body in the body frame, m: `body_com_offset` and `body_com_height`."""
     @property

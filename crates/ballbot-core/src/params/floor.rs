@@ -79,7 +79,7 @@ impl Params {
             )));
         }
         let lean = angle + (needed / largest).asin();
-        Ok(-Vector2::from(self.floor_tilt) * (lean / angle))
+        Ok(Vector2::zeros() - Vector2::from(self.floor_tilt) * (lean / angle))
     }
 
     /// Motor torques that hold a robot at the heading `yaw` (rad) still in [`Params::slope_lean`], N·m. With u the vector
