@@ -21,14 +21,13 @@ MOTORS: Final = tuple(MOTOR_LIMITS)
 SHORTEST_LAG: Final = 0.5
 #: Constant errors of the IMU, with their units and typical sizes.
 BIASES: Final[Mapping[str, tuple[str, float]]] = {"gyro_bias": ("rad/s", 0.01), "acc_bias": ("m/s²", 0.1)}
-#: A limit of the motor, which a fit of motions cannot find.
-EXCLUDED: Final = ("max_wheel_torque",)
+#: What a fit cannot find: a limit of the motor, and which way a slope goes, since logs have no heading.
+EXCLUDED: Final = ("max_wheel_torque", "floor_tilt")
 #: Components of vectors, as they are printed.
 SUFFIXES: Final[Mapping[str, Sequence[str]]] = {
     "body_inertia": ("xx", "yy", "zz"),
     "body_products_of_inertia": ("xy", "xz", "yz"),
     "body_com_offset": ("x", "y"),
-    "floor_tilt": ("x", "y"),
     "gyro_bias": ("x", "y", "z"),
     "acc_bias": ("x", "y", "z"),
 }
@@ -38,7 +37,6 @@ SIGNED: Final = (
     "body_products_of_inertia",
     "wheel_azimuths",
     "wheel_zenith_offsets",
-    "floor_tilt",
     "gyro_bias",
     "acc_bias",
 )
@@ -160,7 +158,7 @@ _UNITS: Final[Mapping[str, str]] = {
     **dict.fromkeys(("ball_mass", "body_mass", "wheel_mass"), "kg"),
     **dict.fromkeys(("ball_inertia", "body_inertia", "wheel_inertia", "body_products_of_inertia"), "kg·m²"),
     **dict.fromkeys(("ball_radius", "wheel_radius", "body_com_height", "body_com_offset"), "m"),
-    **dict.fromkeys(("wheel_zenith", "wheel_azimuths", "wheel_zenith_offsets", "floor_tilt"), "rad"),
+    **dict.fromkeys(("wheel_zenith", "wheel_azimuths", "wheel_zenith_offsets"), "rad"),
     "gravity": "m/s²",
     "ball_viscous_friction": "N/(m/s)",
     "wheel_viscous_friction": "N·m/(rad/s)",
@@ -210,7 +208,6 @@ def _scale(base: Robot, field: str, value: float) -> float:
         "ball_viscous_friction": 0.02 * weight,
         "wheel_zenith_offsets": 0.05,
         "wheel_azimuths": 0.1,
-        "floor_tilt": 0.02,
         **{name: typical for name, (_, typical) in BIASES.items()},
     }
     if field == "wheel_azimuths":

@@ -127,7 +127,7 @@ class Simulator:
         velocity = rows[..., 4:7] + (axes @ np.cross(rows[..., 7:10], self._imu_position)[..., None])[..., 0]
         change = np.zeros_like(velocity)
         change[:, 1:] = np.diff(velocity, axis=1) / np.diff(self._log.time[windows.rows])[:, None]
-        change -= np.array([column.robot.params.gravity_vector for column in columns])[:, None]
+        change[..., 2] += np.array([column.robot.params.gravity for column in columns])[:, None]
         # As an integrating IMU has it: in the attitude halfway through the interval.
         states[:, 1:, _BODY_QUATERNION] += states[:, :-1, _BODY_QUATERNION].copy()
         states[..., _BODY_QUATERNION] /= np.linalg.norm(states[..., _BODY_QUATERNION], axis=-1, keepdims=True)
