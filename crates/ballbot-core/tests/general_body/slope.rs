@@ -11,15 +11,15 @@ use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 
-fn on_slope(params: Params, floor_tilt: [f64; 2]) -> Params {
-    let params = Params { floor_tilt, ..params };
+fn on_slope(params: &Params, floor_tilt: [f64; 2]) -> Params {
+    let params = Params { floor_tilt, ..params.clone() };
     params.validate().expect("no robot is too heavy for a slope");
     params
 }
 
 #[test]
 fn a_floor_tilted_about_y_goes_down_towards_x() {
-    let params = on_slope(Params::paper(), [0.0, 0.1]);
+    let params = on_slope(&Params::paper(), [0.0, 0.1]);
     let g = params.gravity;
     assert!((params.gravity_vector() - Vector3::new(g * 0.1_f64.sin(), 0.0, -g * 0.1_f64.cos())).norm() < 1e-15 * g);
     // Against gravity, so against the tilt of the floor.
@@ -42,7 +42,7 @@ fn slopes_that_are_too_steep_are_refused() {
     let error = Params::paper().replace([("floor_tilt", &[0.4, -0.4][..])]).unwrap_err();
     assert!(error.to_string().contains("floor_tilt") && error.to_string().contains("at most 0.5 rad"), "{error}");
     // M r sin θ of M_b l: the paper's robot is held up to 0.867 rad, with a quarter of its height up to 0.19.
-    let low = Params { body_com_height: 0.0355, ..on_slope(Params::paper(), [0.12, -0.16]) };
+    let low = Params { body_com_height: 0.0355, ..on_slope(&Params::paper(), [0.12, -0.16]) };
     let error = low.slope_lean().unwrap_err();
     assert!(matches!(error, Error::Inconsistent(_)), "{error:?}");
     assert!(error.to_string().contains("floor_tilt = [0.12, -0.16]"), "{error}");
@@ -52,7 +52,7 @@ fn slopes_that_are_too_steep_are_refused() {
 #[test]
 fn planar_refuses_a_tilted_floor() {
     let paper = Params::paper();
-    let params = on_slope(paper.clone(), [0.0, 1e-9]);
+    let params = on_slope(&paper, [0.0, 1e-9]);
     let mut robot = Ballbot::new(&paper, ModelKind::Planar, 1e-3).unwrap();
     for error in [
         PlanarModel::new(&params, WheelInertia::ThreeWheels).map(|_| ()).unwrap_err(),
@@ -70,7 +70,7 @@ proptest! {
 
     #[test]
     fn gravity_turns_against_the_floor(params in any_general_robot(), tilt in any_floor_tilt(0.5)) {
-        let params = on_slope(params, tilt);
+        let params = on_slope(&params, tilt);
         let floor = Rotation3::from_scaled_axis(Vector3::new(tilt[0], tilt[1], 0.0));
         let expected = floor.inverse() * Vector3::new(0.0, 0.0, -params.gravity);
         prop_assert!((params.gravity_vector() - expected).norm() <= 1e-15 * params.gravity);
@@ -81,7 +81,7 @@ proptest! {
     fn a_robot_held_in_its_slope_lean_is_at_rest(
         params in any_general_robot(), tilt in any_floor_tilt(0.5), yaw in -PI..PI,
     ) {
-        let params = on_slope(params, tilt);
+        let params = on_slope(&params, tilt);
         let (mass, length) = (params.ball_mass + params.body_mass, params.body_com().norm());
         let needed = mass * params.ball_radius * params.slope().sin();
         let Ok(lean) = params.slope_lean() else {
@@ -109,7 +109,7 @@ proptest! {
     fn energy_is_conserved_on_a_slope_and_that_of_the_bodies(
         params in any_general_robot(), tilt in any_floor_tilt(0.5), start in any_start(0.5, 1.0),
     ) {
-        let params = on_slope(without_losses(&params), tilt);
+        let params = on_slope(&without_losses(&params), tilt);
         let mut robot = SpatialMotion::new(&params, 5e-4 / natural_rate(&params));
         robot.place(&start.of(&params));
         let wheels = Omniwheels::new(&params);
@@ -125,7 +125,7 @@ proptest! {
 
     #[test]
     fn controllers_are_those_of_a_level_floor(params in any_general_robot(), tilt in any_floor_tilt(0.5)) {
-        let sloped = on_slope(params.clone(), tilt);
+        let sloped = on_slope(&params, tilt);
         prop_assert_eq!(LinearModel::new(&sloped), LinearModel::new(&params));
         prop_assert_eq!(traction_torque(&sloped).to_bits(), traction_torque(&params).to_bits());
         let gain = |params| regulator(params).regulator().gain.clone();
