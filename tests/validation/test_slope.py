@@ -15,7 +15,7 @@ def test_mujoco_agrees_on_a_tilted_floor(paper):
     tilted = paper.replace(floor_tilt=(0.03, -0.05))
     start = bb.State.at_equilibrium(tilted, tilted.slope_lean(), yaw=0.3)
     # More than holds it, so that it falls.
-    torques = np.array(tilted.holding_torques(0.3)) + [0.01, 0.0, -0.01]
+    torques = np.add(tilted.holding_torques(0.3), [0.01, 0.0, -0.01])
     theirs = MujocoRobot(robot_geometry(tilted), ACCURATE_TURNED)
     still = np.zeros(3)
     theirs.reset_raw(start.body_quaternion, still, still, start.ball_position, still, still)

@@ -12,7 +12,8 @@ $\tau$ that hold the robot, so that LQR stands downhill of its setpoint by the $
 $$-k_x e = \tau + k_\vartheta \lambda,$$
 
 with the gains of position, $k_x$, and of tilt, $k_\vartheta$, for large slopes too. Success ends where $\lambda$ passes
-1°, at a slope of 0.43°. Most robots that fall do so at the start: tasks place them along the floor's normal.
+1°, at a slope of 0.43°. Tasks start robots along the floor's normal: on their way to the lean those under LQR swing
+beyond it, from 6.6° on beyond `fall_tilt`.
 """
 
 import numpy as np
