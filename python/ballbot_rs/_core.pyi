@@ -130,6 +130,7 @@ class _ParamFields(TypedDict, total=False):
     floor_spinning_friction: float
     roller_friction: float
     roller_friction_slope: float
+    floor_tilt: npt.ArrayLike
 
 # End of the generated part.
 
@@ -148,7 +149,8 @@ class Params:
     `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m), `wheel_static_friction` (1.1),
     `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1), `floor_dynamic_friction` (1.05),
     `friction_critical_velocity` (0.1 m/s), `floor_rolling_friction` (0 m, torque per load), `floor_spinning_friction`
-    (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m).
+    (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m), `floor_tilt` (rotation
+    vector x, y that turns a level floor into this one, 0 rad).
     Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
     `docs/conventions.md` has all ranges.
 
@@ -188,6 +190,7 @@ class Params:
         floor_spinning_friction: float = 0.0,  # Spinning friction of the ball on the floor: largest torque about the vertical per load, m.
         roller_friction: float = 0.0,  # Friction coefficient of the rollers of a wheel, along its free direction.
         roller_friction_slope: float = 0.0,  # Growth of that coefficient with the speed of the ball along the free direction, s/m.
+        floor_tilt: npt.ArrayLike = ...,  # Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad.
     ) -> Self: ...
     # End of the generated part.
     @property
@@ -275,6 +278,20 @@ class Params:
     def roller_friction_slope(self) -> float:
         """Growth of that coefficient with the speed of the ball along the free direction, s/m."""
     @property
+    def floor_tilt(self) -> tuple[float, float]:
+        """Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad."""
+    @property
+    def gravity_vector(self) -> tuple[float, float, float]:
+        """Acceleration of gravity in the frame of the floor, m/s²: (0, 0, -g) on a level one."""
+    def slope_lean(self) -> tuple[float, float]:
+        """Tilt (x, y) from the floor's normal in which the robot stands still on the slope of `floor_tilt`, rad, as
+        `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
+        """
+    def holding_torques(self, yaw: float = 0.0) -> tuple[float, float, float]:
+        """Motor torques that hold the robot still in `slope_lean` at the heading `yaw` (rad), N·m. Raises ValueError as
+        `slope_lean`.
+        """
+    @property
     def body_com(self) -> tuple[float, float, float]:
         """CoM of the body in the body frame, m: `body_com_offset` and `body_com_height`."""
     @property
@@ -287,7 +304,9 @@ class Params:
         """
     @property
     def equilibrium_wheel_loads(self) -> tuple[float, float, float]:
-        """Load of each wheel on the ball in equilibrium, where the CoM is above the ball's center and no motor drives, N."""
+        """Load of each wheel on the ball in equilibrium on a level floor, where the CoM is above the ball's center and no motor
+        drives, N.
+        """
     @property
     def is_symmetric(self) -> bool:
         """Whether the CoM is on the mast, the body axes are principal axes, and the wheels have one zenith and are 120 deg

@@ -165,6 +165,30 @@ def test_losses_at_the_ball_dissipate_and_planar_refuses_them(loss):
         assert lossy.energy < free.energy - 1e-5, model
 
 
+def test_a_robot_stands_on_a_tilted_floor_and_planar_refuses_it(paper):
+    tilted = paper.replace(floor_tilt=(0.03, -0.04))
+    assert tilted.floor_tilt == (0.03, -0.04)
+    assert paper.gravity_vector == (0.0, 0.0, -9.81)
+    assert paper.slope_lean() == (0.0, 0.0)
+    assert paper.holding_torques() == (0.0, 0.0, 0.0)
+    share = 9.81 * np.sin(0.05) / 0.05
+    np.testing.assert_allclose(tilted.gravity_vector, [-0.04 * share, -0.03 * share, -9.81 * np.cos(0.05)], rtol=1e-14)
+    start = State.at_equilibrium(tilted, tilted.slope_lean(), yaw=0.4)
+    for model in ("spatial", "contact", "rigid"):
+        robot = Ballbot(tilted, model)
+        robot.reset(start)
+        robot.step(tilted.holding_torques(0.4), 50)
+        np.testing.assert_allclose(robot.state.to_array(), start.to_array(), atol=1e-8, err_msg=model)
+        weight = -(paper.ball_mass + paper.body_mass) * np.array(tilted.gravity_vector)
+        np.testing.assert_allclose(robot.contacts.floor_force, weight, rtol=1e-5)
+    with pytest.raises(ValueError, match=r"floor_tilt = \[0.03, -0.04\], but it requires zeros"):
+        Ballbot(tilted, model="planar")
+    with pytest.raises(ValueError, match="yaw"):
+        tilted.holding_torques(np.nan)
+    with pytest.raises(ValueError, match="no lean holds the robot"):
+        paper.replace(floor_tilt=(0.5, 0.0), body_com_height=0.05).slope_lean()
+
+
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("how", ["snapshot", "pickle", "deepcopy"])
 def test_a_copy_continues_bit_identically(model, how):

@@ -291,3 +291,19 @@ def test_a_training_keeps_its_events(tmp_path):
     nominal, own = bb.evaluate(folder, episodes=4), bb.evaluate(folder, episodes=4, env_options={"events": "trained"})
     assert nominal != own == bb.evaluate(folder, episodes=4, env_options={"events": EVENTS})
     assert main(["evaluate", "--controller", str(folder), "--events", "trained", "--episodes", "2", "--quiet"]) == 0
+
+
+def test_slopes_are_drawn_within_an_episode():
+    event = {"term": "floor_tilt", "mode": "interval", "every": [0.03, 0.05], "range": [-0.05, 0.05]}
+    env = bb.BalanceEnv(events=[event])
+    env.reset(seed=SEED)
+    slopes = set()
+    for _ in range(20):
+        env.step(np.zeros(3, np.float32))
+        slopes.add(env.params.floor_tilt)
+    assert len(slopes) >= 4
+    assert env.nominal_params.floor_tilt == (0.0, 0.0)
+    with pytest.raises(ValueError, match=r"\(floor_tilt\).*floor_tilt\[0\] = 1 "):
+        bb.BalanceEnv(events=[{"term": "floor_tilt", "range": [0.0, 1.0]}])
+    with pytest.raises(ValueError, match=r"\(floor_tilt\).*requires zeros"):
+        bb.BalanceEnv(model="planar", events=[event])

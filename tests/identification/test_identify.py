@@ -231,6 +231,8 @@ def test_a_robot_at_rest_determines_little():
         ({"fields": ()}, "fields is empty"),
         ({"fields": ("body_mas",)}, "unknown field 'body_mas': expected one of .*: did you mean 'body_mass'"),
         ({"fields": ("max_wheel_torque",)}, "unknown field 'max_wheel_torque'"),
+        ({"fields": ("floor_tilt",)}, "unknown field 'floor_tilt'"),
+        ({"params": TRUTH.replace(floor_tilt=(0.0, 0.1))}, r"floor_tilt = \[0.0, 0.1\]: a log has no heading"),
         ({"fields": ("delay", "delay")}, "fields names delay twice"),
         ({"params": "r2d2"}, "r2d2"),
         (

@@ -29,7 +29,7 @@ class MujocoRolling:
             spec.compiler.fusestatic = False
             spec.body(link).add_freejoint()
         bot.attach(ball, frame=bot.worldbody.add_frame(), prefix="ball/")
-        bot.option.timestep, bot.option.gravity = sim_dt, [0.0, 0.0, -params.gravity]
+        bot.option.timestep, bot.option.gravity = sim_dt, params.gravity_vector
         bot.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
         bot.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
         self.sim_dt, self._touching = sim_dt, touching

@@ -95,7 +95,7 @@ def mjcf(robot: RobotGeometry, setup: Setup = FAST) -> str:
     at = f'pos="0 0 {p.ball_radius:.17g}"'
     return f"""<mujoco>
   <compiler angle="radian" inertiafromgeom="false"/>
-  {setup.options}<option gravity="0 0 {-p.gravity:.17g}"/>
+  {setup.options}<option gravity="{_numbers(p.gravity_vector)}"/>
   <default><geom contype="0" conaffinity="0"/></default>
   <worldbody>
     <geom name="floor" type="plane" size="0 0 1"/>

@@ -77,7 +77,7 @@ class PybulletRobot(ExternalRobot):
         self._com = robot.body.com
         self._joints = [0, 1, 2]
         self._bullet = bullet = connect()
-        bullet.setGravity(0.0, 0.0, -p.gravity)
+        bullet.setGravity(*p.gravity_vector)
         # The row across the drive has no length, and a cone would let it use up the limit of both.
         bullet.setPhysicsEngineParameter(numSolverIterations=iterations, enableConeFriction=0, enableFileCaching=0)
         self._substeps = 0

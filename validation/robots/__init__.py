@@ -8,11 +8,14 @@ from validation.robots import (
     products_of_inertia,
     rollers,
     rolling,
+    slope,
     strength,
     torque_speed,
     uneven_wheels,
 )
 from validation.topic import Topic
 
-BODY = [Topic.of(module) for module in (com_offset, products_of_inertia, uneven_wheels, friction, rolling, rollers)]
+BODY = [
+    Topic.of(module) for module in (com_offset, products_of_inertia, uneven_wheels, friction, rolling, rollers, slope)
+]
 MOTORS = [Topic.of(module) for module in (delay, strength, lag, torque_speed)]

@@ -6,12 +6,14 @@ use crate::state::State;
 use nalgebra::Vector3;
 
 /// Kinetic energy of ball, body and wheels (absolute wheel spin) plus potential energy, J. The potential energy is zero
-/// with the ball resting on the floor and the body's CoM at the height of the ball center.
+/// with the ball resting on the floor, at the origin if it is not level, and the body's CoM at the height of the ball center.
 pub fn mechanical_energy(params: &Params, wheels: &Omniwheels, state: &State) -> f64 {
     let arm = params.body_com();
     let rate = state.body_angular_velocity;
     let com_velocity = state.body_velocity + state.body_quaternion * rate.cross(&arm);
-    let com_height = (state.body_position + state.body_quaternion * arm).z - params.ball_radius;
+    let up = params.up();
+    let height = |place: &Vector3<f64>| up.dot(place) - params.ball_radius * up.z;
+    let com_height = height(&(state.body_position + state.body_quaternion * arm));
     // The axle of wheel i is −u_i, so its absolute spin is ψ̇_i − u_i·Ω.
     let spin = Vector3::from(state.wheel_speeds) - wheels.u * rate;
     let twice_kinetic = params.ball_mass * state.ball_velocity.norm_squared()
@@ -19,6 +21,6 @@ pub fn mechanical_energy(params: &Params, wheels: &Omniwheels, state: &State) ->
         + params.body_mass * com_velocity.norm_squared()
         + rate.dot(&(params.body_inertia_matrix() * rate))
         + params.wheel_inertia * spin.norm_squared();
-    let ball_height = state.ball_position.z - params.ball_radius;
+    let ball_height = height(&state.ball_position);
     0.5 * twice_kinetic + params.gravity * (params.body_mass * com_height + params.ball_mass * ball_height)
 }

@@ -1,5 +1,6 @@
 //! Physical parameters of a ballbot, their validation and the published presets.
 
+mod floor;
 mod geometry;
 mod losses;
 mod presets;
@@ -205,6 +206,9 @@ parameters! {
         roller_friction: f64 = 0.0, FRICTION;
         /// Growth of that coefficient with the speed of the ball along the free direction, s/m. Default 0.
         roller_friction_slope: f64 = 0.0, FRICTION;
+        /// Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad; its length, the slope,
+        /// is at most 0.5. Gravity is [`Params::gravity_vector`]. Default 0.
+        floor_tilt: [f64; 2] = [0.0; 2], Limit::from(-0.5).to(0.5);
     }
 }
 
@@ -265,7 +269,8 @@ impl Params {
         self.validate_magnitudes()?;
         self.validate_masses()?;
         self.validate_geometry()?;
-        self.validate_friction()
+        self.validate_friction()?;
+        self.validate_slope()
     }
 
     fn validate_signs(&self) -> Result<()> {
@@ -444,7 +449,7 @@ impl Params {
         self.ball_radius / self.wheel_radius
     }
 
-    /// Load of one wheel of a symmetric robot at rest upright, M_b g / (3 cos α), N.
+    /// Load of one wheel of a symmetric robot at rest upright on a level floor, M_b g / (3 cos α), N.
     pub fn static_wheel_load(&self) -> f64 {
         self.body_mass * self.gravity / (3.0 * self.wheel_zenith.cos())
     }

@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 const MAGIC: [u8; 4] = *b"BBOT";
 
 /// Version of the layout of all snapshots; raised whenever one changes.
-const VERSION: u16 = 7;
+const VERSION: u16 = 8;
 
 const HEADER_LEN: usize = MAGIC.len() + size_of::<u16>();
 const CHECKSUM_LEN: usize = size_of::<u32>();

@@ -63,12 +63,13 @@ fn mixed(config: &BalanceConfig, robots: &[Params], mode: Autoreset, threads: us
     Run::new(batch)
 }
 
-/// The same, every other one without symmetry and with losses at the ball.
+/// The same, every other one without symmetry, with losses at the ball and on a slope.
 fn general_robots() -> Vec<Params> {
     let mut robots = robots();
     for (i, params) in robots.iter_mut().enumerate().skip(1).step_by(2) {
         let share = 0.1 * i as f64;
         params.body_com_offset = [8e-3 * share, -5e-3];
+        params.floor_tilt = [0.1 - 0.3 * share, 0.2 * share];
         match i % 4 {
             1 => params.floor_rolling_friction = 1e-3,
             _ => (params.floor_spinning_friction, params.roller_friction) = (1e-3, 0.02),

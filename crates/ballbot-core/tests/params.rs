@@ -283,8 +283,8 @@ fn fields_round_trip() {
     let params = unlike_any_other();
     let names: Vec<_> = params.fields().map(|(name, _)| name).collect();
     assert_eq!(names, Params::NAMES);
-    // Four vectors of three and one of two.
-    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::NAMES.len() + 4 * 2 + 1);
+    // Four vectors of three and two of two.
+    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::NAMES.len() + 4 * 2 + 2);
     for ((name, changed), (_, default)) in params.fields().zip(Params::paper().fields()) {
         assert!(changed.iter().zip(default).all(|(a, b)| a != b), "{name} is as before");
     }

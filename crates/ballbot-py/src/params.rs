@@ -1,8 +1,8 @@
 //! `Params`.
 
 use crate::errors::{call, to_python};
-use crate::numbers::one_or_more;
-use ballbot_core::{Params, urdf};
+use crate::numbers::{one_or_more, real};
+use ballbot_core::{Params, check_finite, urdf};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -21,7 +21,8 @@ use std::path::PathBuf;
 /// `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m), `wheel_static_friction` (1.1),
 /// `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1), `floor_dynamic_friction` (1.05),
 /// `friction_critical_velocity` (0.1 m/s), `floor_rolling_friction` (0 m, torque per load), `floor_spinning_friction`
-/// (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m).
+/// (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m), `floor_tilt` (rotation
+/// vector x, y that turns a level floor into this one, 0 rad).
 /// Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
 /// `docs/conventions.md` has all ranges.
 ///
@@ -298,6 +299,32 @@ impl PyParams {
         self.0.roller_friction_slope
     }
 
+    /// Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad.
+    #[getter]
+    fn floor_tilt(&self) -> (f64, f64) {
+        self.0.floor_tilt.into()
+    }
+
+    /// Acceleration of gravity in the frame of the floor, m/s²: (0, 0, -g) on a level one.
+    #[getter]
+    fn gravity_vector(&self) -> (f64, f64, f64) {
+        <[f64; 3]>::from(self.0.gravity_vector()).into()
+    }
+
+    /// Tilt (x, y) from the floor's normal in which the robot stands still on the slope of `floor_tilt`, rad, as
+    /// `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
+    fn slope_lean(&self) -> PyResult<(f64, f64)> {
+        self.0.slope_lean().map(|lean| (lean.x, lean.y)).map_err(to_python)
+    }
+
+    /// Motor torques that hold the robot still in `slope_lean` at the heading `yaw` (rad), N·m. Raises ValueError as
+    /// `slope_lean`.
+    #[pyo3(signature = (yaw=0.0))]
+    fn holding_torques(&self, #[pyo3(from_py_with = real)] yaw: f64) -> PyResult<(f64, f64, f64)> {
+        let torques = check_finite("yaw", &[yaw]).and_then(|()| self.0.holding_torques(yaw));
+        torques.map(Into::into).map_err(to_python)
+    }
+
     /// CoM of the body in the body frame, m: `body_com_offset` and `body_com_height`.
     #[getter]
     fn body_com(&self) -> (f64, f64, f64) {
@@ -317,7 +344,8 @@ impl PyParams {
         self.0.slender_half_length()
     }
 
-    /// Load of each wheel on the ball in equilibrium, where the CoM is above the ball's center and no motor drives, N.
+    /// Load of each wheel on the ball in equilibrium on a level floor, where the CoM is above the ball's center and no motor
+    /// drives, N.
     #[getter]
     fn equilibrium_wheel_loads(&self) -> (f64, f64, f64) {
         self.0.equilibrium_wheel_loads().into()

@@ -144,7 +144,7 @@ def _measured(
     velocity = states[:, 20:23] + np.einsum("nij,nj->ni", axes, np.cross(states[:, 23:26], place))
     change = np.zeros_like(velocity)
     change[1:] = np.diff(velocity, axis=0) / np.diff(times)[:, None]
-    change[:, 2] += robot.gravity
+    change -= robot.gravity_vector
     # As an integrating IMU has it: in the attitude halfway through the interval.
     halfway = states.copy()
     halfway[1:, 16:20] += states[:-1, 16:20]

@@ -100,6 +100,9 @@ def identify(
     if not isinstance(log, SensorLog):
         log = SensorLog.read(log)
     base = Robot(_robot(params), Motors.of(actuators))
+    if any(base.params.floor_tilt):
+        tilt = list(base.params.floor_tilt)
+        raise InvalidInputError(f"params.floor_tilt = {tilt}: a log has no heading, so the floor must be level")
     offset = np.asarray(imu_position, dtype=np.float64)
     if offset.shape != (3,) or not np.isfinite(offset).all():
         raise InvalidInputError(f"imu_position is {imu_position}, expected three finite numbers")

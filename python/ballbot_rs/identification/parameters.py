@@ -21,8 +21,8 @@ MOTORS: Final = tuple(MOTOR_LIMITS)
 SHORTEST_LAG: Final = 0.5
 #: Constant errors of the IMU, with their units and typical sizes.
 BIASES: Final[Mapping[str, tuple[str, float]]] = {"gyro_bias": ("rad/s", 0.01), "acc_bias": ("m/s²", 0.1)}
-#: A limit of the motor, which a fit of motions cannot find.
-EXCLUDED: Final = ("max_wheel_torque",)
+#: What a fit cannot find: a limit of the motor, and which way a slope goes, since logs have no heading.
+EXCLUDED: Final = ("max_wheel_torque", "floor_tilt")
 #: Components of vectors, as they are printed.
 SUFFIXES: Final[Mapping[str, Sequence[str]]] = {
     "body_inertia": ("xx", "yy", "zz"),

@@ -58,7 +58,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     pub(super) fn note_gravity(&mut self, i: usize) {
         let (all, one) = (&mut self.ledger.sensor, &mut self.one.sensor);
         one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
-        self.step.sensor.set_gravity(self.robots.params(i).gravity, one);
+        self.step.sensor.set_gravity(self.robots.params(i).gravity_vector().into(), one);
         all.iter_mut().zip(&*one).for_each(|(cell, one)| cell.set(i, *one));
     }
 
@@ -137,7 +137,7 @@ fn episode_start<'a>(
     rng: &ChaCha8Rng,
 ) -> EpisodeStart<'a> {
     let options = events.map(|events| &events.stages(i).sensors);
-    EpisodeStart { gravity: robots.params(i).gravity, state, key: sensor_key(rng), options }
+    EpisodeStart { gravity: robots.params(i).gravity_vector().into(), state, key: sensor_key(rng), options }
 }
 
 /// Key of the random numbers of sensors: the first words of the environment's seed, for a generator of their own.

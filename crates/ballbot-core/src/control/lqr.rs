@@ -52,7 +52,8 @@ impl LqrWeights {
 }
 
 /// τ = −K x in the heading frame, scaled down together where a wheel would slip. The tilt is that from the equilibrium: of
-/// the line from the ball's center to the body's center of mass.
+/// the line from the ball's center to the body's center of mass. It is made for a level floor: on a slope the ball comes to
+/// rest away from its setpoint.
 #[derive(Clone, Debug)]
 pub struct Lqr {
     regulator: Regulator,

@@ -28,7 +28,7 @@ crate::fields! {
 
 /// Two PID controllers, about the x and y axes of the heading frame. It controls tilt alone: nothing holds the ball's
 /// position or the heading. The tilt is that from the equilibrium: of the line from the ball's center to the body's center
-/// of mass.
+/// of mass. It is made for a level floor: on a slope the ball rolls away.
 #[derive(Clone, Debug)]
 pub struct Pid {
     /// Wheel torques per virtual torque about x and y.

@@ -11,10 +11,10 @@ use std::f64::consts::TAU;
 const DIRECTIONS: u32 = 48;
 
 /// Largest torque of any wheel for a tilt torque in the worst direction, N·m, at which no wheel of the robot in
-/// equilibrium slips; at most the limit of the motors. The reaction of the motors unloads some wheels, so the result is well
+/// equilibrium on a level floor slips; at most the limit of the motors. The reaction of the motors unloads some wheels, so the result is well
 /// below μ N r_w with the loads N at rest. Derived in `docs/derivations.md`, "Largest torque".
 pub fn traction_torque(params: &Params) -> f64 {
-    let model = SpatialModel::new(params, WheelSpin::Absolute, BallSpin::Free);
+    let model = SpatialModel::new(&params.on_level_floor(), WheelSpin::Absolute, BallSpin::Free);
     let attitude = params.to_balance_frame();
     let contacts = |torques: &Vector3<f64>| model.contacts(&attitude, &Vector6::zeros(), torques);
     let at_rest = contacts(&Vector3::zeros());

@@ -1,4 +1,4 @@
-//! The spatial model linearized about its equilibrium.
+//! The spatial model linearized about its equilibrium on a level floor.
 
 use super::{BallSpin, SpatialModel, WheelSpin};
 use crate::params::Params;
@@ -24,11 +24,11 @@ pub struct LinearModel {
 
 impl LinearModel {
     /// Linear model of `params`. The accelerations of the spatial model at rest are linear in torques; their odd part
-    /// is linear in rates. Gravity is the torque M_b g l times a small tilt, l the distance of the center of mass.
+    /// is linear in rates. The floor is taken for level. Gravity is the torque M_b g l times a small tilt, l the distance of the center of mass.
     pub fn new(params: &Params) -> Self {
         // Dry friction has no derivative at rest.
         let model = SpatialModel::new(
-            &Params { wheel_coulomb_friction: 0.0, ..params.without_losses() },
+            &Params { wheel_coulomb_friction: 0.0, ..params.without_losses().on_level_floor() },
             WheelSpin::Absolute,
             BallSpin::Free,
         );

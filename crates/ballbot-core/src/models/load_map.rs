@@ -38,7 +38,11 @@ pub struct LoadMap {
 impl LoadMap {
     /// The maps of the robot of `params`.
     pub fn new(params: &Params) -> Self {
-        let smooth = Params { wheel_coulomb_friction: 0.0, wheel_viscous_friction: 0.0, ..params.without_losses() };
+        let smooth = Params {
+            wheel_coulomb_friction: 0.0,
+            wheel_viscous_friction: 0.0,
+            ..params.on_level_floor().without_losses()
+        };
         let model = SpatialModel::new(&smooth, WheelSpin::Absolute, BallSpin::Free);
         let equilibrium = params.to_balance_frame();
         let contacts = |tilt: [f64; 2], rate: [f64; 2], torques: Vector3<f64>| {

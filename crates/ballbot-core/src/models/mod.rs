@@ -61,10 +61,10 @@ struct Motion {
     rollers: Vector3<f64>,
 }
 
-/// Contact forces: wheel loads from Rᵀ M_b (a_b + g e3) = Σ N_i p_i − Σ f_i d_i + Σ h_i u_i, floor force from the momentum of ball
+/// Contact forces: wheel loads from Rᵀ M_b (a_b − g) = Σ N_i p_i − Σ f_i d_i + Σ h_i u_i, floor force from the momentum of ball
 /// and body.
 fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Contacts {
-    let weight = Vector3::z() * params.gravity;
+    let weight = params.up() * params.gravity;
     let mut balance =
         motion.body_quaternion.inverse_transform_vector(&((motion.com_acceleration + weight) * params.body_mass));
     for (direction, traction) in wheels.drive_directions.iter().zip(motion.tractions.iter()) {

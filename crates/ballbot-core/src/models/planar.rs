@@ -50,7 +50,8 @@ impl PlanarModel {
     ///
     /// # Errors
     /// [`Error::Inconsistent`] unless the robot is symmetric about its mast ([`Params::is_symmetric`]): the planes of
-    /// another are coupled; or if it has rolling, spinning or roller friction ([`Params::has_losses`]).
+    /// another are coupled; if it has rolling, spinning or roller friction ([`Params::has_losses`]); or if the floor is
+    /// tilted.
     pub fn in_plane(params: &Params, wheel_inertia: WheelInertia, plane: Plane) -> Result<Self> {
         params.require_symmetric(
             "the planar model is of robots that are symmetric about their mast; 'spatial', 'contact' and 'rigid' take any",
@@ -58,6 +59,7 @@ impl PlanarModel {
         params.require_lossless(
             "the planar model has no friction of floor and rollers; 'spatial', 'contact' and 'rigid' do",
         )?;
+        params.require_level("the planar model is of a level floor; 'spatial', 'contact' and 'rigid' take any")?;
         let plane_inertia = match plane {
             Plane::Yz => params.body_inertia[0],
             Plane::Xz => params.body_inertia[1],

@@ -211,13 +211,15 @@ impl SpatialModel {
 
         let gyroscopic = rate.cross(&(self.inertia * rate))
             - rate.cross(&(self.wheels.u.transpose() * spin)) * (self.kappa * p.wheel_inertia);
-        let weight = Vector3::z() * p.gravity;
+        let weight = p.up() * p.gravity;
 
         let mut force = terms.b.transpose() * shaft
             - terms.j_c.transpose() * (self.centripetal(terms, &rate) + weight) * p.body_mass
             - terms.b_s.transpose() * self.spin_drift(terms, velocity, &rate) * p.wheel_inertia;
-        force[0] -= p.ball_viscous_friction * velocity[0];
-        force[1] -= p.ball_viscous_friction * velocity[1];
+        for i in 0..2 {
+            force[i] -= p.ball_viscous_friction * velocity[i];
+            force[i] -= p.ball_mass * weight[i];
+        }
         for i in 0..3 {
             force[2 + i] -= gyroscopic[i];
         }
@@ -244,11 +246,11 @@ impl SpatialModel {
         self.wheels.wheel_speeds(body_quaternion, &ball_rate, &velocity.fixed_rows::<3>(2).into_owned())
     }
 
-    /// Kinetic energy plus M_b g e3·R c, J.
+    /// Kinetic energy plus M_b g u·R c, with u upwards ([`Params::up`]), J: with the ball at the origin.
     pub fn energy(&self, body_quaternion: &UnitQuaternion<f64>, velocity: &Vector6<f64>) -> f64 {
         let terms = self.terms(body_quaternion);
         let moment = self.com * (self.params.body_mass * self.params.gravity);
-        0.5 * velocity.dot(&(terms.mass * velocity)) + terms.rotation.row(2).transpose().dot(&moment)
+        0.5 * velocity.dot(&(terms.mass * velocity)) + (terms.rotation.transpose() * self.params.up()).dot(&moment)
     }
 
     /// Momenta M ν conjugate to the generalized velocity.

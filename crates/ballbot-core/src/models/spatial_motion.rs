@@ -141,7 +141,10 @@ impl Model for SpatialMotion {
     }
 
     fn energy(&self) -> f64 {
-        self.model.energy(&quaternion_at(&self.coordinates, 2), &self.velocity())
+        let (p, y) = (self.params(), &self.coordinates);
+        // Of the ball's place on the slope.
+        let place = (p.ball_mass + p.body_mass) * p.gravity * p.up().xy().dot(&Vector2::new(y[0], y[1]));
+        self.model.energy(&quaternion_at(y, 2), &self.velocity()) + place
     }
 
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {

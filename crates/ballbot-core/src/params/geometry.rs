@@ -81,8 +81,9 @@ impl Params {
         })
     }
 
-    /// Attitude in which a robot at the heading `yaw` (rad) is in equilibrium without torque: the body's center of mass is
-    /// above the center of the ball. The mast then leans by the angle between it and [`Params::body_com`].
+    /// Attitude in which a robot at the heading `yaw` (rad) is in equilibrium without torque on a level floor: the body's
+    /// center of mass is above the center of the ball. The mast then leans by the angle between it and
+    /// [`Params::body_com`]. On a slope nothing stands without torque: see [`Params::slope_lean`].
     pub fn equilibrium_attitude(&self, yaw: f64) -> UnitQuaternion<f64> {
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * self.to_balance_frame()
     }
@@ -101,7 +102,7 @@ impl Params {
         com / com.norm()
     }
 
-    /// Load of each wheel on the ball in equilibrium, where no motor drives, N.
+    /// Load of each wheel on the ball in equilibrium on a level floor, where no motor drives, N.
     pub fn equilibrium_wheel_loads(&self) -> [f64; 3] {
         if self.is_symmetric() {
             return [self.static_wheel_load(); 3];

@@ -37,7 +37,7 @@ impl<S: Sensor> Sensor for Option<S> {
         }
     }
 
-    fn set_gravity(&self, gravity: f64, memory: &mut [f64]) {
+    fn set_gravity(&self, gravity: [f64; 3], memory: &mut [f64]) {
         if let Some(sensor) = self {
             sensor.set_gravity(gravity, memory);
         }

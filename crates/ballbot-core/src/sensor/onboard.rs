@@ -51,14 +51,14 @@ const KEY: usize = 2;
 /// Readings in this episode.
 const COUNT: usize = 4;
 const GRAVITY: usize = 5;
-const GYRO_BIAS: usize = 6;
-const ACCELEROMETER_BIAS: usize = 9;
+const GYRO_BIAS: usize = 8;
+const ACCELEROMETER_BIAS: usize = 11;
 /// Rotation from the axes of gyroscope and accelerometer to those of the body.
-const ALIGNMENT: usize = 12;
+const ALIGNMENT: usize = 14;
 /// Velocity of the IMU and attitude of the body at the last measurement.
-const VELOCITY: usize = 16;
-const ATTITUDE: usize = 19;
-const ENCODERS: usize = 23;
+const VELOCITY: usize = 18;
+const ATTITUDE: usize = 21;
+const ENCODERS: usize = 25;
 /// Sum of the specific forces since the last sample, if not every control step has one.
 const FORCES: usize = ENCODERS + encoders::MEMORY;
 /// The readings that are out.
@@ -172,8 +172,7 @@ impl Onboard {
         let (velocity, attitude) = (Self::velocity(state, c.place), state.body_quaternion);
         let halfway = memory.quaternion(ATTITUDE).halfway(attitude).rotation();
         let per_second = velocity.x.splat(1.0 / self.dt);
-        let mut acceleration = (velocity - memory.vector(VELOCITY)) * per_second;
-        acceleration.z += memory.get(GRAVITY);
+        let acceleration = (velocity - memory.vector(VELOCITY)) * per_second - memory.vector(GRAVITY);
         memory.set_vector(VELOCITY, velocity);
         memory.set_quaternion(ATTITUDE, attitude);
 
@@ -262,7 +261,7 @@ impl Sensor for Onboard {
         memory[EPISODE] = episode;
         let key = start.key.map(f64::from);
         memory[KEY..KEY + 2].copy_from_slice(&key);
-        memory[GRAVITY] = start.gravity;
+        memory[GRAVITY..GYRO_BIAS].copy_from_slice(&start.gravity);
         let state = start.state;
         let options = start.options.filter(|_| self.individual).unwrap_or(&self.options);
         let constants = constants_of(options, self.dt).expect("the options were checked");
@@ -295,8 +294,8 @@ impl Sensor for Onboard {
         );
     }
 
-    fn set_gravity(&self, gravity: f64, memory: &mut [f64]) {
-        memory[GRAVITY] = gravity;
+    fn set_gravity(&self, gravity: [f64; 3], memory: &mut [f64]) {
+        memory[GRAVITY..GYRO_BIAS].copy_from_slice(&gravity);
     }
 
     fn seeded(&self, memory: &mut [f64]) {

@@ -8,8 +8,8 @@ use crate::state::State;
 
 /// What a stage may take from the start of an episode.
 pub struct EpisodeStart<'a> {
-    /// Acceleration of gravity, m/s².
-    pub gravity: f64,
+    /// Acceleration of gravity, inertial frame, m/s²: (0, 0, −g) on a level floor.
+    pub gravity: [f64; 3],
     /// The true first state.
     pub state: &'a LaneState<f64>,
     /// Key of the environment's random numbers.
@@ -39,8 +39,8 @@ pub trait Sensor: Clone + Send + Sync + 'static {
         memory.fill(0.0);
     }
 
-    /// The robot's gravity (m/s²) is another one from the next reading on.
-    fn set_gravity(&self, gravity: f64, memory: &mut [f64]) {
+    /// The robot's gravity (inertial frame, m/s²) is another one from the next reading on.
+    fn set_gravity(&self, gravity: [f64; 3], memory: &mut [f64]) {
         let _ = (gravity, memory);
     }
 

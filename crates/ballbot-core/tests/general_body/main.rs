@@ -1,5 +1,6 @@
 //! Robots without symmetry: equilibrium, motion about it, energy, and controllers.
 
+mod slope;
 #[path = "../support/mod.rs"]
 mod support;
 mod task;

@@ -4,7 +4,8 @@ use super::models;
 use super::run::Run;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, ResetRequest, When};
 use ballbot_core::sensor::SensorOptions;
-use ballbot_core::{Params, State};
+use ballbot_core::{ModelKind, Params, State};
+use nalgebra::{UnitQuaternion, Vector3};
 
 /// Nine robots that stand upright at rest.
 fn standing(config: &BalanceConfig, n: usize) -> Run {
@@ -53,5 +54,72 @@ fn accelerometer_follows_the_gravity_within_an_episode() {
         run.batch.load(1, &bytes).unwrap();
         run.step(&idle).unwrap();
         assert_reads(&run, 1, 3.7, &format!("{model}, snapshot"));
+    }
+}
+
+/// Change of velocity of the body over a control step of 10 ms less `gravity`, in the attitude halfway.
+fn specific_force(before: &State, after: &State, gravity: &Vector3<f64>) -> Vector3<f64> {
+    let acceleration = (after.body_velocity - before.body_velocity) / 0.01;
+    let halfway = before.body_quaternion.slerp(&after.body_quaternion, 0.5);
+    halfway.inverse_transform_vector(&(acceleration - gravity))
+}
+
+/// Largest difference of a component of the specific force of environment `i`, m/s².
+fn off_by(run: &Run, i: usize, expected: &Vector3<f64>) -> f64 {
+    let force = run.batch.readings(i).unwrap().specific_force;
+    (Vector3::new(force.x, force.y, force.z) - expected).amax()
+}
+
+#[test]
+fn accelerometer_follows_the_slope_within_an_episode() {
+    let tilt = [0.12, -0.2];
+    for (model, n) in models().into_iter().filter(|(model, _)| *model != ModelKind::Planar) {
+        let config = BalanceConfig { model, sensors: Some(SensorOptions::default()), ..BalanceConfig::default() };
+        let sloped = Params { floor_tilt: tilt, ..config.params.clone() };
+        let ranges = tilt.map(|number| [number, number]).to_vec();
+        let tips = Event { when: When::At(0.02), range: ranges, ..Event::new("floor_tilt", [0.0; 2]) };
+        let mut run = standing(&BalanceConfig { events: vec![tips], ..config.clone() }, n);
+        for k in 0..5 {
+            let before: Vec<_> = run.batch.states().collect();
+            run.step(&vec![0.0; 3 * n]).unwrap();
+            let gravity = if k < 2 { config.params.gravity_vector() } else { sloped.gravity_vector() };
+            for (i, before) in before.iter().enumerate() {
+                let expected = specific_force(before, &run.batch.state(i).unwrap(), &gravity);
+                let off = off_by(&run, i, &expected);
+                assert!(off <= 1e-9, "{model}: environment {i}, step {k}: off by {off:e} m/s²");
+            }
+        }
+    }
+}
+
+/// Held still on the slope it reads what holds it against gravity: the reading of a level floor, turned with the slope.
+#[test]
+fn accelerometer_at_rest_on_a_slope_reads_its_support() {
+    let params = Params { floor_tilt: [0.1, 0.05], ..Params::paper() };
+    let lean = params.slope_lean().unwrap();
+    let start = State::tilted_from_equilibrium(&params, lean, 0.4);
+    let torques = params.holding_torques(0.4).unwrap();
+    for (model, n) in models().into_iter().filter(|(model, _)| *model != ModelKind::Planar) {
+        let config = BalanceConfig {
+            model,
+            params: params.clone(),
+            max_wheel_torque: Some(1.0),
+            sensors: Some(SensorOptions::default()),
+            ..BalanceConfig::default()
+        };
+        let mut run = standing(&config, n);
+        let request = ResetRequest { starts: Some(&vec![Some(start.clone()); n]), ..ResetRequest::default() };
+        run.batch.reset_with(&request, &mut run.observations).unwrap();
+        let held: Vec<f32> = (0..3 * n).map(|k| torques[k % 3] as f32).collect();
+        let floor = UnitQuaternion::from_scaled_axis(Vector3::new(0.1, 0.05, 0.0));
+        let expected =
+            (floor * start.body_quaternion).inverse_transform_vector(&Vector3::new(0.0, 0.0, params.gravity));
+        for _ in 0..3 {
+            run.step(&held).unwrap();
+            for i in 0..n {
+                let off = off_by(&run, i, &expected);
+                assert!(off <= 1e-4, "{model}: environment {i} is off by {off:e} m/s²");
+            }
+        }
     }
 }

@@ -27,8 +27,8 @@ impl Robot {
         let sensors = Onboard::new(options, DT, None).unwrap();
         let mut memory = vec![0.0; sensors.memory_len()];
         let state = LaneState::from(start);
-        let start = EpisodeStart { gravity: Params::paper().gravity, state: &state, key: [1, 2], options: None };
-        sensors.begin(&start, &mut memory);
+        let gravity = Params::paper().gravity_vector().into();
+        sensors.begin(&EpisodeStart { gravity, state: &state, key: [1, 2], options: None }, &mut memory);
         Self { sensors, memory }
     }
 

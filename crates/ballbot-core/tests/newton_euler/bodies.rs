@@ -2,7 +2,7 @@
 
 use crate::support::general::{contacts_and_axles, steiner};
 use ballbot_core::{Params, State, rolling_rate};
-use nalgebra::{DMatrix, DVector, Matrix3, RowVector3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, RowVector3, UnitQuaternion, Vector3};
 
 const BALL: usize = 0;
 const BODY: usize = 1;
@@ -171,11 +171,14 @@ impl Robot {
     fn momenta(&self, motors: &[f64; 3]) -> (DMatrix<f64>, DVector<f64>) {
         let mut mass = DMatrix::zeros(6 * BODIES, 6 * BODIES);
         let mut force = DVector::zeros(6 * BODIES);
+        let [x, y] = self.params.floor_tilt;
+        let floor = Rotation3::from_scaled_axis(Vector3::new(x, y, 0.0));
+        let gravity = floor.inverse() * Vector3::new(0.0, 0.0, -self.params.gravity);
         for (i, body) in self.bodies.iter().enumerate() {
             let at = 6 * i;
             mass.fixed_view_mut::<3, 3>(at, at).fill_diagonal(body.mass);
             mass.fixed_view_mut::<3, 3>(at + 3, at + 3).copy_from(&body.inertia);
-            force[at + 2] -= body.mass * self.params.gravity;
+            add(&mut force, at, &(gravity * body.mass));
             let gyroscopic = body.rate.cross(&(body.inertia * body.rate));
             add(&mut force, at + 3, &-gyroscopic);
         }

@@ -37,7 +37,7 @@ use bodies::Robot;
 use nalgebra::{Vector3, Vector6};
 use proptest::prelude::*;
 use support::general::{any_general_robot, crooked};
-use support::{Start, any_or_published_robot, any_start, torques, vector, without_losses};
+use support::{Start, any_floor_tilt, any_or_published_robot, any_start, torques, vector, without_losses};
 
 /// Largest difference from the spatial model, of the largest number of its kind.
 const LIMIT: f64 = 1e-11;
@@ -110,6 +110,17 @@ proptest! {
     ) {
         compare_all(&params, &start, &shares, transverse, GENERAL_LIMIT)?;
     }
+
+    #[test]
+    fn so_do_robots_on_a_slope(
+        params in any_general_robot(),
+        floor_tilt in any_floor_tilt(0.5),
+        start in any_start(1.5, 3.0),
+        shares in vector(1.0),
+        transverse in 0.0..1.0,
+    ) {
+        compare_all(&Params { floor_tilt, ..params }, &start, &shares, transverse, GENERAL_LIMIT)?;
+    }
 }
 
 /// All four models of a robot.
@@ -135,7 +146,8 @@ fn compare_all(
 /// The comparison sees what it should: each of these is a term that a derivation may lose.
 #[test]
 fn missing_terms_are_detected() {
-    let params = Params { ball_viscous_friction: 1.0, wheel_viscous_friction: 1e-3, ..crooked() };
+    let params =
+        Params { ball_viscous_friction: 1.0, wheel_viscous_friction: 1e-3, floor_tilt: [0.1, -0.2], ..crooked() };
     let symmetric = Params::paper();
     let start = Start {
         tilt: [0.3, -0.2].into(),
@@ -161,6 +173,7 @@ fn missing_terms_are_detected() {
         ("the products of inertia", Robot::new(&principal, &state, 0.5, false, true)),
         ("the wheels' azimuths", Robot::new(&even, &state, 0.5, false, true)),
         ("the wheels' zeniths", Robot::new(&level, &state, 0.5, false, true)),
+        ("the tilt of the floor", Robot::new(&params.on_level_floor(), &state, 0.5, false, true)),
     ] {
         let off = off(&solve(&robot).turning, &exact.turning, largest(&exact.turning));
         println!("without {name}: {off:e}");

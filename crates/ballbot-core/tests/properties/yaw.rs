@@ -1,9 +1,10 @@
-//! A floor looks the same in all directions: turn the start about the vertical, and the motion is the same, turned.
+//! A floor looks the same in all directions: turn the start about the vertical, and the motion is the same, turned. So it is
+//! on a slope, if that is turned too.
 
-use super::support::{Start, any_robot, any_round_robot, any_start};
+use super::support::{Start, any_floor_tilt, any_robot, any_round_robot, any_start};
 use super::{Drive, Run, any_drive, cases, most_apart, robot, run, run_with_grip, same_cases};
 use ballbot_core::{ModelKind, Params, State};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Rotation2, UnitQuaternion, Vector2, Vector3};
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -24,10 +25,20 @@ fn turned(state: &State, angle: f64) -> State {
     }
 }
 
+/// The robot on a floor whose slope is turned.
+fn on_turned_floor(params: &Params, angle: f64) -> Params {
+    if params.floor_tilt == [0.0; 2] {
+        return params.clone();
+    }
+    let tilt = Rotation2::new(angle) * Vector2::from(params.floor_tilt);
+    Params { floor_tilt: tilt.into(), ..params.clone() }
+}
+
 /// How far the turned motion is from the motion of the turned start; nothing if the floor is in the way of the start.
 fn off_by(run: Run, kind: ModelKind, params: &Params, start: &Start, angle: f64, drive: &Drive) -> f64 {
     let start = start.of(params);
-    let robots = robot(kind, params, &start, SIM_DT).zip(robot(kind, params, &turned(&start, angle), SIM_DT));
+    let other = on_turned_floor(params, angle);
+    let robots = robot(kind, params, &start, SIM_DT).zip(robot(kind, &other, &turned(&start, angle), SIM_DT));
     let Some((mut straight, mut other)) = robots else { return 0.0 };
     let torques = drive.torques(params);
     let (expected, found) = (run(&mut straight, &torques, drive.hold), run(&mut other, &torques, drive.hold));
@@ -50,6 +61,19 @@ proptest! {
     ) {
         // Dry friction that builds up within 0.05 rad/s is stiff and blows up rounding.
         let params = Params { wheel_coulomb_friction: 0.0, ..params };
+        let off = off(ModelKind::Spatial, &params, &start, angle, &drive);
+        prop_assert!(off <= 1e-9, "off by {off:e}");
+    }
+
+    #[test]
+    fn spatial_is_invariant_under_yaw_of_the_slope(
+        params in any_robot(),
+        floor_tilt in any_floor_tilt(0.5),
+        start in any_start(0.3, 0.5),
+        angle in 0.0..TAU,
+        drive in any_drive(0.5, 4, 50),
+    ) {
+        let params = Params { wheel_coulomb_friction: 0.0, floor_tilt, ..params };
         let off = off(ModelKind::Spatial, &params, &start, angle, &drive);
         prop_assert!(off <= 1e-9, "off by {off:e}");
     }
@@ -80,6 +104,19 @@ proptest! {
         angle in 0.0..TAU,
         drive in any_drive(0.1, 20, 10),
     ) {
+        let off = off_by(run_with_grip, ModelKind::Contact, &params, &start, angle, &drive);
+        prop_assert!(off <= 1e-3, "off by {off:e}");
+    }
+
+    #[test]
+    fn contact_is_invariant_under_yaw_of_the_slope(
+        params in any_robot(),
+        floor_tilt in any_floor_tilt(0.3),
+        start in any_start(0.1, 0.2),
+        angle in 0.0..TAU,
+        drive in any_drive(0.1, 20, 10),
+    ) {
+        let params = Params { floor_tilt, ..params };
         let off = off_by(run_with_grip, ModelKind::Contact, &params, &start, angle, &drive);
         prop_assert!(off <= 1e-3, "off by {off:e}");
     }

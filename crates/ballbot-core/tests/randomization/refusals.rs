@@ -48,6 +48,9 @@ fn numbers_that_cannot_be() {
 #[test]
 fn robots_that_cannot_be() {
     refused(Event::new("gravity", [0.0, 9.0]), &["gravity = 0"]);
+    refused(Event::new("floor_tilt", [0.0, 1.0]), &["floor_tilt[0] = 1 ", "<= 0.5"]);
+    // Each number is within its range, but not the slope.
+    refused(Event::new("floor_tilt", [-0.4, 0.4]), &["floor_tilt", "at most 0.5 rad"]);
     refused(scaled("body_mass", [-0.1, 1.0]), &["range = -0.1", ">= 0"]);
     refused(scaled("body_inertia", [0.5, 1.5]), &["triangle inequality"]);
     refused(scaled("ball_inertia", [1.0, 1.3]), &["ball_inertia", "thin shell"]);

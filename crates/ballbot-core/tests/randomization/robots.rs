@@ -27,6 +27,7 @@ fn randomized_general_robots_equal_robots_made_with_the_drawn_parameters() {
     let events = [
         Event { range: vec![[-0.01, 0.01], [0.0, 0.02]], ..Event::new("body_com_offset", [0.0; 2]) },
         Event::new("body_products_of_inertia", [-1e-3, 1e-3]),
+        Event::new("floor_tilt", [-0.1, 0.1]),
         Event::new("wheel_zenith_offsets", [-0.05, 0.05]),
         Event { operation: Operation::Add, ..Event::new("wheel_azimuths", [-0.05, 0.05]) },
         Event { when: When::Startup, ..scaled("wheel_inertia", [0.9, 1.1]) },

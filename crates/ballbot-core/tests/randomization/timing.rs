@@ -1,9 +1,9 @@
 //! When events fire.
 
 use super::run::actions;
-use super::{SEED, at, config, draw, every, started};
+use super::{SEED, at, config, draw, draws, every, started};
 use ballbot_core::ModelKind;
-use ballbot_core::batch::{Autoreset, BalanceConfig, Event};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event};
 use ballbot_core::task::Balance;
 
 const CONTROL_DT: f64 = 0.01;
@@ -37,6 +37,35 @@ fn an_event_at_a_time_fires_once_an_episode_before_the_action_of_that_step() {
             assert!(seen.len() == 3 && seen[0] != seen[1] && seen[1] != seen[2]);
         }
     }
+}
+
+#[test]
+fn a_slope_changes_within_the_episode() {
+    for model in [ModelKind::Spatial, ModelKind::Contact, ModelKind::Rigid] {
+        let events = [every([0.05, 0.1], Event::new("floor_tilt", [-0.1, 0.1]))];
+        let mut run = started(&config(model, 1000, &events), 9, Autoreset::Disabled, SEED);
+        let mut slopes = vec![[0.0; 2]];
+        for k in 0..30 {
+            let before = run.batch.state(4).unwrap();
+            run.step(&actions(0, 9, k, 0.1)).unwrap();
+            let moved = (run.batch.state(4).unwrap().ball_position - before.ball_position).norm();
+            assert!(moved < 0.05, "{model}: jumps by {moved} m");
+            let params = run.batch.params(4).unwrap();
+            if *slopes.last().unwrap() != params.floor_tilt {
+                slopes.push(params.floor_tilt);
+                assert_eq!(draws(&run.batch, 4, "floor_tilt"), params.floor_tilt);
+            }
+        }
+        assert!(slopes.len() >= 4, "{model}: {slopes:?}");
+    }
+}
+
+#[test]
+fn planar_refuses_events_on_the_slope() {
+    let events = [Event::new("floor_tilt", [-0.1, 0.1])];
+    let made = Batch::new(&config(ModelKind::Planar, 10, &events), 2, Autoreset::SameStep, Some(1), SEED);
+    let error = made.map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("(floor_tilt)") && error.contains("it requires zeros"), "{error}");
 }
 
 /// Steps before which the event of environment `i` fired, in an episode of `steps`.

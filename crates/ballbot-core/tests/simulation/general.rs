@@ -12,14 +12,14 @@ use proptest::strategy::ValueTree;
 use proptest::test_runner::{RngSeed, TestRunner};
 
 /// The same values in every run.
-fn drawn<S: Strategy>(strategy: &S, count: usize) -> Vec<S::Value> {
+pub(super) fn drawn<S: Strategy>(strategy: &S, count: usize) -> Vec<S::Value> {
     let seed = ProptestConfig { rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() };
     let mut runner = TestRunner::new(seed);
     (0..count).map(|_| strategy.new_tree(&mut runner).expect("most can exist").current()).collect()
 }
 
 /// A robot whose wheels all carry a fair share of it, and that grips.
-fn any_gripping_robot() -> impl Strategy<Value = Params> {
+pub(super) fn any_gripping_robot() -> impl Strategy<Value = Params> {
     let fair = |params: &Params| {
         let loads = params.equilibrium_wheel_loads();
         loads.into_iter().fold(f64::INFINITY, f64::min) > 0.15 * params.body_mass * params.gravity
@@ -35,7 +35,7 @@ fn any_gripping_robot() -> impl Strategy<Value = Params> {
 }
 
 /// [`Start::of`], about the equilibrium.
-fn about_equilibrium(params: &Params, start: &Start) -> State {
+pub(super) fn about_equilibrium(params: &Params, start: &Start) -> State {
     let rolling = start.of(params);
     let speed = rolling.ball_velocity.xy();
     let spin = rolling.ball_angular_velocity.z;
@@ -44,7 +44,7 @@ fn about_equilibrium(params: &Params, start: &Start) -> State {
 }
 
 /// Differences of two robots: of places and attitudes, and of velocities, in the robot's own measures.
-fn apart(params: &Params, a: &State, b: &State) -> [f64; 2] {
+pub(super) fn apart(params: &Params, a: &State, b: &State) -> [f64; 2] {
     let (length, rate) = (params.body_com_height, natural_rate(params));
     [
         largest([
@@ -63,7 +63,7 @@ fn apart(params: &Params, a: &State, b: &State) -> [f64; 2] {
 
 /// Runs `spatial` and the simulation for the time in which a robot falls, in that many steps. Differences of places and
 /// velocities at the end, and of the loads of wheels and floor as a share of the weight; none if a wheel lifts off.
-fn off_spatial(
+pub(super) fn off_spatial(
     simulation: Simulation,
     params: &Params,
     start: &State,
@@ -307,7 +307,7 @@ fn pushes_act_at_their_point(simulation: Simulation) {
 }
 
 /// Height of the lowest point of the bot: wheels as spheres, the body as the cylinder about its mast.
-fn lowest_point(params: &Params, state: &State) -> f64 {
+pub(super) fn lowest_point(params: &Params, state: &State) -> f64 {
     let reach = params.ball_radius + params.wheel_radius;
     let height = |point: Vector3<f64>| (state.body_position + state.body_quaternion * point).z;
     let (mut wheel, mut radius) = (f64::INFINITY, 0.0_f64);

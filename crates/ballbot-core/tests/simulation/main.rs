@@ -18,6 +18,7 @@ mod pushes;
 mod repetition;
 mod rolling;
 mod slipping;
+mod slope;
 #[path = "../support/mod.rs"]
 mod support;
 

@@ -98,6 +98,11 @@ impl Losses {
     }
 }
 
+/// A tilt of the floor by up to `steepest`, rad, in any direction.
+pub fn any_floor_tilt(steepest: f64) -> impl Strategy<Value = [f64; 2]> {
+    (0.0..steepest, -PI..PI).prop_map(|(slope, azimuth)| [slope * azimuth.cos(), slope * azimuth.sin()])
+}
+
 /// Masses, inertias and geometry.
 fn any_frame() -> impl Strategy<Value = Params> {
     let ball = (0.05..0.3, 100.0..1000.0, 0.4..0.66);

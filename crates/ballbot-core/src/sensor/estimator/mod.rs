@@ -1,7 +1,8 @@
 //! The estimator of attitude, velocity, position and lean bias from an IMU and three encoders.
 //!
 //! An error-state extended Kalman filter: gyroscope and accelerometer move the estimate of attitude and velocity, wheel rates
-//! correct it, wheels that slip take no part. See `docs/estimator.md`.
+//! correct it, wheels that slip take no part. It takes the floor for level: its tilt is that from the vertical. See
+//! `docs/estimator.md`.
 
 mod belief;
 mod correction;

@@ -22,8 +22,8 @@ cells! {
         pub sim_dt: T,
         pub sim_dt_inverse: T,
         pub half_dt: T,
-        /// Change of speed by gravity in a step.
-        pub gravity_dt: T,
+        /// What gravity takes from a velocity in a step. Zeros are positive: subtracted, they leave all bits.
+        pub gravity_dt: [T; 3],
         pub ball_radius: T,
         pub ball_mass_inverse: T,
         /// Factor on the horizontal velocity of the ball in a step by viscous friction.
@@ -137,7 +137,7 @@ impl Constants<f64> {
             sim_dt,
             sim_dt_inverse: sim_dt.recip(),
             half_dt: 0.5 * sim_dt,
-            gravity_dt: params.gravity * sim_dt,
+            gravity_dt: (params.up() * (params.gravity * sim_dt)).into(),
             ball_radius: params.ball_radius,
             ball_mass_inverse,
             ball_drag: 1.0 - sim_dt * params.ball_viscous_friction * ball_mass_inverse,
@@ -180,7 +180,7 @@ impl Constants<f64> {
             wheel_surface_compliance: params.wheel_radius * params.wheel_radius / params.wheel_inertia,
             wheel_loads,
             static_wheel_load: wheel_loads.into_iter().fold(0.0, f64::max),
-            static_floor_load: (params.body_mass + params.ball_mass) * params.gravity,
+            static_floor_load: (params.body_mass + params.ball_mass) * (params.gravity * params.up().z),
             loss_share: params.loss_share(),
             rolling_loss: params.floor_rolling_friction / params.ball_inertia,
             spinning_loss: params.floor_spinning_friction / params.ball_inertia,
@@ -202,7 +202,7 @@ impl<V> Constants<V> {
             sim_dt: one(&self.sim_dt),
             sim_dt_inverse: one(&self.sim_dt_inverse),
             half_dt: one(&self.half_dt),
-            gravity_dt: one(&self.gravity_dt),
+            gravity_dt: three(&self.gravity_dt),
             ball_radius: one(&self.ball_radius),
             ball_mass_inverse: one(&self.ball_mass_inverse),
             ball_drag: one(&self.ball_drag),

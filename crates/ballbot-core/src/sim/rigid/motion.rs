@@ -312,6 +312,7 @@ impl Model for RigidMotion {
 fn same_bodies(a: &Params, b: &Params) -> bool {
     let read_each_step = Params {
         gravity: b.gravity,
+        floor_tilt: b.floor_tilt,
         ball_viscous_friction: b.ball_viscous_friction,
         max_wheel_torque: b.max_wheel_torque,
         wheel_viscous_friction: b.wheel_viscous_friction,

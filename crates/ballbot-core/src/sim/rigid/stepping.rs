@@ -101,7 +101,7 @@ impl RigidMotion {
         let acceleration = plan.acceleration + self.bot.mass_inverse * plan.rows.on_bot(&impulses) / dt;
         let wheels_on_ball = plan.rows.on_ball(&impulses);
         self.apply(plan, &acceleration, &wheels_on_ball);
-        self.sim_state.healthy &= self.world.step(&mut self.pipeline, self.params.gravity, &self.settings);
+        self.sim_state.healthy &= self.world.step(&mut self.pipeline, &self.params.gravity_vector(), &self.settings);
         let floor_force = self.world.floor_force(&self.handles, dt);
         self.sim_state.floor_force = floor_force.into();
 
@@ -123,7 +123,7 @@ impl RigidMotion {
         let p = &self.params;
         let motion = self.motion();
         let contacts = [0, 1, 2].map(|i| WheelContact::new(&self.parts, &self.bot, &motion, i));
-        let down = motion.to_body.column(2) * -p.gravity;
+        let down = self.gravity_in_body(&motion);
         let velocity = from_rapier(self.world.bodies[self.handles.ball].linvel());
         let drag = Vector3::new(velocity.x, velocity.y, 0.0) * -p.ball_viscous_friction;
         let [fx, fy, fz, tx, ty, tz] = std::mem::take(&mut self.sim_state.push).map(|v| v / dt);
@@ -150,6 +150,17 @@ impl RigidMotion {
             motion,
             acceleration,
         }
+    }
+
+    /// Acceleration of gravity in body axes, m/s².
+    fn gravity_in_body(&self, motion: &Motion) -> Vector3<f64> {
+        let gravity = self.params.gravity_vector();
+        let across = motion.to_body.column(2) * gravity.z;
+        if self.params.floor_tilt == [0.0; 2] {
+            // Nothing is added to what may be a negative zero.
+            return across;
+        }
+        across + motion.to_body.column(0) * gravity.x + motion.to_body.column(1) * gravity.y
     }
 
     /// Positions and velocities in body axes.
@@ -215,7 +226,7 @@ impl RigidMotion {
 
     /// Sets the forces that accelerate the bot, and the forces on the ball.
     fn apply(&mut self, plan: &Plan, acceleration: &Coordinates, wheels_on_ball: &[Vector3<f64>; 2]) {
-        let down = plan.motion.to_body.column(2) * -self.params.gravity;
+        let down = self.gravity_in_body(&plan.motion);
         let needed = self.bot.force(&plan.motion.velocities.bot, acceleration, &self.bot.weight(&down));
         let [force, torque, joints] = split(&needed);
         let to_world = plan.motion.to_body.transpose();

@@ -140,7 +140,7 @@ impl World {
     pub fn upright_mass(&self, handles: &Handles) -> Mass {
         let mut world = self.clone();
         // Rapier computes it in a step.
-        world.step(&mut new_pipeline(), 0.0, &integration_parameters(1e-9));
+        world.step(&mut new_pipeline(), &Vector3::zeros(), &integration_parameters(1e-9));
         let multibody = world.multibody_joints.get_multibody(handles.bot).expect("just built");
         let inverse = multibody.inv_augmented_mass().try_inverse().expect("a mass matrix is regular");
         inverse.fixed_view::<DOFS, DOFS>(0, 0).into_owned().try_inverse().expect("a mass matrix is regular")
@@ -218,10 +218,15 @@ impl World {
         self.multibody_joints.rigid_body_link(body).expect("the wheels' joints made the body a link").multibody
     }
 
-    /// Advances by one step. False after a state that was not finite, which rapier freezes.
-    pub fn step(&mut self, pipeline: &mut PhysicsPipeline, gravity: f64, settings: &IntegrationParameters) -> bool {
+    /// Advances by one step under `gravity` (inertial frame, m/s²). False after a state that was not finite, which rapier freezes.
+    pub fn step(
+        &mut self,
+        pipeline: &mut PhysicsPipeline,
+        gravity: &Vector3<f64>,
+        settings: &IntegrationParameters,
+    ) -> bool {
         pipeline.step(
-            Vector::new(0.0, 0.0, -gravity),
+            to_rapier(gravity),
             settings,
             &mut self.islands,
             &mut self.broad_phase,

@@ -1,0 +1,83 @@
+r"""A slope.
+
+On a floor tilted by $\theta$ (`floor_tilt`) a robot stands still only if it leans uphill, with the common center of
+mass of ball and body above the floor contact, and if its motors hold it ([slope](derivations.md#slope)). From the
+floor's normal the lean is
+
+$$\lambda = \theta + \arcsin\frac{(M_k + M_b) r_k \sin\theta}{M_b l},$$
+
+more than twice the slope. A controller that takes the floor for level asks for $-K x$. At rest this must be the torques
+$\tau$ that hold the robot, so that LQR stands downhill of its setpoint by the $e$ of
+
+$$-k_x e = \tau + k_\vartheta \lambda,$$
+
+with the gains of position, $k_x$, and of tilt, $k_\vartheta$, for large slopes too. Success ends where $\lambda$ passes
+1°, at a slope of 0.43°. Tasks start robots along the floor's normal: on their way to the lean those under LQR swing
+beyond it, from 6.6° on beyond `fall_tilt`.
+"""
+
+import numpy as np
+
+import ballbot_rs as bb
+from validation.claim import Claim
+from validation.robots.sweep import PAPER, Measured, Sweep, drawn
+from validation.topic import Findings
+
+_SECONDS = 20.0
+_CLAIMED = (0.5, 3.0)
+SWEEP = Sweep(
+    "slope (deg)",
+    (0.0, 0.2, 0.4, 1.0, 2.0, 3.0, 4.0, 6.0, 7.0),
+    lambda degrees: drawn("floor_tilt", "abs", (0.0, np.radians(degrees))),
+    0.1,
+    '--env-option \'events=[{"term": "floor_tilt", "range": [[0, 0], [0.00349, 0.00349]]}]\'',
+)
+
+
+def on_slope(degrees: float) -> bb.Params:
+    """The paper's robot on a floor that goes down towards +x."""
+    return PAPER.replace(floor_tilt=(0.0, np.radians(degrees)))
+
+
+def lean(degrees: float) -> float:
+    """Lean from the floor's normal at rest, rad."""
+    p, sine = PAPER, np.sin(np.radians(degrees))
+    common = (p.ball_mass + p.body_mass) * p.ball_radius / (p.body_mass * p.body_com_height)
+    return float(np.radians(degrees) + np.arcsin(common * sine))
+
+
+def displacement(degrees: float) -> float:
+    """Where LQR for a level floor holds the ball, m, downhill of the setpoint."""
+    gain = bb.Lqr(control_dt=0.01).gain
+    # Columns: position x, and tilt about y, which is a negative one.
+    asked = gain[:, 3] * lean(degrees) - np.array(on_slope(degrees).holding_torques())
+    return float(np.linalg.lstsq(gain[:, :1], asked, rcond=None)[0][0])
+
+
+def at_rest(model: str, degrees: float) -> tuple[float, float]:
+    """Lean from the floor's normal, rad, and ball position x, m, in which LQR for a level floor comes to rest."""
+    robot = bb.Ballbot(on_slope(degrees), model, 0.002)
+    law = bb.Lqr(control_dt=0.01)
+    robot.reset(bb.State.at_equilibrium(robot.params))
+    for _ in range(round(_SECONDS / law.control_dt)):
+        robot.step(law(robot.state), 5)
+    return robot.state.tilt, float(robot.state.ball_position[0])
+
+
+def claims() -> list[Claim]:
+    """Lean and displacement at rest."""
+    found = []
+    for model in ("contact", "rigid"):
+        for degrees in _CLAIMED:
+            tilt, place = at_rest(model, degrees)
+            at = f"{degrees:g}°, {model}"
+            found.append(Claim(f"lean at rest, {at}", np.degrees(tilt), np.degrees(lean(degrees)), 1e-6, "deg"))
+            found.append(Claim(f"ball at rest, {at}", place, displacement(degrees), 1e-6, "m"))
+    return found
+
+
+def run() -> Findings:
+    """Sweeps the slope."""
+    lines = [displacement(degrees) for degrees in SWEEP.values]
+    dots = [at_rest("contact", degrees)[1] for degrees in SWEEP.values]
+    return Measured(SWEEP).findings(claims(), "ball from the setpoint (m)", lines, dots)
