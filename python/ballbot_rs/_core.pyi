@@ -707,7 +707,10 @@ class Controller:
         name: "lqr", "pid", or a registered one.
         params: the robot: `Params`, or the name of a preset; None is the paper's.
         control_dt: time between two calls, s; None is the one that the law is made for, or 0.01.
-        max_torque: PLACEHOLDER
+        max_torque: no wheel torque exceeds it, N·m; None is the motors' limit with `traction`, else 0.9 of the torque at which
+            a wheel of the upright robot slips.
+        traction: whether torques are scaled down so that no wheel slips or lifts, yaw torque first; True is 0.9 of the friction
+            limit, a number from 0.01 to 1 another share, None the law's own choice (`CONTROLLERS`).
         options: weights or gains of the law.
 
     Raises:
@@ -756,6 +759,7 @@ class Pid(Controller):
         filter_coefficient: N, rad/s.
         mapping: "consistent" or "as_printed", as in `virtual_to_wheel_torques`.
         max_torque: as in `Controller`.
+        traction: as in `Controller`; None is False.
 
     Raises:
         ValueError: a number out of range; "as_printed" for wheels that are uneven.
@@ -769,7 +773,6 @@ class Pid(Controller):
         *,
         mapping: Literal["consistent", "as_printed"] | str = "consistent",
         max_torque: float | None = None,
-        traction: bool | float | None = None,
         proportional: float = 20.39,  # N·m/rad, >= 0 and <= 1e9
         integral: float = 56.57,  # N·m/(rad·s), >= 0 and <= 1e9
         derivative: float = 1.34,  # N·m·s/rad, >= 0 and <= 1e9
@@ -787,8 +790,11 @@ class Lqr(Controller):
         Q: cost of the states of `LinearModel` (10×10, or its diagonal), in place of the weights.
         R: cost of the torques (3×3, or its diagonal), in place of `torque`.
         max_torque: as in `Controller`.
+        traction: as in `Controller`; None is True.
         weights: deviations of equal cost (Bryson's rule): `position` (0.15 m), `velocity` (0.4 m/s), `tilt` (0.1 rad),
-            `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m).
+            `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m); and `max_lean` (0.175 rad), the
+            largest lean that deviations of position and velocity may ask for, and `max_speed` (1 m/s), the largest speed that
+            those of position may.
 
     Raises:
         ValueError: a number out of range, or a cost that is not symmetric and positive.
@@ -804,7 +810,6 @@ class Lqr(Controller):
         Q: npt.ArrayLike | None = None,
         R: npt.ArrayLike | None = None,
         max_torque: float | None = None,
-        traction: bool | float | None = None,
         position: float = 0.15,  # m, >= 1e-6 and <= 1e6
         velocity: float = 0.4,  # m/s, >= 1e-6 and <= 1e6
         tilt: float = 0.1,  # rad, >= 1e-6 and <= 1e6
@@ -812,6 +817,8 @@ class Lqr(Controller):
         yaw: float = 0.5,  # rad, >= 1e-6 and <= 1e6
         yaw_rate: float = 2.0,  # rad/s, >= 1e-6 and <= 1e6
         torque: float = 0.2,  # N·m, >= 1e-6 and <= 1e6
+        max_lean: float = 0.17453292519943295,  # rad, >= 1e-6 and <= 1e6
+        max_speed: float = 1.0,  # m/s, >= 1e-6 and <= 1e6
     ) -> Self: ...
     # End of the generated part.
     def deviation(
