@@ -58,7 +58,8 @@ def test_estimates_are_within_their_uncertainty_and_the_noise_is_found(noisy):
     assert (np.abs(found.values - truth_of(found)) < 3.5 * found.standard_errors).all()
     for name, value in bb.identification.excitation.NOISE.items():
         assert found.noise[name] == pytest.approx(value, rel=0.05)
-    assert (found.standard_errors < 0.15 * truth_of(found)).all()
+    # Of seven windows.
+    assert (found.standard_errors < 0.2 * truth_of(found)).all()
     np.testing.assert_allclose(np.diag(found.correlation), 1.0)
     np.testing.assert_allclose(found.intervals.mean(axis=1), found.values)
     low, high = found.interval("delay")
@@ -99,7 +100,7 @@ def test_strength_lag_and_biases(noisy):
     found = identify(biased, TRUTH, fields, num_threads=1)
     truth = np.array([0.9, 1.0, 1.1, 0.01, *gyro_bias, *acc_bias])
     assert (np.abs(found.values - truth) < 3.5 * found.standard_errors).all()
-    assert (found.standard_errors[:7] < [2e-3, 2e-3, 2e-3, 1e-4, 1e-3, 1e-3, 5e-3]).all()
+    assert (found.standard_errors[:7] < [2e-3, 2e-3, 2e-3, 1e-4, 1e-3, 1e-3, 6e-3]).all()
     assert found.gyro_bias == tuple(found.values[4:7])
     assert set(found.actuators) == {"lag", "strength"}
     without = changed(noisy, accelerations=noisy.accelerations)

@@ -51,7 +51,7 @@ def test_a_trajectory_is_that_of_the_environment():
 
 
 def test_motors_are_off_after_a_fall():
-    shown = trajectory.run("lqr", seconds=2.0, tilt=(0.34, 0.0), env_options=CONTACT)
+    shown = trajectory.run("lqr", seconds=2.0, tilt=(0.6, 0.0), env_options=CONTACT)
     assert shown.fell_at is not None
     assert not shown.torques[shown.times >= shown.fell_at].any()
     assert shown.states[-1].tilt > 1.0

@@ -131,7 +131,7 @@ def identify(
     spreads = noise_of.first_guess(log) if noise is None else noise_of.given(noise, log)
     found = _passes(problem, starts, spreads, noise is None, rejection, log)
     progress(count, count)
-    return _result(problem, base, log, *found, model, sim_dt)
+    return _result(problem, base, log, *found, model, sim_dt, noise is None)
 
 
 def _robot(params: Params | str | PathLike[str] | None) -> Params:
@@ -240,6 +240,7 @@ def _result(
     kept: Mask,
     model: str,
     sim_dt: float,
+    estimate: bool,
 ) -> IdentifiedParams:
     from scipy.special import stdtrit
 
@@ -249,10 +250,12 @@ def _result(
     # What is at a limit has no derivative worth an interval, and takes none of the others'.
     free = ~at_limit(wanted, point.values)
     singular, covariance = covariance_of(flat, free)
-    linear = np.sqrt(np.diag(covariance))
+    errors = linear = np.sqrt(np.diag(covariance))
     places = [windows.rows_of(i) for i in np.flatnonzero(kept).tolist()]
     slopes = [derivatives[one].reshape(-1, len(wanted.names)) for one in places]
-    errors = np.maximum(linear, jackknife_errors(slopes, [point.residuals[one].reshape(-1) for one in places], free))
+    if estimate:
+        residuals = [point.residuals[one].reshape(-1) for one in places]
+        errors = np.maximum(linear, jackknife_errors(slopes, residuals, free))
     measurements = int(problem.used[chosen].sum())
     freedom = measurements - 11 * int(kept.sum()) - len(wanted.names)
     half = float(stdtrit(max(freedom, 1), 0.975)) * errors * wanted.scales

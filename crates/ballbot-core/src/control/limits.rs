@@ -132,8 +132,11 @@ impl Traction {
         let turned = state.body_quaternion.rotation().apply_transposed(state.ball_angular_velocity);
         let relative = turned - state.body_angular_velocity;
         let relative = [relative.x, relative.y, relative.z];
-        let slip = |i: usize| state.wheel_speeds[i].mul_add_all(-self.wheel_radius, dot(&self.surface[i], relative));
-        relative[0].splat(SLIPPING).lt(largest([slip(0), slip(1), slip(2)]))
+        let mut slip = state.wheel_speeds;
+        for (row, slip) in self.surface.iter().zip(&mut slip) {
+            *slip = slip.mul_add_all(-self.wheel_radius, dot(row, relative));
+        }
+        relative[0].splat(SLIPPING).lt(largest(slip))
     }
 
     /// c of each row.
@@ -218,8 +221,11 @@ impl TorqueLimits {
             let is_number = wanted[i].le(wanted[i]);
             torques[i] = L::select(limited & is_number, scaled, wanted[i]);
         }
-        let of_limited = |capped: L, scaled: L| L::select(limited, L::select(slips, capped, scaled), one);
-        Limited { torques, share: of_limited(capped.share, share), yaw_share: of_limited(capped.yaw_share, yaw_share) }
+        Limited {
+            torques,
+            share: L::select(limited, L::select(slips, capped.share, share), one),
+            yaw_share: L::select(limited, L::select(slips, capped.yaw_share, yaw_share), one),
+        }
     }
 
     /// By how much torques must be divided, at least 1, so that they may be added to others, at which the rows have the

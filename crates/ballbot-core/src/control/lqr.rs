@@ -240,12 +240,19 @@ impl Outer {
         let slower = share_within(speeds, self.max_speed);
         x[0] = x[0] * slower;
         x[1] = x[1] * slower;
-        let lean = |[a, b, c, d]: [f64; 4]| x[6].mul_add_all(d, x[5].mul_add_all(c, x[1].mul_add_all(b, x[0] * a)));
-        let less = share_within([lean(self.lean[0]), lean(self.lean[1])], self.max_lean);
+        let leans = [lean(&self.lean[0], x), lean(&self.lean[1], x)];
+        let less = share_within(leans, self.max_lean);
         for place in MOVING {
             x[place] = x[place] * less;
         }
     }
+}
+
+/// The lean about an axis that deviations of position and velocity ask for.
+#[inline(always)]
+fn lean<L: Lane>(row: &[f64; 4], x: &[L; STATES]) -> L {
+    let [a, b, c, d] = MOVING;
+    x[d].mul_add_all(row[3], x[c].mul_add_all(row[2], x[b].mul_add_all(row[1], x[a] * row[0])))
 }
 
 /// The deviations that have the torques of others: of `gain` those of `other`, in the sense of least squares.

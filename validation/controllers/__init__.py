@@ -1,0 +1,6 @@
+"""Controllers side by side."""
+
+from validation.controllers import limits
+from validation.topic import Topic
+
+TOPICS = [Topic.of(limits)]

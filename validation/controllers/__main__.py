@@ -1,0 +1,34 @@
+"""Measures controllers and writes docs/controllers.md; fails if a claim does not hold."""
+
+import sys
+from collections.abc import Sequence
+
+from validation import page
+from validation.controllers import TOPICS
+from validation.page import Chapter, anchor, table
+from validation.topic import Findings, Topic
+
+_HEAD = """# Controllers
+
+`ballbot evaluate`, `compare`, `record`, `plot` and `view` take a controller by its name, a policy's file, or
+`file.py:NAME`. `Controller(name, params, control_dt)` makes one: called with a state and a setpoint it gives the wheel
+torques; a `Batch` runs it on all its robots in Rust. With `observation="sensors"` it gets the state that the
+[estimator](estimator.md) makes of the readings.
+
+Everything below, text apart, is made by `make controllers`, which fails if a claim does not hold: model `contact`, the
+paper's robot, 100 Hz.
+"""
+
+
+def main() -> int:
+    """The command `python -m validation.controllers`."""
+    return page.write("controllers", "validation.controllers", __doc__, [Chapter("What all share", "", TOPICS)], _head)
+
+
+def _head(found: Sequence[tuple[Topic, Findings]]) -> str:
+    rows = [[f"[{topic.title}](#{anchor(topic.title)})", page.outcome(findings)] for topic, findings in found]
+    return f"{_HEAD}\n{table(['topic', 'claims that hold'], rows)}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
