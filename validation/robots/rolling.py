@@ -5,9 +5,9 @@ $c_s$ times its load ([losses](derivations.md#losses)). A robot that rolls has t
 whose ball spins the torque $c_s(M_b + M_k)g$. $c_r$ is some 0.1 mm to 1 mm on a hard floor, 1 mm to 3 mm on a carpet.
 
 No robot falls, but near rest they hunt: the ball sticks, the body leans on, and the ball breaks loose. At 2 mm LQR is
-outside of the bounds of success at the end of one episode in six. Beyond 3 mm the friction damps the hunting.
+outside of the bounds of success at the end of one episode in eleven. Beyond 3 mm the friction damps the hunting.
 Friction that holds creeps, by an amount in proportion to the time step: in steps of 0.2 ms in place of 2 ms the
-position rms of LQR is 0.0324 m at 2 mm, not 0.0298 m (`--env-option sim_dt=0.0002`). LQR made for the robot is the same
+position rms of LQR is 0.0298 m at 2 mm, not 0.0271 m (`--env-option sim_dt=0.0002`). LQR made for the robot is the same
 LQR, because dry friction has no derivative at rest.
 """
 

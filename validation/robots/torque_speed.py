@@ -8,7 +8,7 @@ against each other. Under full command the wheels come to $\omega_0$ as
 $$\dot\psi(t) = \omega_0(1 - (1 - h/T)^{t/h}),\qquad T = \omega_0/\ddot\psi_0,$$
 
 with $\ddot\psi_0$ the acceleration under $\tau_s$ alone and $h$ the model step, in which the torque holds. The table
-has $\tau_s$ = 0.3 N·m, a little above the largest torque of the controllers. LQR falls because it turns the robot to
+has $\tau_s$ = 0.3 N·m, a little above the largest torque of the policy. LQR falls because it turns the robot to
 its heading, which takes most of the wheel speed: from starts at this heading (`--env-option reset_yaw=0`) it does not.
 """
 

@@ -11,7 +11,7 @@ use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::task::{ACTION_LEN, Balance};
 use ballbot_core::{LaneState, ModelKind, Params, State, StateCells, attitude};
 use nalgebra::{Vector2, Vector3};
-use run::Run;
+use run::{Run, action_of};
 
 const SEED: u64 = 40;
 
@@ -82,7 +82,7 @@ fn assert_equals_singles<C: Controller + Clone>(config: &BalanceConfig, controll
             let mut reset = environment.over();
             if !reset {
                 let torques = controller.wheel_torques(&environment.robot().state(), &setpoints[i]);
-                let action = torques.map(|t| (t / torque) as f32);
+                let action = action_of(torques, torque);
                 assert_eq!(bits(&action), bits(&actions[0][i * ACTION_LEN..][..ACTION_LEN]), "{label}");
                 outcome = environment.step(&action, observation);
                 reset = outcome.done() && mode == Autoreset::SameStep;

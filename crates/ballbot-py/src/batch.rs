@@ -595,7 +595,7 @@ impl PyBatch {
 
     /// Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
     ///
-    /// It takes what the task observes: with `observation="sensors"` the states of `estimates()`, else the true ones.
+    /// They are within ±1: where a torque exceeds that of an action, the three are scaled down together. It takes what the task observes: with `observation="sensors"` the states of `estimates()`, else the true ones.
     ///
     /// What the controller keeps of a robot advances with each call; it starts anew with the robot's episode, and when
     /// another controller is used.

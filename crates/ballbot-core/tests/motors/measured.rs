@@ -1,7 +1,7 @@
 //! Controllers on what robots can measure: the states that the task observes, and the true ones for a teacher.
 
 use super::models;
-use super::run::Run;
+use super::run::{Run, action_of};
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Under, When};
 use ballbot_core::control::{Controller, Lqr};
 use ballbot_core::sensor::SensorOptions;
@@ -46,8 +46,8 @@ fn lqr(config: &BalanceConfig) -> Lqr {
 /// Actions of a law that keeps nothing, on states.
 fn on(states: &[State], law: &Lqr, batch: &Batch) -> Vec<u32> {
     let mut law = law.clone();
-    let torques = states.iter().flat_map(|state| law.wheel_torques(state, &Default::default()));
-    torques.map(|torque| ((torque / batch.max_wheel_torque()) as f32).to_bits()).collect()
+    let action = |state| action_of(law.wheel_torques(state, &Default::default()), batch.max_wheel_torque());
+    states.iter().flat_map(action).map(f32::to_bits).collect()
 }
 
 fn estimates(batch: &Batch) -> Vec<State> {
