@@ -26,7 +26,10 @@ def moving():
 
 @pytest.fixture(scope="module")
 def maps():
-    return [recovery.collect(name, max_tilt=0.6, rings=4, sectors=6, seconds=4.0, env_options=CONTACT) for name in ("lqr", "zero")]
+    return [
+        recovery.collect(name, max_tilt=0.6, rings=4, sectors=6, seconds=4.0, env_options=CONTACT)
+        for name in ("lqr", "zero")
+    ]
 
 
 @pytest.fixture

@@ -89,6 +89,7 @@ def _pid() -> list[str]:
         "    *,",
         '    mapping: Literal["consistent", "as_printed"] | str = "consistent",',
         "    max_torque: float | None = None,",
+        "    traction: bool | float | None = None,",
     ]
     return _constructor(first, "pid")
 
@@ -101,6 +102,7 @@ def _lqr() -> list[str]:
         "    Q: npt.ArrayLike | None = None,",
         "    R: npt.ArrayLike | None = None,",
         "    max_torque: float | None = None,",
+        "    traction: bool | float | None = None,",
     ]
     return _constructor(first, "lqr")
 

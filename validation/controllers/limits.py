@@ -1,27 +1,27 @@
 r"""The last stage: torques that the wheels can pass on.
 
 The torques of a law go through one stage, the same for all of them
-([`TorqueLimits`](../crates/ballbot-core/src/control/limits.rs)). Without slip the load $N_i$ of a wheel and its traction
-$f_i$ are linear in the torques $\tau$, and nearly so in the tilt $\vartheta$ (heading frame), with a part that is
-quadratic in the tilt rate $\Omega$:
+([`TorqueLimits`](../crates/ballbot-core/src/control/limits.rs)). Without slip the load $N_i$ of a wheel and its
+traction $f_i$ are linear in the torques $\tau$, and nearly so in the tilt $\vartheta$ (heading frame), with a part
+that is quadratic in the tilt rate $\Omega$:
 
 ```math
 N = N^0 + N_\vartheta\vartheta + N_\tau\tau + N_\Omega\lvert\Omega\rvert^2, \qquad
  f = f^0 + f_\vartheta\vartheta + f_\tau\tau + f_\Omega\lvert\Omega\rvert^2 .
 ```
 
-The constants are derivatives of the contact forces of the [spatial model](derivations.md#spatial-model), computed once a
-robot ([`LoadMap`](../crates/ballbot-core/src/models/load_map.rs)). No wheel slips or lifts, and no motor gives more than
-it has, if for all wheels
+The constants are derivatives of the contact forces of the [spatial model](derivations.md#spatial-model), computed
+once a robot ([`LoadMap`](../crates/ballbot-core/src/models/load_map.rs)). No wheel slips or lifts, and no motor gives
+more than it has, if for all wheels
 
 ```math
 \pm f_i - \rho\mu N_i \le 0, \qquad \tfrac{3}{10} N_i^0 - N_i \le 0, \qquad \lvert\tau_i\rvert \le \tau_{\max},
 ```
 
-with $\rho$ = `traction`, 0.9 by default. Each row is $c + g\cdot\tau \le 0$, so the largest share of a wanted torque is
-$s = 1/\max(1, \max_j g_j\cdot\tau/(-c_j))$: no iteration, no branch. The wanted torque has two parts: the one that turns
-the body about the vertical, and the rest. The rest gets the largest share $s$, then the yaw torque the largest share
-that is left. A torque within all rows stays as it is, to the last bit.
+with $\rho$ = `traction`, 0.9 by default. Each row is $c + g\cdot\tau \le 0$, so the largest share of a wanted torque
+is $s = 1/\max(1, \max_j g_j\cdot\tau/(-c_j))$: no iteration. The wanted torque has two parts: the one that turns the
+body about the vertical, and the rest. The rest gets the largest share $s$, then the yaw torque the largest share that
+is left. A torque within all rows stays as it is, to the last bit.
 
 The load floor matters: $\lvert f_i\rvert \le \mu N_i$ alone allows a torque that unloads the third wheel, and the bot
 lifts off its ball. Where a wheel slips all the same (by more than 0.1 m/s, as after a push that lifts it), the maps do
@@ -53,11 +53,11 @@ from validation.topic import Findings
 Array = npt.NDArray[np.float64]
 
 #: What turns the clips off.
-_UNCLIPPED = {"max_lean": 1e3, "max_speed": 1e3}
+_ANY = 1e3
 VARIANTS = {
-    "a largest torque alone": bb.Lqr(traction=False, **_UNCLIPPED),
+    "a largest torque alone": bb.Lqr(traction=False, max_lean=_ANY, max_speed=_ANY),
     "with clipped errors": bb.Lqr(traction=False),
-    "traction scaling": bb.Lqr(**_UNCLIPPED),
+    "traction scaling": bb.Lqr(max_lean=_ANY, max_speed=_ANY),
     "both (the default)": bb.Lqr(),
     "both, all of the friction limit": bb.Lqr(traction=1.0),
 }
@@ -75,9 +75,7 @@ def measured(name: str) -> tuple[Array, Array, Array]:
 
 def run() -> Findings:
     """LQR with and without the stage and the clips."""
-    rows = [
-        [name, *(f"{value:.2f}" for of in measured(name) for value in (of.min(), of.mean()))] for name in VARIANTS
-    ]
+    rows = [[name, *(f"{value:.2f}" for of in measured(name) for value in (of.min(), of.mean()))] for name in VARIANTS]
     head = [
         "LQR",
         "tilt, worst (deg)",

@@ -47,8 +47,8 @@ def pushes(controller: bb.Controller, duration: float) -> Array:
     azimuths = np.arange(SECTORS) * 2.0 * np.pi / SECTORS
     directions = np.stack([np.cos(azimuths), np.sin(azimuths), np.zeros(SECTORS)], axis=-1)
     impulses = (sizes[:, None, None] * directions).reshape(-1, 3)
-    options = {"fall_tilt": 1.0, "max_episode_steps": 10**9, "max_wheel_torque": bb.Params.paper().max_wheel_torque}
-    batch = bb.Batch(len(impulses), num_threads=2, **options)
+    torque = bb.Params.paper().max_wheel_torque
+    batch = bb.Batch(len(impulses), num_threads=2, fall_tilt=1.0, max_episode_steps=10**9, max_wheel_torque=torque)
     upright = bb.State.at_rest(bb.Params.paper())
     batch.reset(starts=[upright] * len(impulses))
     count = max(round(duration / batch.control_dt), 1)

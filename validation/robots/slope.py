@@ -12,8 +12,8 @@ $\tau$ that hold the robot, so that LQR stands downhill of its setpoint by the $
 $$-k_x e = \tau + k_\vartheta \lambda,$$
 
 with the gains of position, $k_x$, and of tilt, $k_\vartheta$, as long as this lean is within LQR's `max_lean`, 10°. On
-steeper slopes, from some 4° on, it rolls downhill, upright. Success ends where $\lambda$ passes 1°, at a slope of 0.43°.
-Tasks start robots along the floor's normal.
+steeper slopes, from some 4° on, it rolls downhill, upright. Success ends where $\lambda$ passes 1°, at a slope of
+0.43°. Tasks start robots along the floor's normal.
 """
 
 import numpy as np

@@ -15,7 +15,13 @@ from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.identification import noise as noise_of
 from ballbot_rs.identification import starts as starts_of
-from ballbot_rs.identification.determined import at_limit, check_determined, check_windows, covariance_of, jackknife_errors
+from ballbot_rs.identification.determined import (
+    at_limit,
+    check_determined,
+    check_windows,
+    covariance_of,
+    jackknife_errors,
+)
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.motors import MAX_DELAY, MAX_LAG, Motors
 from ballbot_rs.identification.parameters import Fitted, Robot, fitted
