@@ -83,12 +83,13 @@ impl Gains {
     }
 }
 
-/// The cascade of Nagarajan, Kantor and Hollis (IJRR 33(6), 2014) in each vertical plane of the heading frame, with a PD of
-/// the heading: a PD of the position asks for a lean, a PID with its derivative on the measured tilt rate brings it about.
+/// The cascade of Nagarajan, Kantor and Hollis (IJRR 33(6), 2014) in each vertical plane of the heading frame, with a
+/// PD of the heading: a PD of the position asks for a lean, a PID with its derivative on the measured tilt rate brings
+/// it about.
 ///
-/// Its gains place the poles of the linear model. The proportional part weights the reference so that it does not excite the
-/// pole of the integral (derived in `docs/laws.md`). Speed and lean that the position asks for are cut as vectors; the
-/// integral is held while the torques are limited.
+/// Its gains place the poles of the linear model. The proportional part weights the reference so that it does not
+/// excite the pole of the integral (derived in `docs/laws.md`). Speed and lean that the position asks for are cut as
+/// vectors; the integral is held while the torques are limited.
 #[derive(Clone, Debug)]
 pub struct CascadePid {
     planes: LeanPlanes,
@@ -208,9 +209,9 @@ impl Law for CascadePid {
         let limited = self.limits.apply(self.planes.wheel_torques(accelerations, turning), state);
         // A torque that is limited cannot act on the integral: hold it.
         let held = limited.share.lt(less.splat(1.0));
-        for axis in 0..2 {
+        for (axis, error) in errors.into_iter().enumerate() {
             let integral = memory.get(axis);
-            let next = errors[axis].mul_add_all(self.sampling.control_dt, integral);
+            let next = error.mul_add_all(self.sampling.control_dt, integral);
             memory.set(axis, L::select(held, integral, next));
         }
         limited.torques

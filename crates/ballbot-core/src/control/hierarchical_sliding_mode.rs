@@ -15,8 +15,8 @@ use crate::params::Params;
 use nalgebra::DMatrix;
 
 crate::fields! {
-    /// The poles on the sliding surface of [`HierarchicalSlidingMode`], and how the surface is reached. The poles are in
-    /// units of λ, the rate at which the robot topples, so that they suit robots of any size.
+    /// The poles on the sliding surface of [`HierarchicalSlidingMode`], and how the surface is reached. The poles are
+    /// in units of λ, the rate at which the robot topples, so that they suit robots of any size.
     #[derive(Copy)]
     pub struct SlidingModeOptions {
         /// Natural frequency of a pair of poles, over λ.
@@ -75,7 +75,8 @@ impl SlidingSurface {
             return Ok(());
         }
         Err(Error::Inconsistent(format!(
-            "the robot falls or runs away on the surface with alpha = {alpha} rad/m, c1 = {c1} 1/s, c2 = {c2} 1/s: it needs 0 < alpha < {most} rad/m and 0 < c1 < c2"
+            "the robot falls or runs away on the surface with alpha = {alpha} rad/m, c1 = {c1} 1/s, c2 = {c2} 1/s: \
+             it needs 0 < alpha < {most} rad/m and 0 < c1 < c2"
         )))
     }
 }
@@ -108,13 +109,13 @@ impl Gains {
     }
 }
 
-/// Aggregated hierarchical sliding mode (Pham, Lee, Bui, Truong, IntechOpen 2022, doi 10.5772/intechopen.101855) in each
-/// vertical plane of the heading frame, with a PD of the heading.
+/// Aggregated hierarchical sliding mode (Pham, Lee, Bui, Truong, IntechOpen 2022, doi 10.5772/intechopen.101855) in
+/// each vertical plane of the heading frame, with a PD of the heading.
 ///
-/// With y the deviation of the position and θ the lean towards it, S = α (c₁ y + ẏ) + c₂ θ + θ̇. The equivalent control of
-/// the linear model holds S; the rest makes Ṡ = −K_S S − η S / max(|S|, φ), S being the vector of both planes. That S decays
-/// says nothing of y and θ, which obey a cubic on S = 0: its poles are the options, and α, c₁, c₂ follow from them (derived
-/// in `docs/laws.md`). Speed and lean that the position asks for are cut as vectors.
+/// With y the deviation of the position and θ the lean towards it, S = α (c₁ y + ẏ) + c₂ θ + θ̇. The equivalent control
+/// of the linear model holds S; the rest makes Ṡ = −K_S S − η S / max(|S|, φ), S being the vector of both planes. That
+/// S decays says nothing of y and θ, which obey a cubic on S = 0: its poles are the options, and α, c₁, c₂ follow from
+/// them (derived in `docs/laws.md`). Speed and lean that the position asks for are cut as vectors.
 #[derive(Clone, Debug)]
 pub struct HierarchicalSlidingMode {
     planes: LeanPlanes,
@@ -162,8 +163,8 @@ impl HierarchicalSlidingMode {
     /// A controller with surfaces of one's own in the planes of x and y; the poles of the options are not used.
     ///
     /// # Errors
-    /// As [`HierarchicalSlidingMode::with_options`], and [`Error::Inconsistent`] for a surface on which the robot is not
-    /// stable, with its numbers and their limits.
+    /// As [`HierarchicalSlidingMode::with_options`], and [`Error::Inconsistent`] for a surface on which the robot is
+    /// not stable, with its numbers and their limits.
     pub fn with_surfaces(
         params: &Params,
         control_dt: f64,

@@ -104,6 +104,7 @@ pub(super) fn require_stable(closed_loop: DMatrix<f64>, control_dt: f64) -> Resu
         return Ok(());
     }
     Err(Error::Inconsistent(format!(
-        "sampled every control_dt = {control_dt} s, the closed loop of the linear model has a pole of magnitude {pole}: it must be below 1"
+        "sampled every control_dt = {control_dt} s, the closed loop of the linear model has a pole of magnitude {pole}: \
+         it must be below 1"
     )))
 }

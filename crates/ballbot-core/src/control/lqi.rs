@@ -67,14 +67,14 @@ impl Fields for LqiWeights {
     }
 }
 
-/// τ = −K (x, z) with the integral z of the position's deviation, by the Riccati equation of the linear model with two more
-/// states, z⁺ = z + T (x, y) (derived in `docs/laws.md`). A constant force, a slope or a wrong center of mass therefore
-/// leave no offset.
+/// τ = −K (x, z) with the integral z of the position's deviation, by the Riccati equation of the linear model with two
+/// more states, z⁺ = z + T (x, y) (derived in `docs/laws.md`). A constant force, a slope or a wrong center of mass
+/// therefore leave no offset.
 ///
-/// z is kept in the inertial frame, so that a robot that turns does not wind it up, and turned into the heading frame. It
-/// is cut as a vector to what asks for the lean `max_integral_lean`. It is held while the torques are limited, while speed
-/// or lean are cut as in [`super::Lqr`], and while the deviation of the position asks for a larger lean than z may: no
-/// disturbance that z can take over leaves such an offset.
+/// z is kept in the inertial frame, so that a robot that turns does not wind it up, and turned into the heading frame.
+/// It is cut as a vector to what asks for the lean `max_integral_lean`. It is held while the torques are limited, while
+/// speed or lean are cut as in [`super::Lqr`], and while the deviation of the position asks for a larger lean than z
+/// may: no disturbance that z can take over leaves such an offset.
 #[derive(Clone, Debug)]
 pub struct Lqi {
     regulator: Regulator,
@@ -148,6 +148,12 @@ impl Lqi {
     pub fn regulator(&self) -> &Regulator {
         &self.regulator
     }
+
+    /// Torque of a wheel before any limit, N·m.
+    #[inline(always)]
+    fn torque<L: Lane>(&self, wheel: usize, x: &[L; STATES], z: &[L; 2]) -> L {
+        product(&self.gain[wheel], x) + product(&self.integral_gain[wheel], z)
+    }
 }
 
 impl Law for Lqi {
@@ -169,10 +175,7 @@ impl Law for Lqi {
         let heading = Heading::new(self.frame.attitude(state.body_quaternion));
         let integral = [memory.get(0), memory.get(1)];
         let z = heading.of(integral[0], integral[1]);
-        let mut wanted = [x[0].zero(); 3];
-        for i in 0..INPUTS {
-            wanted[i] = product(&self.gain[i], &x) + product(&self.integral_gain[i], &z);
-        }
+        let wanted = [self.torque(0, &x, &z), self.torque(1, &x, &z), self.torque(2, &x, &z)];
         let limited = self.limits.apply(wanted, state);
         let one = left.splat(1.0);
         let near = turned(&self.position_lean, [x[0], x[1]]);

@@ -4,8 +4,8 @@ use crate::lanes::Lane;
 use crate::models::linear::{INPUTS, STATES};
 use nalgebra::DMatrix;
 
-/// The outer loop of a gain: deviations of position ask for a speed, those of position and velocity for a lean. Both are
-/// cut as vectors.
+/// The outer loop of a gain: deviations of position ask for a speed, those of position and velocity for a lean. Both
+/// are cut as vectors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Outer {
     /// Speed that has the torques of a deviation of the position.
@@ -32,7 +32,8 @@ impl Outer {
         }
     }
 
-    /// Cuts the deviations of position and velocity. Returns the share that is left of the position's, 1 if nothing is cut.
+    /// Cuts the deviations of position and velocity. Returns the share that is left of the position's, 1 if nothing is
+    /// cut.
     #[inline(always)]
     pub(super) fn clip<L: Lane>(&self, x: &mut [L; STATES]) -> L {
         let [[a, b], [c, d]] = self.speed;

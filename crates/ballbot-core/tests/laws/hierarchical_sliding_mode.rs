@@ -8,14 +8,14 @@ use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State};
 use nalgebra::{Complex, DMatrix, Vector2};
 
-/// d and c of d ÿ + c θ̈ = K θ, and K, from the masses: that of the paper's planar model without motors.
+/// d and c of d ÿ + c θ̈ = K θ, and K, from the masses; wheels turn with the body, too, at k + 1 times its rate.
 fn unactuated(params: &Params) -> [f64; 3] {
     let p = params;
     let (k, wheel) = (p.gear_ratio(), 1.5 * p.wheel_zenith.cos().powi(2) * p.wheel_inertia);
     let arm = p.body_mass * p.body_com_height;
     let m11 = p.ball_inertia / p.ball_radius.powi(2) + wheel / p.wheel_radius.powi(2) + p.ball_mass + p.body_mass;
-    let m12 = arm - wheel * k / p.wheel_radius;
-    let m22 = p.body_inertia[1] + arm * p.body_com_height + wheel * k * k;
+    let m12 = arm - wheel * (k + 1.0) / p.wheel_radius;
+    let m22 = p.body_inertia[1] + arm * p.body_com_height + wheel * (k + 1.0).powi(2);
     [m12 + p.ball_radius * m11, m22 + p.ball_radius * m12, arm * p.gravity]
 }
 

@@ -23,7 +23,7 @@ fn offset(
 #[test]
 fn a_wrong_center_of_mass_leaves_no_offset() {
     let nominal = Params::paper();
-    let params = Params { body_com_offset: [5e-3, 0.0], ..nominal.clone() };
+    let params = Params { body_com_offset: [5e-3, 0.0], ..Params::paper() };
     let mut lqr = Lqr::new(&nominal, CONTROL_DT).unwrap();
     // No torque at rest: the false tilt has that of the offset.
     let lean = (params.body_com_offset[0] / params.body_com_height).atan();
