@@ -4,7 +4,7 @@
 use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Outcome, StepBuffers, Under, When};
-use ballbot_core::control::{Controller, Lqr, Pid, PidGains};
+use ballbot_core::control::{CascadePid, Controller, HierarchicalSlidingMode, Lqi, Lqr, Pid, PidGains};
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{ACTION_LEN, Balance};
@@ -127,6 +127,14 @@ fn steps_under_a_controller_allocate_nothing() {
         let config = endless(model);
         let lqr = Lqr::new(&config.params, config.control_dt).unwrap();
         assert_eq!(allocations(&config, Some(&lqr)), 0, "{model} under LQR");
+        let laws: [Box<dyn Controller>; 3] = [
+            Box::new(Lqi::new(&config.params, config.control_dt).unwrap()),
+            Box::new(CascadePid::new(&config.params, config.control_dt).unwrap()),
+            Box::new(HierarchicalSlidingMode::new(&config.params, config.control_dt).unwrap()),
+        ];
+        for (number, law) in laws.iter().enumerate() {
+            assert_eq!(allocations(&config, Some(law.as_ref())), 0, "{model} under law {number}");
+        }
         let sensors = Some(SensorOptions { latency: 0.02, ..SensorOptions::default() });
         let measured = BalanceConfig { sensors, observation: Observation::Sensors, ..config.clone() };
         assert_eq!(allocations(&measured, Some(&lqr)), 0, "{model} under LQR on estimates");

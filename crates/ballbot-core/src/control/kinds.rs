@@ -1,6 +1,9 @@
 //! Controllers by name: those of this crate, and those that other crates register.
 
-use super::{Controller, Law, LimitOptions, Lqr, LqrWeights, Pid, PidGains};
+use super::{
+    CascadePid, CascadePidOptions, Controller, HierarchicalSlidingMode, Law, LimitOptions, Lqi, LqiWeights, Lqr,
+    LqrWeights, Pid, PidGains, SlidingModeOptions,
+};
 use crate::error::{Error, Result};
 use crate::fields::{Fields, OptionDescription, describe_options};
 use crate::kinematics::TorqueMap;
@@ -46,7 +49,7 @@ pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
 }
 
 /// The controllers of this crate.
-static CONTROLLERS: [ControllerKind; 2] = [
+static CONTROLLERS: [ControllerKind; 5] = [
     ControllerKind {
         name: "lqr",
         summary: "Linear-quadratic regulator of position, tilt and heading.",
@@ -68,6 +71,39 @@ static CONTROLLERS: [ControllerKind; 2] = [
         make: |params, control_dt, limits, options| {
             let pid = Pid::new(params, control_dt, &fields_with(options)?, TorqueMap::Consistent)?;
             Ok(Box::new(pid.with_limits(params, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "lqi",
+        summary: "The regulator with an integral of the position, so that constant disturbances leave no offset.",
+        control_dt: None,
+        parts: <Lqi as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<LqiWeights>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(Lqi::with_weights(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "cascade_pid",
+        summary: "PD of the position above a PID of the tilt, by the poles of the closed loop.",
+        control_dt: None,
+        parts: <CascadePid as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<CascadePidOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(CascadePid::with_options(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "hierarchical_sliding_mode",
+        summary: "Sliding mode on a sum of the surfaces of position and lean.",
+        control_dt: None,
+        parts: <HierarchicalSlidingMode as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<SlidingModeOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(HierarchicalSlidingMode::with_options(params, control_dt, &fields_with(options)?, limits)?))
         },
     },
 ];

@@ -1,12 +1,14 @@
 //! A discrete linear-quadratic regulator of position, tilt and heading, for any robot.
 
 use super::balance_frame::BalanceFrame;
+use super::deviation::{deviation, product};
+use super::outer::Outer;
 use super::riccati::{self, Regulator};
 use super::{LaneSetpoint, Law, LimitOptions, Sampling, Setpoint, SetpointCells, TorqueLimits, check_control_dt};
 use crate::error::{Error, Result, check};
 use crate::fields::{Fields, Limit};
 use crate::lane_state::{LaneState, StateCells};
-use crate::lanes::{Heading, Lane, Memory, Scalar, wrapped_angle};
+use crate::lanes::{Lane, Memory, Scalar};
 use crate::models::LinearModel;
 use crate::models::linear::{INPUTS, STATES};
 use crate::params::Params;
@@ -168,21 +170,6 @@ fn check_cost(name: &str, matrix: &DMatrix<f64>, size: usize) -> Result<()> {
     Ok(())
 }
 
-/// Deviation from the setpoint in the linear model's coordinates.
-#[inline(always)]
-fn deviation<L: Lane>(frame: &BalanceFrame, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> [L; STATES] {
-    let attitude = frame.attitude(state.body_quaternion);
-    let heading = Heading::new(attitude);
-    let (p, v) = (state.ball_position, state.ball_velocity);
-    let [x, y] = heading.of(p.x - setpoint.position[0], p.y - setpoint.position[1]);
-    let [vx, vy] = heading.of(v.x - setpoint.velocity[0], v.y - setpoint.velocity[1]);
-    let [inertial_x, inertial_y] = attitude.tilt_components();
-    let [tilt_x, tilt_y] = heading.of(inertial_x, inertial_y);
-    let yaw = wrapped_angle(attitude.yaw() - setpoint.yaw);
-    let rate = frame.of_body(state.body_angular_velocity);
-    [x, y, tilt_x, tilt_y, yaw, vx, vy, rate.x, rate.y, rate.z]
-}
-
 impl Law for Lqr {
     const MEMORY: usize = 0;
     const PARTS: &'static [&'static str] = &["position", "velocity", "yaw"];
@@ -202,79 +189,4 @@ impl Law for Lqr {
         let wanted = [product(&self.gain[0], &x), product(&self.gain[1], &x), product(&self.gain[2], &x)];
         self.limits.apply(wanted, state).torques
     }
-}
-
-/// The outer loop of a gain: deviations of position ask for a speed, those of position and velocity for a lean. Both are
-/// cut as vectors.
-#[derive(Clone, Copy, Debug)]
-struct Outer {
-    /// Speed that has the torques of a deviation of the position.
-    speed: [[f64; 2]; 2],
-    /// Lean about x and y that has the torques of deviations of position and velocity (x, y, v_x, v_y).
-    lean: [[f64; 4]; 2],
-    max_lean: f64,
-    max_speed: f64,
-}
-
-/// Places of position and velocity among the states.
-const MOVING: [usize; 4] = [0, 1, 5, 6];
-
-impl Outer {
-    fn new(gain: &DMatrix<f64>, [max_lean, max_speed]: [f64; 2]) -> Self {
-        let columns = |first: usize| gain.columns(first, 2).into_owned();
-        let moving = DMatrix::from_fn(INPUTS, 4, |i, j| gain[(i, MOVING[j])]);
-        let (lean, speed) = (equal_torques(columns(2), &moving), equal_torques(columns(5), &columns(0)));
-        Self {
-            speed: std::array::from_fn(|i| std::array::from_fn(|j| speed[(i, j)])),
-            lean: std::array::from_fn(|i| std::array::from_fn(|j| lean[(i, j)])),
-            max_lean,
-            max_speed,
-        }
-    }
-
-    /// Cuts the deviations of position and velocity.
-    #[inline(always)]
-    fn clip<L: Lane>(&self, x: &mut [L; STATES]) {
-        let [[a, b], [c, d]] = self.speed;
-        let speeds = [x[1].mul_add_all(b, x[0] * a), x[1].mul_add_all(d, x[0] * c)];
-        let slower = share_within(speeds, self.max_speed);
-        x[0] = x[0] * slower;
-        x[1] = x[1] * slower;
-        let leans = [lean(&self.lean[0], x), lean(&self.lean[1], x)];
-        let less = share_within(leans, self.max_lean);
-        for place in MOVING {
-            x[place] = x[place] * less;
-        }
-    }
-}
-
-/// The lean about an axis that deviations of position and velocity ask for.
-#[inline(always)]
-fn lean<L: Lane>(row: &[f64; 4], x: &[L; STATES]) -> L {
-    let [a, b, c, d] = MOVING;
-    x[d].mul_add_all(row[3], x[c].mul_add_all(row[2], x[b].mul_add_all(row[1], x[a] * row[0])))
-}
-
-/// The deviations that have the torques of others: of `gain` those of `other`, in the sense of least squares.
-fn equal_torques(gain: DMatrix<f64>, other: &DMatrix<f64>) -> DMatrix<f64> {
-    let size = (gain.ncols(), other.ncols());
-    // A gain of zero asks for nothing.
-    gain.svd(true, true).solve(other, f64::MIN_POSITIVE).unwrap_or_else(|_| DMatrix::zeros(size.0, size.1))
-}
-
-/// The share of a vector that is of length `longest`, at most 1.
-#[inline(always)]
-fn share_within<L: Lane>([x, y]: [L; 2], longest: f64) -> L {
-    let (bound, length) = (x.splat(longest), x.mul_add(x, y.squared()).sqrt());
-    L::select(bound.lt(length), bound / length, x.splat(1.0))
-}
-
-/// −row · x.
-#[inline(always)]
-fn product<L: Lane>(row: &[f64; STATES], x: &[L; STATES]) -> L {
-    let mut sum = x[0] * -row[0];
-    for j in 1..STATES {
-        sum = x[j].mul_add_all(-row[j], sum);
-    }
-    sum
 }

@@ -3,14 +3,23 @@
 //! A feedback law is written once over lanes ([`Law`]); [`Controller`] is any law, for one robot or for eight.
 
 mod balance_frame;
+mod cascade_pid;
+mod deviation;
+mod hierarchical_sliding_mode;
 mod kinds;
+mod lean_planes;
 mod limits;
+mod lqi;
 mod lqr;
+mod outer;
 mod pid;
 pub mod riccati;
 
+pub use cascade_pid::{CascadePid, CascadePidOptions};
+pub use hierarchical_sliding_mode::{HierarchicalSlidingMode, SlidingModeOptions, SlidingSurface};
 pub use kinds::{ControllerKind, MakeController, controller_kind, controller_kinds, fields_with, register_controller};
 pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
+pub use lqi::{IntegralWeights, Lqi, LqiWeights};
 pub use lqr::{Lqr, LqrWeights};
 pub use pid::{Pid, PidGains};
 

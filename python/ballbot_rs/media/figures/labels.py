@@ -4,7 +4,14 @@ from pathlib import Path
 
 from ballbot_rs.control.resolve import NAMES
 
-_NAMES = {"lqr": "LQR", "pid": "PID", "zero": "no torque"}
+_NAMES = {
+    "lqr": "LQR",
+    "pid": "PID",
+    "lqi": "LQI",
+    "cascade_pid": "cascade",
+    "hierarchical_sliding_mode": "sliding mode",
+    "zero": "no torque",
+}
 
 
 def short(controller: str) -> str:

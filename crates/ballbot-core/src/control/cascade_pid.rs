@@ -1,0 +1,219 @@
+//! A PD of the position that asks for a lean, above a PID of the lean.
+
+use super::balance_frame::BalanceFrame;
+use super::deviation::deviation;
+use super::lean_planes::{LeanPlane, LeanPlanes, Leaning, require_stable};
+use super::outer::share_within;
+use super::{LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, check_control_dt};
+use crate::error::Result;
+use crate::fields::{Fields, Limit};
+use crate::lane_state::LaneState;
+use crate::lanes::{Lane, Memory};
+use crate::models::LinearModel;
+use crate::models::linear::STATES;
+use crate::params::Params;
+use nalgebra::DMatrix;
+
+crate::fields! {
+    /// The poles that [`CascadePid`] is designed for. Those of a plane are in units of λ, the rate at which the robot
+    /// topples, so that they suit robots of any size.
+    #[derive(Copy)]
+    pub struct CascadePidOptions {
+        /// Natural frequency of the two poles of the lean, over λ.
+        pub lean_bandwidth: f64 = 1.5, "", Limit::from(1e-3).to(1e3);
+        /// Damping ratio of the two poles of the lean.
+        pub lean_damping: f64 = 1.0, "", Limit::from(1e-3).to(1e3);
+        /// Natural frequency of the two poles of the position, over λ; at most a quarter of that of the lean is usual.
+        pub position_bandwidth: f64 = 0.25, "", Limit::from(1e-3).to(1e3);
+        /// Damping ratio of the two poles of the position.
+        pub position_damping: f64 = 0.8, "", Limit::from(1e-3).to(1e3);
+        /// Pole of the integral of the lean's error, over λ; 0 for no integral.
+        pub integral_bandwidth: f64 = 0.1, "", Limit::from(0.0).to(1e3);
+        /// Natural frequency of the heading.
+        pub yaw_bandwidth: f64 = 4.0, "rad/s", Limit::from(1e-3).to(1e3);
+        /// Damping ratio of the heading.
+        pub yaw_damping: f64 = 1.0, "", Limit::from(1e-3).to(1e3);
+        /// The largest lean that the position may ask for.
+        pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
+        /// The largest speed that a deviation of the position may ask for.
+        pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
+    }
+}
+
+/// Gains in one plane: θ_ref = −(`position` y + `velocity` ẏ), and the acceleration of the lean by the motors
+/// u = `reference` θ_ref − `lean` θ − `rate` θ̇ + `integral` ∫(θ_ref − θ).
+#[derive(Clone, Copy, Debug)]
+struct Gains {
+    position: f64,
+    velocity: f64,
+    reference: f64,
+    lean: f64,
+    rate: f64,
+    integral: f64,
+}
+
+impl Gains {
+    /// The gains with which the plane has the five poles that are asked for, derived in `docs/laws.md`.
+    fn new(plane: &LeanPlane, options: &CascadePidOptions) -> Self {
+        let LeanPlane { toppling, acceleration, lever } = *plane;
+        let pair = |bandwidth: f64, damping: f64| {
+            let frequency = bandwidth * toppling;
+            [2.0 * damping * frequency, frequency * frequency]
+        };
+        let [b1, b0] = pair(options.lean_bandwidth, options.lean_damping);
+        let [c1, c0] = pair(options.position_bandwidth, options.position_damping);
+        // (s² + b1 s + b0)(s² + c1 s + c0)
+        let [a3, a2, a1, a0] = [b1 + c1, b0 + c0 + b1 * c1, b1 * c0 + b0 * c1, b0 * c0];
+        let stiffness = a2 + lever * a0 / acceleration;
+        let damping = a3 + lever * a1 / acceleration;
+        let pole = options.integral_bandwidth * toppling;
+        Self {
+            position: a0 / (stiffness * acceleration),
+            velocity: a1 / (stiffness * acceleration),
+            reference: stiffness,
+            lean: plane.toppling_squared() + stiffness + damping * pole,
+            rate: damping + pole,
+            integral: stiffness * pole,
+        }
+    }
+
+    /// k of u = −k (y, θ, ẏ, θ̇) without the integral.
+    fn feedback(&self) -> [f64; 4] {
+        [self.reference * self.position, self.lean, self.reference * self.velocity, self.rate]
+    }
+}
+
+/// The cascade of Nagarajan, Kantor and Hollis (IJRR 33(6), 2014) in each vertical plane of the heading frame, with a
+/// PD of the heading: a PD of the position asks for a lean, a PID with its derivative on the measured tilt rate brings
+/// it about.
+///
+/// Its gains place the poles of the linear model. The proportional part weights the reference so that it does not
+/// excite the pole of the integral (derived in `docs/laws.md`). Speed and lean that the position asks for are cut as
+/// vectors; the integral is held while the torques are limited.
+#[derive(Clone, Debug)]
+pub struct CascadePid {
+    planes: LeanPlanes,
+    gains: [Gains; 2],
+    /// k of the acceleration −k (ψ, ψ̇) of the heading.
+    yaw: [f64; 2],
+    max_lean: f64,
+    max_speed: f64,
+    frame: BalanceFrame,
+    sampling: Sampling,
+    limits: TorqueLimits,
+}
+
+impl CascadePid {
+    /// A controller with the default options and [`LimitOptions::TRACTION`].
+    ///
+    /// # Errors
+    /// As [`CascadePid::with_options`].
+    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
+        Self::with_options(params, control_dt, &CascadePidOptions::default(), &LimitOptions::TRACTION)
+    }
+
+    /// A controller for `params`, sampled every `control_dt` seconds.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] for an option out of range, those of [`TorqueLimits::new`],
+    /// [`crate::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
+    pub fn with_options(
+        params: &Params,
+        control_dt: f64,
+        options: &CascadePidOptions,
+        limits: &LimitOptions,
+    ) -> Result<Self> {
+        params.validate()?;
+        check_control_dt(control_dt)?;
+        options.check_limits()?;
+        let limits = TorqueLimits::new(params, limits)?;
+        let planes = LeanPlanes::new(params);
+        let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
+        let law = Self {
+            gains: [Gains::new(&planes.planes[0], options), Gains::new(&planes.planes[1], options)],
+            planes,
+            yaw,
+            max_lean: options.max_lean,
+            max_speed: options.max_speed,
+            frame: BalanceFrame::new(params),
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            limits,
+        };
+        require_stable(law.closed_loop(params), control_dt)?;
+        Ok(law)
+    }
+
+    /// The sampled linear model under the law: its states and, of the planes with an integral, that.
+    fn closed_loop(&self, params: &Params) -> DMatrix<f64> {
+        let dt = self.sampling.control_dt;
+        let (a, b) = LinearModel::new(params).discretize(dt);
+        let size = STATES + 2;
+        let [x, y] = &self.gains;
+        let gain = self.planes.gain([x.feedback(), y.feedback()], self.yaw);
+        let mut closed = DMatrix::identity(size, size);
+        closed.view_mut((0, 0), (STATES, STATES)).copy_from(&(a - b * gain));
+        for (axis, g) in self.gains.iter().enumerate() {
+            // An integral that drives nothing is no pole of the loop.
+            if g.integral == 0.0 {
+                closed[(STATES + axis, STATES + axis)] = 0.0;
+                continue;
+            }
+            let mut unit = [[0.0; 4]; 2];
+            unit[axis][0] = -g.integral;
+            let column = b * self.planes.gain(unit, [0.0; 2]).column(axis);
+            closed.view_mut((0, STATES + axis), (STATES, 1)).copy_from(&-column);
+            // θ_ref − θ, with the tilt about −x in the plane of y.
+            let (lean, sign) = if axis == 0 { (3, 1.0) } else { (2, -1.0) };
+            closed[(STATES + axis, axis)] = -dt * g.position;
+            closed[(STATES + axis, 5 + axis)] = -dt * g.velocity;
+            closed[(STATES + axis, lean)] = -dt * sign;
+        }
+        closed
+    }
+}
+
+impl Law for CascadePid {
+    const MEMORY: usize = 2;
+    const PARTS: &'static [&'static str] = &["position", "velocity", "yaw"];
+
+    fn sampling(&self) -> &Sampling {
+        &self.sampling
+    }
+
+    fn sampling_mut(&mut self) -> &mut Sampling {
+        &mut self.sampling
+    }
+
+    #[inline(always)]
+    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, memory: &mut Memory<'_, L>) -> [L; 3] {
+        let x = deviation(&self.frame, state, setpoint);
+        let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
+        let [gx, gy] = &self.gains;
+        let speeds = [position[0] * (gx.position / gx.velocity), position[1] * (gy.position / gy.velocity)];
+        let slower = share_within(speeds, self.max_speed);
+        let asked = [
+            (speeds[0].mul_add(slower, velocity[0])) * -gx.velocity,
+            (speeds[1].mul_add(slower, velocity[1])) * -gy.velocity,
+        ];
+        let less = share_within(asked, self.max_lean);
+        let (mut accelerations, mut errors) = ([less; 2], [less; 2]);
+        for axis in 0..2 {
+            let g = &self.gains[axis];
+            let reference = asked[axis] * less;
+            errors[axis] = reference - lean[axis];
+            let held = lean[axis].mul_add_all(-g.lean, rate[axis] * -g.rate);
+            let driven = reference.mul_add_all(g.reference, memory.get(axis) * g.integral);
+            accelerations[axis] = driven + held;
+        }
+        let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
+        let limited = self.limits.apply(self.planes.wheel_torques(accelerations, turning), state);
+        // A torque that is limited cannot act on the integral: hold it.
+        let held = limited.share.lt(less.splat(1.0));
+        for (axis, error) in errors.into_iter().enumerate() {
+            let integral = memory.get(axis);
+            let next = error.mul_add_all(self.sampling.control_dt, integral);
+            memory.set(axis, L::select(held, integral, next));
+        }
+        limited.torques
+    }
+}

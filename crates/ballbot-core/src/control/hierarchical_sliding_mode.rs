@@ -1,0 +1,259 @@
+//! Hierarchical sliding mode of position and lean.
+
+use super::balance_frame::BalanceFrame;
+use super::deviation::deviation;
+use super::lean_planes::{LeanPlane, LeanPlanes, Leaning, require_stable};
+use super::outer::Outer;
+use super::{LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, check_control_dt};
+use crate::error::{Error, Result};
+use crate::fields::{Fields, Limit};
+use crate::lane_state::LaneState;
+use crate::lanes::{Lane, Memory};
+use crate::models::LinearModel;
+use crate::models::linear::STATES;
+use crate::params::Params;
+use nalgebra::DMatrix;
+
+crate::fields! {
+    /// The poles on the sliding surface of [`HierarchicalSlidingMode`], and how the surface is reached. The poles are
+    /// in units of λ, the rate at which the robot topples, so that they suit robots of any size.
+    #[derive(Copy)]
+    pub struct SlidingModeOptions {
+        /// Natural frequency of a pair of poles, over λ.
+        pub pair_bandwidth: f64 = 0.25, "", Limit::from(1e-3).to(1e3);
+        /// Damping ratio of the pair.
+        pub pair_damping: f64 = 0.8, "", Limit::from(1e-3).to(1e3);
+        /// The third pole, over λ.
+        pub real_pole: f64 = 0.8, "", Limit::from(1e-3).to(1e3);
+        /// K_S, the rate at which S decays, over λ.
+        pub reaching: f64 = 1.3, "", Limit::from(0.0).to(1e3);
+        /// η, by which S decays faster outside of the boundary layer.
+        pub switching: f64 = 1.0, "rad/s²", Limit::from(0.0).to(1e6);
+        /// φ, the width of the boundary layer.
+        pub layer: f64 = 0.2, "rad/s", Limit::from(1e-6).to(1e6);
+        /// Natural frequency of the heading.
+        pub yaw_bandwidth: f64 = 4.0, "rad/s", Limit::from(1e-3).to(1e3);
+        /// Damping ratio of the heading.
+        pub yaw_damping: f64 = 1.0, "", Limit::from(1e-3).to(1e3);
+        /// The largest lean that deviations of position and velocity may ask for.
+        pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
+        /// The largest speed that a deviation of the position may ask for.
+        pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
+    }
+}
+
+/// S = α (c₁ y + ẏ) + c₂ θ + θ̇ of one vertical plane, θ leaning towards positive y.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlidingSurface {
+    /// α, rad/m.
+    pub alpha: f64,
+    /// c₁, 1/s.
+    pub c1: f64,
+    /// c₂, 1/s.
+    pub c2: f64,
+}
+
+impl SlidingSurface {
+    /// The surface on which the plane has the poles of the options, derived in `docs/laws.md`.
+    fn new(plane: &LeanPlane, options: &SlidingModeOptions) -> Self {
+        let LeanPlane { toppling, acceleration, lever } = *plane;
+        let frequency = options.pair_bandwidth * toppling;
+        let (sum, product) = (2.0 * options.pair_damping * frequency, frequency * frequency);
+        let real = options.real_pole * toppling;
+        let [p2, p1, p0] = [sum + real, product + sum * real, product * real];
+        let alpha = p1 / (acceleration + p1 * lever);
+        let c1 = p0 / p1;
+        Self { alpha, c1, c2: p2 * (1.0 - alpha * lever) + alpha * c1 * lever }
+    }
+
+    /// Checks that the plane is stable on the surface: the criterion of Routh for
+    /// (1 − αℓ) s³ + (c₂ − α c₁ ℓ) s² + α g s + α c₁ g.
+    fn check(&self, plane: &LeanPlane) -> Result<()> {
+        let Self { alpha, c1, c2 } = *self;
+        let most = plane.lever.recip();
+        if alpha > 0.0 && alpha < most && c1 > 0.0 && c2 > c1 && c2.is_finite() {
+            return Ok(());
+        }
+        Err(Error::Inconsistent(format!(
+            "the robot falls or runs away on the surface with alpha = {alpha} rad/m, c1 = {c1} 1/s, c2 = {c2} 1/s: \
+             it needs 0 < alpha < {most} rad/m and 0 < c1 < c2"
+        )))
+    }
+}
+
+/// The gains of one plane.
+#[derive(Clone, Copy, Debug)]
+struct Gains {
+    surface: SlidingSurface,
+    /// k of the equivalent control, u = −k (θ, ẏ, θ̇).
+    equivalent: [f64; 3],
+    /// 1 / (1 − αℓ): the acceleration by the motors that changes Ṡ by 1.
+    per_rate: f64,
+}
+
+impl Gains {
+    fn new(plane: &LeanPlane, surface: SlidingSurface) -> Self {
+        let SlidingSurface { alpha, c1, c2 } = surface;
+        let per_rate = (1.0 - alpha * plane.lever).recip();
+        let toppling = plane.toppling_squared();
+        // Of Ṡ without motors: ÿ = (g − ℓ λ²) θ, θ̈ = λ² θ.
+        let of_lean = alpha * (plane.acceleration - plane.lever * toppling) + toppling;
+        Self { surface, equivalent: [of_lean * per_rate, alpha * c1 * per_rate, c2 * per_rate], per_rate }
+    }
+
+    /// k of u = −k (y, θ, ẏ, θ̇) where S decays by `rate`.
+    fn feedback(&self, rate: f64) -> [f64; 4] {
+        let (SlidingSurface { alpha, c1, c2 }, [lean, velocity, lean_rate]) = (self.surface, self.equivalent);
+        let reaching = rate * self.per_rate;
+        [reaching * alpha * c1, lean + reaching * c2, velocity + reaching * alpha, lean_rate + reaching]
+    }
+}
+
+/// Aggregated hierarchical sliding mode (Pham, Lee, Bui, Truong, IntechOpen 2022, doi 10.5772/intechopen.101855) in
+/// each vertical plane of the heading frame, with a PD of the heading.
+///
+/// With y the deviation of the position and θ the lean towards it, S = α (c₁ y + ẏ) + c₂ θ + θ̇. The equivalent control
+/// of the linear model holds S; the rest makes Ṡ = −K_S S − η S / max(|S|, φ), S being the vector of both planes. That
+/// S decays says nothing of y and θ, which obey a cubic on S = 0: its poles are the options, and α, c₁, c₂ follow from
+/// them (derived in `docs/laws.md`). Speed and lean that the position asks for are cut as vectors.
+#[derive(Clone, Debug)]
+pub struct HierarchicalSlidingMode {
+    planes: LeanPlanes,
+    gains: [Gains; 2],
+    /// K_S, 1/s.
+    reaching: f64,
+    switching: f64,
+    layer: f64,
+    /// k of the acceleration −k (ψ, ψ̇) of the heading.
+    yaw: [f64; 2],
+    outer: Outer,
+    frame: BalanceFrame,
+    sampling: Sampling,
+    limits: TorqueLimits,
+}
+
+impl HierarchicalSlidingMode {
+    /// A controller with the default options and [`LimitOptions::TRACTION`].
+    ///
+    /// # Errors
+    /// As [`HierarchicalSlidingMode::with_options`].
+    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
+        Self::with_options(params, control_dt, &SlidingModeOptions::default(), &LimitOptions::TRACTION)
+    }
+
+    /// A controller for `params`, sampled every `control_dt` seconds.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for an option out of range, those of [`TorqueLimits::new`], [`Error::Inconsistent`] if the
+    /// sampled loop of the linear model is not stable.
+    pub fn with_options(
+        params: &Params,
+        control_dt: f64,
+        options: &SlidingModeOptions,
+        limits: &LimitOptions,
+    ) -> Result<Self> {
+        params.validate()?;
+        options.check_limits()?;
+        let planes = LeanPlanes::new(params);
+        let surfaces =
+            [SlidingSurface::new(&planes.planes[0], options), SlidingSurface::new(&planes.planes[1], options)];
+        Self::with_planes(params, control_dt, planes, surfaces, options, limits)
+    }
+
+    /// A controller with surfaces of one's own in the planes of x and y; the poles of the options are not used.
+    ///
+    /// # Errors
+    /// As [`HierarchicalSlidingMode::with_options`], and [`Error::Inconsistent`] for a surface on which the robot is
+    /// not stable, with its numbers and their limits.
+    pub fn with_surfaces(
+        params: &Params,
+        control_dt: f64,
+        surfaces: [SlidingSurface; 2],
+        options: &SlidingModeOptions,
+        limits: &LimitOptions,
+    ) -> Result<Self> {
+        params.validate()?;
+        options.check_limits()?;
+        Self::with_planes(params, control_dt, LeanPlanes::new(params), surfaces, options, limits)
+    }
+
+    fn with_planes(
+        params: &Params,
+        control_dt: f64,
+        planes: LeanPlanes,
+        surfaces: [SlidingSurface; 2],
+        options: &SlidingModeOptions,
+        limits: &LimitOptions,
+    ) -> Result<Self> {
+        check_control_dt(control_dt)?;
+        let limits = TorqueLimits::new(params, limits)?;
+        for (surface, plane) in surfaces.iter().zip(&planes.planes) {
+            surface.check(plane)?;
+        }
+        let [x, y] = planes.planes;
+        let gains = [Gains::new(&x, surfaces[0]), Gains::new(&y, surfaces[1])];
+        let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
+        let reaching = options.reaching * 0.5 * (x.toppling + y.toppling);
+        let gain_of = |rate: f64| planes.gain([gains[0].feedback(rate), gains[1].feedback(rate)], yaw);
+        let within_layer = gain_of(reaching + options.switching / options.layer);
+        let (a, b) = LinearModel::new(params).discretize(control_dt);
+        let closed = a - b * &within_layer;
+        require_stable(DMatrix::from_column_slice(STATES, STATES, closed.as_slice()), control_dt)?;
+        Ok(Self {
+            // By the gains within the layer, which are the largest.
+            outer: Outer::new(&within_layer, [options.max_lean, options.max_speed]),
+            planes,
+            gains,
+            reaching,
+            switching: options.switching,
+            layer: options.layer,
+            yaw,
+            frame: BalanceFrame::new(params),
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            limits,
+        })
+    }
+
+    /// The surfaces in the planes of x and y.
+    pub fn surfaces(&self) -> [SlidingSurface; 2] {
+        [self.gains[0].surface, self.gains[1].surface]
+    }
+}
+
+impl Law for HierarchicalSlidingMode {
+    const MEMORY: usize = 0;
+    const PARTS: &'static [&'static str] = &["position", "velocity", "yaw"];
+
+    fn sampling(&self) -> &Sampling {
+        &self.sampling
+    }
+
+    fn sampling_mut(&mut self) -> &mut Sampling {
+        &mut self.sampling
+    }
+
+    #[inline(always)]
+    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, _: &mut Memory<'_, L>) -> [L; 3] {
+        let mut x = deviation(&self.frame, state, setpoint);
+        self.outer.clip(&mut x);
+        let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
+        let (mut s, mut accelerations) = ([x[0]; 2], [x[0]; 2]);
+        for axis in 0..2 {
+            let Gains {
+                surface: SlidingSurface { alpha, c1, c2 }, equivalent: [of_lean, of_velocity, of_rate], ..
+            } = self.gains[axis];
+            let moving = position[axis].mul_add_all(c1, velocity[axis]);
+            s[axis] = moving.mul_add_all(alpha, lean[axis].mul_add_all(c2, rate[axis]));
+            let turning = lean[axis].mul_add_all(-of_lean, rate[axis] * -of_rate);
+            accelerations[axis] = velocity[axis].mul_add_all(-of_velocity, turning);
+        }
+        let length = s[0].mul_add(s[0], s[1].squared()).sqrt();
+        let layer = length.splat(self.layer);
+        let decay = length.splat(self.switching) / length.max(layer) + self.reaching;
+        for axis in 0..2 {
+            accelerations[axis] = (s[axis] * decay).mul_add_all(-self.gains[axis].per_rate, accelerations[axis]);
+        }
+        let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
+        self.limits.apply(self.planes.wheel_torques(accelerations, turning), state).torques
+    }
+}

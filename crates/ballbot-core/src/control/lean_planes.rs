@@ -1,0 +1,110 @@
+//! The linear model in each vertical plane of the heading frame, driven by angular accelerations of the body.
+
+use super::deviation::product;
+use crate::error::{Error, Result};
+use crate::lanes::Lane;
+use crate::models::LinearModel;
+use crate::models::linear::{INPUTS, STATES};
+use crate::params::Params;
+use nalgebra::{DMatrix, Matrix3, Schur};
+
+/// One vertical plane, with the lean θ towards positive positions y and what the motors add to its acceleration, u:
+/// θ̈ = λ² θ + u and ÿ = g θ − ℓ θ̈.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LeanPlane {
+    /// λ, the rate at which the robot topples, 1/s.
+    pub(super) toppling: f64,
+    /// g, the acceleration per steady lean, m/(s²·rad).
+    pub(super) acceleration: f64,
+    /// ℓ, by which the ball moves back as the robot leans, m.
+    pub(super) lever: f64,
+}
+
+impl LeanPlane {
+    /// λ².
+    pub(super) fn toppling_squared(&self) -> f64 {
+        self.toppling * self.toppling
+    }
+}
+
+/// The two planes of a robot, and the wheel torques of angular accelerations.
+#[derive(Clone, Debug)]
+pub(super) struct LeanPlanes {
+    /// The plane of x (tilt about y), and that of y (tilt about −x).
+    pub(super) planes: [LeanPlane; 2],
+    /// Wheel torques per angular acceleration of the body about the axes of the heading frame, N·m·s².
+    torques: [[f64; 3]; INPUTS],
+}
+
+/// A deviation seen in the planes.
+pub(super) struct Leaning<L> {
+    pub(super) position: [L; 2],
+    pub(super) velocity: [L; 2],
+    pub(super) lean: [L; 2],
+    pub(super) rate: [L; 2],
+}
+
+impl<L: Lane> Leaning<L> {
+    /// Of a deviation in the linear model's coordinates.
+    #[inline(always)]
+    pub(super) fn new(x: &[L; STATES]) -> Self {
+        Self { position: [x[0], x[1]], velocity: [x[5], x[6]], lean: [x[3], -x[2]], rate: [x[8], -x[7]] }
+    }
+}
+
+impl LeanPlanes {
+    pub(super) fn new(params: &Params) -> Self {
+        let LinearModel { a, b } = LinearModel::new(params);
+        let turning: Matrix3<f64> = b.fixed_view::<3, 3>(7, 0).into_owned();
+        let torques = turning.try_inverse().expect("the wheels turn the body about every axis");
+        let moving = b.fixed_view::<2, 3>(5, 0) * torques;
+        let plane = |toppling_squared: f64, slope: f64, lever: f64| LeanPlane {
+            toppling: toppling_squared.sqrt(),
+            acceleration: slope + lever * toppling_squared,
+            lever,
+        };
+        Self {
+            planes: [plane(a[(8, 3)], a[(5, 3)], -moving[(0, 1)]), plane(a[(7, 2)], -a[(6, 2)], moving[(1, 0)])],
+            torques: std::array::from_fn(|i| std::array::from_fn(|j| torques[(i, j)])),
+        }
+    }
+
+    /// Wheel torques of the accelerations of the leans and of the yaw, N·m.
+    #[inline(always)]
+    pub(super) fn wheel_torques<L: Lane>(&self, [x, y]: [L; 2], yaw: L) -> [L; 3] {
+        let turning = [y, -x, -yaw];
+        let [a, b, c] = &self.torques;
+        [product(a, &turning), product(b, &turning), product(c, &turning)]
+    }
+
+    /// K of τ = −K x for accelerations −k (y, θ, ẏ, θ̇) of the lean in each plane, and −k (ψ, ψ̇) of the yaw.
+    pub(super) fn gain(&self, planes: [[f64; 4]; 2], yaw: [f64; 2]) -> DMatrix<f64> {
+        let mut accelerations = DMatrix::zeros(3, STATES);
+        for (place, k) in [0, 3, 5, 8].into_iter().zip(planes[0]) {
+            accelerations[(1, place)] = k;
+        }
+        for (place, k) in [1, 2, 6, 7].into_iter().zip(planes[1]) {
+            // The acceleration about x is −u, and so are tilt and rate of the lean.
+            accelerations[(0, place)] = if matches!(place, 2 | 7) { k } else { -k };
+        }
+        (accelerations[(2, 4)], accelerations[(2, 9)]) = (yaw[0], yaw[1]);
+        DMatrix::from_fn(INPUTS, 3, |i, j| self.torques[i][j]) * accelerations
+    }
+}
+
+/// Most steps of the search for the poles; about two a pole are needed.
+const MAX_POLE_STEPS: usize = 10_000;
+
+/// Checks that the poles of a sampled closed loop are within the unit circle.
+pub(super) fn require_stable(closed_loop: DMatrix<f64>, control_dt: f64) -> Result<()> {
+    let schur = Schur::try_new(closed_loop, f64::EPSILON, MAX_POLE_STEPS)
+        .ok_or_else(|| Error::Inconsistent("the poles of the closed loop were not found".into()))?;
+    let pole = schur.complex_eigenvalues().iter().map(|pole| pole.norm()).fold(0.0, f64::max);
+    if pole < 1.0 {
+        return Ok(());
+    }
+    Err(Error::Inconsistent(format!(
+        "sampled every control_dt = {control_dt} s, the closed loop of the linear model has a pole of magnitude {pole}: \
+         it must be below 1"
+    )))
+}

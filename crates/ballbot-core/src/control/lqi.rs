@@ -1,0 +1,203 @@
+//! The regulator of position, tilt and heading with an integral of the position.
+
+use super::balance_frame::BalanceFrame;
+use super::deviation::{deviation, product};
+use super::outer::{Outer, equal_torques, share_within};
+use super::riccati::{self, Regulator};
+use super::{LaneSetpoint, Law, LimitOptions, LqrWeights, Sampling, TorqueLimits, check_control_dt};
+use crate::error::Result;
+use crate::fields::{Field, Fields, Limit};
+use crate::lane_state::LaneState;
+use crate::lanes::{Heading, Lane, Memory};
+use crate::models::LinearModel;
+use crate::models::linear::{INPUTS, STATES};
+use crate::params::Params;
+use nalgebra::DMatrix;
+
+crate::fields! {
+    /// What [`Lqi`] has beyond [`LqrWeights`].
+    #[derive(Copy)]
+    pub struct IntegralWeights {
+        /// Integral of the deviation of the ball position.
+        pub integral: f64 = 0.5, "m·s", Limit::from(1e-6).to(1e6);
+        /// No deviation: the largest lean that the integral may ask for.
+        pub max_integral_lean: f64 = 0.069_813_170_079_773_18, "rad", Limit::from(1e-6).to(1e6);
+    }
+}
+
+/// Deviations of equal cost, as in [`LqrWeights`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LqiWeights {
+    /// Of the states and inputs of [`super::Lqr`].
+    pub lqr: LqrWeights,
+    /// Of the integral.
+    pub integral: IntegralWeights,
+}
+
+/// How many fields are those of [`LqrWeights`].
+const REGULATOR_FIELDS: usize = LqrWeights::FIELDS.len();
+
+impl Fields for LqiWeights {
+    const FIELDS: &'static [Field] = &{
+        let mut fields = [LqrWeights::FIELDS[0]; REGULATOR_FIELDS + IntegralWeights::FIELDS.len()];
+        let mut i = 1;
+        while i < fields.len() {
+            fields[i] = if i < REGULATOR_FIELDS {
+                LqrWeights::FIELDS[i]
+            } else {
+                IntegralWeights::FIELDS[i - REGULATOR_FIELDS]
+            };
+            i += 1;
+        }
+        fields
+    };
+
+    fn values(&self, index: usize) -> &[f64] {
+        match index.checked_sub(REGULATOR_FIELDS) {
+            None => self.lqr.values(index),
+            Some(index) => self.integral.values(index),
+        }
+    }
+
+    fn values_mut(&mut self, index: usize) -> &mut [f64] {
+        match index.checked_sub(REGULATOR_FIELDS) {
+            None => self.lqr.values_mut(index),
+            Some(index) => self.integral.values_mut(index),
+        }
+    }
+}
+
+/// τ = −K (x, z) with the integral z of the position's deviation, by the Riccati equation of the linear model with two
+/// more states, z⁺ = z + T (x, y) (derived in `docs/laws.md`). A constant force, a slope or a wrong center of mass
+/// therefore leave no offset.
+///
+/// z is kept in the inertial frame, so that a robot that turns does not wind it up, and turned into the heading frame.
+/// It is cut as a vector to what asks for the lean `max_integral_lean`. It is held while the torques are limited, while
+/// speed or lean are cut as in [`super::Lqr`], and while the deviation of the position asks for a larger lean than z
+/// may: no disturbance that z can take over leaves such an offset.
+#[derive(Clone, Debug)]
+pub struct Lqi {
+    regulator: Regulator,
+    /// K of the linear model's states, row by row.
+    gain: [[f64; STATES]; INPUTS],
+    /// K of the integral.
+    integral_gain: [[f64; 2]; INPUTS],
+    /// Lean about x and y that has the torques of an integral.
+    lean: [[f64; 2]; 2],
+    /// Lean about x and y that has the torques of a deviation of the position.
+    position_lean: [[f64; 2]; 2],
+    max_integral_lean: f64,
+    frame: BalanceFrame,
+    outer: Outer,
+    sampling: Sampling,
+    limits: TorqueLimits,
+}
+
+impl Lqi {
+    /// A regulator with the default weights and [`LimitOptions::TRACTION`].
+    ///
+    /// # Errors
+    /// As [`Lqi::with_weights`].
+    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
+        Self::with_weights(params, control_dt, &LqiWeights::default(), &LimitOptions::TRACTION)
+    }
+
+    /// A regulator from the linear model of `params`, discretized at `control_dt` (s).
+    ///
+    /// # Errors
+    /// As [`super::Lqr::with_weights`].
+    pub fn with_weights(params: &Params, control_dt: f64, weights: &LqiWeights, limits: &LimitOptions) -> Result<Self> {
+        weights.check_limits()?;
+        params.validate()?;
+        check_control_dt(control_dt)?;
+        let limits = TorqueLimits::new(params, limits)?;
+        let (model_a, model_b) = LinearModel::new(params).discretize(control_dt);
+        let (cost, r) = weights.lqr.matrices();
+        let size = STATES + 2;
+        let mut a = DMatrix::identity(size, size);
+        a.view_mut((0, 0), (STATES, STATES)).copy_from(&model_a);
+        let mut b = DMatrix::zeros(size, INPUTS);
+        b.view_mut((0, 0), (STATES, INPUTS)).copy_from(&model_b);
+        let mut q = DMatrix::zeros(size, size);
+        q.view_mut((0, 0), (STATES, STATES)).copy_from(&cost);
+        for axis in 0..2 {
+            a[(STATES + axis, axis)] = control_dt;
+            q[(STATES + axis, STATES + axis)] = weights.integral.integral.powi(-2);
+        }
+        let regulator = riccati::solve(&a, &b, &q, &r)?;
+        let k = &regulator.gain;
+        let lean_of = |first: usize| {
+            let lean = equal_torques(k.columns(2, 2).into_owned(), &k.columns(first, 2).into_owned());
+            std::array::from_fn(|i| std::array::from_fn(|j| lean[(i, j)]))
+        };
+        Ok(Self {
+            gain: std::array::from_fn(|i| std::array::from_fn(|j| k[(i, j)])),
+            integral_gain: std::array::from_fn(|i| std::array::from_fn(|j| k[(i, STATES + j)])),
+            lean: lean_of(STATES),
+            position_lean: lean_of(0),
+            max_integral_lean: weights.integral.max_integral_lean,
+            outer: Outer::new(k, [weights.lqr.max_lean, weights.lqr.max_speed]),
+            frame: BalanceFrame::new(params),
+            regulator,
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            limits,
+        })
+    }
+
+    /// The Riccati solution behind the gains; the last two columns of K are those of the integral.
+    pub fn regulator(&self) -> &Regulator {
+        &self.regulator
+    }
+
+    /// Torque of a wheel before any limit, N·m.
+    #[inline(always)]
+    fn torque<L: Lane>(&self, wheel: usize, x: &[L; STATES], z: &[L; 2]) -> L {
+        product(&self.gain[wheel], x) + product(&self.integral_gain[wheel], z)
+    }
+}
+
+impl Law for Lqi {
+    const MEMORY: usize = 2;
+    const PARTS: &'static [&'static str] = &["position", "velocity", "yaw"];
+
+    fn sampling(&self) -> &Sampling {
+        &self.sampling
+    }
+
+    fn sampling_mut(&mut self) -> &mut Sampling {
+        &mut self.sampling
+    }
+
+    #[inline(always)]
+    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, memory: &mut Memory<'_, L>) -> [L; 3] {
+        let mut x = deviation(&self.frame, state, setpoint);
+        let left = self.outer.clip(&mut x);
+        let heading = Heading::new(self.frame.attitude(state.body_quaternion));
+        let integral = [memory.get(0), memory.get(1)];
+        let z = heading.of(integral[0], integral[1]);
+        let wanted = [self.torque(0, &x, &z), self.torque(1, &x, &z), self.torque(2, &x, &z)];
+        let limited = self.limits.apply(wanted, state);
+        let one = left.splat(1.0);
+        let near = turned(&self.position_lean, [x[0], x[1]]);
+        let far = share_within(near, self.max_integral_lean).lt(one);
+        let held = far | left.lt(one) | limited.share.lt(one);
+        let (p, dt) = (state.ball_position, self.sampling.control_dt);
+        let next = [
+            (p.x - setpoint.position[0]).mul_add_all(dt, integral[0]),
+            (p.y - setpoint.position[1]).mul_add_all(dt, integral[1]),
+        ];
+        // The length of the lean does not depend on the heading of a robot that is alike on all sides.
+        let lean = turned(&self.lean, heading.of(next[0], next[1]));
+        let share = share_within(lean, self.max_integral_lean);
+        for axis in 0..2 {
+            memory.set(axis, L::select(held, integral[axis], next[axis] * share));
+        }
+        limited.torques
+    }
+}
+
+/// A matrix times a vector.
+#[inline(always)]
+fn turned<L: Lane>([[a, b], [c, d]]: &[[f64; 2]; 2], [x, y]: [L; 2]) -> [L; 2] {
+    [y.mul_add_all(*b, x * *a), y.mul_add_all(*d, x * *c)]
+}

@@ -1,0 +1,71 @@
+//! The largest speed and lean that deviations of position and velocity may ask for.
+
+use crate::lanes::Lane;
+use crate::models::linear::{INPUTS, STATES};
+use nalgebra::DMatrix;
+
+/// The outer loop of a gain: deviations of position ask for a speed, those of position and velocity for a lean. Both
+/// are cut as vectors.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Outer {
+    /// Speed that has the torques of a deviation of the position.
+    speed: [[f64; 2]; 2],
+    /// Lean about x and y that has the torques of deviations of position and velocity (x, y, v_x, v_y).
+    lean: [[f64; 4]; 2],
+    max_lean: f64,
+    max_speed: f64,
+}
+
+/// Places of position and velocity among the states.
+const MOVING: [usize; 4] = [0, 1, 5, 6];
+
+impl Outer {
+    pub(super) fn new(gain: &DMatrix<f64>, [max_lean, max_speed]: [f64; 2]) -> Self {
+        let columns = |first: usize| gain.columns(first, 2).into_owned();
+        let moving = DMatrix::from_fn(INPUTS, 4, |i, j| gain[(i, MOVING[j])]);
+        let (lean, speed) = (equal_torques(columns(2), &moving), equal_torques(columns(5), &columns(0)));
+        Self {
+            speed: std::array::from_fn(|i| std::array::from_fn(|j| speed[(i, j)])),
+            lean: std::array::from_fn(|i| std::array::from_fn(|j| lean[(i, j)])),
+            max_lean,
+            max_speed,
+        }
+    }
+
+    /// Cuts the deviations of position and velocity. Returns the share that is left of the position's, 1 if nothing is
+    /// cut.
+    #[inline(always)]
+    pub(super) fn clip<L: Lane>(&self, x: &mut [L; STATES]) -> L {
+        let [[a, b], [c, d]] = self.speed;
+        let speeds = [x[1].mul_add_all(b, x[0] * a), x[1].mul_add_all(d, x[0] * c)];
+        let slower = share_within(speeds, self.max_speed);
+        x[0] = x[0] * slower;
+        x[1] = x[1] * slower;
+        let less = share_within([lean(&self.lean[0], x), lean(&self.lean[1], x)], self.max_lean);
+        for place in MOVING {
+            x[place] = x[place] * less;
+        }
+        slower * less
+    }
+}
+
+/// The lean about an axis that deviations of position and velocity ask for.
+#[inline(always)]
+fn lean<L: Lane>(row: &[f64; 4], x: &[L; STATES]) -> L {
+    let [a, b, c, d] = MOVING;
+    x[d].mul_add_all(row[3], x[c].mul_add_all(row[2], x[b].mul_add_all(row[1], x[a] * row[0])))
+}
+
+/// The deviations that have the torques of others: of `gain` those of `other`, in the sense of least squares.
+pub(super) fn equal_torques(gain: DMatrix<f64>, other: &DMatrix<f64>) -> DMatrix<f64> {
+    let size = (gain.ncols(), other.ncols());
+    // A gain of zero asks for nothing.
+    gain.svd(true, true).solve(other, f64::MIN_POSITIVE).unwrap_or_else(|_| DMatrix::zeros(size.0, size.1))
+}
+
+/// The share of a vector that is of length `longest`, at most 1.
+#[inline(always)]
+pub(super) fn share_within<L: Lane>([x, y]: [L; 2], longest: f64) -> L {
+    let (bound, length) = (x.splat(longest), x.mul_add(x, y.squared()).sqrt());
+    L::select(bound.lt(length), bound / length, x.splat(1.0))
+}
