@@ -773,6 +773,7 @@ class Pid(Controller):
         *,
         mapping: Literal["consistent", "as_printed"] | str = "consistent",
         max_torque: float | None = None,
+        traction: bool | float | None = None,
         proportional: float = 20.39,  # N·m/rad, >= 0 and <= 1e9
         integral: float = 56.57,  # N·m/(rad·s), >= 0 and <= 1e9
         derivative: float = 1.34,  # N·m·s/rad, >= 0 and <= 1e9
@@ -810,6 +811,7 @@ class Lqr(Controller):
         Q: npt.ArrayLike | None = None,
         R: npt.ArrayLike | None = None,
         max_torque: float | None = None,
+        traction: bool | float | None = None,
         position: float = 0.15,  # m, >= 1e-6 and <= 1e6
         velocity: float = 0.4,  # m/s, >= 1e-6 and <= 1e6
         tilt: float = 0.1,  # rad, >= 1e-6 and <= 1e6
@@ -1053,7 +1055,7 @@ class Batch:
     ) -> npt.NDArray[np.float32]:
         """Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
 
-        It takes what the task observes: with `observation="sensors"` the states of `estimates()`, else the true ones.
+        They are within ±1: where a torque exceeds that of an action, the three are scaled down together. It takes what the task observes: with `observation="sensors"` the states of `estimates()`, else the true ones.
 
         What the controller keeps of a robot advances with each call; it starts anew with the robot's episode, and when
         another controller is used.

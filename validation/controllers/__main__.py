@@ -13,7 +13,7 @@ _HEAD = """# Controllers
 `ballbot evaluate`, `compare`, `record`, `plot` and `view` take a controller by its name, a policy's file, or
 `file.py:NAME`. `Controller(name, params, control_dt)` makes one: called with a state and a setpoint it gives the wheel
 torques; a `Batch` runs it on all its robots in Rust. With `observation="sensors"` it gets the state that the
-[estimator](estimator.md) makes of the readings.
+[estimator](estimator.md) makes of the readings. [Laws](laws.md) has the law of each.
 
 Everything below, text apart, is made by `make controllers`, which fails if a claim does not hold: model `contact`, the
 paper's robot, 100 Hz.
@@ -22,7 +22,7 @@ paper's robot, 100 Hz.
 
 def main() -> int:
     """The command `python -m validation.controllers`."""
-    return page.write("controllers", "validation.controllers", __doc__, [Chapter("What all share", "", TOPICS)], _head)
+    return page.write("controllers", "validation.controllers", __doc__, [Chapter("What they stand", "", TOPICS)], _head)
 
 
 def _head(found: Sequence[tuple[Topic, Findings]]) -> str:

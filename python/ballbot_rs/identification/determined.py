@@ -90,8 +90,8 @@ def covariance_of(flat: Array, free: Mask) -> tuple[Array, Array]:
 def jackknife_errors(slopes: Sequence[Array], residuals: Sequence[Array], free: Mask) -> Array:
     """Standard errors from estimates that leave one window out each, to first order (Miller, Biometrika 61, 1974).
 
-    They need no white noise and no model that is right, but windows that are independent of each other. Those of numbers
-    at a limit are zero.
+    They need no white noise and no model that is right, but windows that are independent of each other. Those of
+    numbers at a limit are zero.
 
     Args:
         slopes: derivatives of each window, shape (rows, p).
