@@ -3,13 +3,19 @@
 mod cascade_pid;
 mod hierarchical_sliding_mode;
 mod lqi;
+#[path = "../support/mod.rs"]
+mod support;
 
 use ballbot_core::control::{Controller, LaneWidth, LimitOptions, Setpoint, SetpointCells, controller_kind};
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::models::LinearModel;
 use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, StateCells, attitude};
 use nalgebra::{Complex, DMatrix, SVector, Vector2, Vector3};
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::{RngSeed, TestRunner};
 use std::f64::consts::TAU;
+use support::general::any_general_robot;
 
 const SIM_DT: f64 = 0.001;
 const STEPS: usize = 10;
@@ -226,6 +232,31 @@ fn laws_stand_from_eight_degrees_on_all_presets() {
                     assert!(end.tilt() < 1e-3 && left < 5e-3, "{name}, {preset}, {kind}: {} rad, {left} m", end.tilt());
                 }
             }
+        }
+    }
+}
+
+/// Robots from half a kilogram to fifty with their center of mass off the mast: the default options are in units of λ.
+/// They grip, and each wheel carries its share.
+#[test]
+fn laws_bring_any_robot_to_rest() {
+    let config = ProptestConfig { rng_seed: RngSeed::Fixed(2), failure_persistence: None, ..ProptestConfig::default() };
+    let mut runner = TestRunner::new(config);
+    let drawn = std::iter::repeat_with(|| any_general_robot().new_tree(&mut runner).unwrap().current());
+    let carried = |params: &Params| {
+        let least = 0.15 * params.body_mass * params.gravity;
+        params.equilibrium_wheel_loads().iter().all(|load| *load > least)
+    };
+    for (number, drawn) in drawn.filter(carried).take(20).enumerate() {
+        let params =
+            Params { wheel_coulomb_friction: 0.0, wheel_static_friction: 5.0, wheel_dynamic_friction: 5.0, ..drawn };
+        for name in LAWS {
+            let start = State::tilted_from_equilibrium(&params, Vector2::new(0.02, -0.01), 0.0);
+            let mut robot = robot(&params, ModelKind::Spatial, &start);
+            let end = run(&mut robot, law(name, &params).as_mut(), 30.0, position(0.0, 0.0), |_, _| ());
+            let end = end.unwrap_or_else(|| panic!("{name} falls with robot {number}")).end;
+            let left = end.ball_position.xy().norm();
+            assert!(left < 0.01, "{name}, robot {number}: {left} m left");
         }
     }
 }
