@@ -208,7 +208,7 @@ RIGHT: dict[str, list[Any]] = {
     "q_dot": [[0.1, 0.1]],
     "dt": [0.01],
     "mapping": ["consistent", "as_printed"],
-    "Controller.name": ["lqr", "pid"],
+    "Controller.name": [*bb._core.CONTROLLERS],
     "name": ["kugle"],
     "max_torque": [None, 0.1],
     "max_wheel_torque": [1.0],

@@ -36,7 +36,10 @@ const LAYERS: [(&str, &[&str]); 10] = [
     ("sim", &["actuator"]),
     ("urdf", &["actuator"]),
     ("render", &["urdf"]),
-    ("control", &["models::LinearModel", "models::linear", "models::traction_torque"]),
+    (
+        "control",
+        &["models::LinearModel", "models::LoadMap", "models::WheelLoad", "models::linear", "models::traction_torque"],
+    ),
     ("robot", &["models", "sim"]),
     ("task", &[]),
     ("batch", &["actuator", "sensor", "sim", "control", "robot", "task"]),
