@@ -704,13 +704,13 @@ class Controller:
     """A feedback law by its name (see `CONTROLLERS`), for one robot when called, for all robots of a `Batch` in Rust.
 
     Args:
-        name: "lqr", "pid", or another key of `CONTROLLERS`.
+        name: "lqr", "pid", or "lqi", "cascade_pid", "hierarchical_sliding_mode", or a registered one.
         params: the robot: `Params`, or the name of a preset; None is the paper's.
         control_dt: time between two calls, s; None is the one that the law is made for, or 0.01.
         max_torque: no wheel torque exceeds it, N·m; None is the motors' limit with `traction`, else 0.9 of the torque at which
             a wheel of the upright robot slips.
         traction: whether torques are scaled down so that no wheel slips or lifts, yaw torque first; True is 0.9 of the friction
-            limit, a number from 0.01 to 1 another share, None the law's own choice (`CONTROLLERS`).
+            limit, a number from 0.01 to 1 another share, None is True, for "pid" False.
         options: weights or gains of the law.
 
     Raises:
@@ -1055,7 +1055,8 @@ class Batch:
     ) -> npt.NDArray[np.float32]:
         """Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
 
-        They are within ±1: where a torque exceeds that of an action, the three are scaled down together. It takes what the task observes: with `observation="sensors"` the states of `estimates()`, else the true ones.
+        They are within ±1: `max_wheel_torque`, the torque of an action, is a limit of the controller, too. Its default is less
+        than a robot that leans can use: `max_wheel_torque=params.max_wheel_torque` leaves the controller its own limits. It takes what the task observes: with `observation="sensors"` the states of `estimates()`, else the true ones.
 
         What the controller keeps of a robot advances with each call; it starts anew with the robot's episode, and when
         another controller is used.
@@ -1102,7 +1103,9 @@ class Batch:
                 reset.
         """
     def snapshot(self, index: int) -> bytes:
-        """Everything that the future of environment `index` depends on, its robot's parameters included, for `restore`."""
+        """Everything that the future of environment `index` depends on, its robot's parameters included, for `restore`; what a
+        controller keeps of the robot is not part of it, and starts anew.
+        """
     def restore(self, index: int, snapshot: bytes) -> None:
         """Continues, to the last bit, from a snapshot of an environment with the same task, model and options.
 

@@ -25,7 +25,13 @@ is left. A torque within all rows stays as it is, to the last bit.
 
 The load floor matters: $\lvert f_i\rvert \le \mu N_i$ alone allows a torque that unloads the third wheel, and the bot
 lifts off its ball. Where a wheel slips all the same (by more than 0.1 m/s, as after a push that lifts it), the maps do
-not hold, and the torques are scaled down together to what grips upright.
+not hold, and the torques are scaled down together to what grips upright. On estimates ([sensors](sensors.md)) the
+speeds of the wheels come in steps of $2\pi r_w/(nT)$ for $n$ ticks a turn and control steps of $T$: where these are
+above 0.1 m/s, as with 512 ticks at 500 Hz, a tick counts as slip, and the robot has the limits of the upright one.
+
+The rows are those of the wheels; the floor counts as having grip. On a `Batch` the torque of an action is a limit,
+too. By default it is 0.9 of what the upright robot's wheels carry, less than a robot that leans can use;
+`max_wheel_torque=params.max_wheel_torque` leaves a controller its own limits, as `compare`, `evaluate` and this page do.
 
 **Clipped errors.** LQR's deviations of the position ask for a speed, those of position and velocity for a lean:
 $\vartheta_r = -K_\vartheta^+ K_e e$, with the columns $K_\vartheta$ and $K_e$ of its gain. Both are cut as vectors, to

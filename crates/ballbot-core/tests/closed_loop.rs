@@ -5,13 +5,15 @@
 mod run;
 
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Outcome, Under};
-use ballbot_core::control::{Controller, LaneWidth, Lqr, Pid, PidGains, Setpoint, SetpointCells};
+use ballbot_core::control::{
+    Controller, LaneWidth, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Setpoint, SetpointCells,
+};
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::task::{ACTION_LEN, Balance};
 use ballbot_core::{LaneState, ModelKind, Params, State, StateCells, attitude};
 use nalgebra::{Vector2, Vector3};
-use run::{Run, action_of};
+use run::Run;
 
 const SEED: u64 = 40;
 
@@ -28,7 +30,9 @@ fn config(model: ModelKind, control_dt: f64) -> BalanceConfig {
 }
 
 fn lqr(config: &BalanceConfig) -> Lqr {
-    Lqr::new(&config.params, config.control_dt).unwrap()
+    // The limit that the batch would set.
+    let limits = LimitOptions { max_torque: Some(config.action_torque()), ..LimitOptions::TRACTION };
+    Lqr::with_weights(&config.params, config.control_dt, &LqrWeights::default(), &limits).unwrap()
 }
 
 fn pid(config: &BalanceConfig) -> Pid {
@@ -82,7 +86,7 @@ fn assert_equals_singles<C: Controller + Clone>(config: &BalanceConfig, controll
             let mut reset = environment.over();
             if !reset {
                 let torques = controller.wheel_torques(&environment.robot().state(), &setpoints[i]);
-                let action = action_of(torques, torque);
+                let action = torques.map(|t| (t / torque) as f32);
                 assert_eq!(bits(&action), bits(&actions[0][i * ACTION_LEN..][..ACTION_LEN]), "{label}");
                 outcome = environment.step(&action, observation);
                 reset = outcome.done() && mode == Autoreset::SameStep;
@@ -205,9 +209,10 @@ fn controllers_in_lanes_equal_the_scalar_law() {
         for eight in states.chunks_exact(EIGHT) {
             let mut all = StateCells::<Eight>::default();
             eight.iter().enumerate().for_each(|(i, state)| all.set_lane(i, &cells(state)));
-            let torques = controller.torques_eight(&all, &targets, &mut memory);
+            let torques = controller.torques_eight(&all, &targets, f64::INFINITY, &mut memory);
             for (i, memory) in single.iter_mut().enumerate() {
-                let expected = controller.torques_one(&cells(&eight[i]), &(&setpoints[i]).into(), memory);
+                let expected =
+                    controller.torques_one(&cells(&eight[i]), &(&setpoints[i]).into(), f64::INFINITY, memory);
                 let found = torques.map(|cell| cell.0[i]);
                 assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "controller {kind}, lane {i}");
                 largest = largest.max(Vector3::from(found).amax());

@@ -21,7 +21,7 @@ fn robots() -> impl Iterator<Item = Params> {
 
 fn apply(params: &Params, state: &State, torques: &Vector3<f64>) -> Limited<f64> {
     let limits = TorqueLimits::new(params, &LimitOptions::TRACTION).unwrap();
-    limits.apply((*torques).into(), &LaneState::from(state))
+    limits.apply((*torques).into(), &LaneState::from(state), f64::INFINITY)
 }
 
 /// Deterministic numbers in [-1, 1].
@@ -185,7 +185,11 @@ fn where_a_wheel_slips_the_torques_are_those_of_the_cap() {
     let gripping = apply(&params, &state, &wanted);
     state.wheel_speeds[1] += 0.11 / params.wheel_radius;
     let slipping = apply(&params, &state, &wanted);
-    let capped = TorqueLimits::new(&params, &LimitOptions::CAP).unwrap().apply(wanted.into(), &LaneState::from(&state));
+    let capped = TorqueLimits::new(&params, &LimitOptions::CAP).unwrap().apply(
+        wanted.into(),
+        &LaneState::from(&state),
+        f64::INFINITY,
+    );
     assert_eq!(slipping.torques, capped.torques);
     assert_ne!(slipping.torques, gripping.torques);
     state.wheel_speeds[1] -= 0.02 / params.wheel_radius;
@@ -198,7 +202,9 @@ fn torques_that_are_no_numbers_are_not_hidden() {
     for k in 0..3 {
         let mut wanted = Vector3::new(0.1, -0.2, 0.3);
         wanted[k] = f64::NAN;
-        assert!(apply(&params, &State::upright(&params), &wanted).torques.iter().any(|torque| torque.is_nan()));
+        for state in [State::upright(&params), State::tilted(&params, Vector2::new(0.3, 0.1), 0.0)] {
+            assert!(apply(&params, &state, &wanted).torques[k].is_nan());
+        }
     }
 }
 

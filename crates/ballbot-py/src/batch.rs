@@ -595,7 +595,8 @@ impl PyBatch {
 
     /// Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
     ///
-    /// They are within ±1: where a torque exceeds that of an action, the three are scaled down together. It takes what the task observes: with `observation="sensors"` the states of `estimates()`, else the true ones.
+    /// They are within ±1: `max_wheel_torque`, the torque of an action, is a limit of the controller, too. Its default is less
+    /// than a robot that leans can use: `max_wheel_torque=params.max_wheel_torque` leaves the controller its own limits. It takes what the task observes: with `observation="sensors"` the states of `estimates()`, else the true ones.
     ///
     /// What the controller keeps of a robot advances with each call; it starts anew with the robot's episode, and when
     /// another controller is used.
@@ -676,7 +677,8 @@ impl PyBatch {
         stepped.rollout(py, &under, steps, &record)
     }
 
-    /// Everything that the future of environment `index` depends on, its robot's parameters included, for `restore`.
+    /// Everything that the future of environment `index` depends on, its robot's parameters included, for `restore`; what a
+    /// controller keeps of the robot is not part of it, and starts anew.
     fn snapshot<'py>(
         &self,
         py: Python<'py>,

@@ -16,7 +16,7 @@ use nalgebra::DMatrix;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict};
+use pyo3::types::PyDict;
 
 type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 type Keywords<'a, 'py> = Option<&'a Bound<'py, PyDict>>;
@@ -88,7 +88,7 @@ fn borrowed(options: &[(String, Vec<f64>)]) -> Vec<(&str, &[f64])> {
 fn limits(own: LimitOptions, max_torque: Option<f64>, traction: Argument<'_, '_>) -> PyResult<LimitOptions> {
     let traction = match traction.filter(|value| !value.is_none()) {
         None => own.traction,
-        Some(value) if value.is_instance_of::<PyBool>() => value.extract::<bool>()?.then_some(DEFAULT_TRACTION),
+        Some(value) if value.extract::<bool>().is_ok() => value.extract::<bool>()?.then_some(DEFAULT_TRACTION),
         Some(value) => {
             Some(real(value).map_err(|_| PyTypeError::new_err("traction must be True, False, a number or None"))?)
         }
@@ -99,13 +99,13 @@ fn limits(own: LimitOptions, max_torque: Option<f64>, traction: Argument<'_, '_>
 /// A feedback law by its name (see `CONTROLLERS`), for one robot when called, for all robots of a `Batch` in Rust.
 ///
 /// Args:
-///     name: "lqr", "pid", or another key of `CONTROLLERS`.
+///     name: "lqr", "pid", or "lqi", "cascade_pid", "hierarchical_sliding_mode", or a registered one.
 ///     params: the robot: `Params`, or the name of a preset; None is the paper's.
 ///     control_dt: time between two calls, s; None is the one that the law is made for, or 0.01.
 ///     max_torque: no wheel torque exceeds it, N·m; None is the motors' limit with `traction`, else 0.9 of the torque at which
 ///         a wheel of the upright robot slips.
 ///     traction: whether torques are scaled down so that no wheel slips or lifts, yaw torque first; True is 0.9 of the friction
-///         limit, a number from 0.01 to 1 another share, None the law's own choice (`CONTROLLERS`).
+///         limit, a number from 0.01 to 1 another share, None is True, for "pid" False.
 ///     options: weights or gains of the law.
 ///
 /// Raises:

@@ -232,7 +232,7 @@ def _core_law(controller: ResolvedController, batch: Batch) -> Controller | None
     """The law of the core that a controller is; None if it is anything else."""
     if controller.policy is not None:
         return None
-    # The environment clips each torque at its own limit; a controller that has this limit keeps their direction.
+    # A controller keeps the direction of its torques within this limit.
     params = batch.nominal_params(0).replace(max_wheel_torque=batch.max_wheel_torque)
     law = controller.law(params, batch.control_dt)
     return law if isinstance(law, Controller) else None
@@ -249,8 +249,10 @@ def _bind(controller: ResolvedController, batch: Batch) -> _Act:
     seen = batch.estimate if _observes_estimates(batch) else batch.state
 
     def act(observations: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:  # noqa: ARG001
-        torques = [law(seen(i), setpoint) for i, law in enumerate(laws)]
-        return _limited(np.asarray(torques, dtype=np.float64) / batch.max_wheel_torque)
+        torques = np.asarray([law(seen(i), setpoint) for i, law in enumerate(laws)], dtype=np.float64)
+        # Scaled down together: clipped each by itself, they would turn.
+        largest = np.maximum(np.abs(torques).max(axis=-1, keepdims=True), batch.max_wheel_torque)
+        return _limited(torques / largest)
 
     return act
 

@@ -256,15 +256,19 @@ def _result(
     # What is at a limit has no derivative worth an interval, and takes none of the others'.
     free = ~at_limit(wanted, point.values)
     singular, covariance = covariance_of(flat, free)
-    errors = linear = np.sqrt(np.diag(covariance))
+    linear = np.sqrt(np.diag(covariance))
     places = [windows.rows_of(i) for i in np.flatnonzero(kept).tolist()]
     slopes = [derivatives[one].reshape(-1, len(wanted.names)) for one in places]
+    # Without an estimate of the noise there is no jackknife.
+    jackknife = np.zeros_like(linear)
     if estimate:
         residuals = [point.residuals[one].reshape(-1) for one in places]
-        errors = np.maximum(linear, jackknife_errors(slopes, residuals, free))
+        jackknife = jackknife_errors(slopes, residuals, free)
+    errors = np.maximum(linear, jackknife)
     measurements = int(problem.used[chosen].sum())
     freedom = measurements - 11 * int(kept.sum()) - len(wanted.names)
-    half = float(stdtrit(max(freedom, 1), 0.975)) * errors * wanted.scales
+    of_measurements, of_windows = (float(stdtrit(max(n, 1), 0.975)) for n in (freedom, len(places) - 1))
+    half = np.maximum(of_measurements * linear, of_windows * jackknife) * wanted.scales
     rows = [windows.rows[windows.rows_of(i)] for i in np.flatnonzero(~kept).tolist()]
     return IdentifiedParams(
         params=point.robot.params,

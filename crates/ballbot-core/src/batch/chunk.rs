@@ -349,12 +349,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             };
             R::Cell::set_setpoint(&mut targets, i, &setpoint);
         }
-        let torques = R::Cell::torques(controller, &states, &targets, &mut self.control.cells);
+        let torques = R::Cell::torques(controller, &states, &targets, self.action_torque, &mut self.control.cells);
         for (i, action) in actions.chunks_exact_mut(ACTION_LEN).enumerate() {
-            // Scaled down together where one exceeds the torque of an action: clipped each, they would turn.
-            let largest = torques.iter().fold(self.action_torque, |largest, torque| largest.max(torque.get(i).abs()));
             for (value, torque) in action.iter_mut().zip(&torques) {
-                *value = (torque.get(i) / largest) as f32;
+                *value = (torque.get(i) / self.action_torque) as f32;
             }
         }
     }

@@ -29,8 +29,8 @@ impl<'a> Under<'a> {
 }
 
 impl Batch {
-    /// Writes the actions of a controller on every robot, n × 3, in [-1, 1]: where a torque exceeds that of an action, the three
-    /// are scaled down together. It takes the states that the task observes: those of [`Batch::estimate`] with
+    /// Writes the actions of a controller on every robot, n × 3, in [-1, 1]: the torque of an action is a
+    /// limit of the controller. It takes the states that the task observes: those of [`Batch::estimate`] with
     /// [`super::Observation::Sensors`].
     ///
     /// # Errors

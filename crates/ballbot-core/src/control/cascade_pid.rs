@@ -185,7 +185,13 @@ impl Law for CascadePid {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, memory: &mut Memory<'_, L>) -> [L; 3] {
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        largest: f64,
+        memory: &mut Memory<'_, L>,
+    ) -> [L; 3] {
         let x = deviation(&self.frame, state, setpoint);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
         let [gx, gy] = &self.gains;
@@ -206,7 +212,7 @@ impl Law for CascadePid {
             accelerations[axis] = driven + held;
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let limited = self.limits.apply(self.planes.wheel_torques(accelerations, turning), state);
+        let limited = self.limits.apply(self.planes.wheel_torques(accelerations, turning), state, largest);
         // A torque that is limited cannot act on the integral: hold it.
         let held = limited.share.lt(less.splat(1.0));
         for (axis, error) in errors.into_iter().enumerate() {

@@ -233,7 +233,13 @@ impl Law for HierarchicalSlidingMode {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, _: &mut Memory<'_, L>) -> [L; 3] {
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        largest: f64,
+        _: &mut Memory<'_, L>,
+    ) -> [L; 3] {
         let mut x = deviation(&self.frame, state, setpoint);
         self.outer.clip(&mut x);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
@@ -254,6 +260,6 @@ impl Law for HierarchicalSlidingMode {
             accelerations[axis] = (s[axis] * decay).mul_add_all(-self.gains[axis].per_rate, accelerations[axis]);
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        self.limits.apply(self.planes.wheel_torques(accelerations, turning), state).torques
+        self.limits.apply(self.planes.wheel_torques(accelerations, turning), state, largest).torques
     }
 }

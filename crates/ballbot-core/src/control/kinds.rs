@@ -75,7 +75,7 @@ static CONTROLLERS: [ControllerKind; 5] = [
     },
     ControllerKind {
         name: "lqi",
-        summary: "The regulator with an integral of the position, so that constant disturbances leave no offset.",
+        summary: "The regulator with an integral of the position: constant disturbances up to a limit leave no offset.",
         control_dt: None,
         parts: <Lqi as Law>::PARTS,
         limits: LimitOptions::TRACTION,

@@ -99,10 +99,11 @@ const MAX_POLE_STEPS: usize = 10_000;
 pub(super) fn require_stable(closed_loop: DMatrix<f64>, control_dt: f64) -> Result<()> {
     let schur = Schur::try_new(closed_loop, f64::EPSILON, MAX_POLE_STEPS)
         .ok_or_else(|| Error::Inconsistent("the poles of the closed loop were not found".into()))?;
-    let pole = schur.complex_eigenvalues().iter().map(|pole| pole.norm()).fold(0.0, f64::max);
-    if pole < 1.0 {
+    let poles = schur.complex_eigenvalues().map(|pole| pole.norm());
+    if poles.iter().all(|pole| *pole < 1.0) {
         return Ok(());
     }
+    let pole = poles.max();
     Err(Error::Inconsistent(format!(
         "sampled every control_dt = {control_dt} s, the closed loop of the linear model has a pole of magnitude {pole}: \
          it must be below 1"

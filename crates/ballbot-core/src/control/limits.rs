@@ -60,7 +60,7 @@ pub struct Limited<L> {
 ///
 /// Without traction scaling the torques are scaled down together to the largest torque. With it the largest share of the
 /// wanted torques is used with which no wheel slips (|f_i| ≤ ρ μ N_i) or lifts (N_i ≥ 0.3 of the load in equilibrium) and no
-/// motor is asked for more than it has; loads and tractions are those of [`LoadMap`]. The yaw torque is given up first: it
+/// motor is asked for more than it has; loads and tractions are those of [`LoadMap`]. The floor counts as having grip. The yaw torque is given up first: it
 /// balances nothing. The maps hold while all wheels grip: where one slips by more than 0.1 m/s, as after a push that lifts it,
 /// the torques are scaled down together to [`default_max_torque`]. Derived in `docs/controllers.md`.
 #[derive(Clone, Debug)]
@@ -188,13 +188,14 @@ impl TorqueLimits {
         self.max_torque
     }
 
-    /// The torques that are applied in place of wanted ones. Wanted torques that are within the limits stay as they are, to
+    /// The torques that are applied in place of wanted ones, none of them above `largest` (N·m). Wanted torques that are within the limits stay as they are, to
     /// the last bit; NaN passes through.
     #[inline(always)]
-    pub fn apply<L: Lane>(&self, wanted: [L; 3], state: &LaneState<L>) -> Limited<L> {
-        let Some(traction) = &self.traction else { return cap(wanted, self.max_torque) };
+    pub fn apply<L: Lane>(&self, wanted: [L; 3], state: &LaneState<L>, largest_torque: f64) -> Limited<L> {
+        let max_torque = self.max_torque.min(largest_torque);
+        let Some(traction) = &self.traction else { return cap(wanted, max_torque) };
         let constants = traction.constants(state);
-        let bound = wanted[0].splat(self.max_torque);
+        let bound = wanted[0].splat(max_torque);
         let mut fits = largest(wanted).le(bound);
         for (row, c) in traction.rows.iter().zip(constants) {
             fits = fits & (dot(&row.per_torque, wanted) + c).le(c.zero());
@@ -205,15 +206,15 @@ impl TorqueLimits {
         if !L::any(limited) {
             return Limited { torques: wanted, share: one, yaw_share: one };
         }
-        let capped = cap(wanted, self.max_torque.min(traction.slipping_torque));
+        let capped = cap(wanted, max_torque.min(traction.slipping_torque));
         let (tilting, yaw) = traction.parts(wanted);
-        let share = one / self.excess(traction, &constants, [bound.zero(); 3], tilting);
+        let share = one / excess(traction, &constants, [bound.zero(); 3], tilting, max_torque);
         let base = [tilting[0] * share, tilting[1] * share, tilting[2] * share];
         let mut left = constants;
         for (row, c) in traction.rows.iter().zip(&mut left) {
             *c += dot(&row.per_torque, base);
         }
-        let yaw_share = one / self.excess(traction, &left, base, yaw);
+        let yaw_share = one / excess(traction, &left, base, yaw, max_torque);
         let mut torques = wanted;
         for i in 0..3 {
             let scaled = within(yaw[i].mul_add(yaw_share, base[i]), bound);
@@ -227,24 +228,24 @@ impl TorqueLimits {
             yaw_share: L::select(limited, L::select(slips, capped.yaw_share, yaw_share), one),
         }
     }
+}
 
-    /// By how much torques must be divided, at least 1, so that they may be added to others, at which the rows have the
-    /// constants `constants`.
-    #[inline(always)]
-    fn excess<L: Lane>(&self, traction: &Traction, constants: &[L; ROWS], others: [L; 3], torques: [L; 3]) -> L {
-        let least = others[0].splat(LEAST_MARGIN);
-        let mut excess = least.splat(1.0);
-        for (row, c) in traction.rows.iter().zip(constants) {
-            excess = (dot(&row.per_torque, torques) / (-*c).max(least)).max(excess);
-        }
-        for (torque, other) in torques.into_iter().zip(others) {
-            // Towards its bound.
-            let zero = torque.zero();
-            let signed = L::select(torque.lt(zero), -other, other);
-            excess = (torque.abs() / (least.splat(self.max_torque) - signed).max(least)).max(excess);
-        }
-        excess
+/// By how much torques must be divided, at least 1, so that they may be added to others, at which the rows have the
+/// constants `constants`, without any above `max_torque`.
+#[inline(always)]
+fn excess<L: Lane>(traction: &Traction, constants: &[L; ROWS], others: [L; 3], torques: [L; 3], max_torque: f64) -> L {
+    let least = others[0].splat(LEAST_MARGIN);
+    let mut excess = least.splat(1.0);
+    for (row, c) in traction.rows.iter().zip(constants) {
+        excess = (dot(&row.per_torque, torques) / (-*c).max(least)).max(excess);
     }
+    for (torque, other) in torques.into_iter().zip(others) {
+        // Towards its bound.
+        let zero = torque.zero();
+        let signed = L::select(torque.lt(zero), -other, other);
+        excess = (torque.abs() / (least.splat(max_torque) - signed).max(least)).max(excess);
+    }
+    excess
 }
 
 /// Scales torques down together to within ±`limit`, which keeps their direction; NaN passes through.

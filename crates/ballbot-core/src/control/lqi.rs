@@ -69,7 +69,8 @@ impl Fields for LqiWeights {
 
 /// τ = −K (x, z) with the integral z of the position's deviation, by the Riccati equation of the linear model with two
 /// more states, z⁺ = z + T (x, y) (derived in `docs/laws.md`). A constant force, a slope or a wrong center of mass
-/// therefore leave no offset.
+/// that ask for no more lean than the integral may leave no offset; a larger one leaves that of [`super::Lqr`], less what the
+/// integral takes over.
 ///
 /// z is kept in the inertial frame, so that a robot that turns does not wind it up, and turned into the heading frame.
 /// It is cut as a vector to what asks for the lean `max_integral_lean`. It is held while the torques are limited, while
@@ -169,14 +170,20 @@ impl Law for Lqi {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, memory: &mut Memory<'_, L>) -> [L; 3] {
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        largest: f64,
+        memory: &mut Memory<'_, L>,
+    ) -> [L; 3] {
         let mut x = deviation(&self.frame, state, setpoint);
         let left = self.outer.clip(&mut x);
         let heading = Heading::new(self.frame.attitude(state.body_quaternion));
         let integral = [memory.get(0), memory.get(1)];
         let z = heading.of(integral[0], integral[1]);
         let wanted = [self.torque(0, &x, &z), self.torque(1, &x, &z), self.torque(2, &x, &z)];
-        let limited = self.limits.apply(wanted, state);
+        let limited = self.limits.apply(wanted, state, largest);
         let one = left.splat(1.0);
         let near = turned(&self.position_lean, [x[0], x[1]]);
         let far = share_within(near, self.max_integral_lean).lt(one);

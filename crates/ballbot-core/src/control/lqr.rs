@@ -102,6 +102,9 @@ impl Lqr {
         params.validate()?;
         check_control_dt(control_dt)?;
         let limits = TorqueLimits::new(params, limits)?;
+        for (name, value) in ["max_lean", "max_speed"].into_iter().zip(largest) {
+            check(name, value, "from 1e-6 to 1e6", |value| (1e-6..=1e6).contains(&value))?;
+        }
         check_cost("Q", q, STATES)?;
         check_cost("R", r, INPUTS)?;
         let (a, b) = LinearModel::new(params).discretize(control_dt);
@@ -183,10 +186,16 @@ impl Law for Lqr {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, _: &mut Memory<'_, L>) -> [L; 3] {
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        largest: f64,
+        _: &mut Memory<'_, L>,
+    ) -> [L; 3] {
         let mut x = deviation(&self.frame, state, setpoint);
         self.outer.clip(&mut x);
         let wanted = [product(&self.gain[0], &x), product(&self.gain[1], &x), product(&self.gain[2], &x)];
-        self.limits.apply(wanted, state).torques
+        self.limits.apply(wanted, state, largest).torques
     }
 }

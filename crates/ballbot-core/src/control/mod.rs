@@ -48,8 +48,14 @@ pub trait Law: Send + Sync {
     /// What all laws share, to change it.
     fn sampling_mut(&mut self) -> &mut Sampling;
 
-    /// Motor torques for the next `control_dt`, N·m.
-    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, memory: &mut Memory<'_, L>) -> [L; 3];
+    /// Motor torques for the next `control_dt`, N·m; none above `largest` is applied.
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        largest: f64,
+        memory: &mut Memory<'_, L>,
+    ) -> [L; 3];
 }
 
 /// What all laws share: the sampling time, and what a law keeps of the one robot of [`Controller::wheel_torques`].
@@ -95,14 +101,21 @@ pub trait Controller: Send + Sync {
     /// Motor torques for the next `control_dt`, N·m.
     fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> [f64; 3];
 
-    /// The same for a robot of which the caller keeps the numbers.
-    fn torques_one(&self, state: &StateCells<f64>, setpoint: &SetpointCells<f64>, memory: &mut [f64]) -> [f64; 3];
+    /// The same for a robot of which the caller keeps the numbers, and applies no torque above `largest` (N·m).
+    fn torques_one(
+        &self,
+        state: &StateCells<f64>,
+        setpoint: &SetpointCells<f64>,
+        largest: f64,
+        memory: &mut [f64],
+    ) -> [f64; 3];
 
     /// The same for eight robots.
     fn torques_eight(
         &self,
         states: &StateCells<Eight>,
         setpoints: &SetpointCells<Eight>,
+        largest: f64,
         memory: &mut [Eight],
     ) -> [Eight; 3];
 }
@@ -132,17 +145,23 @@ impl<T: Law> Controller for T {
         let mut cells = StateCells::default();
         LaneState::from(state).store(&mut cells);
         let mut memory = std::mem::take(&mut self.sampling_mut().memory);
-        let torques = self.torques_one(&cells, &setpoint.into(), &mut memory);
+        let torques = self.torques_one(&cells, &setpoint.into(), f64::INFINITY, &mut memory);
         self.sampling_mut().memory = memory;
         torques
     }
 
-    fn torques_one(&self, state: &StateCells<f64>, setpoint: &SetpointCells<f64>, memory: &mut [f64]) -> [f64; 3] {
+    fn torques_one(
+        &self,
+        state: &StateCells<f64>,
+        setpoint: &SetpointCells<f64>,
+        largest: f64,
+        memory: &mut [f64],
+    ) -> [f64; 3] {
         run_one(
             #[inline(always)]
             || {
                 let mut memory = Memory::<f64>::new(Scalar, memory);
-                self.torques(&state.load(Scalar), &setpoint.load(Scalar), &mut memory)
+                self.torques(&state.load(Scalar), &setpoint.load(Scalar), largest, &mut memory)
             },
         )
     }
@@ -151,10 +170,11 @@ impl<T: Law> Controller for T {
         &self,
         states: &StateCells<Eight>,
         setpoints: &SetpointCells<Eight>,
+        largest: f64,
         memory: &mut [Eight],
     ) -> [Eight; 3] {
         let mut torques = [Eight::default(); 3];
-        run_eight(Torques { law: self, states, setpoints, memory, torques: &mut torques });
+        run_eight(Torques { law: self, states, setpoints, largest, memory, torques: &mut torques });
         torques
     }
 }
@@ -163,6 +183,7 @@ struct Torques<'a, T> {
     law: &'a T,
     states: &'a StateCells<Eight>,
     setpoints: &'a SetpointCells<Eight>,
+    largest: f64,
     memory: &'a mut [Eight],
     torques: &'a mut [Eight; 3],
 }
@@ -172,7 +193,9 @@ impl<T: Law> Kernel for Torques<'_, T> {
     fn run<S: Simd>(self, simd: S) {
         let mut memory = Memory::<Wide<S>>::new(simd, self.memory);
         let (state, setpoint) = (self.states.load(simd), self.setpoints.load(simd));
-        for (torque, cell) in self.law.torques(&state, &setpoint, &mut memory).into_iter().zip(self.torques) {
+        for (torque, cell) in
+            self.law.torques(&state, &setpoint, self.largest, &mut memory).into_iter().zip(self.torques)
+        {
             torque.store(cell);
         }
     }
@@ -181,7 +204,7 @@ impl<T: Law> Kernel for Torques<'_, T> {
         let mut one = vec![0.0; self.memory.len()];
         for i in 0..crate::lanes::EIGHT {
             one.iter_mut().zip(&*self.memory).for_each(|(one, all)| *one = all.0[i]);
-            let torques = self.law.torques_one(&self.states.lane(i), &self.setpoints.lane(i), &mut one);
+            let torques = self.law.torques_one(&self.states.lane(i), &self.setpoints.lane(i), self.largest, &mut one);
             self.torques.iter_mut().zip(torques).for_each(|(all, torque)| all.0[i] = torque);
             self.memory.iter_mut().zip(&one).for_each(|(all, one)| all.0[i] = *one);
         }
@@ -190,11 +213,12 @@ impl<T: Law> Kernel for Torques<'_, T> {
 
 /// Cells on which a controller can be run.
 pub trait LaneWidth: Sized {
-    /// Torques of the robots in these cells.
+    /// Torques of the robots in these cells, of which none above `largest` (N·m) is applied.
     fn torques(
         controller: &dyn Controller,
         states: &StateCells<Self>,
         setpoints: &SetpointCells<Self>,
+        largest: f64,
         memory: &mut [Self],
     ) -> [Self; 3];
 
@@ -207,9 +231,10 @@ impl LaneWidth for f64 {
         controller: &dyn Controller,
         states: &StateCells<f64>,
         setpoints: &SetpointCells<f64>,
+        largest: f64,
         memory: &mut [f64],
     ) -> [f64; 3] {
-        controller.torques_one(states, setpoints, memory)
+        controller.torques_one(states, setpoints, largest, memory)
     }
 
     fn set_setpoint(setpoints: &mut SetpointCells<f64>, _: usize, one: &Setpoint) {
@@ -222,9 +247,10 @@ impl LaneWidth for Eight {
         controller: &dyn Controller,
         states: &StateCells<Eight>,
         setpoints: &SetpointCells<Eight>,
+        largest: f64,
         memory: &mut [Eight],
     ) -> [Eight; 3] {
-        controller.torques_eight(states, setpoints, memory)
+        controller.torques_eight(states, setpoints, largest, memory)
     }
 
     fn set_setpoint(setpoints: &mut SetpointCells<Eight>, index: usize, one: &Setpoint) {

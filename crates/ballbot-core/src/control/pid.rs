@@ -109,7 +109,13 @@ impl Law for Pid {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, memory: &mut Memory<'_, L>) -> [L; 3] {
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        largest: f64,
+        memory: &mut Memory<'_, L>,
+    ) -> [L; 3] {
         let attitude = self.frame.attitude(state.body_quaternion);
         let heading = Heading::new(attitude);
         let [tilt_x, tilt_y] = attitude.tilt_components();
@@ -122,7 +128,7 @@ impl Law for Pid {
         let y = self.virtual_torque(1, errors[1], started, memory);
         let [m0, m1, m2] = self.map;
         let wanted = [x * m0[0] + y * m0[1], x * m1[0] + y * m1[1], x * m2[0] + y * m2[1]];
-        let limited = self.limits.apply(wanted, state);
+        let limited = self.limits.apply(wanted, state, largest);
         // A torque that is limited cannot act on the integral: hold it.
         let saturated = limited.share.lt(zero.splat(1.0));
         for axis in 0..2 {

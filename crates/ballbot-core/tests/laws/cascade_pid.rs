@@ -47,7 +47,7 @@ fn integrals(params: &Params, controller: &dyn ballbot_core::control::Controller
         state.ball_position += Vector3::new(x[0], x[1], 0.0);
         let mut kept = [0.0; 2];
         let setpoint = ballbot_core::control::Setpoint::default();
-        controller.torques_one(&super::cells(&state), &(&setpoint).into(), &mut kept);
+        controller.torques_one(&super::cells(&state), &(&setpoint).into(), f64::INFINITY, &mut kept);
         (0..2).for_each(|i| rows[(i, j)] = kept[i] / (SMALL * CONTROL_DT));
     }
     rows

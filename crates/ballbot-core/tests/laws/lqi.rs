@@ -109,7 +109,7 @@ fn the_integral_is_cut_and_held() {
         let mut kept = [0.0; 2];
         let target = Setpoint { position: Vector2::new(0.0, target), ..Setpoint::default() };
         (0..calls).for_each(|_| {
-            lqi.torques_one(&super::cells(&state), &(&target).into(), &mut kept);
+            lqi.torques_one(&super::cells(&state), &(&target).into(), f64::INFINITY, &mut kept);
         });
         kept[1]
     };

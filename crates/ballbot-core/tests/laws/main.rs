@@ -62,7 +62,7 @@ fn gain_of(controller: &dyn Controller, params: &Params) -> DMatrix<f64> {
         let mut state = State::rolling(params, Vector2::new(x[5], x[6]), 0.0, body, rate);
         state.ball_position += Vector3::new(x[0], x[1], 0.0);
         let mut kept = x.as_slice()[10..].to_vec();
-        controller.torques_one(&cells(&state), &setpoint, &mut kept)
+        controller.torques_one(&cells(&state), &setpoint, f64::INFINITY, &mut kept)
     };
     let mut gain = DMatrix::zeros(3, 10 + memory);
     for j in 0..10 + memory {
@@ -349,9 +349,9 @@ fn lanes_equal_the_scalar_law() {
         for eight in scattered_states(&params).chunks_exact(EIGHT) {
             let mut all = StateCells::<Eight>::default();
             eight.iter().enumerate().for_each(|(i, state)| all.set_lane(i, &cells(state)));
-            let torques = controller.torques_eight(&all, &targets, &mut memory);
+            let torques = controller.torques_eight(&all, &targets, f64::INFINITY, &mut memory);
             for (i, kept) in single.iter_mut().enumerate() {
-                let expected = controller.torques_one(&cells(&eight[i]), &(&setpoint(i)).into(), kept);
+                let expected = controller.torques_one(&cells(&eight[i]), &(&setpoint(i)).into(), f64::INFINITY, kept);
                 let found = torques.map(|cell| cell.0[i]);
                 assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "{name}, lane {i}");
                 assert!(found.iter().any(|torque| *torque != 0.0));

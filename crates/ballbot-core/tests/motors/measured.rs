@@ -1,9 +1,9 @@
 //! Controllers on what robots can measure: the states that the task observes, and the true ones for a teacher.
 
 use super::models;
-use super::run::{Run, action_of};
+use super::run::Run;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Under, When};
-use ballbot_core::control::{Controller, Lqr};
+use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights};
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{ACTION_LEN, Balance};
 use ballbot_core::{ModelKind, Params, State};
@@ -40,14 +40,16 @@ fn config(model: ModelKind) -> BalanceConfig {
 }
 
 fn lqr(config: &BalanceConfig) -> Lqr {
-    Lqr::new(&config.params, config.control_dt).unwrap()
+    // The limit that the batch would set.
+    let limits = LimitOptions { max_torque: Some(config.action_torque()), ..LimitOptions::TRACTION };
+    Lqr::with_weights(&config.params, config.control_dt, &LqrWeights::default(), &limits).unwrap()
 }
 
 /// Actions of a law that keeps nothing, on states.
 fn on(states: &[State], law: &Lqr, batch: &Batch) -> Vec<u32> {
     let mut law = law.clone();
-    let action = |state| action_of(law.wheel_torques(state, &Default::default()), batch.max_wheel_torque());
-    states.iter().flat_map(action).map(f32::to_bits).collect()
+    let torques = states.iter().flat_map(|state| law.wheel_torques(state, &Default::default()));
+    torques.map(|torque| ((torque / batch.max_wheel_torque()) as f32).to_bits()).collect()
 }
 
 fn estimates(batch: &Batch) -> Vec<State> {

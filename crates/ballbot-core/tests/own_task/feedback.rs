@@ -78,7 +78,13 @@ impl Law for Feedback {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>, memory: &mut Memory<'_, L>) -> [L; 3] {
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        largest: f64,
+        memory: &mut Memory<'_, L>,
+    ) -> [L; 3] {
         let heading = Heading::new(state.body_quaternion);
         let [tilt_x, tilt_y] = state.body_quaternion.tilt_components();
         let [tilt_x, tilt_y] = heading.of(tilt_x, tilt_y);
@@ -95,6 +101,6 @@ impl Law for Feedback {
         let x = lean_x * self.gains.tilt - rate.x * self.gains.rate;
         let y = lean_y * self.gains.tilt - rate.y * self.gains.rate;
         let wheel = |i: usize| x * self.map[i][0] + y * self.map[i][1];
-        self.limits.apply([wheel(0), wheel(1), wheel(2)], state).torques
+        self.limits.apply([wheel(0), wheel(1), wheel(2)], state, largest).torques
     }
 }

@@ -97,12 +97,6 @@ impl Run {
     }
 }
 
-/// The action of a controller's torques, of which the batch takes up to `largest`.
-pub fn action_of(torques: [f64; ACTION_LEN], largest: f64) -> [f32; ACTION_LEN] {
-    let largest = torques.iter().fold(largest, |largest, torque| largest.max(torque.abs()));
-    torques.map(|torque| (torque / largest) as f32)
-}
-
 /// Actions of step `k` for the environments from `first` on, up to `size`.
 pub fn actions(first: usize, n: usize, k: usize, size: f32) -> Vec<f32> {
     (first * ACTION_LEN..(first + n) * ACTION_LEN).map(|i| size * ((i * 7 + k * 3) as f32).sin()).collect()
