@@ -31,7 +31,8 @@ above 0.1 m/s, as with 512 ticks at 500 Hz, a tick counts as slip, and the robot
 
 The rows are those of the wheels; the floor counts as having grip. On a `Batch` the torque of an action is a limit,
 too. By default it is 0.9 of what the upright robot's wheels carry, less than a robot that leans can use;
-`max_wheel_torque=params.max_wheel_torque` leaves a controller its own limits, as `compare`, `evaluate` and this page do.
+`max_wheel_torque=params.max_wheel_torque` leaves a controller its own limits, as `compare`, `evaluate` and this page
+do.
 
 **Clipped errors.** LQR's deviations of the position ask for a speed, those of position and velocity for a lean:
 $\vartheta_r = -K_\vartheta^+ K_e e$, with the columns $K_\vartheta$ and $K_e$ of its gain. Both are cut as vectors, to
