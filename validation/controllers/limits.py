@@ -10,8 +10,8 @@ N = N^0 + N_\vartheta\vartheta + N_\tau\tau + N_\Omega\lvert\Omega\rvert^2, \qqu
  f = f^0 + f_\vartheta\vartheta + f_\tau\tau + f_\Omega\lvert\Omega\rvert^2 .
 ```
 
-The constants are derivatives of the contact forces of the [spatial model](derivations.md#spatial-model), computed
-once a robot ([`LoadMap`](../crates/ballbot-core/src/models/load_map.rs)). No wheel slips or lifts, and no motor gives
+The constants are derivatives of the [contact forces](derivations.md#contact-loads-and-tractions) of the spatial model,
+computed once a robot ([`LoadMap`](../crates/ballbot-core/src/models/load_map.rs)). No wheel slips or lifts, and no motor gives
 more than it has, if for all wheels
 
 ```math
