@@ -11,8 +11,8 @@ N = N^0 + N_\vartheta\vartheta + N_\tau\tau + N_\Omega\lvert\Omega\rvert^2, \qqu
 ```
 
 The constants are derivatives of the [contact forces](derivations.md#contact-loads-and-tractions) of the spatial model,
-computed once a robot ([`LoadMap`](../crates/ballbot-core/src/models/load_map.rs)). No wheel slips or lifts, and no motor gives
-more than it has, if for all wheels
+computed once a robot ([`LoadMap`](../crates/ballbot-core/src/models/load_map.rs)). No wheel slips or
+lifts, and no motor gives more than it has, if for all wheels
 
 ```math
 \pm f_i - \rho\mu N_i \le 0, \qquad \tfrac{3}{10} N_i^0 - N_i \le 0, \qquad \lvert\tau_i\rvert \le \tau_{\max},
