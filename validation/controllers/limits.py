@@ -48,16 +48,10 @@ the wheels that pull.
 
 from functools import cache
 
-import numpy as np
-import numpy.typing as npt
-
 import ballbot_rs as bb
 from validation.claim import Claim
-from validation.controllers.trials import basin, pushes
-from validation.page import table
+from validation.controllers.trials import Stood, measure, side_by_side
 from validation.topic import Findings
-
-Array = npt.NDArray[np.float64]
 
 #: What turns the clips off.
 _ANY = 1e3
@@ -74,25 +68,14 @@ BASIN, AT_ONCE, SLOW = 26.75, 2.05, 2.75
 
 
 @cache
-def measured(name: str) -> tuple[Array, Array, Array]:
-    """Basin, deg, and pushes at once and in 0.1 s, N·s, in each direction."""
-    lqr = VARIANTS[name]
-    return basin(lqr), pushes(lqr, 0.0), pushes(lqr, 0.1)
+def measured(name: str) -> Stood:
+    """What LQR of a variant stands."""
+    return measure(VARIANTS[name])
 
 
 def run() -> Findings:
     """LQR with and without the stage and the clips."""
-    rows = [[name, *(f"{value:.2f}" for of in measured(name) for value in (of.min(), of.mean()))] for name in VARIANTS]
-    head = [
-        "LQR",
-        "tilt, worst (deg)",
-        "mean",
-        "push at once, worst (N·s)",
-        "mean",
-        "push in 0.1 s, worst (N·s)",
-        "mean",
-    ]
-    return Findings(claims(), None, table(head, rows))
+    return Findings(claims(), None, side_by_side("LQR", {name: measured(name) for name in VARIANTS}))
 
 
 def claims() -> list[Claim]:

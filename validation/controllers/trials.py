@@ -1,6 +1,7 @@
 """How far a controller can be tilted, and how hard it can be pushed."""
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -8,6 +9,7 @@ import numpy.typing as npt
 import ballbot_rs as bb
 from ballbot_rs._state_rows import tilt_of
 from ballbot_rs.analysis import recovery_map
+from validation.page import table
 
 #: Tilts of the maps, deg, and the largest.
 RING: Final = 0.5
@@ -22,6 +24,32 @@ SECONDS: Final = 6.0
 UPRIGHT: Final = np.radians(2.0)
 
 Array = npt.NDArray[np.float64]
+
+
+class Stood(NamedTuple):
+    """What a controller stands, in each direction."""
+
+    #: deg.
+    tilt: Array
+    #: N·s.
+    at_once: Array
+    slow: Array
+
+
+def measure(controller: bb.Controller) -> Stood:
+    """The basin, and pushes at once and in 0.1 s."""
+    return Stood(basin(controller), pushes(controller, 0.0), pushes(controller, 0.1))
+
+
+def side_by_side(what: str, stood: Mapping[str, Stood]) -> str:
+    """A table of the worst and the mean over all directions."""
+    head = [what]
+    for column in ("tilt, worst (deg)", "push at once, worst (N·s)", "push in 0.1 s, worst (N·s)"):
+        head += [column, "mean"]
+    rows = [
+        [name, *(f"{value:.2f}" for of in found for value in (of.min(), of.mean()))] for name, found in stood.items()
+    ]
+    return table(head, rows)
 
 
 def basin(controller: bb.Controller) -> Array:

@@ -258,10 +258,10 @@ def _result(
     singular, covariance = covariance_of(flat, free)
     linear = np.sqrt(np.diag(covariance))
     places = [windows.rows_of(i) for i in np.flatnonzero(kept).tolist()]
-    slopes = [derivatives[one].reshape(-1, len(wanted.names)) for one in places]
     # Without an estimate of the noise there is no jackknife.
     jackknife = np.zeros_like(linear)
     if estimate:
+        slopes = [derivatives[one].reshape(-1, len(wanted.names)) for one in places]
         residuals = [point.residuals[one].reshape(-1) for one in places]
         jackknife = jackknife_errors(slopes, residuals, free)
     errors = np.maximum(linear, jackknife)

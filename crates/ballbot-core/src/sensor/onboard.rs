@@ -263,8 +263,10 @@ impl Sensor for Onboard {
         memory[KEY..KEY + 2].copy_from_slice(&key);
         memory[GRAVITY..GYRO_BIAS].copy_from_slice(&start.gravity);
         let state = start.state;
-        let options = start.options.filter(|_| self.individual).unwrap_or(&self.options);
-        let constants = constants_of(options, self.dt).expect("the options were checked");
+        let (options, constants) = match start.options.filter(|_| self.individual) {
+            Some(own) => (own, constants_of(own, self.dt).expect("the options were checked")),
+            None => (&self.options, self.constants),
+        };
         let period = steps_of(options.encoder_rate, self.dt) * self.dt;
         if self.individual {
             memory[self.own()..self.own() + CONSTANTS].copy_from_slice(&constants);

@@ -14,9 +14,9 @@ mod sensors;
 mod snapshots;
 mod timing;
 
-use ballbot_core::ModelKind;
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Operation, When};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Operation, ResetRequest, When};
 use ballbot_core::task::Balance;
+use ballbot_core::{ModelKind, State};
 use run::Run;
 use std::f64::consts::PI;
 
@@ -36,6 +36,25 @@ fn config(model: ModelKind, steps: usize, events: &[Event]) -> BalanceConfig {
 
 fn started(config: &BalanceConfig, n: usize, mode: Autoreset, seed: u64) -> Run {
     Run::new(Batch::new(config, n, mode, Some(1), seed).unwrap())
+}
+
+/// A start of each of `n` robots.
+fn starts(config: &BalanceConfig, n: usize) -> Vec<Option<State>> {
+    let start = |i: usize| State::tilted(&config.params, [0.02 * (i as f64).sin(), 0.01].into(), 0.3);
+    (0..n).map(|i| Some(start(i))).collect()
+}
+
+fn reset_to(run: &mut Run, starts: &[Option<State>]) {
+    let request = ResetRequest { starts: Some(starts), ..ResetRequest::default() };
+    run.batch.reset_with(&request, &mut run.observations).unwrap();
+}
+
+/// Robot `i` by itself in an episode, counted from 0, whose random numbers of the stages are those of a batch.
+fn alone(config: &BalanceConfig, i: usize, episode: usize, start: &Option<State>) -> Run {
+    let mut alone = started(config, 1, Autoreset::Disabled, SEED + i as u64);
+    (0..episode).for_each(|_| alone.reset(&[true]));
+    reset_to(&mut alone, std::slice::from_ref(start));
+    alone
 }
 
 fn scaled(term: &str, range: [f64; 2]) -> Event {

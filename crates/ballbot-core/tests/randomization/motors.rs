@@ -1,12 +1,12 @@
 //! Events on the options of the actuators.
 
-use super::run::{Run, actions};
-use super::{SEED, at, config, draw, draws, every, scaled, started};
+use super::run::actions;
+use super::{SEED, alone, at, config, draw, draws, every, reset_to, scaled, started, starts};
+use ballbot_core::ModelKind;
 use ballbot_core::actuator::{Ideal, MotorOptions};
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Operation, ResetRequest};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Operation};
 use ballbot_core::fields::Fields;
 use ballbot_core::sensor::Exact;
-use ballbot_core::{ModelKind, State};
 
 const N: usize = 11;
 
@@ -46,27 +46,20 @@ fn each_option() -> Vec<Event> {
 fn assert_equal_to_robots_made(config: &BalanceConfig) {
     let model = config.model;
     let mut drawn = started(config, N, Autoreset::Disabled, SEED);
-    let start = |i: usize| State::tilted(&config.params, [0.02 * (i as f64).sin(), 0.01].into(), 0.3);
+    let starts = starts(config, N);
     for episode in 0..3 {
-        let starts: Vec<_> = (0..N).map(|i| Some(start(i))).collect();
-        let request = ResetRequest { starts: Some(&starts), ..ResetRequest::default() };
-        drawn.batch.reset_with(&request, &mut drawn.observations).unwrap();
-        let mut alone: Vec<Run> = (0..N)
+        reset_to(&mut drawn, &starts);
+        let mut made: Vec<_> = (0..N)
             .map(|i| {
                 let actuators = drawn.batch.actuators(i).unwrap().clone();
                 assert_ne!(actuators, config.actuators, "robot {i}");
                 let made = BalanceConfig { actuators, events: Vec::new(), ..config.clone() };
-                let mut alone = started(&made, 1, Autoreset::Disabled, SEED + i as u64);
-                // Random numbers of the motors are those of the same episode.
-                (0..episode).for_each(|_| alone.reset(&[true]));
-                let request = ResetRequest { starts: Some(&starts[i..=i]), ..ResetRequest::default() };
-                alone.batch.reset_with(&request, &mut alone.observations).unwrap();
-                alone
+                alone(&made, i, episode, &starts[i])
             })
             .collect();
         for k in 0..25 {
             drawn.step(&actions(0, N, k, 0.4)).unwrap();
-            for (i, alone) in alone.iter_mut().enumerate() {
+            for (i, alone) in made.iter_mut().enumerate() {
                 alone.step(&actions(i, 1, k, 0.4)).unwrap();
                 assert!(drawn.bits(i) == alone.bits(0), "{model}: robot {i}, episode {episode}, step {k}");
             }
