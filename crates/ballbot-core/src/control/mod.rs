@@ -4,7 +4,6 @@
 
 mod balance_frame;
 mod cascade_pid;
-mod deviation;
 mod hierarchical_sliding_mode;
 mod kinds;
 mod lean_planes;
@@ -14,6 +13,7 @@ mod lqr;
 mod outer;
 mod pid;
 pub mod riccati;
+mod tracking;
 
 pub use cascade_pid::{CascadePid, CascadePidOptions};
 pub use hierarchical_sliding_mode::{HierarchicalSlidingMode, SlidingModeOptions, SlidingSurface};
@@ -23,7 +23,7 @@ pub use lqi::{IntegralWeights, Lqi, LqiWeights};
 pub use lqr::{Lqr, LqrWeights};
 pub use pid::{Pid, PidGains};
 
-pub use crate::setpoint::{LaneSetpoint, SETPOINT_PARTS, Setpoint, SetpointCells};
+pub use crate::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint, SetpointCells};
 
 use crate::error::{Result, check};
 use crate::lane_state::{LaneState, StateCells};
