@@ -8,7 +8,7 @@ use std::slice;
 /// Where ball and body should be, and how they should move.
 ///
 /// A robot that accelerates leans. Where the derivatives of the flat output of a motion
-/// are given ([`crate::reference`]), lean and torques of the motion are fed forward; where they are zero, only the
+/// are given ([`crate::control::Reference`]), lean and torques of the motion are fed forward; where they are zero, only the
 /// deviations from position, velocity and heading drive the robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {

@@ -12,6 +12,7 @@ mod lqi;
 mod lqr;
 mod outer;
 mod pid;
+pub mod reference;
 pub mod riccati;
 mod tracking;
 
@@ -22,6 +23,7 @@ pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
 pub use lqi::{IntegralWeights, Lqi, LqiWeights};
 pub use lqr::{Lqr, LqrWeights};
 pub use pid::{Pid, PidGains};
+pub use reference::{Motion, Reference, Turning};
 
 pub use crate::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint, SetpointCells};
 
