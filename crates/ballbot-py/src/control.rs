@@ -113,7 +113,7 @@ impl PyController {
         Self { name: name.to_owned(), class, law: Exclusive::new("controller", Box::new(law)) }
     }
 
-    fn check_part(&self, law: &dyn Controller, name: &str) -> PyResult<()> {
+    pub(crate) fn check_part(&self, law: &dyn Controller, name: &str) -> PyResult<()> {
         if law.parts().contains(&name) {
             return Ok(());
         }

@@ -66,8 +66,7 @@ impl Reference {
         let flat = flat_output(&motion, &planes)?;
         let reference = Self { motion, turning, flat, planes, traction: Traction::new(params) };
         if let Some(share) = friction {
-            check("friction", share, "from 0.01 to 1", |share| (0.01..=1.0).contains(&share))?;
-            reference.check(share)?;
+            reference.check(check_share(share)?)?;
         }
         Ok(reference)
     }
@@ -112,9 +111,16 @@ impl Reference {
         (0..=SAMPLES).map(at).fold(0.0, f64::max)
     }
 
-    /// The least factor by which the motion must be slowed down so that its demand is `share`; `None` if none below
+    /// The least factor by which the motion must be slowed down so that its demand is `friction`; `None` if none below
     /// 1000 does.
-    pub fn slowdown(&self, share: f64) -> Option<f64> {
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a share that is not from 0.01 to 1.
+    pub fn slowdown(&self, friction: f64) -> Result<Option<f64>> {
+        check_share(friction).map(|share| self.least_slowdown(share))
+    }
+
+    fn least_slowdown(&self, share: f64) -> Option<f64> {
         let fits = |factor: f64| {
             let motion = self.motion.slowed(factor);
             let turning = Turning { rate: self.turning.rate / factor, ..self.turning };
@@ -143,7 +149,7 @@ impl Reference {
         if demand <= share {
             return Ok(());
         }
-        let would_do = match (self.slowdown(share), self.duration()) {
+        let would_do = match (self.least_slowdown(share), self.duration()) {
             (None, _) => "no slower one does".to_owned(),
             (Some(factor), Some(seconds)) => format!("in {:.4} s it would do", seconds * factor),
             (Some(factor), None) => match self.motion {
@@ -158,6 +164,10 @@ impl Reference {
             "the motion takes {demand:.3} of the traction and torque of the robot, allowed is {share}: {would_do}"
         )))
     }
+}
+
+fn check_share(friction: f64) -> Result<f64> {
+    check("friction", friction, "from 0.01 to 1", |share| (0.01..=1.0).contains(&share))
 }
 
 /// ℓ/g, s².
