@@ -9,6 +9,7 @@ from typing import Any
 
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
+from ballbot_rs.scenarios.metrics import METRICS
 
 #: Numbers of an axis: one, or the first, the last and the step.
 Axis = float | tuple[float, float, float]
@@ -84,6 +85,9 @@ class Scenario:
         for name, least in (("seconds", 0.02), ("directions", 1), ("seeds", 1)):
             if not getattr(self, name) >= least:
                 raise ValueError(f"scenario {self.id}: {name} = {getattr(self, name)}, it must be at least {least}")
+        if self.score not in (*METRICS, "map", "success") or self.is_map != (self.score == "map"):
+            expected = "map, as for every map" if self.is_map else f"success, {', '.join(METRICS)}"
+            raise ValueError(f"scenario {self.id}: score = '{self.score}', expected {expected}")
         if isinstance(self.tilt, tuple) and isinstance(self.push, tuple):
             raise ValueError(f"scenario {self.id}: either tilt or push can be a map")
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -45,7 +46,7 @@ class Trial:
 def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 0) -> Trial:
     """The episodes on the robot of `params`, with numbers scaled from the paper's robot."""
     scale = Scale.of(params)
-    time = math.sqrt(_PAPER.acceleration_per_lean / scale.acceleration_per_lean)
+    time = _slowness(scenario, params, scale)
     lean = scale.holdable_lean / _PAPER.holdable_lean
     nominal = params if scenario.friction is None else _with_friction(params, scenario.friction)
     steps = max(round(scenario.seconds * time / control_dt), 1)
@@ -81,7 +82,7 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
             first, last = (int(min(t * time / control_dt, steps)) for t in (scenario.force_from, scenario.force_until))
             impulses[first:last, i, :2] += force * control_dt * direction
         if scenario.reference:
-            references.append(_reference(scenario, nominal, time, rng, references))
+            references.append(_reference(scenario, nominal, time, lean, rng, references))
     return Trial(
         scenario=scenario,
         nominal=nominal,
@@ -94,6 +95,26 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
         steps=steps,
         measure_from=scenario.measure_from * time,
     )
+
+
+#: Motions that are as hard for another robot when they take the same share of its traction.
+_BY_DEMAND: Final = ("line", "path", "stops", "square", "velocities", "circle", "lemniscate")
+
+#: How much faster than on the paper's robot a motion is at most.
+_FASTEST: Final = 0.2
+
+
+def _slowness(scenario: Scenario, params: Params, scale: Scale) -> float:
+    """Time on the robot of `params` by that on the paper's robot."""
+    if scale == _PAPER:
+        return 1.0
+    if scenario.reference.get("kind") not in _BY_DEMAND:
+        return _PAPER.toppling_rate / scale.toppling_rate
+    demand = _made(scenario.reference, Params.paper(), 1.0).demand
+    factor = _made(scenario.reference, params, _FASTEST).slowdown(min(max(demand, 0.01), 1.0))
+    if factor is None:
+        raise ValueError(f"scenario {scenario.id}: this robot cannot follow the motion at any speed")
+    return _FASTEST * factor
 
 
 def _values(axis: Axis) -> Array:
@@ -164,32 +185,44 @@ def _push(
 
 
 def _reference(
-    scenario: Scenario, params: Params, time: float, rng: np.random.Generator, made: list[Reference]
+    scenario: Scenario, params: Params, time: float, lean: float, rng: np.random.Generator, made: list[Reference]
 ) -> Reference:
     """The motion of one episode; motions without random numbers are made once."""
     table = dict(scenario.reference)
-    kind = table.pop("kind")
-    if kind != "random_velocities":
+    if table["kind"] == "attitude":
+        table["lean"] *= lean
+    if table["kind"] != "random_velocities":
         if made:
             return made[0]
-        times = ("seconds", "period", "change", "start")
-        scaled: dict[str, Any] = {name: value * time if name in times else value for name, value in table.items()}
-        if "times" in scaled:
-            scaled["times"] = [value * time for value in scaled["times"]]
-        if "frequency" in scaled:
-            scaled["frequency"] /= time
-        if kind in ("circle", "lemniscate", "attitude"):
-            scaled.setdefault("start", 4.0 * time)
-        make: Any = getattr(Reference, kind)
-        found: Reference = make(**scaled, params=params, friction=None)
-        return found
+        return _made(table, params, time)
     count = max(int(scenario.seconds / table["every"]), 1)
+    # The same leans for the same share of the time in which the robot topples.
+    faster = lean * time * Scale.of(params).acceleration_per_lean / _PAPER.acceleration_per_lean
     velocities = rng.uniform(-table["largest"], table["largest"], (count, 2)) * (rng.random((count, 2)) < 0.5)
     return Reference.velocities(
-        velocities,
+        faster * velocities,
         np.arange(count) * table["every"] * time,
         table["change"] * time,
         yaw_rate=float(rng.uniform(-table["largest"], table["largest"])),
         params=params,
         friction=None,
     )
+
+
+def _made(table: Mapping[str, Any], params: Params, time: float) -> Reference:
+    """A motion without random numbers, its times multiplied by `time`."""
+    arguments = dict(table)
+    kind = arguments.pop("kind")
+    for name in ("seconds", "period", "change", "start"):
+        if name in arguments:
+            arguments[name] *= time
+    for name in ("velocities", "yaw_rate", "frequency"):
+        if name in arguments:
+            arguments[name] = (np.asarray(arguments[name]) / time).tolist()
+    if "times" in arguments:
+        arguments["times"] = (np.asarray(arguments["times"]) * time).tolist()
+    if kind in ("circle", "lemniscate", "attitude"):
+        arguments.setdefault("start", 4.0 * time)
+    make: Any = getattr(Reference, kind)
+    found: Reference = make(**arguments, params=params, friction=None)
+    return found
