@@ -160,6 +160,9 @@ impl Reference {
                 _ => format!("turned {factor:.4} times slower it would do"),
             },
         };
+        if demand.is_infinite() {
+            return Err(Error::Inconsistent(format!("the motion lifts a wheel off the ball: {would_do}")));
+        }
         Err(Error::Inconsistent(format!(
             "the motion takes {demand:.3} of the traction and torque of the robot, allowed is {share}: {would_do}"
         )))
