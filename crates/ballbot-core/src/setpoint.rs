@@ -166,3 +166,18 @@ impl From<&Setpoint> for SetpointCells<f64> {
         }
     }
 }
+
+impl From<&SetpointCells<f64>> for Setpoint {
+    fn from(cells: &SetpointCells<f64>) -> Self {
+        Self {
+            position: cells.position.into(),
+            velocity: cells.velocity.into(),
+            acceleration: cells.acceleration.into(),
+            jerk: cells.jerk.into(),
+            snap: cells.snap.into(),
+            yaw: cells.yaw,
+            yaw_rate: cells.yaw_rate,
+            tilt: cells.tilt.into(),
+        }
+    }
+}

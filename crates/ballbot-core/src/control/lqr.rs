@@ -129,6 +129,12 @@ impl Lqr {
         &self.regulator
     }
 
+    /// [`Lqr::deviation`] over lanes.
+    #[inline(always)]
+    pub(crate) fn lane_deviation<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> [L; STATES] {
+        self.tracking.deviation(state, setpoint).x
+    }
+
     /// Deviation from the setpoint in the linear model's coordinates.
     pub fn deviation(&self, state: &State, setpoint: &Setpoint) -> SVector<f64, STATES> {
         let mut cells = StateCells::default();
