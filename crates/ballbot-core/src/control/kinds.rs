@@ -1,8 +1,9 @@
 //! Controllers by name: those of this crate, and those that other crates register.
 
 use super::{
-    CascadePid, CascadePidOptions, Controller, HierarchicalSlidingMode, Law, LimitOptions, Lqi, LqiWeights, Lqr,
-    LqrWeights, Pid, PidGains, SlidingModeOptions,
+    AttitudeSlidingOptions, CascadePid, CascadePidOptions, Controller, HierarchicalSlidingMode, InverseDynamicsOptions,
+    Law, LimitOptions, Lqi, LqiWeights, Lqr, LqrWeights, PdInverseDynamics, Pid, PidGains, SlidingMode,
+    SlidingModeOptions,
 };
 use crate::error::{Error, Result};
 use crate::fields::{Fields, OptionDescription, describe_options};
@@ -49,7 +50,7 @@ pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
 }
 
 /// The controllers of this crate.
-static CONTROLLERS: [ControllerKind; 5] = [
+static CONTROLLERS: [ControllerKind; 7] = [
     ControllerKind {
         name: "lqr",
         summary: "Linear-quadratic regulator of position, tilt and heading.",
@@ -104,6 +105,28 @@ static CONTROLLERS: [ControllerKind; 5] = [
         options: describe_options::<SlidingModeOptions>,
         make: |params, control_dt, limits, options| {
             Ok(Box::new(HierarchicalSlidingMode::with_options(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "pd_inverse_dynamics",
+        summary: "PD of the attitude with the robot's dynamics cancelled, below a PD of the position.",
+        control_dt: None,
+        parts: <PdInverseDynamics as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<InverseDynamicsOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(PdInverseDynamics::with_options(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "sliding_mode",
+        summary: "Sliding mode of the attitude with the robot's dynamics cancelled, below a PD of the position.",
+        control_dt: None,
+        parts: <SlidingMode as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<AttitudeSlidingOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(SlidingMode::with_options(params, control_dt, &fields_with(options)?, limits)?))
         },
     },
 ];

@@ -2,6 +2,7 @@
 //!
 //! A feedback law is written once over lanes ([`Law`]); [`Controller`] is any law, for one robot or for eight.
 
+mod attitude_loop;
 mod balance_frame;
 mod cascade_pid;
 mod hierarchical_sliding_mode;
@@ -11,8 +12,11 @@ mod limits;
 mod lqi;
 mod lqr;
 mod outer;
+mod pd_inverse_dynamics;
 mod pid;
+mod position_loop;
 pub mod riccati;
+mod sliding_mode;
 mod tracking;
 
 pub use cascade_pid::{CascadePid, CascadePidOptions};
@@ -21,7 +25,9 @@ pub use kinds::{ControllerKind, MakeController, controller_kind, controller_kind
 pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
 pub use lqi::{IntegralWeights, Lqi, LqiWeights};
 pub use lqr::{Lqr, LqrWeights};
+pub use pd_inverse_dynamics::{InverseDynamicsOptions, PdInverseDynamics};
 pub use pid::{Pid, PidGains};
+pub use sliding_mode::{AttitudeSlidingOptions, SlidingMode};
 
 pub use crate::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint, SetpointCells};
 
