@@ -41,6 +41,7 @@ const LAYERS: [(&str, &[&str]); 10] = [
         &[
             "models::BodyMotion",
             "models::InverseDynamics",
+            "models::LeaningPlane",
             "models::LinearModel",
             "models::LoadMap",
             "models::WheelLoad",

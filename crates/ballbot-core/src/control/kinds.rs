@@ -1,9 +1,9 @@
 //! Controllers by name: those of this crate, and those that other crates register.
 
 use super::{
-    AttitudeSlidingOptions, CascadePid, CascadePidOptions, Controller, HierarchicalSlidingMode, InverseDynamicsOptions,
-    Law, LimitOptions, Lqi, LqiWeights, Lqr, LqrWeights, PdInverseDynamics, Pid, PidGains, SlidingMode,
-    SlidingModeOptions,
+    AttitudeSlidingOptions, CascadePid, CascadePidOptions, Controller, FuzzyMamdani, FuzzyOptions,
+    HierarchicalSlidingMode, InverseDynamicsOptions, Law, LimitOptions, Lqi, LqiWeights, Lqr, LqrWeights,
+    PdInverseDynamics, Pid, PidGains, SlidingMode, SlidingModeOptions, TakagiSugeno,
 };
 use crate::error::{Error, Result};
 use crate::fields::{Fields, OptionDescription, describe_options};
@@ -50,7 +50,7 @@ pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
 }
 
 /// The controllers of this crate.
-static CONTROLLERS: [ControllerKind; 7] = [
+static CONTROLLERS: [ControllerKind; 9] = [
     ControllerKind {
         name: "lqr",
         summary: "Linear-quadratic regulator of position, tilt and heading.",
@@ -127,6 +127,28 @@ static CONTROLLERS: [ControllerKind; 7] = [
         options: describe_options::<AttitudeSlidingOptions>,
         make: |params, control_dt, limits, options| {
             Ok(Box::new(SlidingMode::with_options(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "fuzzy_mamdani",
+        summary: "Fuzzy rules on the lean's error and its rate, below a PD of the position.",
+        control_dt: None,
+        parts: <FuzzyMamdani as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<FuzzyOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(FuzzyMamdani::with_options(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "takagi_sugeno",
+        summary: "Regulators for leans of 0, 15 and 30 deg, blended by the lean.",
+        control_dt: None,
+        parts: <TakagiSugeno as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<LqrWeights>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(TakagiSugeno::with_weights(params, control_dt, &fields_with(options)?, limits)?))
         },
     },
 ];

@@ -2,6 +2,7 @@
 
 mod friction_limit;
 mod inverse_dynamics;
+mod leaning_plane;
 pub mod linear;
 mod load_map;
 mod losses;
@@ -13,6 +14,7 @@ mod spatial_motion;
 
 pub use friction_limit::traction_torque;
 pub use inverse_dynamics::{BodyMotion, InverseDynamics};
+pub use leaning_plane::LeaningPlane;
 pub use linear::LinearModel;
 pub use load_map::{LoadMap, WheelLoad};
 pub use planar::{PlanarModel, WheelInertia};

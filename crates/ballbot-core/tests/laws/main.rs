@@ -1,12 +1,14 @@
 //! The laws beyond the regulator and the paper's PID, one module each; here what they have in common.
 
 mod cascade_pid;
+mod fuzzy_mamdani;
 mod hierarchical_sliding_mode;
 mod lqi;
 mod pd_inverse_dynamics;
 mod sliding_mode;
 #[path = "../support/mod.rs"]
 mod support;
+mod takagi_sugeno;
 
 use ballbot_core::control::{Controller, LaneWidth, LimitOptions, Setpoint, SetpointCells, controller_kind};
 use ballbot_core::lanes::{EIGHT, Eight};
@@ -24,12 +26,14 @@ const STEPS: usize = 10;
 const CONTROL_DT: f64 = SIM_DT * STEPS as f64;
 
 /// The laws under test.
-const LAWS: [&str; 5] = [
+const LAWS: [&str; 7] = [
     "lqi",
     "cascade_pid",
     "hierarchical_sliding_mode",
     "pd_inverse_dynamics",
     "sliding_mode",
+    "fuzzy_mamdani",
+    "takagi_sugeno",
 ];
 
 fn made(name: &str, params: &Params, options: &[(&str, &[f64])]) -> Box<dyn Controller> {
@@ -197,6 +201,8 @@ fn basins_and_pushes() {
         ("hierarchical_sliding_mode", 26.0, 1.9),
         ("pd_inverse_dynamics", 25.0, 1.8),
         ("sliding_mode", 25.0, 1.8),
+        ("fuzzy_mamdani", 25.0, 1.8),
+        ("takagi_sugeno", 26.0, 1.9),
     ] {
         let (tilt, push) = (basin(name), push(name));
         println!("{name}: {tilt} deg, {push:.1} N·s");

@@ -100,7 +100,7 @@ fn the_attitude_error_obeys_a_linear_equation() {
             checked += 1;
             let expected = -damping.component_mul(&first) - stiffness.component_mul(&v);
             let size = 1.0 + expected.amax();
-            assert!((second - expected).amax() < 1e-6 * size, "{second}, expected {expected}");
+            assert!((second - expected).amax() < 1e-9 * size, "{second}, expected {expected}");
         }
         assert!(checked > 50, "{checked}");
     }
@@ -130,7 +130,7 @@ fn the_attitude_follows_its_equation_in_simulation() {
     let critical = |rate: f64| (1.0 + rate * after) * (-rate * after).exp();
     let expected = first.component_mul(&Vector3::new(critical(frequency), critical(frequency), critical(4.0)));
     println!("{} off at 0.1 ms, {} extrapolated", (three - expected).amax(), (found - expected).amax());
-    assert!((found - expected).amax() < 1e-6, "{found}, expected {expected}");
+    assert!((found - expected).amax() < 1e-8, "{found}, expected {expected}");
     assert!((three - expected).amax() > 1e-5, "the sampling time matters");
 }
 
@@ -175,7 +175,7 @@ fn a_motion_is_fed_forward() {
             robot.step(&controller.wheel_torques(&robot.state(), &setpoint), 10).unwrap();
         }
         println!("{name}: {:.2} mm", off * 1e3);
-        assert!(off < 8e-3, "{name}: {off} m");
+        assert!(off < 2e-3, "{name}: {off} m");
     }
 }
 
