@@ -57,13 +57,12 @@ impl RuleTable {
     pub fn output<L: Lane>(&self, error: L, rate: L) -> L {
         let (of_error, of_rate) = (memberships(error), memberships(rate));
         let mut output = error.zero();
-        for i in 0..SETS {
-            let row = &self.consequents[i];
-            let mut sum = of_rate[0] * row[0];
-            for j in 1..SETS {
-                sum = of_rate[j].mul_add_all(row[j], sum);
+        for (row, of_error) in self.consequents.iter().zip(of_error) {
+            let mut sum = output.zero();
+            for (consequent, of_rate) in row.iter().zip(of_rate) {
+                sum = of_rate.mul_add_all(*consequent, sum);
             }
-            output = of_error[i].mul_add(sum, output);
+            output = of_error.mul_add(sum, output);
         }
         output
     }
@@ -76,9 +75,9 @@ pub fn memberships<L: Lane>(input: L) -> [L; SETS] {
     let within = L::select(one.lt(input.abs()), input.max(-one).min(one), input);
     let scaled = within * MIDDLE as f64;
     let mut memberships = [scaled; SETS];
-    for i in 0..SETS {
+    for (i, membership) in memberships.iter_mut().enumerate() {
         let inside = one - (scaled - (i as f64 - MIDDLE as f64)).abs();
-        memberships[i] = L::select(inside.lt(one.zero()), one.zero(), inside);
+        *membership = L::select(inside.lt(one.zero()), one.zero(), inside);
     }
     memberships
 }

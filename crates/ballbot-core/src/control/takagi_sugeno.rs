@@ -79,7 +79,7 @@ impl TakagiSugeno {
             let torques = torques_of(planes, axis);
             let mut rules = Vec::with_capacity(RULES);
             let mut cost = Matrix4::zeros();
-            for number in 0..RULES {
+            for (number, gains) in gains[axis].iter_mut().enumerate() {
                 let plane = LeaningPlane::new(params, axis, number as f64 * LEAN_STEP);
                 let (a, b) = sampled(&plane.a, &(plane.b * torques), control_dt);
                 let w = weights;
@@ -88,7 +88,7 @@ impl TakagiSugeno {
                     cost = Matrix4::from_fn(|i, j| regulator.cost[(i, j)]);
                 }
                 let k = Vector4::from_fn(|i, _| regulator.gain[(0, i)]);
-                gains[axis][number] = k.into();
+                *gains = k.into();
                 rules.push(Rule { a, b, k });
             }
             decay[axis] = certified(&rules, &cost)?;
@@ -228,9 +228,8 @@ impl Law for TakagiSugeno {
         let mut accelerations = forward;
         for axis in 0..2 {
             let deviation = [position[axis], lean[axis], velocity[axis], rate[axis]];
-            for rule in 0..RULES {
-                let driven = product(&self.gains[axis][rule], &deviation);
-                accelerations[axis] = weights[rule].mul_add(driven, accelerations[axis]);
+            for (gains, weight) in self.gains[axis].iter().zip(weights) {
+                accelerations[axis] = weight.mul_add(product(gains, &deviation), accelerations[axis]);
             }
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);

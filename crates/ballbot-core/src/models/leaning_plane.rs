@@ -40,9 +40,7 @@ impl LeaningPlane {
         let free = accelerations(0.0, 0.0, &Vector3::zeros());
         let mut plane = Self { a: Matrix4::zeros(), b: Matrix4x3::zeros() };
         (plane.a[(0, 2)], plane.a[(1, 3)]) = (1.0, 1.0);
-        for row in 0..2 {
-            plane.a[(2 + row, 1)] = free[row] / lean;
-        }
+        (plane.a[(2, 1)], plane.a[(3, 1)]) = (free[0] / lean, free[1] / lean);
         // Viscous friction is odd in the rates; the quadratic terms are even.
         for (column, [speed, rate]) in [(2, [1.0, 0.0]), (3, [0.0, 1.0])] {
             let ahead = accelerations(speed, rate, &Vector3::zeros());
