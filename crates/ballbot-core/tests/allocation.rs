@@ -4,7 +4,10 @@
 use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Outcome, StepBuffers, Under, When};
-use ballbot_core::control::{CascadePid, Controller, HierarchicalSlidingMode, Lqi, Lqr, Pid, PidGains};
+use ballbot_core::control::{
+    CascadePid, Controller, FuzzyMamdani, HierarchicalSlidingMode, Lqi, Lqr, PdInverseDynamics, Pid, PidGains,
+    SlidingMode, TakagiSugeno,
+};
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{ACTION_LEN, Balance};
@@ -127,10 +130,14 @@ fn steps_under_a_controller_allocate_nothing() {
         let config = endless(model);
         let lqr = Lqr::new(&config.params, config.control_dt).unwrap();
         assert_eq!(allocations(&config, Some(&lqr)), 0, "{model} under LQR");
-        let laws: [Box<dyn Controller>; 3] = [
+        let laws: [Box<dyn Controller>; 7] = [
             Box::new(Lqi::new(&config.params, config.control_dt).unwrap()),
             Box::new(CascadePid::new(&config.params, config.control_dt).unwrap()),
             Box::new(HierarchicalSlidingMode::new(&config.params, config.control_dt).unwrap()),
+            Box::new(PdInverseDynamics::new(&config.params, config.control_dt).unwrap()),
+            Box::new(SlidingMode::new(&config.params, config.control_dt).unwrap()),
+            Box::new(FuzzyMamdani::new(&config.params, config.control_dt).unwrap()),
+            Box::new(TakagiSugeno::new(&config.params, config.control_dt).unwrap()),
         ];
         for (number, law) in laws.iter().enumerate() {
             assert_eq!(allocations(&config, Some(law.as_ref())), 0, "{model} under law {number}");

@@ -1,9 +1,9 @@
 //! The layers of the crate, read off the paths in its sources.
 //!
 //! Parameters, state, kinematics and lanes depend only on each other; models and simulations depend on them and never on
-//! one another; controllers depend on the state and the linear model, never on a simulation; tasks depend on the state
-//! alone; batches join robots, tasks, stages and controllers. No two files depend on each other, re-exports aside. Each
-//! large dependency is named in one folder.
+//! one another; controllers depend on the state, the linear model and the inverse dynamics, never on a simulation; tasks
+//! depend on the state alone; batches join robots, tasks, stages and controllers. No two files depend on each other,
+//! re-exports aside. Each large dependency is named in one folder.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -38,7 +38,16 @@ const LAYERS: [(&str, &[&str]); 11] = [
     ("render", &["urdf"]),
     (
         "control",
-        &["models::LinearModel", "models::LoadMap", "models::WheelLoad", "models::linear", "models::traction_torque"],
+        &[
+            "models::BodyMotion",
+            "models::InverseDynamics",
+            "models::LeaningPlane",
+            "models::LinearModel",
+            "models::LoadMap",
+            "models::WheelLoad",
+            "models::linear",
+            "models::traction_torque",
+        ],
     ),
     ("planning", &["actuator", "control", "models::linear", "sim::contact::ContactLanes"]),
     ("robot", &["models", "sim"]),

@@ -1,8 +1,9 @@
 //! Controllers by name: those of this crate, and those that other crates register.
 
 use super::{
-    CascadePid, CascadePidOptions, Controller, HierarchicalSlidingMode, Law, LimitOptions, Lqi, LqiWeights, Lqr,
-    LqrWeights, Pid, PidGains, SlidingModeOptions,
+    AttitudeSlidingOptions, CascadePid, CascadePidOptions, Controller, FuzzyMamdani, FuzzyOptions,
+    HierarchicalSlidingMode, InverseDynamicsOptions, Law, LimitOptions, Lqi, LqiWeights, Lqr, LqrWeights,
+    PdInverseDynamics, Pid, PidGains, SlidingMode, SlidingModeOptions, TakagiSugeno,
 };
 use crate::error::{Error, Result};
 use crate::fields::{Fields, OptionDescription, describe_options};
@@ -49,7 +50,7 @@ pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
 }
 
 /// The controllers of this crate.
-static CONTROLLERS: [ControllerKind; 5] = [
+static CONTROLLERS: [ControllerKind; 9] = [
     ControllerKind {
         name: "lqr",
         summary: "Linear-quadratic regulator of position, tilt and heading.",
@@ -104,6 +105,50 @@ static CONTROLLERS: [ControllerKind; 5] = [
         options: describe_options::<SlidingModeOptions>,
         make: |params, control_dt, limits, options| {
             Ok(Box::new(HierarchicalSlidingMode::with_options(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "pd_inverse_dynamics",
+        summary: "PD of the attitude with the robot's dynamics cancelled, below a PD of the position.",
+        control_dt: None,
+        parts: <PdInverseDynamics as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<InverseDynamicsOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(PdInverseDynamics::with_options(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "sliding_mode",
+        summary: "Sliding mode of the attitude with the robot's dynamics cancelled, below a PD of the position.",
+        control_dt: None,
+        parts: <SlidingMode as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<AttitudeSlidingOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(SlidingMode::with_options(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "fuzzy_mamdani",
+        summary: "Fuzzy rules on the lean's error and its rate, below a PD of the position.",
+        control_dt: None,
+        parts: <FuzzyMamdani as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<FuzzyOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(FuzzyMamdani::with_options(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "takagi_sugeno",
+        summary: "Regulators for leans of 0, 15 and 30 deg, blended by the lean.",
+        control_dt: None,
+        parts: <TakagiSugeno as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<LqrWeights>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(TakagiSugeno::with_weights(params, control_dt, &fields_with(options)?, limits)?))
         },
     },
 ];

@@ -68,6 +68,12 @@ impl LeanPlanes {
         }
     }
 
+    /// λ, the mean of both planes, 1/s.
+    pub(super) fn toppling_rate(&self) -> f64 {
+        let [x, y] = self.planes;
+        0.5 * (x.toppling + y.toppling)
+    }
+
     /// Wheel torques of the accelerations of the leans and of the yaw, N·m.
     #[inline(always)]
     pub(super) fn wheel_torques<L: Lane>(&self, [x, y]: [L; 2], yaw: L) -> [L; 3] {
@@ -88,6 +94,12 @@ impl LeanPlanes {
         }
         (accelerations[(2, 4)], accelerations[(2, 9)]) = (yaw[0], yaw[1]);
         DMatrix::from_fn(INPUTS, 3, |i, j| self.torques[i][j]) * accelerations
+    }
+
+    /// K of τ = −K x that leaves the body no angular acceleration in the linear model.
+    pub(super) fn cancelling(&self, linear: &LinearModel) -> DMatrix<f64> {
+        let turning = DMatrix::from_fn(3, STATES, |i, j| linear.a[(7 + i, j)]);
+        DMatrix::from_fn(INPUTS, 3, |i, j| self.torques[i][j]) * turning
     }
 }
 

@@ -2,8 +2,11 @@
 //!
 //! A feedback law is written once over lanes ([`Law`]); [`Controller`] is any law, for one robot or for eight.
 
+mod attitude_loop;
 mod balance_frame;
 mod cascade_pid;
+mod common_lyapunov;
+mod fuzzy_mamdani;
 mod hierarchical_sliding_mode;
 mod kinds;
 mod lean_planes;
@@ -11,19 +14,29 @@ mod limits;
 mod lqi;
 mod lqr;
 mod outer;
+mod pd_inverse_dynamics;
 mod pid;
+mod position_loop;
 pub mod reference;
 pub mod riccati;
+mod rule_table;
+mod sliding_mode;
+mod takagi_sugeno;
 mod tracking;
 
 pub use cascade_pid::{CascadePid, CascadePidOptions};
+pub use fuzzy_mamdani::{FuzzyMamdani, FuzzyOptions};
 pub use hierarchical_sliding_mode::{HierarchicalSlidingMode, SlidingModeOptions, SlidingSurface};
 pub use kinds::{ControllerKind, MakeController, controller_kind, controller_kinds, fields_with, register_controller};
 pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
 pub use lqi::{IntegralWeights, Lqi, LqiWeights};
 pub use lqr::{Lqr, LqrWeights};
+pub use pd_inverse_dynamics::{InverseDynamicsOptions, PdInverseDynamics};
 pub use pid::{Pid, PidGains};
 pub use reference::{Motion, Reference, Turning};
+pub use rule_table::{RuleTable, SETS, memberships};
+pub use sliding_mode::{AttitudeSlidingOptions, SlidingMode};
+pub use takagi_sugeno::TakagiSugeno;
 
 pub use crate::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint, SetpointCells};
 

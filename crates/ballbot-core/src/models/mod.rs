@@ -1,6 +1,8 @@
 //! Closed-form models without slip of wheels and ball, and without contact solver.
 
 mod friction_limit;
+mod inverse_dynamics;
+mod leaning_plane;
 pub mod linear;
 mod load_map;
 mod losses;
@@ -11,6 +13,8 @@ pub mod spatial;
 mod spatial_motion;
 
 pub use friction_limit::traction_torque;
+pub use inverse_dynamics::{BodyMotion, InverseDynamics};
+pub use leaning_plane::LeaningPlane;
 pub use linear::LinearModel;
 pub use load_map::{LoadMap, WheelLoad};
 pub use planar::{PlanarModel, WheelInertia};

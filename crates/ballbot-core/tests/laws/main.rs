@@ -1,10 +1,14 @@
 //! The laws beyond the regulator and the paper's PID, one module each; here what they have in common.
 
 mod cascade_pid;
+mod fuzzy_mamdani;
 mod hierarchical_sliding_mode;
 mod lqi;
+mod pd_inverse_dynamics;
+mod sliding_mode;
 #[path = "../support/mod.rs"]
 mod support;
+mod takagi_sugeno;
 
 use ballbot_core::control::{Controller, LaneWidth, LimitOptions, Setpoint, SetpointCells, controller_kind};
 use ballbot_core::lanes::{EIGHT, Eight};
@@ -22,7 +26,15 @@ const STEPS: usize = 10;
 const CONTROL_DT: f64 = SIM_DT * STEPS as f64;
 
 /// The laws under test.
-const LAWS: [&str; 3] = ["lqi", "cascade_pid", "hierarchical_sliding_mode"];
+const LAWS: [&str; 7] = [
+    "lqi",
+    "cascade_pid",
+    "hierarchical_sliding_mode",
+    "pd_inverse_dynamics",
+    "sliding_mode",
+    "fuzzy_mamdani",
+    "takagi_sugeno",
+];
 
 fn made(name: &str, params: &Params, options: &[(&str, &[f64])]) -> Box<dyn Controller> {
     let kind = controller_kind(name).unwrap();
@@ -182,9 +194,16 @@ fn push(name: &str) -> f64 {
 /// Tilts from rest in steps of 1 deg and impulses in steps of 0.1 N·s, worst of 12 directions.
 #[test]
 fn basins_and_pushes() {
-    for (name, least_tilt, least_push) in
-        [("lqr", 26.0, 1.9), ("lqi", 26.0, 1.9), ("cascade_pid", 25.0, 1.8), ("hierarchical_sliding_mode", 26.0, 1.9)]
-    {
+    for (name, least_tilt, least_push) in [
+        ("lqr", 26.0, 1.9),
+        ("lqi", 26.0, 1.9),
+        ("cascade_pid", 25.0, 1.8),
+        ("hierarchical_sliding_mode", 26.0, 1.9),
+        ("pd_inverse_dynamics", 25.0, 1.8),
+        ("sliding_mode", 25.0, 1.8),
+        ("fuzzy_mamdani", 25.0, 1.8),
+        ("takagi_sugeno", 26.0, 1.9),
+    ] {
         let (tilt, push) = (basin(name), push(name));
         println!("{name}: {tilt} deg, {push:.1} N·s");
         assert!(tilt >= least_tilt && push >= least_push, "{name}: {tilt} deg, {push} N·s");
@@ -196,7 +215,7 @@ fn basins_and_pushes() {
 fn steps_of_the_setpoint() {
     const STEP: f64 = 0.5;
     let params = Params::paper();
-    for name in ["lqr", "lqi", "cascade_pid", "hierarchical_sliding_mode"] {
+    for name in ["lqr"].into_iter().chain(LAWS) {
         let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
         let mut controller = law(name, &params);
         let (mut over, mut under, mut settled) = (0.0_f64, 0.0_f64, 0.0);

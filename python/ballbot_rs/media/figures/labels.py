@@ -10,6 +10,10 @@ _NAMES = {
     "lqi": "LQI",
     "cascade_pid": "cascade",
     "hierarchical_sliding_mode": "sliding mode",
+    "pd_inverse_dynamics": "computed torque",
+    "sliding_mode": "attitude sliding mode",
+    "fuzzy_mamdani": "fuzzy rules",
+    "takagi_sugeno": "Takagi-Sugeno",
     "zero": "no torque",
 }
 

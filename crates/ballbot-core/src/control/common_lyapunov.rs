@@ -1,0 +1,121 @@
+//! A common Lyapunov function of several linear systems, by the ellipsoid method.
+
+use nalgebra::{Matrix4, SMatrix, SVector, SymmetricEigen, Vector4};
+
+/// Number of elements of a symmetric matrix of four rows.
+const ELEMENTS: usize = 10;
+
+/// Radius of the ball around the first guess, in units in which that is the identity.
+const RADIUS: f64 = 2.0;
+
+/// Most cuts: each takes at least 4 % of the volume, so that 3000 leave 1e-57 of it.
+const MAX_CUTS: usize = 3000;
+
+/// Most steps of the search for eigenvalues; about two each are needed.
+const MAX_EIGENVALUE_STEPS: usize = 1000;
+
+/// P > 0 with GᵀPG − P < 0 for all of `steps`, which makes xᵀPx a Lyapunov function of all their blends. Returns P and the
+/// largest ratio xᵀGᵀPGx / xᵀPx; `None` if no such P is found. `guess` is tried first; it has to be positive definite.
+///
+/// The conditions are linear in P. The ellipsoid method (Boyd, El Ghaoui, Feron & Balakrishnan, Linear Matrix Inequalities
+/// in System and Control Theory, 1994, ch. 2) cuts off the half of the matrices for which an x of the worst G does not
+/// decay.
+pub(super) fn common_lyapunov(steps: &[Matrix4<f64>], guess: &Matrix4<f64>) -> Option<(Matrix4<f64>, f64)> {
+    let root = guess.cholesky()?.l();
+    let inverse = root.try_inverse()?;
+    // In coordinates in which the guess is the identity.
+    let steps: Vec<_> = steps.iter().map(|g| root.transpose() * g * inverse.transpose()).collect();
+    let mut center = elements(&Matrix4::identity());
+    let mut shape = SMatrix::<f64, ELEMENTS, ELEMENTS>::identity() * (RADIUS * RADIUS);
+    for _ in 0..MAX_CUTS {
+        let p = symmetric(&center);
+        let mut worst = (f64::NEG_INFINITY, Vector4::zeros(), Vector4::zeros());
+        for g in &steps {
+            let change = g.transpose() * p * g - p;
+            let eigen = SymmetricEigen::try_new(change, f64::EPSILON, MAX_EIGENVALUE_STEPS)?;
+            let place = eigen.eigenvalues.imax();
+            if eigen.eigenvalues[place] > worst.0 {
+                let x = eigen.eigenvectors.column(place).into_owned();
+                worst = (eigen.eigenvalues[place], x, g * x);
+            }
+        }
+        let (change, x, next) = worst;
+        if change < 0.0 {
+            let ratio = largest_ratio(&steps, &p)?;
+            return (ratio < 1.0).then(|| (root * p * root.transpose(), ratio));
+        }
+        // The change of xᵀPx, linear in the elements of P; those off the diagonal count twice.
+        let per_element = next * next.transpose() - x * x.transpose();
+        let cut = elements(&(per_element * 2.0 - Matrix4::from_diagonal(&per_element.diagonal())));
+        let width = cut.dot(&(shape * cut)).sqrt();
+        let depth = change / width;
+        if depth.is_nan() || depth >= 1.0 {
+            return None;
+        }
+        let n = ELEMENTS as f64;
+        let along = shape * cut / width;
+        center -= along * ((1.0 + n * depth) / (n + 1.0));
+        let narrower = 2.0 * (1.0 + n * depth) / ((n + 1.0) * (1.0 + depth));
+        let wider = n * n * (1.0 - depth * depth) / (n * n - 1.0);
+        shape = (shape - along * along.transpose() * narrower) * wider;
+    }
+    None
+}
+
+/// The largest ratio xᵀGᵀPGx / xᵀPx; `None` if P is not positive definite.
+fn largest_ratio(steps: &[Matrix4<f64>], p: &Matrix4<f64>) -> Option<f64> {
+    let root = p.cholesky()?.l();
+    let inverse = root.try_inverse()?;
+    let mut largest = 0.0_f64;
+    for g in steps {
+        let step = root.transpose() * g * inverse.transpose();
+        let eigen = SymmetricEigen::try_new(step.transpose() * step, f64::EPSILON, MAX_EIGENVALUE_STEPS)?;
+        largest = largest.max(eigen.eigenvalues.max());
+    }
+    Some(largest)
+}
+
+/// Upper triangle of a symmetric matrix.
+fn elements(matrix: &Matrix4<f64>) -> SVector<f64, ELEMENTS> {
+    let mut places = (0..4).flat_map(|i| (i..4).map(move |j| (i, j)));
+    SVector::from_fn(|_, _| places.next().map_or(0.0, |place| matrix[place]))
+}
+
+fn symmetric(elements: &SVector<f64, ELEMENTS>) -> Matrix4<f64> {
+    let mut matrix = Matrix4::zeros();
+    for (k, (i, j)) in (0..4).flat_map(|i| (i..4).map(move |j| (i, j))).enumerate() {
+        (matrix[(i, j)], matrix[(j, i)]) = (elements[k], elements[k]);
+    }
+    matrix
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn twice(a: f64, b: f64, c: f64, d: f64) -> Matrix4<f64> {
+        Matrix4::new(a, b, 0.0, 0.0, c, d, 0.0, 0.0, 0.0, 0.0, a, b, 0.0, 0.0, c, d)
+    }
+
+    #[test]
+    fn a_common_function_is_found_beyond_the_guess() {
+        let steps = [twice(0.5, 2.0, 0.0, 0.5), twice(0.6, 1.5, 0.0, 0.4), twice(0.5, 2.0, -0.05, 0.5)];
+        let (p, ratio) = common_lyapunov(&steps, &Matrix4::identity()).unwrap();
+        assert!(ratio < 1.0 && p.symmetric_eigenvalues().min() > 0.0);
+        for g in steps {
+            assert!((g.transpose() * p * g - p).symmetric_eigenvalues().max() < 0.0, "{p}");
+            // The guess is none.
+            assert!((g.transpose() * g - Matrix4::identity()).symmetric_eigenvalues().max() > 0.0);
+        }
+    }
+
+    #[test]
+    fn systems_that_are_unstable_in_turns_have_none() {
+        let steps = [twice(0.5, 2.0, 0.0, 0.5), twice(0.5, 0.0, 2.0, 0.5)];
+        assert!((steps[0] * steps[1]).complex_eigenvalues().iter().any(|pole| pole.norm() > 1.0));
+        assert_eq!(common_lyapunov(&steps, &Matrix4::identity()), None);
+        let unstable = [twice(1.1, 0.0, 0.0, 0.5)];
+        assert_eq!(common_lyapunov(&unstable, &Matrix4::identity()), None);
+        assert_eq!(common_lyapunov(&steps, &Matrix4::repeat(f64::NAN)), None);
+    }
+}
