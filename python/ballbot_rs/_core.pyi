@@ -736,6 +736,13 @@ class Controller:
         """
     def reset(self) -> None:
         """Forgets the past."""
+    def constants(self) -> dict[str, float | _Array]:
+        """The numbers that it computes torques with, by name: numbers, vectors and matrices. `ballbot export` writes them
+        as C.
+
+        Raises:
+            ValueError: a law that does not give them.
+        """
     @property
     def name(self) -> str:
         """The name by which it is chosen."""

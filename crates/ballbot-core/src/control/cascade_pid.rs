@@ -4,7 +4,7 @@ use super::balance_frame::BalanceFrame;
 use super::deviation::deviation;
 use super::lean_planes::{LeanPlane, LeanPlanes, Leaning, require_stable};
 use super::outer::share_within;
-use super::{LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, check_control_dt};
+use super::{Constants, LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, check_control_dt};
 use crate::error::Result;
 use crate::fields::{Fields, Limit};
 use crate::lane_state::LaneState;
@@ -182,6 +182,23 @@ impl Law for CascadePid {
 
     fn sampling_mut(&mut self) -> &mut Sampling {
         &mut self.sampling
+    }
+
+    fn constants(&self) -> Option<Constants> {
+        let [x, y] = &self.gains;
+        let constants = self
+            .frame
+            .add_to(Constants::default())
+            .vector("position_gains", &[x.position, y.position])
+            .vector("velocity_gains", &[x.velocity, y.velocity])
+            .vector("reference_gains", &[x.reference, y.reference])
+            .vector("lean_gains", &[x.lean, y.lean])
+            .vector("rate_gains", &[x.rate, y.rate])
+            .vector("integral_gains", &[x.integral, y.integral])
+            .vector("yaw_gains", &self.yaw)
+            .number("max_lean", self.max_lean)
+            .number("max_speed", self.max_speed);
+        Some(self.limits.add_to(self.planes.add_to(constants)))
     }
 
     #[inline(always)]

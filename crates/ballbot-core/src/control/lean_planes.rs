@@ -1,5 +1,6 @@
 //! The linear model in each vertical plane of the heading frame, driven by angular accelerations of the body.
 
+use super::Constants;
 use super::deviation::product;
 use crate::error::{Error, Result};
 use crate::lanes::Lane;
@@ -67,6 +68,11 @@ impl LeanPlanes {
             planes: [plane(a[(8, 3)], a[(5, 3)], -moving[(0, 1)]), plane(a[(7, 2)], -a[(6, 2)], moving[(1, 0)])],
             torques: std::array::from_fn(|i| std::array::from_fn(|j| torques[(i, j)])),
         }
+    }
+
+    /// Adds the wheel torques per angular acceleration of the body (3 × 3).
+    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+        constants.matrix("torques_of_acceleration", &self.torques)
     }
 
     /// Wheel torques of the accelerations of the leans and of the yaw, N·m.

@@ -4,7 +4,9 @@ use super::balance_frame::BalanceFrame;
 use super::deviation::{deviation, product};
 use super::outer::Outer;
 use super::riccati::{self, Regulator};
-use super::{LaneSetpoint, Law, LimitOptions, Sampling, Setpoint, SetpointCells, TorqueLimits, check_control_dt};
+use super::{
+    Constants, LaneSetpoint, Law, LimitOptions, Sampling, Setpoint, SetpointCells, TorqueLimits, check_control_dt,
+};
 use crate::error::{Error, Result, check};
 use crate::fields::{Fields, Limit};
 use crate::lane_state::{LaneState, StateCells};
@@ -183,6 +185,11 @@ impl Law for Lqr {
 
     fn sampling_mut(&mut self) -> &mut Sampling {
         &mut self.sampling
+    }
+
+    fn constants(&self) -> Option<Constants> {
+        let constants = self.frame.add_to(Constants::default()).matrix("gain", &self.gain);
+        Some(self.limits.add_to(self.outer.add_to(constants)))
     }
 
     #[inline(always)]

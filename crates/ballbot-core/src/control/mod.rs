@@ -4,6 +4,7 @@
 
 mod balance_frame;
 mod cascade_pid;
+mod constants;
 mod deviation;
 mod hierarchical_sliding_mode;
 mod kinds;
@@ -16,6 +17,7 @@ mod pid;
 pub mod riccati;
 
 pub use cascade_pid::{CascadePid, CascadePidOptions};
+pub use constants::{Constant, Constants};
 pub use hierarchical_sliding_mode::{HierarchicalSlidingMode, SlidingModeOptions, SlidingSurface};
 pub use kinds::{ControllerKind, MakeController, controller_kind, controller_kinds, fields_with, register_controller};
 pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
@@ -47,6 +49,11 @@ pub trait Law: Send + Sync {
 
     /// What all laws share, to change it.
     fn sampling_mut(&mut self) -> &mut Sampling;
+
+    /// The numbers that it computes torques with; `None` of a law that does not give them.
+    fn constants(&self) -> Option<Constants> {
+        None
+    }
 
     /// Motor torques for the next `control_dt`, N·m; none above `largest` is applied.
     fn torques<L: Lane>(
@@ -95,6 +102,9 @@ pub trait Controller: Send + Sync {
     /// How many numbers it keeps of a robot.
     fn memory_len(&self) -> usize;
 
+    /// The numbers that it computes torques with; `None` of a law that does not give them.
+    fn constants(&self) -> Option<Constants>;
+
     /// Forgets the past of the robot of [`Controller::wheel_torques`].
     fn reset(&mut self);
 
@@ -135,6 +145,10 @@ impl<T: Law> Controller for T {
 
     fn memory_len(&self) -> usize {
         T::MEMORY
+    }
+
+    fn constants(&self) -> Option<Constants> {
+        Law::constants(self)
     }
 
     fn reset(&mut self) {
