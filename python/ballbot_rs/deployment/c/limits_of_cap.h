@@ -1,4 +1,3 @@
-
 static inline ballbot_limited ballbot_limit(
     const ballbot_real wanted[3], const ballbot_state *state, const ballbot_pose *pose)
 {

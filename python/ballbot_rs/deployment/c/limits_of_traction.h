@@ -1,4 +1,3 @@
-
 /* Whether a wheel slips on the ball, where the maps below do not hold. */
 static inline int ballbot_slips(const ballbot_state *state)
 {
@@ -17,6 +16,19 @@ static inline int ballbot_slips(const ballbot_state *state)
     return ballbot_largest(slip) > BALLBOT_SLIPPING;
 }
 
+/* By how much torques raise a condition, N. In single precision the rounding of a sum that is zero would be taken for a
+ * rise: a condition at its bound allows none. */
+static inline ballbot_real ballbot_rise(const ballbot_real row[3], const ballbot_real torques[3])
+{
+    const ballbot_real rise = ballbot_dot(row, torques, 3);
+    ballbot_real size = 0;
+    int i;
+    for (i = 0; i < 3; i++) {
+        size += ballbot_abs(row[i] * torques[i]);
+    }
+    return BALLBOT_IS_FLOAT && rise < (ballbot_real)1e-6 * size ? 0 : rise;
+}
+
 /* By how much torques must be divided, at least 1, to be added to others, at which the conditions have these constants. */
 static inline ballbot_real ballbot_excess(
     const ballbot_real constants[9], const ballbot_real others[3], const ballbot_real torques[3])
@@ -25,7 +37,7 @@ static inline ballbot_real ballbot_excess(
     int i;
     for (i = 0; i < 9; i++) {
         const ballbot_real margin = ballbot_max(-constants[i], BALLBOT_LEAST_MARGIN);
-        excess = ballbot_max(ballbot_dot(BALLBOT_TRACTION_ROWS[i] + 3, torques, 3) / margin, excess);
+        excess = ballbot_max(ballbot_rise(BALLBOT_TRACTION_ROWS[i] + 3, torques) / margin, excess);
     }
     for (i = 0; i < 3; i++) {
         const ballbot_real towards = torques[i] < 0 ? -others[i] : others[i];

@@ -1,4 +1,6 @@
-/* ---- What the controller takes. */
+/* ---- Measurements and setpoint. */
+#ifndef BALLBOT_STATE_KNOWN
+#define BALLBOT_STATE_KNOWN
 
 /* The inertial frame has z up and the floor at z = 0; docs/conventions.md of ballbot has all frames and signs. */
 typedef struct {
@@ -29,16 +31,4 @@ static inline void ballbot_turned(const ballbot_real q[4], const ballbot_real v[
     turned[2] = v[2] + q[0] * cross[2] + q[1] * cross[1] - q[2] * cross[0];
 }
 
-/* For a robot that measures no more of its ball than the wheels do: rate and velocity of the ball from attitude, body
- * rate and wheel speeds, for wheels that grip a ball that rolls on a level floor. A wheel that slips is then not seen. */
-static inline void ballbot_roll(ballbot_state *state)
-{
-    ballbot_real rate[3];
-    int i;
-    for (i = 0; i < 3; i++) {
-        rate[i] = state->rate[i] + ballbot_dot(BALLBOT_BALL_RATE_OF_WHEELS[i], state->wheel_speeds, 3);
-    }
-    ballbot_turned(state->quaternion, rate, state->ball_rate);
-    state->ball_velocity[0] = BALLBOT_BALL_RADIUS * state->ball_rate[1];
-    state->ball_velocity[1] = -BALLBOT_BALL_RADIUS * state->ball_rate[0];
-}
+#endif

@@ -1,0 +1,189 @@
+"""C headers, compiled and called."""
+
+import ctypes
+import subprocess
+
+import numpy as np
+
+import ballbot_rs as bb
+from tests.support.paths import ROOT
+
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
+
+#: A controller behind arrays of doubles: a state a row, its setpoint, the torques, the shares that are left.
+CONTROLLER = """
+#include "{header}"
+
+static ballbot_controller controller;
+
+void reset(void);
+void step(int count, const double *states, const double *setpoints, double *torques, double *shares);
+void roll(const double *from, double *to);
+
+static ballbot_state read_state(const double *row)
+{{
+    ballbot_state state;
+    int i;
+    for (i = 0; i < 4; i++) {{
+        state.quaternion[i] = (ballbot_real)row[i];
+    }}
+    for (i = 0; i < 3; i++) {{
+        state.rate[i] = (ballbot_real)row[4 + i];
+        state.ball_rate[i] = (ballbot_real)row[11 + i];
+        state.wheel_speeds[i] = (ballbot_real)row[14 + i];
+    }}
+    for (i = 0; i < 2; i++) {{
+        state.ball_position[i] = (ballbot_real)row[7 + i];
+        state.ball_velocity[i] = (ballbot_real)row[9 + i];
+    }}
+    return state;
+}}
+
+void reset(void)
+{{
+    ballbot_reset(&controller);
+}}
+
+void step(int count, const double *states, const double *setpoints, double *torques, double *shares)
+{{
+    int k, i;
+    for (k = 0; k < count; k++) {{
+        const double *row = setpoints + 7 * k;
+        const ballbot_state state = read_state(states + 17 * k);
+        ballbot_setpoint setpoint = {{0}};
+        ballbot_real found[3];
+        for (i = 0; i < 2; i++) {{
+            setpoint.position[i] = (ballbot_real)row[i];
+            setpoint.velocity[i] = (ballbot_real)row[2 + i];
+            setpoint.tilt[i] = (ballbot_real)row[5 + i];
+        }}
+        setpoint.yaw = (ballbot_real)row[4];
+        ballbot_step(&controller, &state, &setpoint, found);
+        for (i = 0; i < 3; i++) {{
+            torques[3 * k + i] = (double)found[i];
+        }}
+        shares[2 * k] = (double)controller.last.share;
+        shares[2 * k + 1] = (double)controller.last.yaw_share;
+    }}
+}}
+
+void roll(const double *from, double *to)
+{{
+    ballbot_state state = read_state(from);
+    int i;
+    ballbot_roll(&state);
+    for (i = 0; i < 3; i++) {{
+        to[i] = (double)state.ball_rate[i];
+    }}
+    to[3] = (double)state.ball_velocity[0];
+    to[4] = (double)state.ball_velocity[1];
+}}
+"""
+
+
+def compiled(folder, source, *, name="code", flags=()):
+    """A library of a C file, made without a warning."""
+    file = folder / f"{name}.c"
+    file.write_text(source, encoding="utf-8")
+    library = folder / f"{name}.so"
+    command = ["cc", *STRICT, "-O1", *flags, "-shared", "-fPIC", "-o", library, file, "-lm"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    return ctypes.CDLL(str(library))
+
+
+def pointer(cells):
+    """The address of an array of doubles."""
+    assert cells.dtype == np.float64
+    assert cells.flags.c_contiguous
+    return cells.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
+def state_row(state):
+    """A state as the C takes it."""
+    return np.concatenate(
+        (
+            state.body_quaternion,
+            state.body_angular_velocity,
+            state.ball_position[:2],
+            state.ball_velocity[:2],
+            state.ball_angular_velocity,
+            state.wheel_speeds,
+        )
+    )
+
+
+class CController:
+    """A controller in C."""
+
+    def __init__(self, folder, header, real="double"):
+        (folder / "controller.h").write_text(header, encoding="utf-8")
+        source = CONTROLLER.format(header=folder / "controller.h")
+        self._library = compiled(folder, source, name=f"controller_{real}", flags=[f"-DBALLBOT_REAL={real}"])
+        self._library.reset()
+
+    def reset(self):
+        """Forgets the past."""
+        self._library.reset()
+
+    def torques(self, states, setpoints):
+        """Torques (n, 3) and shares (n, 2) of a sequence of states with setpoints (position, velocity, yaw, tilt)."""
+        rows = np.ascontiguousarray([state_row(state) for state in states])
+        targets = np.ascontiguousarray(setpoints, dtype=float)
+        torques, shares = np.zeros((len(rows), 3)), np.zeros((len(rows), 2))
+        self._library.step(len(rows), pointer(rows), pointer(targets), pointer(torques), pointer(shares))
+        return torques, shares
+
+    def rolled(self, state):
+        """Rate of the ball (3) and its velocity (2), from attitude, body rate and wheel speeds."""
+        row, found = np.ascontiguousarray(state_row(state)), np.zeros(5)
+        # What is to be found is not given.
+        row[7:14] = np.nan
+        self._library.roll(pointer(row), pointer(found))
+        return found[:3], found[3:]
+
+
+def random_states(params, rng, count):
+    """States of all kinds: near equilibrium or anywhere, rolling or with wheels that slip."""
+    states = []
+    for i in range(count):
+        size = (0.02, 0.3, 1.0)[i % 3]
+        upright = bb.State.at_equilibrium(params, tilt=rng.normal(0.0, size, 2), yaw=rng.uniform(-np.pi, np.pi))
+        quaternion = upright.body_quaternion if i % 10 else unit(rng.normal(size=4))
+        state = bb.State.rolling(params, rng.normal(0.0, size, 2), quaternion, rng.normal(0.0, size, 3), size)
+        slip = (0.0, 0.0, 0.3)[i // 3 % 3]
+        states.append(
+            bb.State(
+                [*rng.normal(0.0, 3.0 * size, 2), params.ball_radius],
+                state.ball_velocity,
+                state.ball_angular_velocity + slip * rng.normal(size=3) / params.ball_radius,
+                quaternion,
+                state.body_angular_velocity,
+                state.wheel_speeds + slip * rng.normal(size=3) / params.wheel_radius,
+            )
+        )
+    return states
+
+
+def random_setpoints(states, rng):
+    """Setpoints (position, velocity, yaw, tilt) near the states and far from them."""
+    rows = []
+    for i, state in enumerate(states):
+        size = (0.02, 0.3, 100.0)[i // 2 % 3]
+        place = state.ball_position[:2] + rng.normal(0.0, size, 2)
+        rows.append([*place, *rng.normal(0.0, min(size, 1.0), 2), rng.uniform(-10, 10), *rng.normal(0.0, 0.1, 2)])
+    return np.array(rows)
+
+
+def unit(vector):
+    """A vector of length 1."""
+    return np.asarray(vector) / np.linalg.norm(vector)
+
+
+def own_torques(law, states, setpoints):
+    """Torques (n, 3) of a `Controller` for the same sequence."""
+    places = {"position": slice(0, 2), "velocity": slice(2, 4), "yaw": 4, "tilt": slice(5, 7)}
+    found = []
+    for state, row in zip(states, setpoints, strict=True):
+        found.append(law(state, **{part: row[places[part]] for part in law.setpoint_parts}))
+    return np.array(found)
