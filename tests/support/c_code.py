@@ -187,3 +187,74 @@ def own_torques(law, states, setpoints):
     for state, row in zip(states, setpoints, strict=True):
         found.append(law(state, **{part: row[places[part]] for part in law.setpoint_parts}))
     return np.array(found)
+
+
+#: A policy behind arrays of doubles.
+POLICY = """
+#include "{header}"
+
+static ballbot_policy policy;
+
+void reset(void);
+void act(int count, const double *observations, double *actions);
+void step(const double *rows, double *torques);
+
+void reset(void)
+{{
+    ballbot_policy_reset(&policy);
+}}
+
+void act(int count, const double *observations, double *actions)
+{{
+    enum {{ SIZE = BALLBOT_POLICY_HISTORY * BALLBOT_POLICY_ROWS }};
+    int k, i;
+    for (k = 0; k < count; k++) {{
+        ballbot_real observation[SIZE];
+        ballbot_real action[3];
+        for (i = 0; i < SIZE; i++) {{
+            observation[i] = (ballbot_real)observations[SIZE * k + i];
+        }}
+        ballbot_policy_act(observation, action);
+        for (i = 0; i < 3; i++) {{
+            actions[3 * k + i] = (double)action[i];
+        }}
+    }}
+}}
+
+void step(const double *rows, double *torques)
+{{
+    ballbot_real given[BALLBOT_POLICY_ROWS];
+    ballbot_real found[3];
+    int i;
+    for (i = 0; i < BALLBOT_POLICY_ROWS; i++) {{
+        given[i] = (ballbot_real)rows[i];
+    }}
+    ballbot_policy_step(&policy, given, found);
+    for (i = 0; i < 3; i++) {{
+        torques[i] = (double)found[i];
+    }}
+}}
+"""
+
+
+class CPolicy:
+    """A policy in C."""
+
+    def __init__(self, folder, header, real="double"):
+        (folder / "policy.h").write_text(header, encoding="utf-8")
+        source = POLICY.format(header=folder / "policy.h")
+        self._library = compiled(folder, source, name=f"policy_{real}", flags=[f"-DBALLBOT_REAL={real}"])
+        self._library.reset()
+
+    def act(self, observations):
+        """Actions (n, 3) of observations as the environment gives them."""
+        rows = np.ascontiguousarray(observations, dtype=float)
+        actions = np.zeros((len(rows), 3))
+        self._library.act(len(rows), pointer(rows), pointer(actions))
+        return actions
+
+    def step(self, rows):
+        """Torques (3) from rows in their units."""
+        given, torques = np.ascontiguousarray(rows, dtype=float), np.zeros(3)
+        self._library.step(pointer(given), pointer(torques))
+        return torques

@@ -1,7 +1,7 @@
 """C text: numbers, arrays, comments, and the parts of a header that are the same in all of them."""
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import resources
 from typing import Any, Final
 
@@ -46,15 +46,28 @@ def _elements(values: Sequence[str], indent: str) -> str:
     return "{" + f"\n{indent}".join(lines).removesuffix(",") + "}"
 
 
-def array(name: str, values: npt.ArrayLike) -> str:
+def array(name: str, values: npt.ArrayLike, written: Callable[[Any], str] = number) -> str:
     """The definition of a vector or a matrix."""
-    cells = np.asarray(values, dtype=float)
+    cells = np.asarray(values)
     sizes = "".join(f"[{size}]" for size in cells.shape)
     head = f"static const ballbot_real {name}{sizes} = "
     if cells.ndim == 1:
-        return f"{head}{_elements([number(value) for value in cells], '    ')};\n"
-    rows = [_elements([number(value) for value in row], "     ") for row in cells]
+        return f"{head}{_elements([written(value) for value in cells], '    ')};\n"
+    rows = [_elements([written(value) for value in row], "     ") for row in cells]
     return head + "{\n    " + ",\n    ".join(rows) + "};\n"
+
+
+def single_array(name: str, values: npt.ArrayLike) -> str:
+    """The definition of a vector or a matrix of single precision."""
+    text = array(name, np.asarray(values, dtype=np.float32), _single)
+    return text.replace("static const ballbot_real", "static const float", 1)
+
+
+def _single(value: Any) -> str:
+    """A number of single precision, by as few digits as tell it from others."""
+    number(value)
+    text = str(np.float32(value))
+    return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
 
 
 def constants(values: Mapping[str, Any]) -> str:

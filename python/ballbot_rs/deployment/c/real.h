@@ -26,6 +26,11 @@ static inline ballbot_real ballbot_tanh(ballbot_real x)
     return BALLBOT_IS_FLOAT ? (ballbot_real)tanhf((float)x) : (ballbot_real)tanh((double)x);
 }
 
+static inline ballbot_real ballbot_exp(ballbot_real x)
+{
+    return BALLBOT_IS_FLOAT ? (ballbot_real)expf((float)x) : (ballbot_real)exp((double)x);
+}
+
 static inline ballbot_real ballbot_atan2(ballbot_real y, ballbot_real x)
 {
     return BALLBOT_IS_FLOAT ? (ballbot_real)atan2f((float)y, (float)x) : (ballbot_real)atan2((double)y, (double)x);
