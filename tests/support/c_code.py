@@ -2,6 +2,8 @@
 
 import ctypes
 import subprocess
+import tempfile
+from pathlib import Path
 
 import numpy as np
 
@@ -9,6 +11,28 @@ import ballbot_rs as bb
 from tests.support.paths import ROOT
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
+
+#: A state from an array of doubles.
+READ_STATE = """
+static ballbot_state read_state(const double *row)
+{
+    ballbot_state state;
+    int i;
+    for (i = 0; i < 4; i++) {
+        state.quaternion[i] = (ballbot_real)row[i];
+    }
+    for (i = 0; i < 3; i++) {
+        state.rate[i] = (ballbot_real)row[4 + i];
+        state.ball_rate[i] = (ballbot_real)row[11 + i];
+        state.wheel_speeds[i] = (ballbot_real)row[14 + i];
+    }
+    for (i = 0; i < 2; i++) {
+        state.ball_position[i] = (ballbot_real)row[7 + i];
+        state.ball_velocity[i] = (ballbot_real)row[9 + i];
+    }
+    return state;
+}
+"""
 
 #: A controller behind arrays of doubles: a state a row, its setpoint, the torques, the shares that are left.
 CONTROLLER = """
@@ -20,24 +44,7 @@ void reset(void);
 void step(int count, const double *states, const double *setpoints, double *torques, double *shares);
 void roll(const double *from, double *to);
 
-static ballbot_state read_state(const double *row)
-{{
-    ballbot_state state;
-    int i;
-    for (i = 0; i < 4; i++) {{
-        state.quaternion[i] = (ballbot_real)row[i];
-    }}
-    for (i = 0; i < 3; i++) {{
-        state.rate[i] = (ballbot_real)row[4 + i];
-        state.ball_rate[i] = (ballbot_real)row[11 + i];
-        state.wheel_speeds[i] = (ballbot_real)row[14 + i];
-    }}
-    for (i = 0; i < 2; i++) {{
-        state.ball_position[i] = (ballbot_real)row[7 + i];
-        state.ball_velocity[i] = (ballbot_real)row[9 + i];
-    }}
-    return state;
-}}
+{read_state}
 
 void reset(void)
 {{
@@ -81,11 +88,11 @@ void roll(const double *from, double *to)
 """
 
 
-def compiled(folder, source, *, name="code", flags=()):
-    """A library of a C file, made without a warning."""
-    file = folder / f"{name}.c"
+def compiled(folder, source, flags=()):
+    """A library of a C file, made without a warning. The folder is a new one: a path is loaded only once."""
+    file = folder / "code.c"
     file.write_text(source, encoding="utf-8")
-    library = folder / f"{name}.so"
+    library = folder / "code.so"
     command = ["cc", *STRICT, "-O1", *flags, "-shared", "-fPIC", "-o", library, file, "-lm"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
@@ -117,9 +124,10 @@ class CController:
     """A controller in C."""
 
     def __init__(self, folder, header, real="double"):
+        folder = Path(tempfile.mkdtemp(dir=folder))
         (folder / "controller.h").write_text(header, encoding="utf-8")
-        source = CONTROLLER.format(header=folder / "controller.h")
-        self._library = compiled(folder, source, name=f"controller_{real}", flags=[f"-DBALLBOT_REAL={real}"])
+        source = CONTROLLER.format(header=folder / "controller.h", read_state=READ_STATE)
+        self._library = compiled(folder, source, flags=[f"-DBALLBOT_REAL={real}"])
         self._library.reset()
 
     def reset(self):
@@ -198,6 +206,9 @@ static ballbot_policy policy;
 void reset(void);
 void act(int count, const double *observations, double *actions);
 void step(const double *rows, double *torques);
+void observe(const double *from, const double *position, double *to);
+
+{read_state}
 
 void reset(void)
 {{
@@ -234,6 +245,20 @@ void step(const double *rows, double *torques)
         torques[i] = (double)found[i];
     }}
 }}
+
+void observe(const double *from, const double *position, double *to)
+{{
+    const ballbot_state state = read_state(from);
+    ballbot_setpoint setpoint = {{0}};
+    ballbot_real rows[BALLBOT_POLICY_ROWS];
+    int i;
+    setpoint.position[0] = (ballbot_real)position[0];
+    setpoint.position[1] = (ballbot_real)position[1];
+    ballbot_policy_observe(&policy, &state, &setpoint, rows);
+    for (i = 0; i < BALLBOT_POLICY_ROWS; i++) {{
+        to[i] = (double)rows[i];
+    }}
+}}
 """
 
 
@@ -241,9 +266,14 @@ class CPolicy:
     """A policy in C."""
 
     def __init__(self, folder, header, real="double"):
+        folder = Path(tempfile.mkdtemp(dir=folder))
         (folder / "policy.h").write_text(header, encoding="utf-8")
-        source = POLICY.format(header=folder / "policy.h")
-        self._library = compiled(folder, source, name=f"policy_{real}", flags=[f"-DBALLBOT_REAL={real}"])
+        source = POLICY.format(header=folder / "policy.h", read_state=READ_STATE)
+        self._library = compiled(folder, source, flags=[f"-DBALLBOT_REAL={real}"])
+        self._library.reset()
+
+    def reset(self):
+        """Forgets the past."""
         self._library.reset()
 
     def act(self, observations):
@@ -258,3 +288,10 @@ class CPolicy:
         given, torques = np.ascontiguousarray(rows, dtype=float), np.zeros(3)
         self._library.step(pointer(given), pointer(torques))
         return torques
+
+    def observe(self, state, position):
+        """Rows of an observation in their units, from a state and the position setpoint."""
+        given, target = np.ascontiguousarray(state_row(state)), np.ascontiguousarray(position, dtype=float)
+        rows = np.zeros(16)
+        self._library.observe(pointer(given), pointer(target), pointer(rows))
+        return rows

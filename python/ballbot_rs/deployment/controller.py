@@ -59,10 +59,12 @@ def controller_header(
         options["max_torque"] = _least(law.constants()["max_torque"], max_wheel_torque)
         law = Controller(name, robot, control_dt, **options)
     if unknown := sorted(set(law.setpoint_parts) - set(SETPOINT_PARTS)):
-        raise ValueError(f"the controller '{name}' follows {', '.join(unknown)} of a setpoint, which the C does not have")
-    found = law.constants()
+        raise ValueError(
+            f"the controller '{name}' follows {', '.join(unknown)} of a setpoint, which the C does not have"
+        )
+    found: dict[str, Any] = law.constants()
     limits = "limits_of_traction" if "traction_rows" in found else "limits_of_cap"
-    values = {"pi": math.pi, "control_dt": law.control_dt, "ball_radius": robot.ball_radius}
+    values: dict[str, Any] = {"pi": math.pi, "control_dt": law.control_dt, "ball_radius": robot.ball_radius}
     values |= {"ball_rate_of_wheels": _ball_rate_of_wheels(robot)} | found
     pieces = ("state", "roll", "pose", *_PIECES[name], "limited", limits, name)
     body = "\n".join((piece("real"), "/* ---- Constants, SI units. */\n\n" + constants(values), *map(piece, pieces)))
@@ -78,8 +80,9 @@ def _least(first: Any, second: Any) -> float:
 
 def _ball_rate_of_wheels(robot: Params) -> np.ndarray[Any, Any]:
     """Rate of the ball relative to the body, body frame, per speed of each wheel that grips it (3 × 3)."""
-    wheels = Controller("pid", robot, traction=True).constants()
-    rates: np.ndarray[Any, Any] = np.linalg.inv(np.asarray(wheels["surface"])) * float(wheels["wheel_radius"])  # type: ignore[arg-type]
+    # Laws with traction scaling have the geometry of the wheels.
+    wheels: dict[str, Any] = Controller("pid", robot, traction=True).constants()
+    rates: np.ndarray[Any, Any] = np.linalg.inv(wheels["surface"]) * wheels["wheel_radius"]
     return rates
 
 
@@ -90,25 +93,24 @@ def _robot_name(robot: Params) -> str:
 
 def _saturation(found: dict[str, Any]) -> list[str]:
     if "traction_rows" not in found:
-        return [f"Saturation: all torques are scaled down together to {found['max_torque']:.6g} N m."]
+        return [f"Saturation: the torques are scaled down together to {found['max_torque']:.6g} N m."]
     return [
-        f"Saturation: torques are scaled down, yaw torque first, so that no wheel slips or lifts and none has more than "
-        f"{found['max_torque']:.6g} N m;",
-        f"where a wheel slips by more than {found['slipping']:g} m/s, together to {found['slipping_torque']:.6g} N m. "
-        "`controller.last` has the shares that are left.",
+        "Saturation: torques are scaled down, yaw torque first, so that no wheel slips or lifts and none has more than",
+        f"{found['max_torque']:.6g} N m; where a wheel slips by more than {found['slipping']:g} m/s, together to "
+        f"{found['slipping_torque']:.6g} N m.",
     ]
 
 
 def _head(name: str, law: Controller, robot: Params, options: dict[str, Any], found: dict[str, Any]) -> list[str]:
     given = ", ".join(f"{option} = {value}" for option, value in options.items())
     return [
-        f"The controller '{name}' for the robot {_robot_name(robot)}, written by `ballbot export` of ballbot {__version__}.",
+        f"The controller '{name}' for the robot {_robot_name(robot)}; `ballbot export` of ballbot {__version__}.",
         str(CONTROLLERS[name]["summary"]),
         "",
         f"Options: {given or 'none, all at their defaults'}.",
         "",
-        f"Use: call `ballbot_reset` once, then `ballbot_step` every BALLBOT_CONTROL_DT = {law.control_dt:g} s, and hold "
-        "the torques in between:",
+        f"Use: call `ballbot_reset` once, `ballbot_step` every BALLBOT_CONTROL_DT = {law.control_dt:g} s, and hold the "
+        "torques:",
         "",
         "    ballbot_controller controller;",
         "    ballbot_setpoint setpoint = {0};",
@@ -117,11 +119,13 @@ def _head(name: str, law: Controller, robot: Params, options: dict[str, Any], fo
         "    ballbot_reset(&controller);",
         "    ballbot_step(&controller, &state, &setpoint, torques);",
         "",
-        "Units: m, rad, s, N m. Frames and the order of all numbers are at `ballbot_state` and `ballbot_setpoint`; wheel i",
-        "is that of entry i of wheel_azimuths below. A positive torque drives a wheel towards a positive speed.",
+        "Units: m, rad, s, N m. Frames and the order of all numbers are at `ballbot_state` and `ballbot_setpoint`.",
+        "Wheel i is that of entry i of wheel_azimuths below; a positive torque drives it towards a positive speed.",
         f"Setpoint: it follows {', '.join(law.setpoint_parts)}; other parts are not read.",
         *_saturation(found),
-        "A state with a NaN gives torques that are NaN: check them before they reach a motor.",
+        "`controller.last` has the torques of the last call and the shares of the wanted ones that are in them.",
+        "NaN in attitude, rate, position or velocity gives torques that are NaN: check them before they reach a motor,",
+        "and call `ballbot_reset`, as an integral is then NaN, too.",
         "Memory: all of it is in `ballbot_controller`; nothing is allocated. Precision: double, or what",
         "`#define BALLBOT_REAL float` before the #include chooses.",
         "",

@@ -40,6 +40,7 @@ class _Writer:
     constants: dict[str, npt.NDArray[Any]]
     vectors: dict[str, _Vector]
     definitions: str = ""
+    arrays: list[str] = dataclasses.field(default_factory=list)
     body: str = ""
     made: int = 0
 
@@ -47,7 +48,7 @@ class _Writer:
         """Writes a node."""
         kind = node.op_type
         if kind == "Constant":
-            self.constants[node.output[0]] = np.asarray(_constant(node, attributes))
+            self.constants[node.output[0]] = np.asarray(_constant(attributes))
         elif kind in ("Gemm", "MatMul"):
             self._layer(node, attributes)
         elif kind == "Clip":
@@ -65,14 +66,16 @@ class _Writer:
     def _new(self, node: Any, size: int) -> _Vector:
         vector = _Vector(f"h{self.made}", size)
         self.made += 1
-        self.body += f"    ballbot_real {vector.name}[{size}];\n"
+        self.arrays.append(f"    ballbot_real {vector.name}[{size}];")
         self.vectors[node.output[0]] = vector
         return vector
 
     def _vector(self, node: Any, name: str) -> _Vector:
         if name in self.vectors:
             return self.vectors[name]
-        raise ValueError(f"the operator {node.op_type} of {name!r} cannot be written as C: it is no vector of the network")
+        raise ValueError(
+            f"the operator {node.op_type} of {name!r} cannot be written as C: it is no vector of the network"
+        )
 
     def _scalar(self, name: str) -> str | None:
         if not name:
@@ -94,7 +97,9 @@ class _Writer:
         weight = self.constants[node.input[1]].astype(float) * attributes.get("alpha", 1.0)
         rows = weight if attributes.get("transB", 0) else weight.T
         if rows.ndim != 2 or rows.shape[1] != given.size:
-            raise ValueError(f"the operator {node.op_type} has weights of shape {weight.shape} for {given.size} numbers")
+            raise ValueError(
+                f"the operator {node.op_type} has weights of shape {weight.shape} for {given.size} numbers"
+            )
         bias = np.zeros(len(rows))
         if len(node.input) > 2 and node.input[2]:
             bias = np.broadcast_to(self.constants[node.input[2]].astype(float).reshape(-1), bias.shape)
@@ -135,7 +140,7 @@ def _loop(size: int, *lines: str) -> str:
     return f"    for (i = 0; i < {size}; i++) {{\n{body}    }}\n"
 
 
-def _constant(node: Any, attributes: dict[str, Any]) -> Any:
+def _constant(attributes: dict[str, Any]) -> Any:
     for name in ("value", "value_float", "value_floats", "value_int", "value_ints"):
         if name in attributes:
             return attributes[name]
@@ -170,15 +175,13 @@ def network(content: bytes, rows: int) -> tuple[str, str]:
         except KeyError as error:
             raise ValueError(f"the operator {node.op_type} reads {error}, which no operator makes") from None
     action = writer.vectors[graph.output[0].name]
-    declared = [line for line in writer.body.splitlines() if line.startswith("    ballbot_real")]
-    steps = [line for line in writer.body.splitlines() if not line.startswith("    ballbot_real")]
     lines = [
-        "/* The network: the action, within [-1, 1], of an observation as the environment gives it (scaled, oldest first). */",
+        "/* The network: the action, within [-1, 1], of observations as the environment gives them, oldest first. */",
         "static inline void ballbot_policy_act(const ballbot_real *observation, ballbot_real action[3])",
         "{",
-        *declared,
+        *writer.arrays,
         "    int i;",
-        *steps,
+        *writer.body.splitlines(),
         "    for (i = 0; i < 3; i++) {",
         f"        action[i] = ballbot_max(-1, ballbot_min(1, {action.name}[i]));",
         "    }",

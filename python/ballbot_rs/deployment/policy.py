@@ -21,6 +21,8 @@ _ROWS: Final = {
     **{f"last action, wheel {i}": f"policy->action[{i}]" for i in range(3)},
 }
 
+_NUMBERS: Final = ("bound", "rest", "typical")
+
 
 def policy_header(path: str | PathLike[str], task: str = DEFAULT_TASK) -> str:
     """The text of a header of C99 with a policy.
@@ -96,36 +98,34 @@ def _observe(rows: list[dict[str, Any]]) -> str:
 
 def _head(policy: OnnxPolicy, task: str, rows: list[dict[str, Any]], *, has_observe: bool) -> list[str]:
     options, known = policy.env_options, policy.metadata
-    observed = [
-        "    ballbot_state state;         (from the sensors)",
-        "    ballbot_setpoint setpoint = {0};",
-        "    ballbot_policy_observe(&policy, &state, &setpoint, rows);",
-    ]
-    scaled = "in multiples of its typical magnitude" if options["scale_observations"] else "as it is"
+    observed = ["    ballbot_policy_observe(&policy, &state, &setpoint, rows);"]
+    scaled = (
+        "less their value at rest, over their typical magnitude" if options["scale_observations"] else "as they are"
+    )
+    every = options["control_dt"]
     return [
-        f"A policy ({known['algorithm']}) of the task '{task}', written by `ballbot export` of ballbot {__version__}; trained "
-        f"with {known['versions'].get('trained_with_ballbot_rs', 'another version')}.",
+        f"A policy ({known['algorithm']}) of the task '{task}'; `ballbot export` of ballbot {__version__}.",
         str(TASKS[task]["summary"]),
         "",
-        "Use: call `ballbot_policy_reset` once, then each BALLBOT_POLICY_CONTROL_DT = "
-        f"{options['control_dt']:g} s the rest, and hold the torques in between:",
+        f"Use: call `ballbot_policy_reset` once, the rest every BALLBOT_POLICY_CONTROL_DT = {every:g} s:",
         "",
         "    ballbot_policy policy;",
         "    ballbot_real rows[BALLBOT_POLICY_ROWS];",
         "    ballbot_real torques[3];",
+        *(["    ballbot_state state;              (from the sensors)"] if has_observe else []),
+        *(["    ballbot_setpoint setpoint = {0};"] if has_observe else []),
         "    ballbot_policy_reset(&policy);",
         *(observed if has_observe else ["    (rows from the sensors, in the order and the units below)"]),
         "    ballbot_policy_step(&policy, rows, torques);",
         "",
         f"Torques: the action within [-1, 1] times BALLBOT_POLICY_MAX_TORQUE = {options['max_wheel_torque']:.6g} N m.",
-        f"Rows: saturated, then each less its value at rest, {scaled}; the network sees the last "
-        f"{options['history']} of them.",
-        "Memory: all of it is in `ballbot_policy`; nothing is allocated. Weights are of single precision; sums are double, or",
-        "what `#define BALLBOT_REAL float` before the #include chooses.",
+        f"Rows: saturated, then {scaled}; the network sees the last {options['history']} observations.",
+        "Memory: all of it is in `ballbot_policy`; nothing is allocated. Weights are of single precision, sums of",
+        "double or of what `#define BALLBOT_REAL float` before the #include chooses.",
         "",
         "Rows, in order: name, unit, bound, value at rest, typical magnitude",
         *(
-            f"    {i:2}  {row['name']}, {row['unit'] or '1'}, {row['bound']:g}, {row['rest'] + 0.0:g}, {row['typical']:g}"
+            f"    {i:2}  {row['name']}, {row['unit'] or '1'}, " + ", ".join(f"{row[key] + 0.0:g}" for key in _NUMBERS)
             for i, row in enumerate(rows)
         ),
         "",
