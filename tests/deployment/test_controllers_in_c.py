@@ -51,6 +51,8 @@ def test_a_controller_in_c_has_our_torques(name, robot, tmp_path):
         torques, shares = CController(tmp_path, header).torques(states, setpoints)
         assert np.abs(torques - expected).max() < TOLERANCE, options
         single, _ = CController(tmp_path, header, "float").torques(states, setpoints)
+        differences = [np.abs(found - expected).max() for found in (torques, single)]
+        print("{} of {}: double {:.1e} N·m, float {:.1e} N·m".format(name, robot, *differences))
         assert np.abs(single - expected).max() < FLOAT_TOLERANCE, options
         # Limits act in many of the states, and leave others alone; the PID takes the derivative of jumps.
         assert (shares[:, 0] < 1.0).mean() > 0.1, options

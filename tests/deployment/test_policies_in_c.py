@@ -57,6 +57,7 @@ def difference(folder, file, real="double"):
 @pytest.mark.parametrize("file", [SHIPPED, OLD], ids=["shipped", "0.1.0"])
 def test_a_policy_in_c_acts_as_onnxruntime(file, real, tmp_path):
     found, expected = difference(tmp_path, file, real)
+    print(f"{file.name} in {real}: largest difference of an action {found:.1e}")
     assert found < TOLERANCE
     assert 0.005 < (np.abs(expected) == 1.0).mean() < 0.9
     assert expected.std() > 0.1
