@@ -37,6 +37,7 @@ __all__ = [
     "SpatialModel",
     "State",
     "__version__",
+    "estimator_constants",
     "load_actuators",
     "load_events",
     "load_sensors",
@@ -653,6 +654,23 @@ def load_sensors(name_or_path: str | PathLike[str]) -> Sensors:
         ValueError: an unknown name or option, malformed TOML, or a number out of range; the message has the value and the
             limit.
         OSError: the file cannot be read.
+    """
+
+def estimator_constants(
+    params: _Robot | None = None,
+    sensors: Sensors | Mapping[str, Any] | str | PathLike[str] | None = None,
+    control_dt: float = 0.01,
+) -> dict[str, float | _Array]:
+    """The numbers by name that the estimator of a robot with these sensors computes with; `ballbot export --estimator` writes
+    them as C.
+
+    Args:
+        params: the robot; None is the paper's.
+        sensors: as `sensors=` of an environment; None is exact ones.
+        control_dt: time between two readings, s.
+
+    Raises:
+        ValueError: a number out of range.
     """
 
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:

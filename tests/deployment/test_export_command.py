@@ -8,7 +8,7 @@ import pytest
 
 from ballbot_rs import Params
 from ballbot_rs.cli import main
-from ballbot_rs.deployment import controller_header
+from ballbot_rs.deployment import controller_header, estimator_header
 from tests.support.c_code import STRICT
 from tests.support.paths import ROOT
 
@@ -34,6 +34,14 @@ def test_the_report_is_json(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out) == {"controller": "pid", "header": str(target), "options": {}}
 
 
+def test_the_command_writes_the_estimator_of_a_robot_and_its_sensors(tmp_path, capsys):
+    target = tmp_path / "estimator.h"
+    given = ["--robot", "kugle", "--sensors", "kugle", "--env-option", "control_dt=0.005"]
+    assert main(["export", "--estimator", *given, "-o", str(target)]) == 0
+    assert target.read_text(encoding="ascii") == estimator_header("kugle", "kugle", 0.005)
+    capsys.readouterr()
+
+
 def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
     pytest.importorskip("onnx")
     onnx, first, second = (str(tmp_path / name) for name in ("p.onnx", "a.h", "b.h"))
@@ -46,8 +54,8 @@ def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ([], "takes a RUN or --controller, one of them"),
-        (["runs/mine", "--controller", "lqr"], "takes a RUN or --controller, one of them"),
+        ([], "takes a RUN, --controller or --estimator, one of them"),
+        (["runs/mine", "--controller", "lqr"], "takes a RUN, --controller or --estimator, one of them"),
         (["--controller", "zero"], "'zero' cannot be written as C: expected one of lqr, lqi"),
         (["--controller", "lqr", "-o", "gains.c"], "gains.c: the name of a header of C ends in .h"),
         (
@@ -63,6 +71,9 @@ def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
         (["--controller", "lqr", "--sensors", "exact"], "does not depend on sensors of the environment"),
         (["--controller", "lqr", "--task", "balance"], "--task balance is for policies"),
         (["runs/mine", "--controller-option", "position=1"], "--controller-option position=1 needs --controller"),
+        (["--estimator"], "--estimator needs the sensors of the robot"),
+        (["--estimator", "--sensors", "kugle", "--model", "rigid"], "an estimator in C does not depend on model"),
+        (["--estimator", "--sensors", "kugle", "--controller", "lqr"], "takes a RUN, --controller or --estimator"),
         (["--controller", "lqr", "--env-option", "control_dt=0"], "control_dt = 0 is out of range"),
     ],
 )

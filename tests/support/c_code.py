@@ -295,3 +295,72 @@ class CPolicy:
         rows = np.zeros(16)
         self._library.observe(pointer(given), pointer(target), pointer(rows))
         return rows
+
+
+#: An estimator behind arrays of doubles: a state, readings of gyroscope, accelerometer and wheels, and what follows.
+ESTIMATOR = """
+#include "{header}"
+
+static ballbot_estimator estimator;
+
+void begin(const double *start);
+void update(const double *readings, double *out, double *balanced);
+
+{read_state}
+
+void begin(const double *start)
+{{
+    const ballbot_state state = read_state(start);
+    ballbot_estimator_begin(&estimator, &state);
+}}
+
+void update(const double *readings, double *out, double *balanced)
+{{
+    ballbot_real read[9];
+    ballbot_state state;
+    int i;
+    for (i = 0; i < 9; i++) {{
+        read[i] = (ballbot_real)readings[i];
+    }}
+    ballbot_estimator_update(&estimator, read, read + 3, read + 6, &state);
+    for (i = 0; i < 4; i++) {{
+        out[i] = (double)state.quaternion[i];
+    }}
+    for (i = 0; i < 3; i++) {{
+        out[4 + i] = (double)state.rate[i];
+        out[11 + i] = (double)state.ball_rate[i];
+        out[14 + i] = (double)state.wheel_speeds[i];
+        out[17 + i] = estimator.slipping[i];
+    }}
+    for (i = 0; i < 2; i++) {{
+        out[7 + i] = (double)state.ball_position[i];
+        out[9 + i] = (double)state.ball_velocity[i];
+        out[20 + i] = (double)estimator.lean_bias[i];
+    }}
+    ballbot_estimator_balance(&estimator, &state);
+    for (i = 0; i < 4; i++) {{
+        balanced[i] = (double)state.quaternion[i];
+    }}
+}}
+"""
+
+
+class CEstimator:
+    """An estimator in C."""
+
+    def __init__(self, folder, header, real="double"):
+        folder = Path(tempfile.mkdtemp(dir=folder))
+        (folder / "estimator.h").write_text(header, encoding="utf-8")
+        source = ESTIMATOR.format(header=folder / "estimator.h", read_state=READ_STATE)
+        self._library = compiled(folder, source, flags=[f"-DBALLBOT_REAL={real}"])
+
+    def begin(self, state):
+        """Begins in a state."""
+        self._library.begin(pointer(np.ascontiguousarray(state_row(state))))
+
+    def update(self, readings):
+        """The state's row (17), slipping wheels (3), the lean bias (2), and the balanced attitude (4)."""
+        parts = [readings[name] for name in ("gyro", "specific_force", "wheel_rates")]
+        read, out, balanced = np.concatenate(parts).astype(float), np.zeros(22), np.zeros(4)
+        self._library.update(pointer(read), pointer(out), pointer(balanced))
+        return out[:17], out[17:20], out[20:], balanced

@@ -70,11 +70,11 @@ def _single(value: Any) -> str:
     return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
 
 
-def constants(values: Mapping[str, Any]) -> str:
+def constants(values: Mapping[str, Any], prefix: str = "BALLBOT") -> str:
     """Definitions of numbers, as macros, and of arrays, by names in capitals."""
     text = ""
     for name, value in values.items():
-        known = f"BALLBOT_{name.upper()}"
+        known = f"{prefix}_{name.upper()}"
         if np.ndim(value) == 0:
             text += f"#define {known} ((ballbot_real){number(value)})\n"
         else:

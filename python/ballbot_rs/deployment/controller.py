@@ -86,7 +86,8 @@ def _ball_rate_of_wheels(robot: Params) -> np.ndarray[Any, Any]:
     return rates
 
 
-def _robot_name(robot: Params) -> str:
+def robot_name(robot: Params) -> str:
+    """The name of a preset in quotes, or where the parameters of another robot are."""
     preset = next((name for name in ROBOTS if Params.preset(name) == robot), None)
     return "with the parameters below" if preset is None else f"'{preset}'"
 
@@ -104,7 +105,7 @@ def _saturation(found: dict[str, Any]) -> list[str]:
 def _head(name: str, law: Controller, robot: Params, options: dict[str, Any], found: dict[str, Any]) -> list[str]:
     given = ", ".join(f"{option} = {value}" for option, value in options.items())
     return [
-        f"The controller '{name}' for the robot {_robot_name(robot)}; `ballbot export` of ballbot {__version__}.",
+        f"The controller '{name}' for the robot {robot_name(robot)}; `ballbot export` of ballbot {__version__}.",
         str(CONTROLLERS[name]["summary"]),
         "",
         f"Options: {given or 'none, all at their defaults'}.",

@@ -4,7 +4,6 @@
 
 mod balance_frame;
 mod cascade_pid;
-mod constants;
 mod deviation;
 mod hierarchical_sliding_mode;
 mod kinds;
@@ -17,7 +16,6 @@ mod pid;
 pub mod riccati;
 
 pub use cascade_pid::{CascadePid, CascadePidOptions};
-pub use constants::{Constant, Constants};
 pub use hierarchical_sliding_mode::{HierarchicalSlidingMode, SlidingModeOptions, SlidingSurface};
 pub use kinds::{ControllerKind, MakeController, controller_kind, controller_kinds, fields_with, register_controller};
 pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
@@ -25,6 +23,7 @@ pub use lqi::{IntegralWeights, Lqi, LqiWeights};
 pub use lqr::{Lqr, LqrWeights};
 pub use pid::{Pid, PidGains};
 
+pub use crate::constants::{Constant, Constants};
 pub use crate::setpoint::{LaneSetpoint, SETPOINT_PARTS, Setpoint, SetpointCells};
 
 use crate::error::{Result, check};

@@ -1,6 +1,6 @@
-//! The numbers of a law by name, from which its torques can be computed elsewhere.
+//! The numbers of a law or of an estimator by name, from which another program can compute the same.
 
-/// A number, a vector or a matrix of a law.
+/// A number, a vector or a matrix.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constant {
     /// Its name.
@@ -11,7 +11,7 @@ pub struct Constant {
     pub values: Vec<f64>,
 }
 
-/// All that a law computes torques with, besides state, setpoint and memory.
+/// All that something computes with, besides what it is given and its memory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Constants(Vec<Constant>);
 
