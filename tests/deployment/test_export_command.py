@@ -82,12 +82,16 @@ def test_mistakes_are_named(given, message, capsys):
     assert message in capsys.readouterr().err
 
 
-def test_the_loop_of_the_page_is_compiled_with_the_header_of_the_page(tmp_path, capsys):
-    (code,) = re.findall(r"```c\n(.*?)```", PAGE, flags=re.DOTALL)
-    (command,) = re.findall(r"^ballbot export --controller lqi .*? -o gains\.h", PAGE, flags=re.MULTILINE)
-    assert main([*command.split()[1:-1], str(tmp_path / "gains.h")]) == 0
-    (tmp_path / "main.c").write_text(code, encoding="utf-8")
-    compiler = ["cc", *STRICT, "-c", "-o", tmp_path / "main.o", tmp_path / "main.c"]
-    done = subprocess.run(compiler, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 0, done.stderr
+def test_the_loops_of_the_page_are_compiled_with_the_headers_of_the_page(tmp_path, capsys):
+    loops = re.findall(r"```c\n(.*?)```", PAGE, flags=re.DOTALL)
+    commands = re.findall(r"^ballbot (export --(?:controller lqi|estimator) .*?) -o (\w+\.h)", PAGE, flags=re.MULTILINE)
+    assert [target for _, target in commands] == ["gains.h", "estimator.h"]
+    for command, target in commands:
+        assert main([*command.split(), "-o", str(tmp_path / target)]) == 0
+    assert len(loops) == 2
+    for loop in loops:
+        (tmp_path / "main.c").write_text(loop, encoding="utf-8")
+        compiler = ["cc", *STRICT, "-c", "-o", tmp_path / "main.o", tmp_path / "main.c"]
+        done = subprocess.run(compiler, capture_output=True, text=True, timeout=60, check=False)
+        assert done.returncode == 0, done.stderr
     capsys.readouterr()

@@ -8,11 +8,12 @@ from ballbot_rs._core import Params, estimator_constants
 from ballbot_rs.deployment.c_text import comment, constants, guarded, piece
 from ballbot_rs.deployment.controller import robot_name
 
-#: Variance of a wheel rate, (rad/s)², below which single precision does not do: the covariance is then a small difference
-#: of large numbers. That of 4096 ticks at 100 Hz is 3.9e-3.
+#: Variance of a wheel rate, (rad/s)², below which single precision does not do: the covariance is then a small
+#: difference of large numbers. That of 4096 ticks at 100 Hz is 3.9e-3.
 LEAST_SINGLE: Final = 3e-3
 
-REFUSAL: Final = """/* Encoders as fine as these, with such a rate, need double precision: an array of -1 elements is an error. */
+REFUSAL: Final = """\
+/* Encoders as fine as these, at this rate, need double precision: an array of -1 elements is an error. */
 typedef char ballbot_estimator_of_these_sensors_needs_double[BALLBOT_IS_FLOAT ? -1 : 1];
 """
 
@@ -34,7 +35,7 @@ def estimator_header(
     """
     robot = params if isinstance(params, Params) else Params.preset(params or "paper")
     values = estimator_constants(robot, sensors, control_dt)
-    is_coarse = float(values["encoder_variance"]) >= LEAST_SINGLE  # type: ignore[arg-type]
+    is_coarse = float(values["encoder_variance"]) >= LEAST_SINGLE
     parts = (
         piece("real"),
         "" if is_coarse else REFUSAL,
@@ -52,7 +53,7 @@ def _head(robot: Params, sensors: Any, control_dt: float) -> list[str]:
         f"The estimator of the robot {robot_name(robot)}; `ballbot export` of ballbot {__version__}.",
         "An error-state Kalman filter of IMU and wheel encoders; docs/estimator.md of ballbot has its equations.",
         "",
-        f"Sensors: {sensors}.",
+        *_sensors(sensors),
         "",
         f"Use: call `ballbot_estimator_begin` once, the rest every BALLBOT_ESTIMATOR_DT = {control_dt:g} s:",
         "",
@@ -69,3 +70,9 @@ def _head(robot: Params, sensors: Any, control_dt: float) -> list[str]:
         "Robot (SI units):",
         *(f"    {line}" for line in robot.to_toml().splitlines() if line),
     ]
+
+
+def _sensors(sensors: Mapping[str, Any] | str) -> list[str]:
+    if isinstance(sensors, str):
+        return [f"Sensors: '{sensors}'."]
+    return ["Sensors (SI units; others are exact):", *(f"    {name} = {value}" for name, value in sensors.items())]
