@@ -21,6 +21,7 @@ except ModuleNotFoundError:
         "control/test_bad_policy.py",
         "control/test_policy_code.py",
         "control/test_save.py",
+        "deployment/test_policies_in_c.py",
         "docs/test_readme.py",
         "envs/test_front_ends.py",
         "envs/test_own_task.py",

@@ -38,6 +38,7 @@ __all__ = [
     "SpatialModel",
     "State",
     "__version__",
+    "estimator_constants",
     "load_actuators",
     "load_events",
     "load_sensors",
@@ -656,6 +657,23 @@ def load_sensors(name_or_path: str | PathLike[str]) -> Sensors:
         OSError: the file cannot be read.
     """
 
+def estimator_constants(
+    params: _Robot | None = None,
+    sensors: Sensors | Mapping[str, Any] | str | PathLike[str] | None = None,
+    control_dt: float = 0.01,
+) -> dict[str, float | _Array]:
+    """The numbers by name that the estimator of a robot with these sensors computes with; `ballbot export --estimator` writes
+    them as C.
+
+    Args:
+        params: the robot; None is the paper's.
+        sensors: as `sensors=` of an environment; None is exact ones.
+        control_dt: time between two readings, s.
+
+    Raises:
+        ValueError: a number out of range.
+    """
+
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
     """Motors by name (`ACTUATORS` has them), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, of
     which the joints' `velocity` is `speed_limit`.
@@ -738,6 +756,13 @@ class Controller:
         """
     def reset(self) -> None:
         """Forgets the past."""
+    def constants(self) -> dict[str, float | _Array]:
+        """The numbers that it computes torques with, by name: numbers, vectors and matrices. `ballbot export` writes them
+        as C.
+
+        Raises:
+            ValueError: a law that does not give them.
+        """
     @property
     def name(self) -> str:
         """The name by which it is chosen."""

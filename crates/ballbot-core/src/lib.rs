@@ -26,6 +26,7 @@
 
 pub mod actuator;
 pub mod batch;
+mod constants;
 pub mod control;
 mod energy;
 mod error;

@@ -9,8 +9,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BOTTOM: [&str; 16] = [
+const BOTTOM: [&str; 17] = [
     "error",
+    "constants",
     "files",
     "interrupt",
     "memory",

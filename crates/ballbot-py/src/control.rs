@@ -8,13 +8,13 @@ use crate::params::or_paper;
 use crate::state::PyState;
 use ballbot_core::Params;
 use ballbot_core::control::{
-    Controller, DEFAULT_TRACTION, LimitOptions, Lqr, LqrWeights, Pid, PidGains, SETPOINT_PARTS, Setpoint,
-    controller_kind,
+    Constant, Constants, Controller, DEFAULT_TRACTION, LimitOptions, Lqr, LqrWeights, Pid, PidGains, SETPOINT_PARTS,
+    Setpoint, controller_kind,
 };
 use ballbot_core::fields::Fields;
 use nalgebra::DMatrix;
-use numpy::{PyArray1, PyArray2};
-use pyo3::exceptions::PyTypeError;
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -84,6 +84,19 @@ fn limits(own: LimitOptions, max_torque: Option<f64>, traction: Argument<'_, '_>
         }
     };
     Ok(LimitOptions { max_torque, traction })
+}
+
+/// Numbers, vectors and matrices by name.
+pub(crate) fn constants_dict<'py>(py: Python<'py>, constants: &Constants) -> PyResult<Bound<'py, PyDict>> {
+    let found = PyDict::new(py);
+    for Constant { name, shape, values } in constants.iter() {
+        if shape.is_empty() {
+            found.set_item(name, values[0])?;
+        } else {
+            found.set_item(name, PyArray1::from_slice(py, values).reshape(shape.clone())?)?;
+        }
+    }
+    Ok(found)
 }
 
 /// A feedback law by its name (see `CONTROLLERS`), for one robot when called, for all robots of a `Batch` in Rust.
@@ -187,6 +200,19 @@ impl PyController {
     fn reset(&self) -> PyResult<()> {
         self.law.write()?.reset();
         Ok(())
+    }
+
+    /// The numbers that it computes torques with, by name: numbers, vectors and matrices. `ballbot export` writes them
+    /// as C.
+    ///
+    /// Raises:
+    ///     ValueError: a law that does not give them.
+    fn constants<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let law = self.law.read()?;
+        let constants = law.constants().ok_or_else(|| {
+            PyValueError::new_err(format!("the controller '{}' does not give its constants", self.name))
+        })?;
+        constants_dict(py, &constants)
     }
 
     /// The name by which it is chosen.

@@ -60,6 +60,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<render::PyRenderer>()?;
     module.add_function(wrap_pyfunction!(actuators::load_actuators, module)?)?;
     module.add_function(wrap_pyfunction!(sensors::load_sensors, module)?)?;
+    module.add_function(wrap_pyfunction!(sensors::estimator_constants, module)?)?;
     module.add_function(wrap_pyfunction!(models::virtual_to_wheel_torques, module)?)?;
     module.add_function(wrap_pyfunction!(models::wheel_to_virtual_torques, module)?)?;
     Ok(())

@@ -1,10 +1,12 @@
 //! Sensors of environments, from and to Python.
 
+use crate::control::constants_dict;
 use crate::errors::{call, to_python};
 use crate::fields::{field_dict, named_numbers};
-use crate::params::toml_path;
+use crate::numbers::real;
+use crate::params::{or_paper, toml_path};
 use ballbot_core::batch::Batch;
-use ballbot_core::sensor::SensorOptions;
+use ballbot_core::sensor::{Onboard, SensorOptions};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -68,6 +70,31 @@ pub(crate) fn readings<'py>(py: Python<'py>, batch: &Batch, index: Option<usize>
         }
     }
     Ok(dict)
+}
+
+/// The numbers by name that the estimator of a robot with these sensors computes with; `ballbot export --estimator` writes
+/// them as C.
+///
+/// Args:
+///     params: the robot; None is the paper's.
+///     sensors: as `sensors=` of an environment; None is exact ones.
+///     control_dt: time between two readings, s.
+///
+/// Raises:
+///     ValueError: a number out of range.
+#[pyfunction]
+#[pyo3(signature = (params=None, sensors=None, control_dt=0.01))]
+pub(crate) fn estimator_constants<'py>(
+    py: Python<'py>,
+    params: Option<&Bound<'py, PyAny>>,
+    sensors: Option<&Bound<'py, PyAny>>,
+    #[pyo3(from_py_with = real)] control_dt: f64,
+) -> PyResult<Bound<'py, PyDict>> {
+    let params = or_paper(params)?;
+    let options = sensors.map_or(Ok(None), self::sensors)?.unwrap_or_default();
+    let onboard = call(|| Onboard::new(&options, control_dt, Some(&params)))?;
+    let estimator = onboard.estimator().expect("it was made with one");
+    constants_dict(py, &estimator.constants())
 }
 
 /// Sensors by name (`SENSORS` has them), or from the table `[sensors]` of a robot's TOML file.

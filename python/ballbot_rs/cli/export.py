@@ -1,49 +1,165 @@
-"""`ballbot export`: a trained policy as an ONNX file, which runs without PyTorch."""
+"""`ballbot export`: a policy as an ONNX file, which runs without PyTorch; policies, controllers, estimators as C99."""
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ballbot_rs import _files
 from ballbot_rs._core import TASKS
 from ballbot_rs._extras import require
 from ballbot_rs.cli import scenario
 from ballbot_rs.control.onnx_policy import OnnxPolicy
+from ballbot_rs.deployment import CONTROLLERS_IN_C, controller_header, estimator_header, policy_header
 from ballbot_rs.envs.registration import DEFAULT_TASK
+
+#: Options of the environment that a controller in C depends on.
+OF_CONTROLLERS = ("params", "control_dt", "max_wheel_torque")
+#: Options of the environment that an estimator in C depends on.
+OF_ESTIMATORS = ("params", "control_dt", "sensors")
 
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("export", help="write a policy as ONNX, which runs without PyTorch")
-    command.add_argument("policy", type=Path, metavar="RUN", help="a training run, or a policy file")
+    command = commands.add_parser(
+        "export", help="write a policy as ONNX, which runs without PyTorch, or policies, controllers, estimators as C99"
+    )
+    command.add_argument(
+        "policy", type=Path, nargs="?", metavar="RUN", help="a training run, or a policy file; for C an ONNX file, too"
+    )
     command.add_argument(
         "--task",
         choices=sorted(TASKS),
         help="the task of a policy file without metadata (ballbot_rs.save adds it)",
     )
+    command.add_argument(
+        "--controller",
+        metavar="|".join(CONTROLLERS_IN_C),
+        help="a controller as C, in place of a policy, for the robot of --robot (default paper)",
+    )
+    command.add_argument(
+        "--controller-option",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="an option of that controller, for example position=0.1, max_torque=0.5, traction=false; repeat for more",
+    )
+    command.add_argument(
+        "--estimator", action="store_true", help="the estimator as C, for the robot of --robot and its --sensors"
+    )
     scenario.add_robot(command)
-    scenario.add_output(command, "FILE.onnx", "the file (default policy.onnx in the run)")
-    command.add_argument("--json", action="store_true", help="print the file's metadata as JSON")
+    scenario.add_output(
+        command,
+        "FILE.onnx|FILE.h",
+        "the file: ONNX, or a header of C99 (default policy.onnx in the run, CONTROLLER.h, or estimator.h)",
+    )
+    command.add_argument("--json", action="store_true", help="print what the file is for as JSON")
     command.set_defaults(carry_out=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
+    if (arguments.policy is not None) + (arguments.controller is not None) + arguments.estimator != 1:
+        raise ValueError("export takes a RUN, --controller or --estimator, one of them")
+    if arguments.controller is not None:
+        _export_controller(arguments)
+        return
+    if arguments.controller_option:
+        raise ValueError(f"--controller-option {arguments.controller_option[0]} needs --controller")
+    if arguments.estimator:
+        _export_estimator(arguments)
+        return
     target = arguments.output
     if target is None:
         source = arguments.policy
         target = (source if source.is_dir() else source.parent) / "policy.onnx"
-    if target.suffix != ".onnx":
-        raise ValueError(f"{target}: the name of an ONNX file ends in .onnx")
+    if target.suffix not in (".onnx", ".h"):
+        raise ValueError(f"{target}: the name of an ONNX file ends in .onnx, that of a header of C in .h")
+    if target.suffix == ".h":
+        _export_policy_as_c(arguments, target)
+    else:
+        _export_policy(arguments, target)
+
+
+def _export_policy(arguments: argparse.Namespace, target: Path) -> None:
     task = arguments.task or DEFAULT_TASK
-    with require("exporting", "train", "export"):
-        from ballbot_rs.training import export
-    options = scenario.env_options(arguments)
-    given = options if options or arguments.task is not None else None
-    difference = export.export(arguments.policy, target, task, given)
+    difference = _as_onnx(arguments, target)
     if arguments.json:
         report = {"policy": str(target), "difference": difference, "metadata": OnnxPolicy(target, task).metadata}
         print(json.dumps(report, indent=2))
         return
     size = target.stat().st_size / 1024
     print(f"wrote {target} ({size:.0f} KiB); largest difference of its actions from the source: {difference:.0e}")
+
+
+def _as_onnx(arguments: argparse.Namespace, target: Path) -> float:
+    with require("exporting", "train", "export"):
+        from ballbot_rs.training import export
+    options = scenario.env_options(arguments)
+    given = options if options or arguments.task is not None else None
+    return export.export(arguments.policy, target, arguments.task or DEFAULT_TASK, given)
+
+
+def _export_policy_as_c(arguments: argparse.Namespace, target: Path) -> None:
+    task = arguments.task or DEFAULT_TASK
+    if arguments.policy.suffix == ".onnx":
+        if options := scenario.env_options(arguments):
+            raise ValueError(
+                f"{arguments.policy} has its own options of the environment: leave out {', '.join(options)}"
+            )
+        text, metadata = policy_header(arguments.policy, task), OnnxPolicy(arguments.policy, task).metadata
+    else:
+        with _files.scratch_folder() as folder:
+            file = folder / "policy.onnx"
+            _as_onnx(arguments, file)
+            text, metadata = policy_header(file, task), OnnxPolicy(file, task).metadata
+    _write(arguments, target, text, {"policy": str(target), "metadata": metadata})
+
+
+def _robot_and_options(arguments: argparse.Namespace, what: str, known: Sequence[str]) -> tuple[Path, dict[str, Any]]:
+    """The file, and options of the environment, which are among the known ones."""
+    if arguments.task is not None:
+        raise ValueError(f"--task {arguments.task} is for policies: {what} does not depend on it")
+    target = arguments.output or Path(f"{arguments.controller or 'estimator'}.h")
+    if target.suffix != ".h":
+        raise ValueError(f"{target}: the name of a header of C ends in .h")
+    options = scenario.env_options(arguments)
+    if others := sorted(set(options) - set(known)):
+        raise ValueError(
+            f"{what} in C does not depend on {', '.join(others)} of the environment, only on {', '.join(known)}"
+        )
+    return target, {**options, "params": scenario.params_of(options.get("params", "paper"))}
+
+
+def _export_estimator(arguments: argparse.Namespace) -> None:
+    target, options = _robot_and_options(arguments, "an estimator", OF_ESTIMATORS)
+    if "sensors" not in options:
+        raise ValueError("--estimator needs the sensors of the robot, whose errors it expects: add --sensors")
+    try:
+        text = estimator_header(**options)
+    except TypeError as error:
+        raise ValueError(f"the estimator: {error}") from error
+    _write(arguments, target, text, {"estimator": str(target)})
+
+
+def _export_controller(arguments: argparse.Namespace) -> None:
+    target, options = _robot_and_options(arguments, "a controller", OF_CONTROLLERS)
+    given = scenario.assignments(arguments.controller_option, "--controller-option")
+    # What the environment is asked for as such is no option of the controller.
+    if taken := sorted({"name", *OF_CONTROLLERS} & set(given)):
+        raise ValueError(f"--controller-option {taken[0]}: name the robot by --robot and the rest by --env-option")
+    try:
+        text = controller_header(arguments.controller, **options, **given)
+    except TypeError as error:
+        raise ValueError(f"the controller '{arguments.controller}': {error}") from error
+    _write(arguments, target, text, {"controller": arguments.controller, "header": str(target), "options": given})
+
+
+def _write(arguments: argparse.Namespace, target: Path, text: str, report: dict[str, Any]) -> None:
+    with _files.replacing(target) as unfinished:
+        unfinished.write_text(text, encoding="ascii")
+    if arguments.json:
+        print(json.dumps(report, indent=2))
+        return
+    print(f"wrote {target} ({len(text) / 1024:.0f} KiB): C99, with no dependency but <math.h>")

@@ -1,5 +1,6 @@
 //! The balance frame of a robot, in which controllers see its tilt.
 
+use super::Constants;
 use crate::lanes::{Lane, Quat, Rotation, Vec3};
 use crate::params::Params;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -17,6 +18,12 @@ impl BalanceFrame {
     /// The balance frame of the robot of `params`.
     pub(super) fn new(params: &Params) -> Self {
         Self { rotation: params.to_balance_frame(), is_body_frame: params.body_com_offset == [0.0; 2] }
+    }
+
+    /// Adds the quaternion (w, x, y, z) that takes vectors of the body frame to the balance frame.
+    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+        let q = &self.rotation;
+        constants.vector("balance_frame", &[q.w, q.i, q.j, q.k])
     }
 
     /// A vector of the balance frame in the body frame.

@@ -3,7 +3,7 @@
 use super::lean_planes::{LeanPlane, Leaning, require_stable};
 use super::outer::share_within;
 use super::tracking::{Deviation, Tracking};
-use super::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
+use super::{Constants, LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
 use crate::error::Result;
 use crate::fields::{Fields, Limit};
 use crate::lane_state::LaneState;
@@ -180,6 +180,24 @@ impl Law for CascadePid {
 
     fn sampling_mut(&mut self) -> &mut Sampling {
         &mut self.sampling
+    }
+
+    fn constants(&self) -> Option<Constants> {
+        let [x, y] = &self.gains;
+        let constants = self
+            .tracking
+            .frame
+            .add_to(Constants::default())
+            .vector("position_gains", &[x.position, y.position])
+            .vector("velocity_gains", &[x.velocity, y.velocity])
+            .vector("reference_gains", &[x.reference, y.reference])
+            .vector("lean_gains", &[x.lean, y.lean])
+            .vector("rate_gains", &[x.rate, y.rate])
+            .vector("integral_gains", &[x.integral, y.integral])
+            .vector("yaw_gains", &self.yaw)
+            .number("max_lean", self.max_lean)
+            .number("max_speed", self.max_speed);
+        Some(self.limits.add_to(self.tracking.planes.add_to(constants)))
     }
 
     #[inline(always)]

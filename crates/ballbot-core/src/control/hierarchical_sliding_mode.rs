@@ -3,7 +3,7 @@
 use super::lean_planes::{LeanPlane, Leaning, require_stable};
 use super::outer::Outer;
 use super::tracking::{Deviation, Tracking};
-use super::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
+use super::{Constants, LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
 use crate::error::{Error, Result};
 use crate::fields::{Fields, Limit};
 use crate::lane_state::LaneState;
@@ -228,6 +228,26 @@ impl Law for HierarchicalSlidingMode {
 
     fn sampling_mut(&mut self) -> &mut Sampling {
         &mut self.sampling
+    }
+
+    fn constants(&self) -> Option<Constants> {
+        let [x, y] = &self.gains;
+        let constants = self
+            .tracking
+            .frame
+            .add_to(Constants::default())
+            .vector("alpha", &[x.surface.alpha, y.surface.alpha])
+            .vector("c1", &[x.surface.c1, y.surface.c1])
+            .vector("c2", &[x.surface.c2, y.surface.c2])
+            .vector("lean_gains", &[x.equivalent[0], y.equivalent[0]])
+            .vector("velocity_gains", &[x.equivalent[1], y.equivalent[1]])
+            .vector("rate_gains", &[x.equivalent[2], y.equivalent[2]])
+            .vector("per_rate", &[x.per_rate, y.per_rate])
+            .number("reaching", self.reaching)
+            .number("switching", self.switching)
+            .number("layer", self.layer)
+            .vector("yaw_gains", &self.yaw);
+        Some(self.limits.add_to(self.tracking.planes.add_to(self.outer.add_to(constants))))
     }
 
     #[inline(always)]

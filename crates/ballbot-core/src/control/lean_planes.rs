@@ -1,5 +1,6 @@
 //! The linear model in each vertical plane of the heading frame, driven by angular accelerations of the body.
 
+use super::Constants;
 use crate::error::{Error, Result};
 use crate::lanes::Lane;
 use crate::models::LinearModel;
@@ -72,6 +73,11 @@ impl LeanPlanes {
     pub(super) fn toppling_rate(&self) -> f64 {
         let [x, y] = self.planes;
         0.5 * (x.toppling + y.toppling)
+    }
+
+    /// Adds the wheel torques per angular acceleration of the body (3 × 3).
+    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+        constants.matrix("torques_of_acceleration", &self.torques)
     }
 
     /// Wheel torques of the accelerations of the leans and of the yaw, N·m.

@@ -1,7 +1,7 @@
 //! The last stage of every law: the torques that the wheels can pass on.
 
 use super::balance_frame::BalanceFrame;
-use super::{check_max_torque, default_max_torque};
+use super::{Constants, check_max_torque, default_max_torque};
 use crate::error::{Result, check};
 use crate::kinematics::Omniwheels;
 use crate::lane_state::LaneState;
@@ -126,6 +126,23 @@ impl Traction {
         }
     }
 
+    /// Adds the rows (at rest, per tilt x, y, per torque of each wheel, per squared rate) and the other numbers.
+    fn add_to(&self, constants: Constants) -> Constants {
+        let rows = self.rows.map(|row| {
+            let ([x, y], [a, b, c]) = (row.per_tilt, row.per_torque);
+            [row.at_rest, x, y, a, b, c, row.per_rate_squared]
+        });
+        constants
+            .matrix("traction_rows", &rows)
+            .number("least_margin", LEAST_MARGIN)
+            .vector("yaw_of_torques", &self.yaw)
+            .vector("torques_of_yaw", &self.turning)
+            .matrix("surface", &self.surface)
+            .number("wheel_radius", self.wheel_radius)
+            .number("slipping", SLIPPING)
+            .number("slipping_torque", self.slipping_torque)
+    }
+
     /// Whether a wheel slips.
     #[inline(always)]
     fn slips<L: Lane>(&self, state: &LaneState<L>) -> L::Mask {
@@ -186,6 +203,12 @@ impl TorqueLimits {
     /// Largest torque of a wheel, N·m.
     pub fn max_torque(&self) -> f64 {
         self.max_torque
+    }
+
+    /// Adds the largest torque and, with traction scaling, its numbers.
+    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+        let constants = constants.number("max_torque", self.max_torque);
+        self.traction.iter().fold(constants, |constants, traction| traction.add_to(constants))
     }
 
     /// The torques that are applied in place of wanted ones, none of them above `largest` (N·m). Wanted torques that are within the limits stay as they are, to

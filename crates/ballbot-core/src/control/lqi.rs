@@ -4,7 +4,9 @@ use super::lean_planes::product;
 use super::outer::{Outer, equal_torques, share_within};
 use super::riccati::{self, Regulator};
 use super::tracking::{Deviation, Tracking};
-use super::{LaneSetpoint, Law, LimitOptions, LqrWeights, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
+use super::{
+    Constants, LaneSetpoint, Law, LimitOptions, LqrWeights, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt,
+};
 use crate::error::Result;
 use crate::fields::{Field, Fields, Limit};
 use crate::lane_state::LaneState;
@@ -167,6 +169,16 @@ impl Law for Lqi {
 
     fn sampling_mut(&mut self) -> &mut Sampling {
         &mut self.sampling
+    }
+
+    fn constants(&self) -> Option<Constants> {
+        let constants = self.tracking.frame.add_to(Constants::default()).matrix("gain", &self.gain);
+        let constants = constants
+            .matrix("integral_gain", &self.integral_gain)
+            .matrix("lean_per_integral", &self.lean)
+            .matrix("lean_per_position", &self.position_lean)
+            .number("max_integral_lean", self.max_integral_lean);
+        Some(self.limits.add_to(self.outer.add_to(constants)))
     }
 
     #[inline(always)]

@@ -5,7 +5,8 @@ use super::outer::Outer;
 use super::riccati::{self, Regulator};
 use super::tracking::{Deviation, Tracking};
 use super::{
-    LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, Setpoint, SetpointCells, TorqueLimits, check_control_dt,
+    Constants, LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, Setpoint, SetpointCells, TorqueLimits,
+    check_control_dt,
 };
 use crate::error::{Error, Result, check};
 use crate::fields::{Fields, Limit};
@@ -190,6 +191,11 @@ impl Law for Lqr {
 
     fn sampling_mut(&mut self) -> &mut Sampling {
         &mut self.sampling
+    }
+
+    fn constants(&self) -> Option<Constants> {
+        let constants = self.tracking.frame.add_to(Constants::default()).matrix("gain", &self.gain);
+        Some(self.limits.add_to(self.outer.add_to(constants)))
     }
 
     #[inline(always)]

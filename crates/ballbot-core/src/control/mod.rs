@@ -38,6 +38,7 @@ pub use rule_table::{RuleTable, SETS, memberships};
 pub use sliding_mode::{AttitudeSlidingOptions, SlidingMode};
 pub use takagi_sugeno::TakagiSugeno;
 
+pub use crate::constants::{Constant, Constants};
 pub use crate::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint, SetpointCells};
 
 use crate::error::{Result, check};
@@ -62,6 +63,11 @@ pub trait Law: Send + Sync {
 
     /// What all laws share, to change it.
     fn sampling_mut(&mut self) -> &mut Sampling;
+
+    /// The numbers that it computes torques with; `None` of a law that does not give them.
+    fn constants(&self) -> Option<Constants> {
+        None
+    }
 
     /// Motor torques for the next `control_dt`, N·m; none above `largest` is applied.
     fn torques<L: Lane>(
@@ -110,6 +116,9 @@ pub trait Controller: Send + Sync {
     /// How many numbers it keeps of a robot.
     fn memory_len(&self) -> usize;
 
+    /// The numbers that it computes torques with; `None` of a law that does not give them.
+    fn constants(&self) -> Option<Constants>;
+
     /// Forgets the past of the robot of [`Controller::wheel_torques`].
     fn reset(&mut self);
 
@@ -150,6 +159,10 @@ impl<T: Law> Controller for T {
 
     fn memory_len(&self) -> usize {
         T::MEMORY
+    }
+
+    fn constants(&self) -> Option<Constants> {
+        Law::constants(self)
     }
 
     fn reset(&mut self) {

@@ -1,5 +1,6 @@
 //! The largest speed and lean that deviations of position and velocity may ask for.
 
+use super::Constants;
 use crate::lanes::Lane;
 use crate::models::linear::{INPUTS, STATES};
 use nalgebra::DMatrix;
@@ -30,6 +31,12 @@ impl Outer {
             max_lean,
             max_speed,
         }
+    }
+
+    /// Adds the speed per position (2 × 2), the lean per position and velocity (2 × 4) and their largest lengths.
+    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+        let constants = constants.matrix("speed_per_position", &self.speed).matrix("lean_per_motion", &self.lean);
+        constants.number("max_lean", self.max_lean).number("max_speed", self.max_speed)
     }
 
     /// Cuts the deviations of position and velocity. Returns the share that is left of the position's, 1 if nothing is

@@ -1,7 +1,7 @@
 //! The paper's controller (section III-A): a PID with filtered derivative on each tilt component.
 
 use super::balance_frame::BalanceFrame;
-use super::{LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, check_control_dt};
+use super::{Constants, LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, check_control_dt};
 use crate::error::Result;
 use crate::fields::{Fields, Limit};
 use crate::kinematics::{Omniwheels, TorqueMap};
@@ -106,6 +106,19 @@ impl Law for Pid {
 
     fn sampling_mut(&mut self) -> &mut Sampling {
         &mut self.sampling
+    }
+
+    fn constants(&self) -> Option<Constants> {
+        let g = &self.gains;
+        let constants = self
+            .frame
+            .add_to(Constants::default())
+            .matrix("torques_of_virtual", &self.map)
+            .number("proportional", g.proportional)
+            .number("integral", g.integral)
+            .number("filtered_derivative", g.derivative * g.filter_coefficient)
+            .number("filter_share", self.filter_share);
+        Some(self.limits.add_to(constants))
     }
 
     #[inline(always)]

@@ -2,8 +2,8 @@
 
 use super::rollouts::{Objective, Rollouts};
 use crate::control::{
-    Controller, LaneWidth, LimitOptions, Lqr, LqrWeights, MOTION_PARTS, Setpoint, SetpointCells, TorqueLimits,
-    default_max_torque,
+    Constants, Controller, LaneWidth, LimitOptions, Lqr, LqrWeights, MOTION_PARTS, Setpoint, SetpointCells,
+    TorqueLimits, default_max_torque,
 };
 use crate::error::{Result, check};
 use crate::fields::{Fields, Limit};
@@ -153,6 +153,10 @@ impl Controller for Mppi {
 
     fn parts(&self) -> &'static [&'static str] {
         MOTION_PARTS
+    }
+
+    fn constants(&self) -> Option<Constants> {
+        None
     }
 
     fn memory_len(&self) -> usize {

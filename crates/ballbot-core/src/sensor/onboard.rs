@@ -128,6 +128,11 @@ impl Onboard {
         })
     }
 
+    /// What makes states of readings, if tasks observe these.
+    pub fn estimator(&self) -> Option<&Estimator> {
+        self.estimator.as_ref()
+    }
+
     /// The first number of a robot's own constants.
     #[inline(always)]
     fn own(&self) -> usize {

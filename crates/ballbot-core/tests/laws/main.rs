@@ -64,6 +64,26 @@ fn cells(state: &State) -> StateCells<f64> {
     cells
 }
 
+#[test]
+fn laws_give_the_numbers_that_they_compute_with() {
+    for name in LAWS.iter().chain(&["lqr", "pid"]) {
+        let kind = controller_kind(name).unwrap();
+        for (limits, scales) in [(LimitOptions::TRACTION, true), (LimitOptions::CAP, false)] {
+            let law = (kind.make)(&uneven(), CONTROL_DT, &limits, &[]).unwrap();
+            let constants = law.constants().unwrap();
+            let mut names: Vec<_> = constants.iter().map(|constant| constant.name).collect();
+            assert_eq!(names.contains(&"traction_rows"), scales, "{name}");
+            for constant in constants.iter() {
+                assert_eq!(constant.shape.iter().product::<usize>(), constant.values.len(), "{name} {}", constant.name);
+                assert!(constant.values.iter().all(|value| value.is_finite()), "{name} {}", constant.name);
+            }
+            names.sort_unstable();
+            names.dedup();
+            assert_eq!(names.len(), constants.iter().count(), "{name}");
+        }
+    }
+}
+
 /// K of τ = −K (x, memory), by differences of the torques near the equilibrium.
 fn gain_of(controller: &dyn Controller, params: &Params) -> DMatrix<f64> {
     const SMALL: f64 = 1e-5;

@@ -9,7 +9,7 @@ use crate::sensor::Readings;
 
 /// Deviation of a mean rate from that of the two ends of a step, as a share of their difference: motors and models do not
 /// accelerate evenly within it.
-const UNEVEN: f64 = 0.1;
+pub(super) const UNEVEN: f64 = 0.1;
 
 impl Estimator {
     /// Corrects the estimates by the wheels that do not slip.

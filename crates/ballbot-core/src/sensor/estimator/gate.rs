@@ -1,6 +1,7 @@
 //! Which wheels slip.
 
 use super::EstimatorOptions;
+use crate::constants::Constants;
 use crate::lanes::{Lane, Vec3};
 use crate::params::Params;
 
@@ -39,6 +40,11 @@ impl JumpLimit {
                 .wheel_zeniths()
                 .map(|zenith| scale * (zenith.cos().abs() * rolling + zenith.sin().abs() * spinning) + margin),
         }
+    }
+
+    /// Adds the largest change of each wheel.
+    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+        constants.vector("largest_change", &self.change)
     }
 
     /// Whether the rate of wheel `i` changes by more in a step. `change` is that of the rate, `turning` that of the rate by

@@ -1,5 +1,6 @@
 //! The lean at which a robot is in equilibrium, if it is not where its parameters say.
 
+use crate::constants::Constants;
 use crate::lanes::{Heading, Lane, Rotation, Vec3};
 use crate::params::Params;
 
@@ -38,6 +39,16 @@ impl LeanObserver {
             per_time: 1.0 / time,
             share: -(-dt / time).exp_m1(),
         }
+    }
+
+    /// Adds its numbers.
+    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+        constants
+            .vector("com", &self.com)
+            .number("rolling", self.rolling)
+            .vector("leaning", &self.leaning)
+            .number("per_time", self.per_time)
+            .number("lean_share", self.share)
     }
 
     /// The state of an observer whose bias is zero.

@@ -9,6 +9,7 @@ mod correction;
 mod covariance;
 mod gate;
 mod lean;
+mod numbers;
 mod odometry;
 mod options;
 mod prediction;

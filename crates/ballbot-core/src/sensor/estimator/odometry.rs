@@ -1,5 +1,6 @@
 //! Motion of the ball from encoders and gyroscope.
 
+use crate::constants::Constants;
 use crate::error::{Error, Result};
 use crate::lanes::{Lane, Rotation, Vec3};
 use crate::params::Params;
@@ -33,6 +34,14 @@ impl Odometry {
         })?;
         let rows = |m: &nalgebra::Matrix3<f64>| [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)]));
         Ok(Self { rows: rows(&driven), inverse: rows(&inverse), ball_radius: params.ball_radius })
+    }
+
+    /// Adds the wheel rates per rate of the ball relative to the body, their inverse, and the radius of the ball.
+    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+        constants
+            .matrix("wheels_of_ball", &self.rows)
+            .matrix("ball_of_wheels", &self.inverse)
+            .number("ball_radius", self.ball_radius)
     }
 
     /// Angular velocity of the ball relative to the body, body frame, rad/s.

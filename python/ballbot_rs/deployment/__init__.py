@@ -1,0 +1,7 @@
+"""Controllers, the estimator and policies as C99 for the computer of a robot, without any dependency."""
+
+from ballbot_rs.deployment.controller import CONTROLLERS_IN_C, controller_header
+from ballbot_rs.deployment.estimator import estimator_header
+from ballbot_rs.deployment.policy import policy_header
+
+__all__ = ["CONTROLLERS_IN_C", "controller_header", "estimator_header", "policy_header"]

@@ -1,0 +1,143 @@
+/* What the wheels tell: rows of H, effects of the body rate, G = P H' + C and C, the covariance of the noise of the
+ * gyroscope in the prediction of attitude and wheel rates. */
+typedef struct {
+    ballbot_real h[3][9];
+    ballbot_real by_rate[3][3];
+    ballbot_real g[3][9];
+    ballbot_real shared[3][9];
+    ballbot_real innovation[3];
+    ballbot_real s[3][3];
+} ballbot_measurement;
+
+static inline void ballbot_measure_wheel(
+    const ballbot_estimator *e, ballbot_expected *now, int i, ballbot_measurement *m)
+{
+    const ballbot_real dt = BALLBOT_ESTIMATOR_DT;
+    const ballbot_real *own = BALLBOT_ESTIMATOR_WHEELS_OF_BALL[i];
+    ballbot_real c[3];
+    ballbot_real turned[3];
+    ballbot_real on_body[3];
+    ballbot_real lever[3];
+    ballbot_real by_velocity[3] = {0, 0, 0};
+    int j;
+    ballbot_times(now->matrix, own, c);
+    by_velocity[0] = c[1] / BALLBOT_ESTIMATOR_BALL_RADIUS;
+    by_velocity[1] = -c[0] / BALLBOT_ESTIMATOR_BALL_RADIUS;
+    ballbot_cross(c, now->ball_rate, turned);
+    ballbot_times_transposed(now->matrix, by_velocity, on_body);
+    ballbot_cross(BALLBOT_ESTIMATOR_IMU_POSITION, on_body, lever);
+    for (j = 0; j < 3; j++) {
+        m->by_rate[i][j] = -own[j] - lever[j];
+        m->h[i][3 + j] = -m->by_rate[i][j];
+    }
+    m->h[i][0] = turned[0] + now->arm[2] * by_velocity[1];
+    m->h[i][1] = turned[1] - now->arm[2] * by_velocity[0];
+    m->h[i][2] = 0;
+    m->h[i][6] = by_velocity[0];
+    m->h[i][7] = by_velocity[1];
+    m->h[i][8] = c[2];
+    ballbot_times(now->matrix, m->by_rate[i], m->shared[i]);
+    for (j = 0; j < 9; j++) {
+        m->shared[i][j] = j < 3 ? BALLBOT_ESTIMATOR_GYRO_VARIANCE * dt * m->shared[i][j] : 0;
+        m->g[i][j] = m->shared[i][j] + ballbot_dot(e->covariance[j], m->h[i], 9);
+    }
+}
+
+/* Takes the wheels that slip out: those that surprise, and those that change faster than friction allows. */
+static inline void ballbot_gate(
+    ballbot_estimator *e, const ballbot_real gyro[3], const ballbot_real wheel_rates[3], ballbot_measurement *m)
+{
+    ballbot_real change_of_gyro[3];
+    int i, j;
+    for (i = 0; i < 3; i++) {
+        change_of_gyro[i] = (e->gyro[i] + gyro[i]) / 2 - e->mean_gyro[i];
+    }
+    for (i = 0; i < 3; i++) {
+        const ballbot_real turning = -ballbot_dot(BALLBOT_ESTIMATOR_WHEELS_OF_BALL[i], change_of_gyro, 3);
+        const ballbot_real jump = ballbot_abs(wheel_rates[i] - e->wheel_rates[i] - turning);
+        e->slipping[i] = m->innovation[i] * m->innovation[i] > BALLBOT_ESTIMATOR_SLIP_GATE * m->s[i][i]
+            || jump > BALLBOT_ESTIMATOR_LARGEST_CHANGE[i];
+        if (!e->slipping[i]) {
+            continue;
+        }
+        m->innovation[i] = 0;
+        for (j = 0; j < 9; j++) {
+            m->g[i][j] = 0;
+        }
+        for (j = 0; j < 3; j++) {
+            m->s[i][j] = i == j;
+            m->s[j][i] = i == j;
+        }
+    }
+}
+
+/* The inverse of a matrix by cofactors. */
+static inline void ballbot_inverse(ballbot_real s[3][3], ballbot_real inverse[3][3])
+{
+    ballbot_real cofactors[3][3];
+    ballbot_real determinant;
+    int i, j;
+    ballbot_cross(s[1], s[2], cofactors[0]);
+    ballbot_cross(s[2], s[0], cofactors[1]);
+    ballbot_cross(s[0], s[1], cofactors[2]);
+    determinant = ballbot_dot(s[0], cofactors[0], 3);
+    for (i = 0; i < 3; i++) {
+        for (j = 0; j < 3; j++) {
+            inverse[i][j] = cofactors[j][i] / determinant;
+        }
+    }
+}
+
+/* P becomes P - G S^-1 G', and the estimates get their share of the innovation. */
+static inline void ballbot_apply(ballbot_estimator *e, ballbot_measurement *m)
+{
+    const ballbot_real vx = e->velocity[0];
+    const ballbot_real vy = e->velocity[1];
+    ballbot_real inverse[3][3];
+    ballbot_real weighted[3];
+    ballbot_real error[9];
+    ballbot_real small[4];
+    int i, j;
+    ballbot_inverse(m->s, inverse);
+    ballbot_times(inverse, m->innovation, weighted);
+    for (i = 0; i < 9; i++) {
+        const ballbot_real column[3] = {m->g[0][i], m->g[1][i], m->g[2][i]};
+        ballbot_real gain[3];
+        ballbot_times(inverse, column, gain);
+        error[i] = ballbot_dot(column, weighted, 3);
+        for (j = i; j < 9; j++) {
+            e->covariance[i][j] -= gain[0] * m->g[0][j] + gain[1] * m->g[1][j] + gain[2] * m->g[2][j];
+            e->covariance[j][i] = e->covariance[i][j];
+        }
+    }
+    ballbot_small(error, 1, small);
+    ballbot_product(small, e->attitude, e->attitude);
+    for (i = 0; i < 3; i++) {
+        e->gyro_bias[i] += error[3 + i];
+    }
+    e->velocity[0] = vx - error[2] * vy + error[6];
+    e->velocity[1] = vy + error[2] * vx + error[7];
+    e->spin += error[8];
+}
+
+static inline void ballbot_correct(
+    ballbot_estimator *e, const ballbot_real gyro[3], const ballbot_real wheel_rates[3])
+{
+    ballbot_expected now = ballbot_expected_of(e, gyro);
+    ballbot_measurement m;
+    int i, j;
+    for (i = 0; i < 3; i++) {
+        ballbot_measure_wheel(e, &now, i, &m);
+        m.innovation[i] = wheel_rates[i] - (now.wheel_rates[i] + e->expected[i]) / 2;
+    }
+    for (i = 0; i < 3; i++) {
+        const ballbot_real change = now.wheel_rates[i] - e->expected[i];
+        for (j = 0; j < 3; j++) {
+            m.s[i][j] = ballbot_dot(m.h[i], m.g[j], 9) + ballbot_dot(m.h[j], m.shared[i], 9)
+                + BALLBOT_ESTIMATOR_GYRO_VARIANCE * ballbot_dot(m.by_rate[i], m.by_rate[j], 3);
+        }
+        m.s[i][i] += BALLBOT_ESTIMATOR_ENCODER_VARIANCE + BALLBOT_ESTIMATOR_UNEVEN * change * change;
+    }
+    ballbot_gate(e, gyro, wheel_rates, &m);
+    ballbot_apply(e, &m);
+}

@@ -1,0 +1,135 @@
+"""A feedback law as a header of C99."""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from ballbot_rs import __version__
+from ballbot_rs._checks import did_you_mean
+from ballbot_rs._core import CONTROLLERS, ROBOTS, Controller, Params
+from ballbot_rs.deployment.c_text import comment, constants, guarded, piece
+
+#: What a law is written with besides its own part: both are in the folder `c`.
+_REGULATOR: Final = ("planar", "deviation", "outer")
+_PIECES: Final = {
+    "lqr": _REGULATOR,
+    "lqi": _REGULATOR,
+    "pid": (),
+    "cascade_pid": ("planar", "deviation", "lean_planes"),
+    "hierarchical_sliding_mode": (*_REGULATOR, "lean_planes"),
+}
+
+#: The controllers that can be written as C.
+CONTROLLERS_IN_C: Final = tuple(_PIECES)
+
+#: The parts of a setpoint that the C has.
+SETPOINT_PARTS: Final = ("position", "velocity", "yaw", "tilt")
+
+
+def controller_header(
+    name: str,
+    params: Params | str | None = None,
+    control_dt: float | None = None,
+    *,
+    max_wheel_torque: float | None = None,
+    **options: Any,
+) -> str:
+    """The text of a header of C99 with a controller for one robot.
+
+    Args:
+        name: one of `CONTROLLERS_IN_C`.
+        params: the robot: `Params`, or the name of a preset; None is the paper's.
+        control_dt: as in `Controller`.
+        max_wheel_torque: a largest torque besides that of the controller, N·m, as that of an environment.
+        options: as in `Controller`.
+
+    Raises:
+        ValueError: a controller that cannot be written as C, or a number out of range.
+        TypeError: an option that the controller does not have.
+    """
+    if name not in CONTROLLERS_IN_C:
+        known = ", ".join(CONTROLLERS_IN_C)
+        hint = did_you_mean(name, CONTROLLERS_IN_C)
+        raise ValueError(f"the controller '{name}' cannot be written as C: expected one of {known}{hint}")
+    robot = Params.preset(params or "paper") if params is None or isinstance(params, str) else params
+    law = Controller(name, robot, control_dt, **options)
+    if max_wheel_torque is not None:
+        # That of the environment comes on top, as in a batch.
+        options["max_torque"] = _least(law.constants()["max_torque"], max_wheel_torque)
+        law = Controller(name, robot, control_dt, **options)
+    if unknown := sorted(set(law.setpoint_parts) - set(SETPOINT_PARTS)):
+        raise ValueError(
+            f"the controller '{name}' follows {', '.join(unknown)} of a setpoint, which the C does not have"
+        )
+    found: dict[str, Any] = law.constants()
+    limits = "limits_of_traction" if "traction_rows" in found else "limits_of_cap"
+    values: dict[str, Any] = {"pi": math.pi, "control_dt": law.control_dt, "ball_radius": robot.ball_radius}
+    values |= {"ball_rate_of_wheels": _ball_rate_of_wheels(robot)} | found
+    pieces = ("state", "roll", "pose", *_PIECES[name], "limited", limits, name)
+    body = "\n".join((piece("real"), "/* ---- Constants, SI units. */\n\n" + constants(values), *map(piece, pieces)))
+    return guarded("controller", name, comment(_head(name, law, robot, options, found)), body)
+
+
+def _least(first: Any, second: Any) -> float:
+    if isinstance(second, bool) or not isinstance(second, (int, float)):
+        raise ValueError(f"max_wheel_torque is {second!r}, expected a number")
+    # NaN is left for the controller to refuse.
+    return float(first) if first < second else float(second)
+
+
+def _ball_rate_of_wheels(robot: Params) -> np.ndarray[Any, Any]:
+    """Rate of the ball relative to the body, body frame, per speed of each wheel that grips it (3 × 3)."""
+    # Laws with traction scaling have the geometry of the wheels.
+    wheels: dict[str, Any] = Controller("pid", robot, traction=True).constants()
+    rates: np.ndarray[Any, Any] = np.linalg.inv(wheels["surface"]) * wheels["wheel_radius"]
+    return rates
+
+
+def robot_name(robot: Params) -> str:
+    """The name of a preset in quotes, or where the parameters of another robot are."""
+    preset = next((name for name in ROBOTS if Params.preset(name) == robot), None)
+    return "with the parameters below" if preset is None else f"'{preset}'"
+
+
+def _saturation(found: dict[str, Any]) -> list[str]:
+    if "traction_rows" not in found:
+        return [f"Saturation: the torques are scaled down together to {found['max_torque']:.6g} N m."]
+    return [
+        "Saturation: torques are scaled down, yaw torque first, so that no wheel slips or lifts and none has more than",
+        f"{found['max_torque']:.6g} N m; where a wheel slips by more than {found['slipping']:g} m/s, together to "
+        f"{found['slipping_torque']:.6g} N m.",
+    ]
+
+
+def _head(name: str, law: Controller, robot: Params, options: dict[str, Any], found: dict[str, Any]) -> list[str]:
+    given = ", ".join(f"{option} = {value}" for option, value in options.items())
+    return [
+        f"The controller '{name}' for the robot {robot_name(robot)}; `ballbot export` of ballbot {__version__}.",
+        str(CONTROLLERS[name]["summary"]),
+        "",
+        f"Options: {given or 'none, all at their defaults'}.",
+        "",
+        f"Use: call `ballbot_reset` once, `ballbot_step` every BALLBOT_CONTROL_DT = {law.control_dt:g} s, and hold the "
+        "torques:",
+        "",
+        "    ballbot_controller controller;",
+        "    ballbot_setpoint setpoint = {0};",
+        "    ballbot_state state;         (from the sensors; `ballbot_roll` fills what only the wheels tell)",
+        "    ballbot_real torques[3];",
+        "    ballbot_reset(&controller);",
+        "    ballbot_step(&controller, &state, &setpoint, torques);",
+        "",
+        "Units: m, rad, s, N m. Frames and the order of all numbers are at `ballbot_state` and `ballbot_setpoint`.",
+        "Wheel i is that of entry i of wheel_azimuths below; a positive torque drives it towards a positive speed.",
+        f"Setpoint: it follows {', '.join(law.setpoint_parts)}; other parts are not read.",
+        *_saturation(found),
+        "`controller.last` has the torques of the last call and the shares of the wanted ones that are in them.",
+        "NaN in attitude, rate, position or velocity gives torques that are NaN: check them before they reach a motor,",
+        "and call `ballbot_reset`, as an integral is then NaN, too.",
+        "Memory: all of it is in `ballbot_controller`; nothing is allocated. Precision: double, or what",
+        "`#define BALLBOT_REAL float` before the #include chooses.",
+        "",
+        "Robot (SI units):",
+        *(f"    {line}" for line in robot.to_toml().splitlines() if line),
+    ]

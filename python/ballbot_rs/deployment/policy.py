@@ -1,0 +1,138 @@
+"""A policy as a header of C99."""
+
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, Final
+
+from ballbot_rs import __version__
+from ballbot_rs._core import SCALED_BOUND, TASKS
+from ballbot_rs.control.onnx_policy import OnnxPolicy
+from ballbot_rs.deployment.c_text import array, comment, guarded, number, piece
+from ballbot_rs.deployment.network import network
+from ballbot_rs.envs.registration import DEFAULT_TASK
+
+#: Rows of observations, by their names, from a `ballbot_view`, a `ballbot_state` and the last action.
+_ROWS: Final = {
+    **{f"gravity direction, body {axis}": f"view.gravity[{i}]" for i, axis in enumerate("xyz")},
+    **{f"body rate about body {axis}": f"state->rate[{i}]" for i, axis in enumerate("xyz")},
+    **{f"wheel speed {i}": f"state->wheel_speeds[{i}]" for i in range(3)},
+    **{f"ball position from the setpoint, heading {axis}": f"view.position[{i}]" for i, axis in enumerate("xy")},
+    **{f"ball velocity, heading {axis}": f"view.velocity[{i}]" for i, axis in enumerate("xy")},
+    **{f"last action, wheel {i}": f"policy->action[{i}]" for i in range(3)},
+}
+
+_NUMBERS: Final = ("bound", "rest", "typical")
+
+
+def policy_header(path: str | PathLike[str], task: str = DEFAULT_TASK) -> str:
+    """The text of a header of C99 with a policy.
+
+    Args:
+        path: an ONNX file that `ballbot export` wrote.
+        task: the task that it was trained for.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is no policy for the task, or has an operator that cannot be written as C.
+        ModuleNotFoundError: onnxruntime or onnx is not installed.
+    """
+    file = Path(fspath(path))
+    policy = OnnxPolicy(file, task)
+    options = policy.env_options
+    rows = [dict(row) for row in TASKS[task]["observation"]]
+    try:
+        weights, act = network(file.read_bytes(), len(rows) * options["history"])
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from error
+    observe = _observe(rows)
+    head = comment(_head(policy, task, rows, has_observe=bool(observe)))
+    viewed = (piece("state"), piece("view")) if observe else ()
+    parts = (
+        piece("real"),
+        *viewed,
+        "/* ---- Constants, SI units. */\n\n" + _scaling(options, rows) + weights,
+        piece("policy_sum"),
+        act,
+        piece("policy"),
+        observe,
+    )
+    return guarded("policy", "policy", head, "\n".join(part for part in parts if part))
+
+
+def _scaling(options: dict[str, Any], rows: list[dict[str, Any]]) -> str:
+    is_scaled = options["scale_observations"]
+    numbers = {
+        "control_dt": options["control_dt"],
+        "max_torque": options["max_wheel_torque"],
+        "scaled_bound": SCALED_BOUND if is_scaled else max(row["bound"] for row in rows),
+    }
+    vectors = {
+        "bound": [row["bound"] for row in rows],
+        "rest": [row["rest"] if is_scaled else 0.0 for row in rows],
+        "gain": [1.0 / row["typical"] if is_scaled else 1.0 for row in rows],
+    }
+    text = f"#define BALLBOT_POLICY_ROWS {len(rows)}\n#define BALLBOT_POLICY_HISTORY {options['history']}\n"
+    text += "".join(
+        f"#define BALLBOT_POLICY_{name.upper()} ((ballbot_real){number(value)})\n" for name, value in numbers.items()
+    )
+    return text + "".join(array(f"BALLBOT_POLICY_{name.upper()}", values) for name, values in vectors.items())
+
+
+def _observe(rows: list[dict[str, Any]]) -> str:
+    """The function that makes the rows from a state; empty for a task with others than `_ROWS`."""
+    names = [row["name"] for row in rows]
+    if not set(names) <= set(_ROWS):
+        return ""
+    lines = [
+        "/* The rows of an observation in their units, before the policy's next step. */",
+        "static inline void ballbot_policy_observe(",
+        "    const ballbot_policy *policy, const ballbot_state *state, const ballbot_setpoint *setpoint,",
+        "    ballbot_real rows[BALLBOT_POLICY_ROWS])",
+        "{",
+        "    const ballbot_view view = ballbot_view_of(state, setpoint);",
+        *(f"    rows[{i}] = {_ROWS[name]};" for i, name in enumerate(names)),
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _head(policy: OnnxPolicy, task: str, rows: list[dict[str, Any]], *, has_observe: bool) -> list[str]:
+    options, known = policy.env_options, policy.metadata
+    observed = ["    ballbot_policy_observe(&policy, &state, &setpoint, rows);"]
+    scaled = (
+        "less their value at rest, over their typical magnitude" if options["scale_observations"] else "as they are"
+    )
+    every = options["control_dt"]
+    return [
+        f"A policy ({known['algorithm']}) of the task '{task}'; `ballbot export` of ballbot {__version__}.",
+        str(TASKS[task]["summary"]),
+        "",
+        f"Use: call `ballbot_policy_reset` once, the rest every BALLBOT_POLICY_CONTROL_DT = {every:g} s:",
+        "",
+        "    ballbot_policy policy;",
+        "    ballbot_real rows[BALLBOT_POLICY_ROWS];",
+        "    ballbot_real torques[3];",
+        *(["    ballbot_state state;              (from the sensors)"] if has_observe else []),
+        *(["    ballbot_setpoint setpoint = {0};"] if has_observe else []),
+        "    ballbot_policy_reset(&policy);",
+        *(observed if has_observe else ["    (rows from the sensors, in the order and the units below)"]),
+        "    ballbot_policy_step(&policy, rows, torques);",
+        "",
+        f"Torques: the action within [-1, 1] times BALLBOT_POLICY_MAX_TORQUE = {options['max_wheel_torque']:.6g} N m.",
+        f"Rows: saturated, then {scaled}; the network sees the last {options['history']} observations.",
+        "Memory: all of it is in `ballbot_policy`; nothing is allocated. Weights are of single precision, sums of",
+        "double or of what `#define BALLBOT_REAL float` before the #include chooses.",
+        "",
+        "Rows, in order: name, unit, bound, value at rest, typical magnitude",
+        *(
+            f"    {i:2}  {row['name']}, {row['unit'] or '1'}, " + ", ".join(f"{row[key] + 0.0:g}" for key in _NUMBERS)
+            for i, row in enumerate(rows)
+        ),
+        "",
+        f"Trained on the robot {_robot(options)}.",
+    ]
+
+
+def _robot(options: dict[str, Any]) -> str:
+    robot = options.get("params", "paper")
+    return f"'{robot}'" if isinstance(robot, str) else f"with {robot}"

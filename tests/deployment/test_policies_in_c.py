@@ -1,0 +1,165 @@
+"""Policies as C99: equal to onnxruntime, and to the environment in what stands before and behind the network."""
+
+import json
+import re
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+import ballbot_rs as bb
+from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy
+from ballbot_rs.deployment import policy_header
+from tests.support.c_code import CPolicy
+from tests.support.onnx_policies import SHIPPED
+from tests.support.paths import ROOT
+
+TOLERANCE = 1e-6
+OLD = ROOT / "tests" / "control" / "policy_0_1_0.onnx"
+
+
+def observations(size, count=1000):
+    """Observations of all magnitudes, within the bounds of the environment."""
+    rng = np.random.default_rng(5)
+    spread = 10.0 ** rng.uniform(-2.0, 1.0, (count, 1))
+    return np.clip(spread * rng.standard_normal((count, size)), -10.0, 10.0).astype(np.float32)
+
+
+def policy_of(target, nodes, constants, *, rows=16, **options):
+    """A policy of these nodes, from "observation" to "action", with the metadata of the one in the package."""
+    metadata = {prop.key: prop.value for prop in onnx.load(SHIPPED).metadata_props}
+    known = json.loads(metadata[PREFIX + "env_options"])
+    metadata[PREFIX + "env_options"] = json.dumps({**known, **options})
+    graph = helper.make_graph(
+        nodes,
+        "policy",
+        [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["n", rows])],
+        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["n", 3])],
+        [numpy_helper.from_array(np.asarray(value, dtype=np.float32), name) for name, value in constants.items()],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
+    for key, value in metadata.items():
+        model.metadata_props.add(key=key, value=value)
+    onnx.save(model, target)
+    return target
+
+
+def difference(folder, file, real="double"):
+    """The largest difference of actions from those of onnxruntime, and those."""
+    policy = OnnxPolicy(file)
+    rows = observations(policy._rows)
+    expected = policy.act(rows)
+    return np.abs(CPolicy(folder, policy_header(file), real).act(rows) - expected).max(), expected
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize("file", [SHIPPED, OLD], ids=["shipped", "0.1.0"])
+def test_a_policy_in_c_acts_as_onnxruntime(file, real, tmp_path):
+    found, expected = difference(tmp_path, file, real)
+    print(f"{file.name} in {real}: largest difference of an action {found:.1e}")
+    assert found < TOLERANCE
+    assert 0.005 < (np.abs(expected) == 1.0).mean() < 0.9
+    assert expected.std() > 0.1
+
+
+LAYER = helper.make_node("MatMul", ["observation", "w"], ["layer"])
+LAST = helper.make_node("Gemm", ["hidden", "v", "c"], ["action"], alpha=0.5, beta=2.0)
+
+
+@pytest.mark.parametrize(
+    "nodes",
+    [
+        [helper.make_node("Tanh", ["layer"], ["hidden"])],
+        [helper.make_node("Relu", ["layer"], ["hidden"])],
+        [helper.make_node("LeakyRelu", ["layer"], ["hidden"], alpha=0.2)],
+        [helper.make_node("LeakyRelu", ["layer"], ["hidden"])],
+        [helper.make_node("Elu", ["layer"], ["hidden"], alpha=0.7)],
+        [helper.make_node("Sigmoid", ["layer"], ["hidden"])],
+        [helper.make_node("Identity", ["layer"], ["hidden"])],
+        [helper.make_node("Clip", ["layer", "", "half"], ["hidden"])],
+        [helper.make_node("Clip", ["layer", "half"], ["hidden"])],
+        [helper.make_node("Add", ["layer", "b"], ["sum"]), helper.make_node("Sub", ["half", "sum"], ["hidden"])],
+        [helper.make_node("Mul", ["layer", "b"], ["part"]), helper.make_node("Div", ["part", "half"], ["hidden"])],
+        # SiLU, and a constant within the graph.
+        [
+            helper.make_node("Sigmoid", ["layer"], ["gate"]),
+            helper.make_node("Mul", ["layer", "gate"], ["gated"]),
+            helper.make_node("Constant", [], ["one"], value_float=1.5),
+            helper.make_node("Add", ["gated", "one"], ["hidden"]),
+        ],
+    ],
+    ids=lambda nodes: "-".join(node.op_type for node in nodes),
+)
+def test_each_operator_is_that_of_onnxruntime(nodes, tmp_path):
+    rng = np.random.default_rng(6)
+    constants = {
+        "w": rng.normal(0.0, 0.2, (16, 5)),
+        "b": rng.normal(0.0, 1.0, (1, 5)),
+        "half": 0.5,
+        "v": rng.normal(0.0, 0.1, (5, 3)),
+        "c": rng.normal(0.0, 0.1, 3),
+    }
+    file = policy_of(tmp_path / "p.onnx", [LAYER, *nodes, LAST], constants)
+    policy = OnnxPolicy(file)
+    rows = observations(16)
+    expected = np.clip(policy.act(rows), -1.0, 1.0)
+    found = CPolicy(tmp_path, policy_header(file)).act(rows)
+    assert np.abs(found - expected).max() < TOLERANCE
+    assert expected.std() > 0.01
+
+
+def test_an_operator_that_is_not_known_is_named(tmp_path):
+    nodes = [LAYER, helper.make_node("Sin", ["layer"], ["hidden"]), LAST]
+    constants = {"w": np.ones((16, 5)), "v": np.ones((5, 3)), "c": np.zeros(3)}
+    file = policy_of(tmp_path / "sine.onnx", nodes, constants)
+    message = f"{file}: the operator Sin cannot be written as C: expected one of Tanh, Relu"
+    with pytest.raises(ValueError, match=re.escape(message)):
+        policy_header(file)
+
+
+@pytest.mark.parametrize("history", [1, 3])
+def test_steps_in_c_are_those_of_the_environment(history, tmp_path):
+    """The same episode, seen scaled by onnxruntime and in units by C."""
+    rng = np.random.default_rng(7)
+    constants = {"v": rng.normal(0.0, 0.05, (16 * history, 3)), "c": rng.normal(0.0, 0.1, 3)}
+    nodes = [helper.make_node("Gemm", ["observation", "v", "c"], ["action"])]
+    file = policy_of(tmp_path / "p.onnx", nodes, constants, rows=16 * history, history=history, max_wheel_torque=0.3)
+    policy, in_c = OnnxPolicy(file), CPolicy(tmp_path, policy_header(file))
+    scaled = bb.BalanceEnv(history=history, max_wheel_torque=0.3)
+    plain = bb.BalanceEnv(scale_observations=False, max_wheel_torque=0.3)
+    largest = steps = 0
+    for seed in range(10):
+        seen, rows, over = scaled.reset(seed=seed)[0], plain.reset(seed=seed)[0], False
+        in_c.reset()
+        while not over:
+            action = np.clip(policy.act(seen), -1.0, 1.0)
+            np.testing.assert_allclose(in_c.step(rows), 0.3 * action, atol=TOLERANCE)
+            seen, rows, over = scaled.step(action)[0], *plain.step(action)[:3:2]
+            largest, steps = max(largest, np.abs(seen).max()), steps + 1
+    assert steps > 100
+    assert largest > 3.0
+
+
+def test_rows_are_saturated_and_nan_is_zero_as_in_the_environment(tmp_path):
+    weights = np.zeros((16, 3))
+    weights[[3, 6, 9], [0, 1, 2]] = 0.05
+    nodes = [helper.make_node("Gemm", ["observation", "v", "c"], ["action"])]
+    file = policy_of(tmp_path / "p.onnx", nodes, {"v": weights, "c": np.zeros(3)}, max_wheel_torque=1.0)
+    rows = np.zeros(16)
+    rows[[3, 6, 9]] = 1e3, -1e3, np.nan
+    # Scaled observations end at ±10.
+    np.testing.assert_allclose(CPolicy(tmp_path, policy_header(file)).step(rows), [0.5, -0.5, 0.0], atol=1e-6)
+
+
+def test_rows_from_a_state_are_those_of_the_task(tmp_path):
+    in_c = CPolicy(tmp_path, policy_header(SHIPPED))
+    env = bb.BalanceEnv(scale_observations=False, setpoint=(0.3, -0.2))
+    for seed in range(5):
+        rows = env.reset(seed=seed)[0]
+        in_c.reset()
+        for _ in range(30):
+            found = in_c.observe(env.state, (0.3, -0.2))
+            np.testing.assert_allclose(found, rows, atol=1e-5)
+            rows = env.step(in_c.step(found) / env.max_wheel_torque)[0]
+    assert np.abs(rows[[6, 7, 8, 13, 14, 15]]).min() > 0.0

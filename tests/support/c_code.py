@@ -1,0 +1,366 @@
+"""C headers, compiled and called."""
+
+import ctypes
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import ballbot_rs as bb
+from tests.support.paths import ROOT
+
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
+
+#: A state from an array of doubles.
+READ_STATE = """
+static ballbot_state read_state(const double *row)
+{
+    ballbot_state state;
+    int i;
+    for (i = 0; i < 4; i++) {
+        state.quaternion[i] = (ballbot_real)row[i];
+    }
+    for (i = 0; i < 3; i++) {
+        state.rate[i] = (ballbot_real)row[4 + i];
+        state.ball_rate[i] = (ballbot_real)row[11 + i];
+        state.wheel_speeds[i] = (ballbot_real)row[14 + i];
+    }
+    for (i = 0; i < 2; i++) {
+        state.ball_position[i] = (ballbot_real)row[7 + i];
+        state.ball_velocity[i] = (ballbot_real)row[9 + i];
+    }
+    return state;
+}
+"""
+
+#: A controller behind arrays of doubles: a state a row, its setpoint, the torques, the shares that are left.
+CONTROLLER = """
+#include "{header}"
+
+static ballbot_controller controller;
+
+void reset(void);
+void step(int count, const double *states, const double *setpoints, double *torques, double *shares);
+void roll(const double *from, double *to);
+
+{read_state}
+
+void reset(void)
+{{
+    ballbot_reset(&controller);
+}}
+
+void step(int count, const double *states, const double *setpoints, double *torques, double *shares)
+{{
+    int k, i;
+    for (k = 0; k < count; k++) {{
+        const double *row = setpoints + 7 * k;
+        const ballbot_state state = read_state(states + 17 * k);
+        ballbot_setpoint setpoint = {{0}};
+        ballbot_real found[3];
+        for (i = 0; i < 2; i++) {{
+            setpoint.position[i] = (ballbot_real)row[i];
+            setpoint.velocity[i] = (ballbot_real)row[2 + i];
+            setpoint.tilt[i] = (ballbot_real)row[5 + i];
+        }}
+        setpoint.yaw = (ballbot_real)row[4];
+        ballbot_step(&controller, &state, &setpoint, found);
+        for (i = 0; i < 3; i++) {{
+            torques[3 * k + i] = (double)found[i];
+        }}
+        shares[2 * k] = (double)controller.last.share;
+        shares[2 * k + 1] = (double)controller.last.yaw_share;
+    }}
+}}
+
+void roll(const double *from, double *to)
+{{
+    ballbot_state state = read_state(from);
+    int i;
+    ballbot_roll(&state);
+    for (i = 0; i < 3; i++) {{
+        to[i] = (double)state.ball_rate[i];
+    }}
+    to[3] = (double)state.ball_velocity[0];
+    to[4] = (double)state.ball_velocity[1];
+}}
+"""
+
+
+def compiled(folder, source, flags=()):
+    """A library of a C file, made without a warning. The folder is a new one: a path is loaded only once."""
+    file = folder / "code.c"
+    file.write_text(source, encoding="utf-8")
+    library = folder / "code.so"
+    command = ["cc", *STRICT, "-O1", *flags, "-shared", "-fPIC", "-o", library, file, "-lm"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    return ctypes.CDLL(str(library))
+
+
+def pointer(cells):
+    """The address of an array of doubles."""
+    assert cells.dtype == np.float64
+    assert cells.flags.c_contiguous
+    return cells.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
+def state_row(state):
+    """A state as the C takes it."""
+    return np.concatenate(
+        (
+            state.body_quaternion,
+            state.body_angular_velocity,
+            state.ball_position[:2],
+            state.ball_velocity[:2],
+            state.ball_angular_velocity,
+            state.wheel_speeds,
+        )
+    )
+
+
+class CController:
+    """A controller in C."""
+
+    def __init__(self, folder, header, real="double"):
+        folder = Path(tempfile.mkdtemp(dir=folder))
+        (folder / "controller.h").write_text(header, encoding="utf-8")
+        source = CONTROLLER.format(header=folder / "controller.h", read_state=READ_STATE)
+        self._library = compiled(folder, source, flags=[f"-DBALLBOT_REAL={real}"])
+        self._library.reset()
+
+    def reset(self):
+        """Forgets the past."""
+        self._library.reset()
+
+    def torques(self, states, setpoints):
+        """Torques (n, 3) and shares (n, 2) of a sequence of states with setpoints (position, velocity, yaw, tilt)."""
+        rows = np.ascontiguousarray([state_row(state) for state in states])
+        targets = np.ascontiguousarray(setpoints, dtype=float)
+        torques, shares = np.zeros((len(rows), 3)), np.zeros((len(rows), 2))
+        self._library.step(len(rows), pointer(rows), pointer(targets), pointer(torques), pointer(shares))
+        return torques, shares
+
+    def rolled(self, state):
+        """Rate of the ball (3) and its velocity (2), from attitude, body rate and wheel speeds."""
+        row, found = np.ascontiguousarray(state_row(state)), np.zeros(5)
+        # What is to be found is not given.
+        row[7:14] = np.nan
+        self._library.roll(pointer(row), pointer(found))
+        return found[:3], found[3:]
+
+
+def random_states(params, rng, count):
+    """States of all kinds: near equilibrium or anywhere, rolling or with wheels that slip."""
+    states = []
+    for i in range(count):
+        size = (0.02, 0.3, 1.0)[i % 3]
+        upright = bb.State.at_equilibrium(params, tilt=rng.normal(0.0, size, 2), yaw=rng.uniform(-np.pi, np.pi))
+        quaternion = upright.body_quaternion if i % 10 else unit(rng.normal(size=4))
+        state = bb.State.rolling(params, rng.normal(0.0, size, 2), quaternion, rng.normal(0.0, size, 3), size)
+        slip = (0.0, 0.0, 0.3)[i // 3 % 3]
+        states.append(
+            bb.State(
+                [*rng.normal(0.0, 3.0 * size, 2), params.ball_radius],
+                state.ball_velocity,
+                state.ball_angular_velocity + slip * rng.normal(size=3) / params.ball_radius,
+                quaternion,
+                state.body_angular_velocity,
+                state.wheel_speeds + slip * rng.normal(size=3) / params.wheel_radius,
+            )
+        )
+    return states
+
+
+def random_setpoints(states, rng):
+    """Setpoints (position, velocity, yaw, tilt) near the states and far from them."""
+    rows = []
+    for i, state in enumerate(states):
+        size = (0.02, 0.3, 100.0)[i // 2 % 3]
+        place = state.ball_position[:2] + rng.normal(0.0, size, 2)
+        rows.append([*place, *rng.normal(0.0, min(size, 1.0), 2), rng.uniform(-10, 10), *rng.normal(0.0, 0.1, 2)])
+    return np.array(rows)
+
+
+def unit(vector):
+    """A vector of length 1."""
+    return np.asarray(vector) / np.linalg.norm(vector)
+
+
+def own_torques(law, states, setpoints):
+    """Torques (n, 3) of a `Controller` for the same sequence."""
+    places = {"position": slice(0, 2), "velocity": slice(2, 4), "yaw": 4, "tilt": slice(5, 7)}
+    found = []
+    for state, row in zip(states, setpoints, strict=True):
+        found.append(law(state, **{part: row[places[part]] for part in law.setpoint_parts}))
+    return np.array(found)
+
+
+#: A policy behind arrays of doubles.
+POLICY = """
+#include "{header}"
+
+static ballbot_policy policy;
+
+void reset(void);
+void act(int count, const double *observations, double *actions);
+void step(const double *rows, double *torques);
+void observe(const double *from, const double *position, double *to);
+
+{read_state}
+
+void reset(void)
+{{
+    ballbot_policy_reset(&policy);
+}}
+
+void act(int count, const double *observations, double *actions)
+{{
+    enum {{ SIZE = BALLBOT_POLICY_HISTORY * BALLBOT_POLICY_ROWS }};
+    int k, i;
+    for (k = 0; k < count; k++) {{
+        ballbot_real observation[SIZE];
+        ballbot_real action[3];
+        for (i = 0; i < SIZE; i++) {{
+            observation[i] = (ballbot_real)observations[SIZE * k + i];
+        }}
+        ballbot_policy_act(observation, action);
+        for (i = 0; i < 3; i++) {{
+            actions[3 * k + i] = (double)action[i];
+        }}
+    }}
+}}
+
+void step(const double *rows, double *torques)
+{{
+    ballbot_real given[BALLBOT_POLICY_ROWS];
+    ballbot_real found[3];
+    int i;
+    for (i = 0; i < BALLBOT_POLICY_ROWS; i++) {{
+        given[i] = (ballbot_real)rows[i];
+    }}
+    ballbot_policy_step(&policy, given, found);
+    for (i = 0; i < 3; i++) {{
+        torques[i] = (double)found[i];
+    }}
+}}
+
+void observe(const double *from, const double *position, double *to)
+{{
+    const ballbot_state state = read_state(from);
+    ballbot_setpoint setpoint = {{0}};
+    ballbot_real rows[BALLBOT_POLICY_ROWS];
+    int i;
+    setpoint.position[0] = (ballbot_real)position[0];
+    setpoint.position[1] = (ballbot_real)position[1];
+    ballbot_policy_observe(&policy, &state, &setpoint, rows);
+    for (i = 0; i < BALLBOT_POLICY_ROWS; i++) {{
+        to[i] = (double)rows[i];
+    }}
+}}
+"""
+
+
+class CPolicy:
+    """A policy in C."""
+
+    def __init__(self, folder, header, real="double"):
+        folder = Path(tempfile.mkdtemp(dir=folder))
+        (folder / "policy.h").write_text(header, encoding="utf-8")
+        source = POLICY.format(header=folder / "policy.h", read_state=READ_STATE)
+        self._library = compiled(folder, source, flags=[f"-DBALLBOT_REAL={real}"])
+        self._library.reset()
+
+    def reset(self):
+        """Forgets the past."""
+        self._library.reset()
+
+    def act(self, observations):
+        """Actions (n, 3) of observations as the environment gives them."""
+        rows = np.ascontiguousarray(observations, dtype=float)
+        actions = np.zeros((len(rows), 3))
+        self._library.act(len(rows), pointer(rows), pointer(actions))
+        return actions
+
+    def step(self, rows):
+        """Torques (3) from rows in their units."""
+        given, torques = np.ascontiguousarray(rows, dtype=float), np.zeros(3)
+        self._library.step(pointer(given), pointer(torques))
+        return torques
+
+    def observe(self, state, position):
+        """Rows of an observation in their units, from a state and the position setpoint."""
+        given, target = np.ascontiguousarray(state_row(state)), np.ascontiguousarray(position, dtype=float)
+        rows = np.zeros(16)
+        self._library.observe(pointer(given), pointer(target), pointer(rows))
+        return rows
+
+
+#: An estimator behind arrays of doubles: a state, readings of gyroscope, accelerometer and wheels, and what follows.
+ESTIMATOR = """
+#include "{header}"
+
+static ballbot_estimator estimator;
+
+void begin(const double *start);
+void update(const double *readings, double *out, double *balanced);
+
+{read_state}
+
+void begin(const double *start)
+{{
+    const ballbot_state state = read_state(start);
+    ballbot_estimator_begin(&estimator, &state);
+}}
+
+void update(const double *readings, double *out, double *balanced)
+{{
+    ballbot_real read[9];
+    ballbot_state state;
+    int i;
+    for (i = 0; i < 9; i++) {{
+        read[i] = (ballbot_real)readings[i];
+    }}
+    ballbot_estimator_update(&estimator, read, read + 3, read + 6, &state);
+    for (i = 0; i < 4; i++) {{
+        out[i] = (double)state.quaternion[i];
+    }}
+    for (i = 0; i < 3; i++) {{
+        out[4 + i] = (double)state.rate[i];
+        out[11 + i] = (double)state.ball_rate[i];
+        out[14 + i] = (double)state.wheel_speeds[i];
+        out[17 + i] = estimator.slipping[i];
+    }}
+    for (i = 0; i < 2; i++) {{
+        out[7 + i] = (double)state.ball_position[i];
+        out[9 + i] = (double)state.ball_velocity[i];
+        out[20 + i] = (double)estimator.lean_bias[i];
+    }}
+    ballbot_estimator_balance(&estimator, &state);
+    for (i = 0; i < 4; i++) {{
+        balanced[i] = (double)state.quaternion[i];
+    }}
+}}
+"""
+
+
+class CEstimator:
+    """An estimator in C."""
+
+    def __init__(self, folder, header, real="double"):
+        folder = Path(tempfile.mkdtemp(dir=folder))
+        (folder / "estimator.h").write_text(header, encoding="utf-8")
+        source = ESTIMATOR.format(header=folder / "estimator.h", read_state=READ_STATE)
+        self._library = compiled(folder, source, flags=[f"-DBALLBOT_REAL={real}"])
+
+    def begin(self, state):
+        """Begins in a state."""
+        self._library.begin(pointer(np.ascontiguousarray(state_row(state))))
+
+    def update(self, readings):
+        """The state's row (17), slipping wheels (3), the lean bias (2), and the balanced attitude (4)."""
+        parts = [readings[name] for name in ("gyro", "specific_force", "wheel_rates")]
+        read, out, balanced = np.concatenate(parts).astype(float), np.zeros(22), np.zeros(4)
+        self._library.update(pointer(read), pointer(out), pointer(balanced))
+        return out[:17], out[17:20], out[20:], balanced
