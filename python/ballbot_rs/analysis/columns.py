@@ -93,7 +93,9 @@ def quantities(trajectory: "Trajectory") -> Iterator[Quantity]:
     rows = len(trajectory.times)
     for name, axes, unit, doc in _STATE:
         yield Quantity("state", name, axes, unit, doc, _rows(trajectory.of_states(name), rows))
-    yield Quantity("torque", "wheel_torque", WHEELS, "N·m", "as commanded, from the row to the next", trajectory.torques)
+    yield Quantity(
+        "torque", "wheel_torque", WHEELS, "N·m", "as commanded, from the row to the next", trajectory.torques
+    )
     for part, values in trajectory.setpoints.items():
         unit, doc = _SETPOINT[part]
         axes = XY if ALL_PARTS[part] == 2 else SCALAR

@@ -47,7 +47,9 @@ class Trajectory:
 
     def __repr__(self) -> str:
         ending = "upright" if self.fell_at is None else f"fell at {self.fell_at:g} s"
-        return f"<Trajectory of {self.controller} on {self.model}: {self.times[-1]:g} s, {len(self.times)} rows, {ending}>"
+        return (
+            f"<Trajectory of {self.controller} on {self.model}: {self.times[-1]:g} s, {len(self.times)} rows, {ending}>"
+        )
 
     def _repr_html_(self) -> str:
         from ballbot_rs.media.notebook import to_html

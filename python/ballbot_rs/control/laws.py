@@ -127,11 +127,11 @@ class Laws:
             parts = {part: np.array([setpoint[part] for setpoint in setpoints]) for part in PARTS}
             torques = self._numbers(self._answer(self._laws[0], rows, parts), (len(rows), 3))
         else:
-            rows = [
+            answers = [
                 self._numbers(self._answer(law, state, setpoint), (3,))
                 for law, state, setpoint in zip(self._laws, states, setpoints, strict=True)
             ]
-            torques = np.array(rows)
+            torques = np.array(answers)
         if not np.isfinite(torques).all():
             robot = int(np.flatnonzero(~np.isfinite(torques).all(axis=1))[0])
             raise InvalidInputError(f"{self.name} gave the torques {torques[robot]} N·m: they must be finite")

@@ -234,7 +234,9 @@ def _from_class(cls: type, name: str | None) -> ResolvedController:
     needed = [p.name for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
     if set(needed) - takes:
         missing = ", ".join(part for part in needed if part not in takes)
-        raise TypeError(f"{name} cannot be made: {missing} has no default; a class is given params and control_dt alone")
+        raise TypeError(
+            f"{name} cannot be made: {missing} has no default; a class is given params and control_dt alone"
+        )
 
     def make(params: Params, control_dt: float) -> Law:
         given = {"params": params, "control_dt": control_dt}
