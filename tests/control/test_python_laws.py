@@ -195,7 +195,11 @@ class Timeless:
         (Timeless, ValueError, "timeless has control_dt = -1.0: it must be positive and finite"),
         (lambda _: [0.0, 0.0], ValueError, r"<lambda> gave torques of shape \(2,\): expected \(3,\), N·m"),
         (lambda _: "abc", TypeError, r"<lambda> gave 'abc': expected wheel torques of shape \(3,\), N·m"),
-        (lambda _: [0.0, np.nan, 0.0], ValueError, r"<lambda> gave the torques \[ 0. nan  0.\] N·m: they must be finite"),
+        (
+            lambda _: [0.0, np.nan, 0.0],
+            ValueError,
+            r"<lambda> gave the torques \[ 0. nan  0.\] N·m: they must be finite",
+        ),
     ],
 )
 def test_a_bad_law_is_named(law, error, message):
@@ -229,6 +233,8 @@ def test_a_setpoint_is_read_only_and_checked():
     assert dict(setpoint)["yaw"] == 0.5
     assert setpoint["position"].tolist() == [1.0, 2.0]
     assert "tilt" not in setpoint
+    assert setpoint == bb.Setpoint(position=(1, 2), yaw=0.5) == dict(setpoint)
+    assert setpoint not in (bb.Setpoint(position=(1, 2)), 3)
     with pytest.raises(ValueError, match="read-only"):
         setpoint.position[0] = 3.0
     with pytest.raises(ValueError, match=r"velocity of a setpoint has the shape \(3,\), expected \(2,\)"):

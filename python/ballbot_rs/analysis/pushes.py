@@ -31,7 +31,9 @@ class Push:
     point: Vector | None = None
 
     def share(self, begin: float, end: float) -> float:
-        """Which share of the impulse is from one time to another, s; for a push over a duration."""
+        """Which share of the impulse is from one time to another, s."""
+        if self.duration == 0.0:
+            return float(begin <= self.time < end)
         angles = [math.pi * min(max((t - self.time) / self.duration, 0.0), 1.0) for t in (begin, end)]
         return 0.5 * (math.cos(angles[0]) - math.cos(angles[1]))
 

@@ -58,6 +58,13 @@ class Setpoint(Mapping[str, Any]):
             raise KeyError(name)
         return getattr(self, name)
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Mapping):
+            return NotImplemented
+        return self.keys() == other.keys() and all(np.array_equal(value, other[name]) for name, value in self.items())
+
+    __hash__ = None  # type: ignore[assignment]
+
     def __iter__(self) -> Iterator[str]:
         return iter(PARTS)
 
