@@ -37,7 +37,7 @@ def fallen():
 
 def test_columns_are_the_rows_of_the_trajectory(done):
     columns = done.columns()
-    assert list(columns)[0] == "time_s"
+    assert next(iter(columns)) == "time_s"
     assert all(values.shape == (31,) for values in columns.values())
     np.testing.assert_array_equal(columns["time_s"], done.times)
     states = done.to_array()
@@ -118,7 +118,7 @@ def test_a_data_frame_has_the_columns(done):
 @pytest.mark.parametrize(("module", "extra"), [("pandas", "pandas"), ("mcap.writer", "mcap")])
 def test_a_missing_package_is_named(done, module, extra, monkeypatch, tmp_path):
     class Missing:
-        def find_spec(self, name, path=None, target=None):
+        def find_spec(self, name, *_):
             if name.split(".")[0] == module.split(".")[0]:
                 raise ModuleNotFoundError(f"No module named '{name}'", name=name)
 

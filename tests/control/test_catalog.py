@@ -24,10 +24,10 @@ def test_what_the_list_says_is_so(name):
 
 
 def test_a_controller_is_of_its_robot_rate_and_gains():
+    made = (("paper", 0.01, 0.15), ("kugle", 0.01, 0.15), ("paper", 0.002, 0.15), ("paper", 0.01, 0.3))
     torques = [
         bb.make_controller("lqr", params, control_dt, position=position)(STATE, position=(0.05, 0.0)).tolist()
-        for params, control_dt, position in (("paper", 0.01, 0.15), ("kugle", 0.01, 0.15), ("paper", 0.002, 0.15))
-        + (("paper", 0.01, 0.3),)
+        for params, control_dt, position in made
     ]
     assert len({tuple(row) for row in torques}) == 4
     with pytest.raises(ValueError, match="did you mean 'lqr'"):

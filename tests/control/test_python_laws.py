@@ -65,7 +65,7 @@ def test_a_class_is_made_with_the_robot_and_the_rate():
         def __init__(self, params, control_dt):
             found.update(params=params, control_dt=control_dt)
 
-        def __call__(self, state):
+        def __call__(self, state):  # noqa: ARG002
             return np.zeros(3)
 
     result = bb.evaluate(Asking, episodes=2, env_options={"params": "kugle", "max_episode_steps": 5})
@@ -88,11 +88,11 @@ def test_a_batched_law_has_arrays_and_is_told_of_new_episodes():
     ("law", "follows"),
     [
         (lambda state: state, ()),
-        (lambda state, gain=2.0: gain, ()),
-        (lambda state, position=None: position, ("position",)),
-        (lambda state, *, yaw, position: yaw, ("yaw", "position")),
-        (lambda state, wanted: wanted, tuple(bb.Setpoint())),
-        (lambda state, setpoint=None: setpoint, tuple(bb.Setpoint())),
+        (lambda state, gain=2.0: gain, ()),  # noqa: ARG005
+        (lambda state, position=None: position, ("position",)),  # noqa: ARG005
+        (lambda state, *, yaw, position: yaw, ("yaw", "position")),  # noqa: ARG005
+        (lambda state, wanted: wanted, tuple(bb.Setpoint())),  # noqa: ARG005
+        (lambda state, setpoint=None: setpoint, tuple(bb.Setpoint())),  # noqa: ARG005
         (bb.Pid(), ("tilt",)),
     ],
 )
@@ -115,12 +115,12 @@ def test_torques_beyond_the_limit_keep_their_direction_in_rollouts_and_in_the_vi
     driver = LawDriver(find(law), PARAMS, 2)
     torques = driver.torques([batch.state(0)] * 2, (0.0, 0.0))
     np.testing.assert_allclose(torques, [wanted * PARAMS.max_wheel_torque / 30.0] * 2)
-    small = Laws("small", lambda: lambda state: wanted / 100.0, 1, limit)
+    small = Laws("small", lambda: lambda state: wanted / 100.0, 1, limit)  # noqa: ARG005
     np.testing.assert_array_equal(small.torques([batch.state(0)], [bb.Setpoint()])[0], wanted / 100.0)
 
 
 def test_the_viewer_gives_each_robot_its_setpoint():
-    driver = LawDriver(find(lambda state, setpoint: [*setpoint.position, setpoint["yaw"]]), PARAMS, 2)
+    driver = LawDriver(find(lambda state, setpoint: [*setpoint.position, setpoint["yaw"]]), PARAMS, 2)  # noqa: ARG005
     assert driver.follows_position
     states = [bb.State.at_rest(PARAMS)] * 2
     np.testing.assert_array_equal(driver.torques(states, [[0.1, 0.2], [0.3, 0.0]]), [[0.1, 0.2, 0.0], [0.3, 0.0, 0.0]])
@@ -208,7 +208,7 @@ def test_a_bad_law_is_named(law, error, message):
 
 
 def test_a_batched_law_of_a_wrong_shape_is_named():
-    def flat(states):
+    def flat(states):  # noqa: ARG001
         return np.zeros(3)
 
     flat.batched = True

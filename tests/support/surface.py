@@ -296,7 +296,6 @@ RIGHT: dict[str, list[Any]] = {
     "simulate.robot": [None, "kugle"],
     "simulate.start": [None, bb.State.at_rest(bb.Params.paper())],
     "simulate.position": [None, (0.1, 0.0)],
-    "observation": [None, "ground_truth"],
     "begin": [0.0],
     "end": [None, 0.04],
     "duration": [0.0, 0.02],
