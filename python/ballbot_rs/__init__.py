@@ -2,9 +2,9 @@
 
 The physics is in Rust; this package gives it to Python: single robots (`Ballbot`), batches (`Batch`), closed-form
 models (`SpatialModel`, `PlanarModel`, `LinearModel`), controllers (`Controller`, `Pid`, `Lqr`) and the motions that
-they follow (`Reference`), environments for reinforcement learning, the comparison of controllers and policies
-(`compare`, `run`), and the identification of parameters from logs (`identify`). Importing it registers every task with
-Gymnasium, among them `ballbot/Balance-v0`.
+they follow (`Reference`), simulations of one robot (`simulate`), environments for reinforcement learning, the
+comparison of controllers and policies (`compare`), and the identification of parameters from logs (`identify`).
+Importing it registers every task with Gymnasium, among them `ballbot/Balance-v0`.
 SI units and radians throughout; quaternions are `[w, x, y, z]`.
 """
 
@@ -33,10 +33,15 @@ from ballbot_rs._core import (
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
-from ballbot_rs._errors import BallbotError, DivergedError, InvalidInputError, UrdfError
+from ballbot_rs._errors import BallbotError, ControllerError, DivergedError, InvalidInputError, UrdfError
 from ballbot_rs.analysis.episodes import Result, compare, evaluate
-from ballbot_rs.analysis.trajectory import Push, Trajectory, run
+from ballbot_rs.analysis.metrics import Metrics
+from ballbot_rs.analysis.pushes import Force, Push
+from ballbot_rs.analysis.simulate import run, simulate
+from ballbot_rs.analysis.trajectory import Trajectory
+from ballbot_rs.control.catalog import ControllerInfo, controllers, make_controller
 from ballbot_rs.control.onnx_policy import OnnxPolicy
+from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.envs.gymnasium_env import BallbotEnv
 from ballbot_rs.envs.registration import register_environments
 from ballbot_rs.envs.tasks import BalanceEnv, BalanceVectorEnv
@@ -62,11 +67,15 @@ __all__ = [
     "Batch",
     "Contacts",
     "Controller",
+    "ControllerError",
+    "ControllerInfo",
     "DivergedError",
+    "Force",
     "IdentifiedParams",
     "InvalidInputError",
     "LinearModel",
     "Lqr",
+    "Metrics",
     "OnnxPolicy",
     "Params",
     "Pid",
@@ -76,20 +85,24 @@ __all__ = [
     "Renderer",
     "Result",
     "SensorLog",
+    "Setpoint",
     "SpatialModel",
     "State",
     "Trajectory",
     "UrdfError",
     "__version__",
     "compare",
+    "controllers",
     "evaluate",
     "identify",
     "load_actuators",
     "load_events",
     "load_sensors",
+    "make_controller",
     "record_log",
     "run",
     "save",
+    "simulate",
     "virtual_to_wheel_torques",
     "wheel_to_virtual_torques",
 ]

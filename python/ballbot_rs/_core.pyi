@@ -748,11 +748,16 @@ class Controller:
         traction: bool | float | None = None,
         **options: float,
     ) -> Self: ...
-    def __call__(self, state: State, **setpoint: npt.ArrayLike) -> _Array:
+    def __call__(
+        self, state: State, setpoint: Mapping[str, npt.ArrayLike] | None = None, **parts: npt.ArrayLike
+    ) -> _Array:
         """Wheel torques for the next `control_dt`, shape (3,), N·m.
 
-        `setpoint` may have the parts in `setpoint_parts`: `position` and `velocity` (x, y of the ball, inertial frame,
-        m and m/s), `yaw` (rad), `tilt` (x, y, heading frame, rad). A part that the law does not follow is a TypeError.
+        `setpoint` is a mapping of parts, such as a `Reference` gives; those that the law does not follow are left out, but it
+        must follow one of them. In its place parts may be keywords, of which each must be one of `setpoint_parts`: `position`
+        and `velocity` (x, y of the ball, inertial frame, m and m/s), `acceleration`, `jerk` and `snap` (x, y of the flat
+        output, inertial frame, m/s² and its derivatives: lean and torques are fed forward from them), `yaw` (rad), `yaw_rate`
+        (rad/s), `tilt` (x, y, heading frame, rad). Other parts are a TypeError.
         """
     def reset(self) -> None:
         """Forgets the past."""

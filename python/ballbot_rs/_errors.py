@@ -35,3 +35,9 @@ class UrdfError(BallbotError, ValueError):
     """A URDF is malformed, or does not describe a ballbot."""
 
     __module__ = "ballbot_rs"
+
+
+class ControllerError(BallbotError, RuntimeError):
+    """A controller in Python failed; its own error is the cause."""
+
+    __module__ = "ballbot_rs"

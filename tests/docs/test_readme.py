@@ -10,7 +10,12 @@ import ballbot_rs as bb
 from ballbot_rs.cli import parser
 from tests.support.paths import ROOT
 
-BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+
+def blocks(page: str) -> list[str]:
+    return re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+BLOCKS = blocks("README.md")
 TRAINING = next(block for block in BLOCKS if "PPO(" in block)
 
 COMMANDS = [
@@ -54,6 +59,11 @@ def test_first_block_balances_the_robot(clone: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize("index", [i for i, block in enumerate(BLOCKS) if i > 0 and block != TRAINING])
 def test_block_runs(index: int, clone: Path) -> None:  # noqa: ARG001
     run(BLOCKS[index])
+
+
+@pytest.mark.parametrize("block", blocks("docs/simulate.md"))
+def test_block_of_the_page_about_simulations_runs(block: str, clone: Path) -> None:  # noqa: ARG001
+    run(block)
 
 
 def test_the_controller_block_is_one_for_the_command_line(clone: Path) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import ballbot_rs as bb
 from ballbot_rs.analysis import recovery_map as recovery
-from ballbot_rs.analysis import trajectory
 from ballbot_rs.cli import main
 from ballbot_rs.media.figures import estimates, learning_curve, phase_portrait, recovery_map, trajectories
 from ballbot_rs.media.figures.style import save
@@ -20,8 +20,8 @@ CONTACT = {"model": "contact"}
 
 @pytest.fixture(scope="module")
 def moving():
-    push = trajectory.Push((0.3, 0.0, 0.0), 0.5)
-    return [trajectory.run(name, seconds=1.0, push=push, env_options=CONTACT) for name in ("lqr", "zero")]
+    push = bb.Push((0.3, 0.0, 0.0), 0.5)
+    return [bb.run(name, seconds=1.0, push=push, env_options=CONTACT) for name in ("lqr", "zero")]
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_trajectories_show_every_quantity_with_its_unit(moving):
 
 def test_estimates_are_drawn_over_the_true_states():
     options = {**CONTACT, "sensors": "kugle", "observation": "sensors"}
-    standing, fallen = (trajectory.run(name, seconds=1.0, env_options=options) for name in ("lqr", "zero"))
+    standing, fallen = (bb.run(name, seconds=1.0, env_options=options) for name in ("lqr", "zero"))
     assert len(standing.estimates) == len(standing.times)
     # After the fall nothing is estimated.
     assert fallen.times[len(fallen.estimates) - 1] == pytest.approx(fallen.fell_at)

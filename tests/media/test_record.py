@@ -8,7 +8,6 @@ from PIL import Image
 
 import ballbot_rs as bb
 from ballbot_rs._core import Batch
-from ballbot_rs.analysis import trajectory
 from ballbot_rs.cli import main
 from ballbot_rs.media.video import frame_count, picture, renderer_for, write_video
 
@@ -26,8 +25,8 @@ def decoded(path):
 @pytest.mark.parametrize("controller", ["lqr", "pid"])
 @pytest.mark.parametrize("model", ["spatial", "contact", "rigid"])
 def test_a_robot_that_was_pushed_comes_back_upright(controller, model):
-    shown = trajectory.run(
-        controller, seconds=4.0, tilt=(0.1, 0.0), push=trajectory.Push((0.3, 0.0, 0.0)), env_options={"model": model}
+    shown = bb.run(
+        controller, seconds=4.0, tilt=(0.1, 0.0), push=bb.Push((0.3, 0.0, 0.0)), env_options={"model": model}
     )
     assert shown.fell_at is None
     tilts = shown.of_states("tilt")
@@ -41,7 +40,7 @@ def test_a_robot_that_was_pushed_comes_back_upright(controller, model):
 
 
 def test_a_trajectory_is_that_of_the_environment():
-    shown = trajectory.run("lqr", seconds=1.0, tilt=(0.1, 0.05), env_options=CONTACT)
+    shown = bb.run("lqr", seconds=1.0, tilt=(0.1, 0.05), env_options=CONTACT)
     torque = bb.Params.paper().max_wheel_torque
     batch = Batch(1, autoreset="disabled", num_threads=1, max_wheel_torque=torque, **CONTACT)
     batch.reset(starts=[bb.State.at_rest(batch.params(), tilt=(0.1, 0.05))])
@@ -51,12 +50,12 @@ def test_a_trajectory_is_that_of_the_environment():
 
 
 def test_motors_are_off_after_a_fall():
-    shown = trajectory.run("lqr", seconds=2.0, tilt=(0.6, 0.0), env_options=CONTACT)
+    shown = bb.run("lqr", seconds=2.0, tilt=(0.6, 0.0), env_options=CONTACT)
     assert shown.fell_at is not None
     assert not shown.torques[shown.times >= shown.fell_at].any()
     assert shown.states[-1].tilt > 1.0
     # Without contacts there is no floor to lie on.
-    shown = trajectory.run("zero", seconds=2.0, env_options={"model": "spatial"})
+    shown = bb.run("zero", seconds=2.0, env_options={"model": "spatial"})
     assert shown.times[-1] == shown.fell_at
 
 
@@ -65,30 +64,30 @@ def test_motors_are_off_after_a_fall():
     [
         ({"seconds": 0.0}, "seconds = 0.0"),
         ({"seconds": float("nan")}, "seconds = nan"),
-        ({"seconds": 1.0, "push": trajectory.Push((1.0, 0.0, 0.0), 1.0)}, "a push at 1.0 s"),
+        ({"seconds": 1.0, "push": bb.Push((1.0, 0.0, 0.0), 1.0)}, "a push at 1.0 s"),
         ({"env_options": {"model": "flat"}}, "unknown model 'flat'"),
     ],
 )
 def test_what_cannot_happen_is_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
-        trajectory.run("lqr", **arguments)
+        bb.run("lqr", **arguments)
 
 
 @pytest.mark.parametrize("model", ["rigid", "contact", "spatial"])
 def test_a_robot_that_is_shot_away_has_fallen(model):
-    shot = trajectory.Push((1000.0, 0.0, 0.0), 0.1)
-    found = trajectory.run("lqr", seconds=1.0, push=shot, env_options={"model": model})
+    shot = bb.Push((1000.0, 0.0, 0.0), 0.1)
+    found = bb.run("lqr", seconds=1.0, push=shot, env_options={"model": model})
     assert found.fell_at == pytest.approx(0.1, abs=0.02)
 
 
 def test_a_push_just_before_the_end_counts():
-    late = trajectory.Push((0.5, 0.0, 0.0), 0.996)
-    pushed, left_alone = (trajectory.run("lqr", seconds=1.0, push=push) for push in (late, None))
+    late = bb.Push((0.5, 0.0, 0.0), 0.996)
+    pushed, left_alone = (bb.run("lqr", seconds=1.0, push=push) for push in (late, None))
     assert not np.array_equal(pushed.states, left_alone.states)
 
 
 def test_a_video_shows_the_robot_in_real_time(tmp_path):
-    shown = trajectory.run("zero", seconds=0.8, tilt=(0.0, 0.2), env_options=CONTACT)
+    shown = bb.run("zero", seconds=0.8, tilt=(0.0, 0.2), env_options=CONTACT)
     renderer = renderer_for(shown, **SMALL)
     path = tmp_path / "folder" / "fall.mp4"
     assert write_video(shown, path, renderer=renderer, frame_rate=25.0) == 20 == frame_count(shown, 25.0)
@@ -103,7 +102,7 @@ def test_a_video_shows_the_robot_in_real_time(tmp_path):
 
 
 def test_forces_are_shown_on_request():
-    shown = trajectory.run("lqr", seconds=0.1, env_options=CONTACT)
+    shown = bb.run("lqr", seconds=0.1, env_options=CONTACT)
     renderer = renderer_for(shown, **SMALL)
     assert (picture(shown, renderer, 0.1) != picture(shown, renderer, 0.1, forces=True)).any()
     with pytest.raises(ValueError, match=r"no picture at 0\.2 s"):

@@ -28,7 +28,10 @@ LEFT_OUT = {
     "SensorLog": "reads and writes files; tests/identification has its bad input",
     "identify": "seconds a call; tests/identification has its bad input",
     "record_log": "as identify",
-    "Trajectory": "a plain record",
+    "Trajectory": "a plain record; tests/analysis has its files",
+    "Metrics": "a plain record",
+    "ControllerInfo": "a plain record",
+    "ControllerError": "an exception",
     "BallbotError": "an exception",
     "DivergedError": "an exception",
     "InvalidInputError": "an exception",
@@ -159,7 +162,10 @@ INSTANCES: dict[str, list[Callable[[], Any]]] = {
     "BallbotEnv": [_environment],
     "BalanceVectorEnv": [_vector_environment],
     "BallbotVectorEnv": [_vector_environment],
-    "Push": [lambda: bb.Push((0.1, 0, 0))],
+    "Push": [lambda: bb.Push((0.1, 0, 0), duration=0.1)],
+    "Reference": [lambda: bb.Reference.hold((0.1, 0.0))],
+    "Force": [lambda: bb.Force((0.1, 0, 0))],
+    "Setpoint": [bb.Setpoint],
 }
 
 
@@ -283,6 +289,16 @@ RIGHT: dict[str, list[Any]] = {
     "seconds": [0.05],
     "push": [None, bb.Push((0.1, 0, 0), 0.01)],
     "Push.impulse": [(0.1, 0.0, 0.0)],
+    "Force.force": [(0.1, 0.0, 0.0)],
+    "simulate.reference": [None, {"position": (0.1, 0.0)}, bb.Reference.hold((0.1, 0.0))],
+    "simulate.pushes": [(), [bb.Push((0.1, 0, 0), 0.01, 0.02)]],
+    "simulate.forces": [(), [bb.Force((0.1, 0, 0))]],
+    "simulate.robot": [None, "kugle"],
+    "simulate.start": [None, bb.State.at_rest(bb.Params.paper())],
+    "simulate.position": [None, (0.1, 0.0)],
+    "begin": [0.0],
+    "end": [None, 0.04],
+    "duration": [0.0, 0.02],
     "time": [0.01],
 }
 #: Keyword arguments that a signature leaves open.

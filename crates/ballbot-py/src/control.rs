@@ -16,7 +16,7 @@ use nalgebra::DMatrix;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyMapping};
 
 type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 type Keywords<'a, 'py> = Option<&'a Bound<'py, PyDict>>;
@@ -141,6 +141,45 @@ impl PyController {
     }
 }
 
+impl PyController {
+    /// Writes those parts of a mapping that the law follows.
+    fn write_setpoint(&self, law: &dyn Controller, setpoint: &Bound<'_, PyAny>, target: &mut Setpoint) -> PyResult<()> {
+        let Ok(setpoint) = setpoint.cast::<PyMapping>() else {
+            let kind = setpoint.get_type().name()?;
+            return Err(PyTypeError::new_err(format!("setpoint must be a mapping of parts by name, not {kind}")));
+        };
+        let items = setpoint.items()?;
+        let mut follows = items.is_empty();
+        for item in items.iter() {
+            let (name, value): (String, Bound<'_, PyAny>) = item.extract()?;
+            if law.parts().contains(&name.as_str()) {
+                write_part(target, &name, &value)?;
+                follows = true;
+            } else if !SETPOINT_PARTS.contains(&name.as_str()) {
+                let known = SETPOINT_PARTS.join(", ");
+                return Err(PyTypeError::new_err(format!("a setpoint has no part '{name}': expected one of {known}")));
+            }
+        }
+        if follows {
+            return Ok(());
+        }
+        let known = law.parts().join(", ");
+        Err(PyTypeError::new_err(format!("{} follows no part of this setpoint: it follows {known}", self.class)))
+    }
+}
+
+/// Writes a part of a setpoint.
+fn write_part(target: &mut Setpoint, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+    let values = if part_len(name) == 1 {
+        vec![real(value).map_err(|_| PyTypeError::new_err(format!("{name} must be a number")))?]
+    } else {
+        numbers::<2>(name, value)?.to_vec()
+    };
+    ballbot_core::check_finite(name, &values).map_err(to_python)?;
+    target.part_mut(name).copy_from_slice(&values);
+    Ok(())
+}
+
 #[pymethods]
 impl PyController {
     #[new]
@@ -166,31 +205,31 @@ impl PyController {
 
     /// Wheel torques for the next `control_dt`, shape (3,), N·m.
     ///
-    /// `setpoint` may have the parts in `setpoint_parts`: `position` and `velocity` (x, y of the ball, inertial frame, m
-    /// and m/s), `acceleration`, `jerk` and `snap` (x, y of the flat output, inertial frame, m/s² and its derivatives: lean
-    /// and torques are fed forward from them), `yaw` (rad), `yaw_rate` (rad/s), `tilt` (x, y, heading frame, rad). A part that
-    /// the law does not follow is a TypeError.
-    #[pyo3(signature = (state, **setpoint))]
+    /// `setpoint` is a mapping of parts, such as a `Reference` gives; those that the law does not follow are left out, but it
+    /// must follow one of them. In its place parts may be keywords, of which each must be one of `setpoint_parts`: `position`
+    /// and `velocity` (x, y of the ball, inertial frame, m and m/s), `acceleration`, `jerk` and `snap` (x, y of the flat
+    /// output, inertial frame, m/s² and its derivatives: lean and torques are fed forward from them), `yaw` (rad), `yaw_rate`
+    /// (rad/s), `tilt` (x, y, heading frame, rad). Other parts are a TypeError.
+    #[pyo3(signature = (state, setpoint=None, **parts))]
     fn __call__<'py>(
         &self,
         py: Python<'py>,
         state: &PyState,
-        setpoint: Option<&Bound<'py, PyDict>>,
+        setpoint: Argument<'_, 'py>,
+        parts: Keywords<'_, 'py>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let mut law = self.law.write()?;
         let mut target = Setpoint::default();
-        if let Some(parts) = setpoint {
-            for (name, value) in parts {
-                let name: String = name.extract()?;
-                self.check_part(law.as_ref(), &name)?;
-                let values = if part_len(&name) == 1 {
-                    vec![real(&value).map_err(|_| PyTypeError::new_err(format!("{name} must be a number")))?]
-                } else {
-                    numbers::<2>(&name, &value)?.to_vec()
-                };
-                ballbot_core::check_finite(&name, &values).map_err(to_python)?;
-                target.part_mut(&name).copy_from_slice(&values);
+        if let Some(setpoint) = setpoint {
+            if parts.is_some_and(|parts| !parts.is_empty()) {
+                return Err(PyTypeError::new_err("a controller takes a setpoint or its parts as keywords, not both"));
             }
+            self.write_setpoint(law.as_ref(), setpoint, &mut target)?;
+        }
+        for (name, value) in parts.into_iter().flatten() {
+            let name: String = name.extract()?;
+            self.check_part(law.as_ref(), &name)?;
+            write_part(&mut target, &name, &value)?;
         }
         target.validate().map_err(to_python)?;
         Ok(array(py, &law.wheel_torques(&state.0, &target)))

@@ -84,6 +84,7 @@ pub(crate) fn controllers(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 /// Adds what is known by name.
 pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
+    planning::register().map_err(to_python)?;
     module.add("TASKS", tasks(py)?)?;
     module.add("CONTROLLERS", controllers(py)?)?;
     module.add("MODELS", ModelKind::ALL.map(ModelKind::name))?;

@@ -2,13 +2,15 @@
 
 import dataclasses
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Ballbot, Batch, Contacts, Controller, State
 from ballbot_rs._errors import DivergedError
+from ballbot_rs.analysis.actors import Actor, core_law, make_actor, observes_estimates
+from ballbot_rs.analysis.pushes import Impulse
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs._batch_env import new_batch
 
@@ -19,8 +21,6 @@ WITHOUT_FLOOR: Final = ("planar", "spatial")
 
 #: Control steps that are kept in memory at once.
 CHUNK: Final = 50
-
-_Act: TypeAlias = Callable[[npt.NDArray[np.float32]], npt.NDArray[np.float32]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,11 +95,11 @@ def rollout(
         steps: number of control steps.
         starts: states to start from; None draws them.
     """
-    law = _core_law(controller, batch)
+    law = core_law(controller, batch)
     observations = batch.reset(starts=starts)
     # Before a next episode draws other robots.
     com = np.array([batch.params(i).body_com for i in range(batch.num_envs)])
-    act = None if law is not None else _bind(controller, batch)
+    act = None if law is not None else make_actor(controller, batch)
     for first in range(0, steps, CHUNK):
         length = min(CHUNK, steps - first)
         if law is not None:
@@ -119,13 +119,16 @@ def _in_core(batch: Batch, law: Controller, first: int, length: int, com: Array)
 
 
 def _in_python(
-    batch: Batch, act: _Act, first: int, length: int, observations: npt.NDArray[np.float32], com: Array
+    batch: Batch, act: Actor, first: int, length: int, observations: npt.NDArray[np.float32], com: Array
 ) -> tuple[Chunk, npt.NDArray[np.float32]]:
     rows = []
     for _ in range(length):
         states, actions = batch.states(), act(observations)
         observations, rewards, terminated, truncated = batch.step(actions)
-        success = batch.endings()[0] & (terminated | truncated)
+        ended = terminated | truncated
+        success = batch.endings()[0] & ended
+        if ended.any():
+            act.ended(ended)
         rows.append((states, actions.astype(float) * batch.max_wheel_torque, rewards, terminated, truncated, success))
     columns = (np.array(column) for column in zip(*rows, strict=True))
     states, torques, rewards, terminated, truncated, success = columns
@@ -154,8 +157,9 @@ def run_one(
     controller: ResolvedController,
     steps: int,
     start: State,
-    pushes: Mapping[int, npt.ArrayLike] | None = None,
+    pushes: Mapping[int, Sequence[Impulse]] | None = None,
     seed: int | None = None,
+    setpoint: Callable[[int], Mapping[str, Any]] | None = None,
 ) -> Run:
     """Runs a controller on a batch of one robot; after a fall with the motors off.
 
@@ -164,20 +168,20 @@ def run_one(
         controller: on this robot.
         steps: number of control steps.
         start: first state.
-        pushes: impulses on the body, N·s, by the number of the step that begins with them.
+        pushes: impulses on the body by the number of the step that begins with them.
         seed: starts the random numbers of events anew; None goes on with them.
+        setpoint: parts of the setpoint by the number of the step; None is the task's.
     """
     pushes = pushes or {}
-    law = _core_law(controller, batch)
-    act = _bind(controller, batch) if law is None else lambda observations: batch.control(law)  # noqa: ARG005
+    act = make_actor(controller, batch)
     observations = batch.reset(seeds=[seed], starts=[start])
     states, contacts, draws = [batch.state(0)], [batch.contacts(0)], [batch.draws(0)]
     estimates = _estimates(batch)
     torques: list[Array] = []
     for step in range(steps):
-        action = act(observations)
-        if step in pushes:
-            batch.push(0, pushes[step])
+        action = act(observations, None if setpoint is None else setpoint(step))
+        for impulse, point in pushes.get(step, ()):
+            batch.push(0, impulse, point)
         observations, _, terminated, _ = batch.step(action)
         if batch.ending(0)[1] == "diverged":
             return Run(states, contacts, np.array(torques).reshape(-1, 3), draws, estimates, step)
@@ -196,11 +200,7 @@ def run_one(
 
 def _estimates(batch: Batch) -> list[State]:
     """The present estimate of the only robot, if its task observes one."""
-    return [batch.estimate(0)] if _observes_estimates(batch) else []
-
-
-def _observes_estimates(batch: Batch) -> bool:
-    return bool(batch.options["observation"] == "sensors")
+    return [batch.estimate(0)] if observes_estimates(batch) else []
 
 
 def _lie(
@@ -209,7 +209,7 @@ def _lie(
     contacts: list[Contacts],
     torques: list[Array],
     steps: int,
-    pushes: Mapping[int, npt.ArrayLike],
+    pushes: Mapping[int, Sequence[Impulse]],
 ) -> None:
     """Goes on after a fall, motors off, to the end of the time; the task's episode has ended, so without the batch."""
     if batch.model in WITHOUT_FLOOR:
@@ -217,8 +217,8 @@ def _lie(
     robot = Ballbot(batch.params(0), batch.model, batch.sim_dt)
     robot.reset(states[-1])
     for step in range(len(torques), steps):
-        if step in pushes:
-            robot.push(pushes[step])
+        for impulse, point in pushes.get(step, ()):
+            robot.push(impulse, point)
         try:
             robot.step(np.zeros(3), batch.substeps)
         except DivergedError:
@@ -226,36 +226,3 @@ def _lie(
         torques.append(np.zeros(3))
         states.append(robot.state)
         contacts.append(robot.contacts)
-
-
-def _core_law(controller: ResolvedController, batch: Batch) -> Controller | None:
-    """The law of the core that a controller is; None if it is anything else."""
-    if controller.policy is not None:
-        return None
-    # A controller keeps the direction of its torques within this limit.
-    params = batch.nominal_params(0).replace(max_wheel_torque=batch.max_wheel_torque)
-    law = controller.law(params, batch.control_dt)
-    return law if isinstance(law, Controller) else None
-
-
-def _bind(controller: ResolvedController, batch: Batch) -> _Act:
-    """Actions within [-1, 1] of a policy, or of a feedback law in Python, on what the task of a batch observes."""
-    if controller.policy is not None:
-        policy = controller.policy
-        return lambda observations: _limited(policy(observations))
-    params = batch.nominal_params(0).replace(max_wheel_torque=batch.max_wheel_torque)
-    laws = controller.laws(batch.num_envs, params, batch.control_dt)
-    setpoint = batch.options.get("setpoint", (0.0, 0.0))
-    seen = batch.estimate if _observes_estimates(batch) else batch.state
-
-    def act(observations: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:  # noqa: ARG001
-        torques = np.asarray([law(seen(i), setpoint) for i, law in enumerate(laws)], dtype=np.float64)
-        # Scaled down together: clipped each by itself, they would turn.
-        largest = np.maximum(np.abs(torques).max(axis=-1, keepdims=True), batch.max_wheel_torque)
-        return _limited(torques / largest)
-
-    return act
-
-
-def _limited(actions: npt.ArrayLike) -> npt.NDArray[np.float32]:
-    return np.clip(np.asarray(actions, dtype=np.float32), -1.0, 1.0)

@@ -2,33 +2,28 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import check_seed
 from ballbot_rs._core import Contacts, Params, State
-from ballbot_rs.analysis.rollout import batch_for, run_one
-from ballbot_rs.control.resolve import Source, common_options, find
-from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs._extras import require
+from ballbot_rs.analysis import columns, exports
+from ballbot_rs.analysis import metrics as numbers
+from ballbot_rs.analysis.metrics import Metrics
 
 Array = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True)
-class Push:
-    """An impulse on the body at a time."""
-
-    #: Inertial frame, N·s.
-    impulse: tuple[float, float, float]
-    #: s.
-    time: float = 1.0
-
-
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Trajectory:
-    """Rows at the times of the controller's decisions; torques hold from a row to the next."""
+    """Rows at the times of the controller's decisions; torques hold from a row to the next.
+
+    Shown as a table and a figure in a notebook. Quaternions are (w, x, y, z) and map body, or ball, to inertial.
+    """
 
     controller: str
     model: str
@@ -47,6 +42,19 @@ class Trajectory:
     estimates: Sequence[State]
     #: Time at which the robot counted as fallen and its motors were switched off, s; None if it never did.
     fell_at: float | None
+    #: What was to be followed, by part, shape (n, 2) or (n,); without a reference the position of the task.
+    setpoints: Mapping[str, Array]
+
+    def __repr__(self) -> str:
+        ending = "upright" if self.fell_at is None else f"fell at {self.fell_at:g} s"
+        return (
+            f"<Trajectory of {self.controller} on {self.model}: {self.times[-1]:g} s, {len(self.times)} rows, {ending}>"
+        )
+
+    def _repr_html_(self) -> str:
+        from ballbot_rs.media.notebook import to_html
+
+        return to_html(self)
 
     def of_states(self, name: str) -> Array:
         """An attribute of all states, for example `tilt`."""
@@ -60,73 +68,86 @@ class Trajectory:
         """An attribute of all contacts, for example `wheel_normal_forces`."""
         return np.array([getattr(contacts, name) for contacts in self.contacts])
 
+    def to_array(self) -> Array:
+        """All states, shape (n, 32), rows as `State.to_array`."""
+        return np.array([state.to_array() for state in self.states])
 
-def run(
-    controller: Source,
-    *,
-    seconds: float = 5.0,
-    tilt: tuple[float, float] = (0.05, 0.0),
-    yaw: float = 0.0,
-    push: Push | None = None,
-    task: str | None = None,
-    env_options: Mapping[str, Any] | None = None,
-    seed: int = 0,
-) -> Trajectory:
-    """Runs a controller on a robot that starts at rest, tilted.
+    def metrics(self) -> Metrics:
+        """Tilt, distance from the setpoint, torque and traction in numbers, until the robot fell."""
+        return numbers.metrics(self)
 
-    The robot is that of the task; once the task counts it as fallen its motors are off. A model that cannot lie on
-    the floor ends there.
+    def columns(self) -> dict[str, Array]:
+        """All quantities by names with their units, shape (n,) each, as the files have them.
 
-    Args:
-        controller: a name, a path or an object, as in `compare`.
-        seconds: simulated time.
-        tilt: initial tilt components, rad.
-        yaw: initial heading, rad.
-        push: on the body.
-        task: name of the task, as in `compare`.
-        env_options: options of the environment, over those that a policy was trained with.
-        seed: of the events.
+        Wheels are counted from 1. NaN is where a quantity is missing: estimates after a fall, events not drawn yet.
+        """
+        return columns.columns(self)
 
-    Raises:
-        ValueError: a number out of range, or as `compare`.
-        TypeError: an argument of the wrong type.
-    """
-    if not 0.0 < seconds <= 3600.0:
-        raise ValueError(f"seconds = {seconds} is out of range: it must be above 0 and at most 3600")
-    if push is not None and not isinstance(push, Push):
-        raise TypeError(f"push must be a Push, not {type(push).__name__}")
-    if push is not None and not 0.0 <= push.time < seconds:
-        raise ValueError(f"a push at {push.time} s is out of range: it must be from 0 to before the end, {seconds} s")
-    seed = check_seed(seed)
-    found = find(controller, task=task, env_options=env_options)
-    # Only a fall ends the episode: lengths in steps are for the task's own rate.
-    options = {**common_options([found], env_options), "max_episode_steps": None}
-    batch = batch_for(
-        found,
-        1,
-        task=task or DEFAULT_TASK,
-        num_threads=1,
-        seed=seed,
-        options=options,
-        given=env_options or (),
-        autoreset="disabled",
-    )
-    steps = max(round(seconds / batch.control_dt), 1)
-    pushes = {} if push is None else {min(round(push.time / batch.control_dt), steps - 1): push.impulse}
-    # The robot that events make for the episode to come.
-    batch.reset(seeds=[seed])
-    start = State.at_equilibrium(batch.params(0), tilt=tilt, yaw=yaw)
-    done = run_one(batch, found, steps, start, pushes, seed)
-    last = done.torques[-1:] if len(done.torques) else np.zeros((1, 3))
-    return Trajectory(
-        controller=found.name,
-        model=batch.model,
-        params=batch.params(0),
-        times=np.array([row * batch.control_dt for row in range(len(done.states))]),
-        states=done.states,
-        contacts=done.contacts,
-        torques=np.concatenate([done.torques, last]),
-        draws={term: np.array([row[term] for row in done.draws]) for term in done.draws[0]},
-        estimates=done.estimates,
-        fell_at=None if done.fell_at is None else done.fell_at * batch.control_dt,
-    )
+    def to_dataframe(self) -> Any:
+        """A `pandas.DataFrame` with the columns of `columns`.
+
+        Raises:
+            ModuleNotFoundError: pandas is not installed.
+        """
+        return exports.to_dataframe(self)
+
+    def to_csv(self, path: str | PathLike[str]) -> None:
+        """Writes the columns of `columns` as CSV; numbers are read back to the last bit.
+
+        Raises:
+            ValueError: another suffix than .csv.
+            OSError: the file cannot be written; an earlier one stays as it is.
+        """
+        exports.to_csv(self, path)
+
+    def to_npz(self, path: str | PathLike[str]) -> None:
+        """Writes the columns of `columns` for `numpy.load`.
+
+        Raises:
+            ValueError: another suffix than .npz.
+            OSError: as `to_csv`.
+        """
+        exports.to_npz(self, path)
+
+    def to_mcap(self, path: str | PathLike[str]) -> None:
+        """Writes an MCAP log with JSON messages, for Foxglove and readers of MCAP.
+
+        Topics are `/state`, `/torque`, `/setpoint`, `/contacts`, `/estimate`, `/draws` and, with the frames of ball and
+        body in `world`, `/tf`. Schemas have the units.
+
+        Raises:
+            ModuleNotFoundError: mcap is not installed.
+            ValueError: another suffix than .mcap.
+            OSError: as `to_csv`.
+        """
+        exports.to_mcap(self, path)
+
+    def plot(self, path: str | PathLike[str] | None = None) -> Any:
+        """The figure of tilt, position, torques and loads over time, of matplotlib; written to `path` if there is one.
+
+        Raises:
+            ModuleNotFoundError: matplotlib is not installed.
+            ValueError: another suffix than .svg, .pdf or .png.
+            OSError: as `to_csv`.
+        """
+        with require("a figure", "plot"):
+            from ballbot_rs.media.figures import style, trajectories
+        file = None if path is None else Path(path)
+        if file is not None and file.suffix not in (".svg", ".pdf", ".png"):
+            raise ValueError(f"{file}: the name of a figure ends in .svg, .pdf or .png")
+        drawn = trajectories.draw([self])
+        if file is not None:
+            style.save(drawn, file)
+        return drawn
+
+    def record(self, path: str | PathLike[str], **options: Any) -> int:
+        """Writes a video and returns the number of its frames; `options` as of `ballbot_rs.media.video.write_video`.
+
+        Raises:
+            ModuleNotFoundError: moviepy is not installed.
+            ValueError: another suffix than .mp4, or an option out of range.
+            OSError: as `to_csv`.
+        """
+        from ballbot_rs.media.video import write_video
+
+        return write_video(self, Path(path), **options)

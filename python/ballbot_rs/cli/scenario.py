@@ -22,7 +22,9 @@ from ballbot_rs._core import (
     load_sensors,
 )
 from ballbot_rs._reading import read_regular
-from ballbot_rs.analysis.trajectory import Push, Trajectory, run
+from ballbot_rs.analysis.pushes import Push
+from ballbot_rs.analysis.simulate import run
+from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
 from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, find
 from ballbot_rs.envs.registration import DEFAULT_TASK

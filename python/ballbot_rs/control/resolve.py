@@ -1,20 +1,23 @@
 """Controllers by name, by path or as objects."""
 
-import copy
 import dataclasses
 import importlib.util
 import inspect
+import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Final, Protocol, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS, Controller, Params, State
+from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
+from ballbot_rs.control.laws import Law, Laws, failed, is_batched
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 
@@ -30,19 +33,8 @@ MAX_FILE_SIZE: Final = 64 * 2**20
 #: Actions in [-1, 1], shape (n, 3), for observations, shape (n, m).
 Policy: TypeAlias = Callable[[npt.NDArray[np.float32]], npt.ArrayLike]
 
-
-class Law(Protocol):
-    """A feedback law: wheel torques (three, N·m) of one robot from its state."""
-
-    def __call__(self, state: State, /) -> npt.ArrayLike:
-        """Wheel torques for the next control step."""
-
-
-#: A name, a path, an object that maps a state to wheel torques, or what `find` has made of one of them.
-Source: TypeAlias = "str | PathLike[str] | Law | ResolvedController"
-
-#: Wheel torques, N·m, from a state and the position setpoint.
-Torques: TypeAlias = Callable[[State, npt.ArrayLike], npt.ArrayLike]
+#: A name, a path, a law or a class of laws in Python (`laws` has their forms), or what `find` has made of one of them.
+Source: TypeAlias = "str | PathLike[str] | Law | Callable[..., Law] | ResolvedController"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,6 +48,8 @@ class ResolvedController:
     policy: Policy | None = None
     #: Makes the law of one robot from its parameters and the time between two calls, s.
     make_law: Callable[[Params, float], Law] | None = None
+    #: Whether each call of `make_law` makes another law, and not the one there is, its past forgotten.
+    is_made: bool = True
     #: Rate at which the law is to run, s; None takes the task's.
     control_dt: float | None = None
     #: Ends a call of the policy in another thread, where that is possible.
@@ -68,20 +62,15 @@ class ResolvedController:
         assert self.make_law is not None
         return self.make_law(params, control_dt)
 
-    def laws(self, count: int, params: Params, control_dt: float) -> list[Torques]:
-        """The feedback law for each of `count` robots, as functions of state and position setpoint.
+    def laws(self, count: int, params: Params, control_dt: float) -> Laws:
+        """The feedback law on each of `count` robots, within the torque of their motors.
 
         Raises:
             TypeError: an object that cannot be copied, for more than one robot.
+            ControllerError: a law in Python cannot be made.
         """
-        first = self.law(params, control_dt)
-        if isinstance(first, Controller):
-            return [_with_setpoint(first), *(_with_setpoint(self.law(params, control_dt)) for _ in range(count - 1))]
-        # Copies, so that no robot has another one's memory.
-        try:
-            return [_with_setpoint(law) for law in (first, *(copy.deepcopy(first) for _ in range(count - 1)))]
-        except TypeError as error:
-            raise TypeError(f"{self.name} cannot be copied for {count} robots: {error}") from error
+        limit = params.max_wheel_torque
+        return Laws(self.name, lambda: self.law(params, control_dt), count, limit, is_made=self.is_made)
 
 
 def find(
@@ -94,9 +83,11 @@ def find(
     """A controller from its name, from the path of a policy (Stable-Baselines3, ONNX or a training run) or an object.
 
     Args:
-        source: one of `NAMES`, the path of a policy, "file.py:NAME" (a function, an object, or a class to be
-            called without arguments), or an object. Objects map a `State` to three wheel torques in N·m; those that
-            take `position` get the setpoint, m; an attribute `name` and the method `reset` are optional.
+        source: one of `NAMES`, the path of a policy, "file.py:NAME" (a function, an object or a class), or such a
+            function, object or class. They are called with a `State`, or a `State` and a `Setpoint`, and return three
+            wheel torques in N·m; `ballbot_rs.control.laws` has all forms. Classes are made for each robot, with the
+            robot as `params` and the time between two calls as `control_dt` if they take them. Attributes `name` and
+            `control_dt` (s) and the method `reset` are optional.
         task: the task. It, or `env_options`, is needed for a policy file that does not name its own.
         env_options: options of the environment that such a policy file was trained with.
         trusted: whether files with code may be loaded; ONNX files have none.
@@ -105,7 +96,8 @@ def find(
         ValueError: an unknown task or controller, or a policy for another task.
         FileNotFoundError: there is no policy at that path.
         ModuleNotFoundError: an optional dependency is missing; the message says what to install.
-        TypeError: the object cannot be called.
+        TypeError: the object cannot be called, or a class needs other arguments.
+        ControllerError: a class cannot be made.
     """
     known_task = DEFAULT_TASK if task is None else task
     env_id_of(known_task)
@@ -196,48 +188,87 @@ def _imported(file: Path, attribute: str) -> Any:
     """An object of a Python file, or an instance of a class of it."""
     if not file.is_file():
         raise FileNotFoundError(f"no Python file at {file}")
-    spec = importlib.util.spec_from_file_location(file.stem, file)
+    # Not the stem alone: that may be the name of another module.
+    name = f"_ballbot_controller_{file.stem}"
+    spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    # Where dataclasses and pickle look for it.
+    sys.modules[name] = module
     spec.loader.exec_module(module)
     if not hasattr(module, attribute):
         raise ValueError(f"{file} has no {attribute}{did_you_mean(attribute, vars(module))}")
-    found = getattr(module, attribute)
-    return found() if isinstance(found, type) else found
+    return getattr(module, attribute)
 
 
 def _from_object(law: Any, name: str | None = None) -> ResolvedController:
+    if isinstance(law, type):
+        return _from_class(law, name)
     if not callable(law):
         raise TypeError(f"{law!r} is no controller: expected a name, a path, or an object that maps a state to torques")
     own = getattr(law, "name", None) or getattr(law, "__name__", None) or type(law).__name__.lower()
+    name = str(own) if name is None else name
 
     def fresh(params: Params, control_dt: float) -> Law:  # noqa: ARG001
-        if hasattr(law, "reset"):
-            law.reset()
+        # A batched law is told how many robots there are; see `Laws`.
+        if hasattr(law, "reset") and not is_batched(law):
+            try:
+                law.reset()
+            except Exception as error:
+                raise failed(name, error) from error
         found: Law = law
         return found
 
-    control_dt = getattr(law, "control_dt", None)
-    return ResolvedController(str(own) if name is None else name, make_law=fresh, control_dt=control_dt)
+    return ResolvedController(name, make_law=fresh, is_made=False, control_dt=_control_dt(name, law))
+
+
+def _from_class(cls: type, name: str | None) -> ResolvedController:
+    """A class of laws, each robot has one."""
+    own = getattr(cls, "name", None)
+    name = (own if isinstance(own, str) else cls.__name__.lower()) if name is None else name
+    if not any("__call__" in vars(base) for base in cls.__mro__):
+        raise TypeError(f"{name} is no class of controllers: its objects cannot be called")
+    parameters = inspect.signature(cls).parameters.values()
+    takes = {p.name for p in parameters if p.name in ("params", "control_dt") and p.kind is not p.POSITIONAL_ONLY}
+    needed = [p.name for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+    if set(needed) - takes:
+        missing = ", ".join(part for part in needed if part not in takes)
+        raise TypeError(
+            f"{name} cannot be made: {missing} has no default; a class is given params and control_dt alone"
+        )
+
+    def make(params: Params, control_dt: float) -> Law:
+        given = {"params": params, "control_dt": control_dt}
+        try:
+            law: Law = cls(**{part: given[part] for part in given if part in takes})
+        except Exception as error:
+            raise failed(name, error) from error
+        return law
+
+    # Objects that are made without arguments may have the rate in an attribute of their own.
+    if takes or isinstance(getattr(cls, "control_dt", None), (int, float)):
+        return ResolvedController(name, make_law=make, control_dt=_control_dt(name, cls))
+    try:
+        first = cls()
+    except Exception as error:
+        raise failed(name, error) from error
+    return ResolvedController(name, make_law=make, control_dt=_control_dt(name, first))
+
+
+def _control_dt(name: str, law: Any) -> float | None:
+    """The time between two calls that a law has itself."""
+    found = getattr(law, "control_dt", None)
+    if found is None or (isinstance(law, type) and not isinstance(found, (int, float))):
+        return None
+    try:
+        seconds = float(found)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} has control_dt = {found!r}: expected a time in s") from error
+    if not 0.0 < seconds < math.inf:
+        raise InvalidInputError(f"{name} has control_dt = {found}: it must be positive and finite")
+    return seconds
 
 
 def _no_torque(state: State) -> npt.ArrayLike:  # noqa: ARG001
     return np.zeros(3)
-
-
-def _with_setpoint(law: Law) -> Torques:
-    if not takes_position(law):
-        return lambda state, position: law(state)  # noqa: ARG005
-    with_position: Any = law
-    return lambda state, position: with_position(state, position=position)
-
-
-def takes_position(law: Law) -> bool:
-    """Whether a feedback law follows a position."""
-    if isinstance(law, Controller):
-        return "position" in law.setpoint_parts
-    try:
-        return "position" in inspect.signature(law).parameters
-    except (TypeError, ValueError):
-        return False

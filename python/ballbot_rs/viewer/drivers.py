@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from ballbot_rs._core import SCALED_BOUND, TASKS, Params, State
 from ballbot_rs.control.reference import largest_lead
-from ballbot_rs.control.resolve import NAMES, ResolvedController, takes_position
+from ballbot_rs.control.resolve import NAMES, ResolvedController
+from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.registration import DEFAULT_TASK
 
@@ -82,24 +83,17 @@ class LawDriver:
         self.sim_dt = self.control_dt / math.ceil(self.control_dt / SIM_DT - 1e-9)
         self.max_torque = params.max_wheel_torque
         self.is_foreign = controller.name not in NAMES
-        self.follows_position = takes_position(controller.law(params, self.control_dt))
-        self._made_of = (controller, num_robots, params)
-        self.reset()
+        self._laws = controller.laws(num_robots, params, self.control_dt)
+        self.follows_position = "position" in self._laws.follows
+        self._num_robots = num_robots
 
     def torques(self, states: Sequence[State], setpoints: npt.ArrayLike) -> Torques:
         """Wheel torques for the next `control_dt`, shape (n, 3), N·m."""
-        places = _one_each(setpoints, states)
-        rows = [law(state, place) for law, state, place in zip(self._laws, states, places, strict=True)]
-        return np.array(rows, dtype=np.float64)
+        return self._laws.torques(states, [Setpoint(position=place) for place in _one_each(setpoints, states)])
 
     def reset(self, robot: int | None = None) -> None:
-        """Makes the laws anew, or the law of one robot."""
-        controller, num_robots, params = self._made_of
-        laws = controller.laws(num_robots, params, self.control_dt)
-        if robot is None:
-            self._laws = laws
-        else:
-            self._laws[robot] = laws[robot]
+        """Clears the memory of the laws, or of the law of one robot."""
+        self._laws.reset(None if robot is None else np.arange(self._num_robots) == robot)
 
 
 class PolicyDriver:

@@ -37,6 +37,9 @@ def _draw_column(axes: Sequence[Any], trajectory: Trajectory) -> None:
             times, np.degrees(trajectory.of_states("tilt_components")[:, i]), color=COLORS[i], label=f"about {axis}"
         )
         position.plot(times, trajectory.of_states("ball_position")[:, i], color=COLORS[i], label=axis)
+        if trajectory.setpoints["position"].any():
+            wanted = {"color": COLORS[4], "linestyle": "--", "linewidth": 1.0, "label": "" if i else "setpoint"}
+            position.plot(times, trajectory.setpoints["position"][:, i], **wanted)
     # A torque holds from a row to the next; the last row has none of its own.
     for wheel in range(3):
         style = {"color": COLORS[2 + wheel], "label": f"wheel {wheel}", "linewidth": 1.0}

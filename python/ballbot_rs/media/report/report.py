@@ -10,8 +10,9 @@ from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._text_table import LEGEND, rows
 from ballbot_rs.analysis import recovery_map as recovery
-from ballbot_rs.analysis import trajectory
 from ballbot_rs.analysis.episodes import Result, compare
+from ballbot_rs.analysis.pushes import Push
+from ballbot_rs.analysis.simulate import run
 from ballbot_rs.control.resolve import find
 from ballbot_rs.media.report import page
 from ballbot_rs.media.video import renderer_for, write_video
@@ -20,7 +21,7 @@ from ballbot_rs.training import curve, run_folder
 #: What a policy is compared with.
 BESIDE = ("lqr", "pid")
 #: What the video shows: a robot that is let go at a tilt (rad), then pushed (N·s, s).
-TILT, PUSH = (0.08, 0.05), trajectory.Push((0.3, 0.1, 0.0), 1.5)
+TILT, PUSH = (0.08, 0.05), Push((0.3, 0.1, 0.0), 1.5)
 
 
 def write(
@@ -102,7 +103,7 @@ def _versions(record: dict[str, Any]) -> list[tuple[str, str]]:
 
 def _video(policy: Any, seconds: float, progress: Progress) -> tuple[str, str]:
     push = PUSH if seconds > PUSH.time else None
-    shown = trajectory.run(policy, seconds=seconds, tilt=TILT, push=push)
+    shown = run(policy, seconds=seconds, tilt=TILT, push=push)
     # Small and plain: the report is to be quick.
     renderer = renderer_for(shown, width=480, height=360, samples=1)
     with _files.scratch_folder() as folder:

@@ -1,0 +1,115 @@
+"""What acts on the robots of a batch: a law of the core, a law in Python or a policy, all called alike."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._core import Batch, Controller
+from ballbot_rs.control.laws import Laws, parts_for
+from ballbot_rs.control.resolve import ResolvedController
+from ballbot_rs.control.setpoints import Setpoint
+
+Actions = npt.NDArray[np.float32]
+
+
+class Actor(Protocol):
+    """Chooses the actions of all robots of a batch."""
+
+    def __call__(self, observations: npt.NDArray[np.float32], setpoint: Mapping[str, Any] | None = None) -> Actions:
+        """Actions within [-1, 1], shape (n, 3), for the parts of a setpoint; None is that of the task."""
+
+    def ended(self, mask: npt.NDArray[np.bool_]) -> None:
+        """Is told which robots have begun a new episode, shape (n,)."""
+
+
+def core_law(controller: ResolvedController, batch: Batch) -> Controller | None:
+    """The law of the core that a controller is; None if it is anything else."""
+    if controller.policy is not None:
+        return None
+    # A controller keeps the direction of its torques within this limit.
+    params = batch.nominal_params(0).replace(max_wheel_torque=batch.max_wheel_torque)
+    law = controller.law(params, batch.control_dt)
+    return law if isinstance(law, Controller) else None
+
+
+def make_actor(controller: ResolvedController, batch: Batch) -> Actor:
+    """A controller on all robots of a batch."""
+    law = core_law(controller, batch)
+    if law is not None:
+        return CoreActor(controller.name, law, batch)
+    if controller.policy is not None:
+        return PolicyActor(controller.name, controller.policy)
+    params = batch.nominal_params(0).replace(max_wheel_torque=batch.max_wheel_torque)
+    return LawActor(controller.laws(batch.num_envs, params, batch.control_dt), batch)
+
+
+def observes_estimates(batch: Batch) -> bool:
+    """Whether the task of a batch observes what follows from sensors."""
+    return bool(batch.options["observation"] == "sensors")
+
+
+class CoreActor:
+    """A law of the core; the batch keeps its memory of each robot."""
+
+    def __init__(self, name: str, law: Controller, batch: Batch) -> None:
+        self._name, self._law, self._batch = name, law, batch
+
+    def __call__(self, observations: npt.NDArray[np.float32], setpoint: Mapping[str, Any] | None = None) -> Actions:  # noqa: ARG002
+        """As `Actor`."""
+        parts = None if setpoint is None else parts_for(self._name, self._law.setpoint_parts, setpoint)
+        return self._batch.control(self._law, parts)
+
+    def ended(self, mask: npt.NDArray[np.bool_]) -> None:
+        """As `Actor`."""
+
+
+class PolicyActor:
+    """A policy, which observes the setpoint of its task."""
+
+    def __init__(self, name: str, policy: Callable[[npt.NDArray[np.float32]], npt.ArrayLike]) -> None:
+        self._name, self._policy = name, policy
+
+    def __call__(self, observations: npt.NDArray[np.float32], setpoint: Mapping[str, Any] | None = None) -> Actions:
+        """As `Actor`.
+
+        Raises:
+            TypeError: a setpoint.
+        """
+        if setpoint is not None:
+            raise TypeError(f'{self._name} is a policy, its setpoint is fixed: env_options={{"setpoint": (x, y)}}')
+        return _limited(self._policy(observations))
+
+    def ended(self, mask: npt.NDArray[np.bool_]) -> None:
+        """As `Actor`."""
+
+
+class LawActor:
+    """A law in Python, on what the task of a batch observes."""
+
+    def __init__(self, laws: Laws, batch: Batch) -> None:
+        self._laws, self._batch = laws, batch
+        self._own = Setpoint(position=batch.options.get("setpoint", (0.0, 0.0)))
+
+    def __call__(self, observations: npt.NDArray[np.float32], setpoint: Mapping[str, Any] | None = None) -> Actions:  # noqa: ARG002
+        """As `Actor`."""
+        batch, laws = self._batch, self._laws
+        one = self._own
+        if setpoint is not None:
+            one = Setpoint(**parts_for(laws.name, laws.follows, setpoint))
+        states: Any
+        if laws.is_batched:
+            states = batch.estimates() if observes_estimates(batch) else batch.states()
+        else:
+            seen = batch.estimate if observes_estimates(batch) else batch.state
+            states = [seen(i) for i in range(batch.num_envs)]
+        return _limited(laws.torques(states, [one] * batch.num_envs) / batch.max_wheel_torque)
+
+    def ended(self, mask: npt.NDArray[np.bool_]) -> None:
+        """As `Actor`."""
+        self._laws.reset(mask)
+
+
+def _limited(actions: npt.ArrayLike) -> Actions:
+    return np.clip(np.asarray(actions, dtype=np.float32), -1.0, 1.0)

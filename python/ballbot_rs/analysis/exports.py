@@ -1,0 +1,172 @@
+"""Files and tables of a trajectory: CSV, NPZ, MCAP and pandas, with the columns of `columns`.
+
+Quaternions are (w, x, y, z), but for the transforms of an MCAP file, whose format names the parts.
+"""
+
+import io
+import json
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from ballbot_rs import _files
+from ballbot_rs._core import __version__
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._extras import require
+from ballbot_rs.analysis.columns import Array, Quantity, columns, quantities
+
+if TYPE_CHECKING:
+    from ballbot_rs.analysis.trajectory import Trajectory
+
+#: Robots in the tree of frames: name, attributes of the state for position and attitude.
+_FRAMES: Final = (("ball", "ball_position", "ball_quaternion"), ("body", "body_position", "body_quaternion"))
+
+
+def to_csv(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
+    """Writes a table, its header in the first row; numbers are read back to the last bit."""
+    table = columns(trajectory)
+    rows = zip(*(values.tolist() for values in table.values()), strict=True)
+    lines = [",".join(table), *(",".join(map(repr, row)) for row in rows)]
+    _files.write(_path(path, ".csv"), "\n".join(lines) + "\n")
+
+
+def to_npz(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
+    """Writes a compressed archive of NumPy, an array a column."""
+    packed = io.BytesIO()
+    np.savez_compressed(packed, **columns(trajectory))  # type: ignore[arg-type]
+    _files.write(_path(path, ".npz"), packed.getvalue())
+
+
+def to_dataframe(trajectory: "Trajectory") -> Any:
+    """A `pandas.DataFrame` of the columns.
+
+    Raises:
+        ModuleNotFoundError: pandas is not installed.
+    """
+    with require("a DataFrame", "pandas"):
+        import pandas as pd
+    return pd.DataFrame(columns(trajectory))
+
+
+def to_mcap(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
+    """Writes a log of MCAP with messages in JSON: a topic a group of quantities, and `/tf` with ball and body.
+
+    Raises:
+        ModuleNotFoundError: mcap is not installed.
+    """
+    file = _path(path, ".mcap")
+    with require("an MCAP file", "mcap"):
+        from mcap.writer import CompressionType, Writer
+    packed = io.BytesIO()
+    # Chunks with gzip-like compression need more packages; a file of some MB does without.
+    writer = Writer(packed, compression=CompressionType.NONE)
+    writer.start(profile="", library=f"ballbot_rs {__version__}")
+    groups: dict[str, list[Quantity]] = {}
+    for quantity in quantities(trajectory):
+        groups.setdefault(quantity.group, []).append(quantity)
+    channels = {group: _channel(writer, f"/{group}", f"ballbot.{group}", _schema(of)) for group, of in groups.items()}
+    frames = _channel(writer, "/tf", "foxglove.FrameTransforms", _TRANSFORMS)
+    for row, time in enumerate(trajectory.times):
+        nanoseconds = round(float(time) * 1e9)
+        for group, of in groups.items():
+            message = {quantity.name: _value(quantity, row) for quantity in of}
+            message = {name: value for name, value in message.items() if value is not None}
+            if message:
+                _add(writer, channels[group], nanoseconds, message)
+        _add(writer, frames, nanoseconds, _transforms(trajectory, row, nanoseconds))
+    writer.add_metadata(
+        "ballbot",
+        {
+            "controller": trajectory.controller,
+            "model": trajectory.model,
+            "params": trajectory.params.to_toml(),
+            "fell_at": "" if trajectory.fell_at is None else repr(trajectory.fell_at),
+        },
+    )
+    writer.finish()
+    _files.write(file, packed.getvalue())
+
+
+def _path(path: str | PathLike[str], suffix: str) -> Path:
+    file = Path(path)
+    if file.suffix != suffix:
+        raise InvalidInputError(f"{file}: the name of the file must end in {suffix}")
+    return file
+
+
+def _channel(writer: Any, topic: str, name: str, schema: Mapping[str, Any]) -> int:
+    schema_id = writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
+    channel: int = writer.register_channel(topic, "json", schema_id)
+    return channel
+
+
+def _add(writer: Any, channel: int, nanoseconds: int, message: Mapping[str, Any]) -> None:
+    data = json.dumps(message, allow_nan=False).encode()
+    writer.add_message(channel, log_time=nanoseconds, data=data, publish_time=nanoseconds)
+
+
+def _object(properties: Mapping[str, Any], **more: Any) -> dict[str, Any]:
+    return {"type": "object", "properties": dict(properties), **more}
+
+
+_NUMBER: Final = {"type": "number"}
+
+
+def _schema(of: list[Quantity]) -> dict[str, Any]:
+    properties = {}
+    for quantity in of:
+        doc = f"{quantity.doc}, {quantity.unit}" if quantity.unit else quantity.doc
+        if quantity.axes:
+            properties[quantity.name] = _object(dict.fromkeys(quantity.axes, _NUMBER), description=doc)
+        else:
+            properties[quantity.name] = {**_NUMBER, "description": doc}
+    return _object(properties)
+
+
+def _value(quantity: Quantity, row: int) -> Any:
+    """What a message has of a quantity; None where it is not there."""
+    numbers: Array = quantity.values[row]
+    if not np.isfinite(numbers).all():
+        return None
+    values = numbers.tolist()
+    return dict(zip(quantity.axes, values, strict=True)) if quantity.axes else values[0]
+
+
+_TIME: Final = _object({"sec": {"type": "integer"}, "nsec": {"type": "integer"}}, title="time")
+_TRANSFORMS: Final = _object(
+    {
+        "transforms": {
+            "type": "array",
+            "items": _object(
+                {
+                    "timestamp": _TIME,
+                    "parent_frame_id": {"type": "string"},
+                    "child_frame_id": {"type": "string"},
+                    "translation": _object(dict.fromkeys("xyz", _NUMBER)),
+                    "rotation": _object(dict.fromkeys("xyzw", _NUMBER)),
+                }
+            ),
+        }
+    },
+    title="foxglove.FrameTransforms",
+)
+
+
+def _transforms(trajectory: "Trajectory", row: int, nanoseconds: int) -> dict[str, Any]:
+    seconds, rest = divmod(nanoseconds, 10**9)
+    state = trajectory.states[row]
+    return {
+        "transforms": [
+            {
+                "timestamp": {"sec": seconds, "nsec": rest},
+                "parent_frame_id": "world",
+                "child_frame_id": name,
+                "translation": dict(zip("xyz", getattr(state, position).tolist(), strict=True)),
+                "rotation": dict(zip("wxyz", getattr(state, attitude).tolist(), strict=True)),
+            }
+            for name, position, attitude in _FRAMES
+        ]
+    }

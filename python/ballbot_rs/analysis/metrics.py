@@ -1,0 +1,57 @@
+"""Numbers that sum a trajectory up, until the robot fell."""
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._state_rows import BALL_POSITION, tilt_of
+
+if TYPE_CHECKING:
+    from ballbot_rs.analysis.trajectory import Trajectory
+
+
+@dataclasses.dataclass(frozen=True)
+class Metrics:
+    """How a controller did on one trajectory, until the robot fell."""
+
+    #: Tilt from the equilibrium, rad.
+    tilt_rms: float
+    tilt_max: float
+    #: Horizontal distance of the ball from the setpoint, m.
+    position_error_rms: float
+    position_error_max: float
+    position_error_final: float
+    #: Commanded wheel torques, N·m.
+    torque_rms: float
+    torque_max: float
+    #: Largest share of the dynamic friction limit that a wheel took.
+    traction_utilization_max: float
+
+
+def metrics(trajectory: "Trajectory") -> Metrics:
+    """The numbers of a trajectory."""
+    end = len(trajectory.times)
+    if trajectory.fell_at is not None:
+        end = min(int(np.searchsorted(trajectory.times, trajectory.fell_at - 1e-9)) + 1, end)
+    states = trajectory.to_array()[:end]
+    tilts = tilt_of(states, trajectory.params.body_com)
+    errors = np.linalg.norm(states[:, BALL_POSITION][:, :2] - trajectory.setpoints["position"][:end], axis=1)
+    # The last row repeats the torques of the one before.
+    torques = trajectory.torques[: max(end - 1, 1)]
+    utilization = trajectory.of_contacts("friction_utilization")[:end, :3]
+    return Metrics(
+        tilt_rms=_rms(tilts),
+        tilt_max=float(tilts.max()),
+        position_error_rms=_rms(errors),
+        position_error_max=float(errors.max()),
+        position_error_final=float(errors[-1]),
+        torque_rms=_rms(torques),
+        torque_max=float(np.abs(torques).max()),
+        traction_utilization_max=float(utilization.max()),
+    )
+
+
+def _rms(values: npt.NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(values**2)))

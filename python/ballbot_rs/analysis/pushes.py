@@ -1,0 +1,122 @@
+"""Pushes and forces on the body over time, as impulses at the beginnings of control steps."""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ballbot_rs._errors import InvalidInputError
+
+Vector: TypeAlias = tuple[float, float, float]
+#: An impulse, inertial frame, N·s, and its point, body frame, m, or None for the CoM.
+Impulse: TypeAlias = tuple[Vector, Vector | None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Push:
+    """An impulse on the body at a time, at once or over a duration.
+
+    Over a duration the force is half a sine: zero at both ends, π/2 times the mean in the middle.
+    """
+
+    #: Inertial frame, N·s.
+    impulse: Vector
+    #: Of its beginning, s.
+    time: float = 1.0
+    #: s; 0 is at once.
+    duration: float = 0.0
+    #: Body frame, m; None is the CoM of the body.
+    point: Vector | None = None
+
+    def share(self, begin: float, end: float) -> float:
+        """Which share of the impulse is from one time to another, s."""
+        if self.duration == 0.0:
+            return float(begin <= self.time < end)
+        angles = [math.pi * min(max((t - self.time) / self.duration, 0.0), 1.0) for t in (begin, end)]
+        return 0.5 * (math.cos(angles[0]) - math.cos(angles[1]))
+
+
+@dataclasses.dataclass(frozen=True)
+class Force:
+    """A constant force on the body from a time to another."""
+
+    #: Inertial frame, N.
+    force: Vector
+    #: s.
+    begin: float = 0.0
+    #: s; None is the end of the simulation.
+    end: float | None = None
+    #: Body frame, m; None is the CoM of the body.
+    point: Vector | None = None
+
+
+def check(pushes: Sequence[Push], forces: Sequence[Force], seconds: float) -> None:
+    """Checks pushes and forces on a simulation of a duration.
+
+    Raises:
+        TypeError: something else than pushes and forces.
+        ValueError: a number out of range.
+    """
+    for push in pushes:
+        if not isinstance(push, Push):
+            raise TypeError(f"push must be a Push, not {type(push).__name__}")
+        _check_vectors("a push", push.impulse, push.point)
+        if not 0.0 <= push.time < seconds:
+            limits = f"it must be from 0 to before the end, {seconds} s"
+            raise InvalidInputError(f"a push at {push.time} s is out of range: {limits}")
+        if not 0.0 <= push.duration < math.inf:
+            raise InvalidInputError(f"a push has duration = {push.duration}: it must be at least 0 and finite")
+    for force in forces:
+        if not isinstance(force, Force):
+            raise TypeError(f"force must be a Force, not {type(force).__name__}")
+        _check_vectors("a force", force.force, force.point)
+        end = seconds if force.end is None else force.end
+        if not 0.0 <= force.begin < min(end, seconds):
+            limits = f"it must be from 0 to before its end, {min(end, seconds)} s"
+            raise InvalidInputError(f"a force begins at {force.begin} s: {limits}")
+
+
+def _check_vectors(what: str, vector: Any, point: Any) -> None:
+    for value in (vector,) if point is None else (vector, point):
+        try:
+            numbers = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise TypeError(f"{what} has {value!r}: expected three numbers") from error
+        if numbers.shape != (3,) or not np.isfinite(numbers).all():
+            raise InvalidInputError(f"{what} has {value}: expected three finite numbers")
+
+
+def impulses(
+    pushes: Sequence[Push], forces: Sequence[Force], steps: int, control_dt: float
+) -> Mapping[int, Sequence[Impulse]]:
+    """Impulses by the number of the control step that begins with them.
+
+    A push at once goes to the step that begins nearest to its time; what is spread over time, to each step with that
+    which falls into it.
+    """
+    found: dict[int, list[Impulse]] = {}
+
+    def add(step: int, vector: Sequence[float], share: float, point: Vector | None) -> None:
+        x, y, z = (share * float(value) for value in vector)
+        found.setdefault(step, []).append(((x, y, z), point))
+
+    for push in pushes:
+        if push.duration == 0.0:
+            add(min(round(push.time / control_dt), steps - 1), push.impulse, 1.0, push.point)
+            continue
+        for step in _steps(push.time, push.time + push.duration, steps, control_dt):
+            add(step, push.impulse, push.share(step * control_dt, (step + 1) * control_dt), push.point)
+    for force in forces:
+        end = math.inf if force.end is None else force.end
+        for step in _steps(force.begin, end, steps, control_dt):
+            length = min((step + 1) * control_dt, end) - max(step * control_dt, force.begin)
+            add(step, force.force, max(length, 0.0), force.point)
+    return found
+
+
+def _steps(begin: float, end: float, steps: int, control_dt: float) -> range:
+    """The control steps in which a time lies that is between two times, s."""
+    last = steps if end == math.inf else min(math.ceil(end / control_dt), steps)
+    return range(min(math.floor(begin / control_dt), steps), last)

@@ -1,0 +1,243 @@
+"""One robot under one controller, along a reference, under pushes and forces."""
+
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._checks import check_seed
+from ballbot_rs._core import Batch, Params, Reference, State
+from ballbot_rs.analysis import pushes as impulses_of
+from ballbot_rs.analysis.pushes import Force, Push
+from ballbot_rs.analysis.rollout import batch_for, run_one
+from ballbot_rs.analysis.trajectory import Trajectory
+from ballbot_rs.control.resolve import Source, common_options, find
+from ballbot_rs.control.setpoints import checked
+from ballbot_rs.envs.registration import DEFAULT_TASK
+
+#: What a controller is to follow: a motion, parts of a setpoint by time (s), or parts that stay.
+Target: TypeAlias = Reference | Callable[[float], Mapping[str, Any]] | Mapping[str, Any]
+
+#: Simulated time without a reference that ends, s.
+SECONDS = 5.0
+
+
+def simulate(
+    controller: Source,
+    *,
+    robot: Params | str | PathLike[str] | Mapping[str, Any] | None = None,
+    model: str | None = None,
+    reference: Target | None = None,
+    pushes: Sequence[Push] = (),
+    forces: Sequence[Force] = (),
+    seconds: float | None = None,
+    start: State | None = None,
+    position: npt.ArrayLike | None = None,
+    tilt: npt.ArrayLike = (0.0, 0.0),
+    yaw: float | None = None,
+    actuators: Any = None,
+    sensors: Any = None,
+    observation: str | None = None,
+    events: Any = None,
+    task: str | None = None,
+    env_options: Mapping[str, Any] | None = None,
+    seed: int = 0,
+) -> Trajectory:
+    """Runs a controller on one robot; the result plots, records and exports itself.
+
+    The robot begins at rest in equilibrium, but for its tilt. Once the task counts it as fallen its motors are off; a
+    model that cannot lie on the floor ends there.
+
+    Args:
+        controller: a name, a path, or a law or class of laws in Python, as in `compare`.
+        robot: `Params`, the name of a preset, or a dict of parameters; None is a policy's own, else the paper's.
+        model: of the robot; None is a policy's own, else "contact".
+        reference: a `Reference`, a function that returns parts of a setpoint at a time (s), or a dict of parts that
+            stay, such as {"position": (1.0, 0.0)}; parts that a controller does not follow are left out. None is the
+            setpoint of the task.
+        pushes: impulses on the body, at once or over a duration.
+        forces: constant forces on the body. Both act as impulses at the beginnings of control steps.
+        seconds: simulated time; None is until the reference ends, or 5 s if it does not.
+        start: first state, in place of position, tilt and yaw.
+        position: place of the ball, shape (2,), m; None is where the reference begins, the origin without one or for
+            parts that stay.
+        tilt: from the equilibrium, components (x, y), rad.
+        yaw: heading, rad; None as `position`.
+        actuators: motors, as the option of the environment.
+        sensors: sensors, as the option of the environment.
+        observation: "sensors" for controllers to take what follows from sensors, "ground_truth" for the true state.
+        events: what is drawn at random, as the option of the environment.
+        task: name of the task, as in `compare`.
+        env_options: more options of the environment, over those that a policy was trained with.
+        seed: of the events and sensors.
+
+    Raises:
+        ValueError: a number out of range, a part of a setpoint that there is not, or as `compare`.
+        TypeError: an argument of the wrong type, a reference that the controller cannot follow, or an option given
+            twice.
+        ControllerError: a controller in Python failed.
+    """
+    given = _options(
+        env_options,
+        {
+            "params": robot,
+            "model": model,
+            "actuators": actuators,
+            "sensors": sensors,
+            "observation": observation,
+            "events": events,
+        },
+    )
+    seconds = _seconds(seconds, reference)
+    impulses_of.check(pushes, forces, seconds)
+    seed = check_seed(seed)
+    target = None if reference is None else _target(reference)
+    found = find(controller, task=task, env_options=given)
+    # Only a fall ends the episode: lengths in steps are for the task's own rate.
+    options = {**common_options([found], given), "max_episode_steps": None}
+    batch = batch_for(
+        found,
+        1,
+        task=task or DEFAULT_TASK,
+        num_threads=1,
+        seed=seed,
+        options=options,
+        given=given,
+        autoreset="disabled",
+    )
+    steps = max(round(seconds / batch.control_dt), 1)
+    # The robot that events make for the episode to come.
+    batch.reset(seeds=[seed])
+    begins = target(0.0) if target is not None and not isinstance(reference, Mapping) else {}
+    done = run_one(
+        batch,
+        found,
+        steps,
+        _start(batch, start, position, tilt, yaw, begins),
+        impulses_of.impulses(pushes, forces, steps, batch.control_dt),
+        seed,
+        None if target is None else lambda step: target(step * batch.control_dt),
+    )
+    times = np.array([row * batch.control_dt for row in range(len(done.states))])
+    last = done.torques[-1:] if len(done.torques) else np.zeros((1, 3))
+    return Trajectory(
+        controller=found.name,
+        model=batch.model,
+        params=batch.params(0),
+        times=times,
+        states=done.states,
+        contacts=done.contacts,
+        torques=np.concatenate([done.torques, last]),
+        draws={term: np.array([row[term] for row in done.draws]) for term in done.draws[0]},
+        estimates=done.estimates,
+        fell_at=None if done.fell_at is None else done.fell_at * batch.control_dt,
+        setpoints=_setpoints(batch, target, times),
+    )
+
+
+def run(
+    controller: Source,
+    *,
+    seconds: float = SECONDS,
+    tilt: tuple[float, float] = (0.05, 0.0),
+    yaw: float = 0.0,
+    push: Push | None = None,
+    task: str | None = None,
+    env_options: Mapping[str, Any] | None = None,
+    seed: int = 0,
+) -> Trajectory:
+    """`simulate` of a robot that starts tilted at the setpoint of its task, with at most one push.
+
+    Args:
+        controller: as in `simulate`.
+        seconds: simulated time.
+        tilt: initial tilt components, rad.
+        yaw: initial heading, rad.
+        push: on the body.
+        task: name of the task, as in `compare`.
+        env_options: options of the environment, over those that a policy was trained with.
+        seed: of the events.
+
+    Raises:
+        ValueError, TypeError, ControllerError: as `simulate`.
+    """
+    pushes = () if push is None else (push,)
+    return simulate(
+        controller, seconds=seconds, tilt=tilt, yaw=yaw, pushes=pushes, task=task, env_options=env_options, seed=seed
+    )
+
+
+def _options(env_options: Mapping[str, Any] | None, named: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of the environment with those that have an argument of their own."""
+    options = dict(env_options or {})
+    for name, value in named.items():
+        if value is None:
+            continue
+        if name in options:
+            raise TypeError(f"{'robot' if name == 'params' else name} is given twice: also as env_options['{name}']")
+        options[name] = value
+    return options
+
+
+def _seconds(seconds: float | None, reference: Target | None) -> float:
+    if seconds is None:
+        duration = reference.duration if isinstance(reference, Reference) else None
+        seconds = duration or SECONDS
+    if not 0.0 < seconds <= 3600.0:
+        raise ValueError(f"seconds = {seconds} is out of range: it must be above 0 and at most 3600")
+    return seconds
+
+
+def _target(reference: Target) -> Callable[[float], dict[str, Any]]:
+    """Checked parts of the setpoint by time, s."""
+    if isinstance(reference, Mapping):
+        parts = checked(reference)
+        return lambda time: parts  # noqa: ARG005
+    if not callable(reference):
+        raise TypeError(f"reference must be a Reference, a function of time or a dict, not {type(reference).__name__}")
+    at: Callable[[float], Mapping[str, Any]] = reference
+
+    def target(time: float) -> dict[str, Any]:
+        parts = at(time)
+        if not isinstance(parts, Mapping):
+            raise TypeError(f"the reference gave {parts!r} at {time:g} s: expected a dict of parts of a setpoint")
+        return checked(parts)
+
+    return target
+
+
+def _start(
+    batch: Batch,
+    start: State | None,
+    position: npt.ArrayLike | None,
+    tilt: npt.ArrayLike,
+    yaw: float | None,
+    begins: Mapping[str, Any],
+) -> State:
+    if start is not None:
+        if position is not None or yaw is not None or np.any(np.asarray(tilt)):
+            raise TypeError("start is a whole state: it goes without position, tilt and yaw")
+        if not isinstance(start, State):
+            raise TypeError(f"start must be a State, not {type(start).__name__}")
+        return start
+    heading = float(begins.get("yaw", 0.0)) if yaw is None else yaw
+    state = State.at_equilibrium(batch.params(0), tilt=tilt, yaw=heading)
+    place = begins.get("position") if position is None else checked({"position": position})["position"]
+    if place is None:
+        return state
+    away = np.append(place, 0.0)
+    return state.replace(ball_position=state.ball_position + away, body_position=state.body_position + away)
+
+
+def _setpoints(
+    batch: Batch, target: Callable[[float], Mapping[str, Any]] | None, times: npt.NDArray[np.float64]
+) -> dict[str, npt.NDArray[np.float64]]:
+    """Parts of the setpoint at all rows; the position is always among them."""
+    own = np.tile(np.asarray(batch.options.get("setpoint", (0.0, 0.0)), dtype=np.float64), (len(times), 1))
+    if target is None:
+        return {"position": own}
+    rows = [target(float(time)) for time in times]
+    parts = {part: np.array([row[part] for row in rows]) for part in rows[0] if all(part in row for row in rows)}
+    return {"position": np.zeros_like(own), **parts}

@@ -1,0 +1,88 @@
+"""The controllers that come with the package, by name, and one of them for a robot."""
+
+import dataclasses
+from collections.abc import Mapping
+from os import PathLike
+from typing import Any
+
+from ballbot_rs._core import CONTROLLERS, Controller, Params
+
+
+@dataclasses.dataclass(frozen=True)
+class ControllerOption:
+    """A weight or gain of a controller."""
+
+    unit: str
+    default: float | list[float]
+    #: Its range, as text.
+    limit: str
+    doc: str
+
+
+@dataclasses.dataclass(frozen=True)
+class ControllerInfo:
+    """A controller as `controllers` lists it."""
+
+    name: str
+    summary: str
+    #: The parts of a setpoint that it follows.
+    setpoint_parts: tuple[str, ...]
+    #: Time between two calls that it is made for, s; None has none of its own.
+    control_dt: float | None
+    #: Share of the friction limit to which its torques are scaled down by default; None is not scaled.
+    traction: float | None
+    #: By name.
+    options: Mapping[str, ControllerOption]
+
+    def __str__(self) -> str:
+        rate = "" if self.control_dt is None else f" Made for {self.control_dt:g} s."
+        lines = [f"{self.name}: {self.summary}{rate} It follows {', '.join(self.setpoint_parts)}."]
+        width = max((len(name) for name in self.options), default=0)
+        for name, option in self.options.items():
+            unit = f" {option.unit}" if option.unit else ""
+            lines.append(f"  {name:<{width}}  {option.default}{unit} ({option.limit}): {option.doc}")
+        return "\n".join(lines)
+
+
+def controllers() -> dict[str, ControllerInfo]:
+    """The controllers by name, with their parts of a setpoint, rates and options.
+
+    `print(bb.controllers()["lqr"])` shows one of them.
+    """
+    return {
+        name: ControllerInfo(
+            name,
+            summary=kind["summary"],
+            setpoint_parts=tuple(kind["setpoint"]),
+            control_dt=kind["control_dt"],
+            traction=kind["traction"],
+            options={
+                option["name"]: ControllerOption(option["unit"], option["default"], option["limit"], option["doc"])
+                for option in kind["options"]
+            },
+        )
+        for name, kind in CONTROLLERS.items()
+    }
+
+
+def make_controller(
+    name: str,
+    params: Params | str | PathLike[str] | None = None,
+    control_dt: float | None = None,
+    **options: Any,
+) -> Controller:
+    """A controller by name, called as `controller(state)` or `controller(state, position=...)`.
+
+    Args:
+        name: one of `controllers()`.
+        params: the robot: `Params`, the name of a preset or the path of a TOML file; None is the paper's.
+        control_dt: time between two calls, s; None is the one that the controller is made for (0.002 for "pid"), or
+            0.01.
+        options: weights or gains, as `controllers()[name].options` lists them, and `max_torque` and `traction` as in
+            `Controller`.
+
+    Raises:
+        ValueError: an unknown name, or a number out of range.
+        TypeError: an option that the controller does not have.
+    """
+    return Controller(name, params, control_dt, **options)

@@ -1,0 +1,207 @@
+"""Feedback laws on robots: the forms in which they are called, and what they may answer.
+
+A law of one robot is called as `law(state)`, `law(state, setpoint)` or `law(state, position=...)` and returns three
+wheel torques, N·m. A batched law has the attribute `batched = True` and is called once for all robots, as
+`law(states)` or `law(states, setpoints)`: states of shape (n, 32), rows as `State.to_array`, and a dict of arrays by
+the parts of a setpoint, shape (n, 2) or (n,); it returns torques of shape (n, 3).
+"""
+
+import copy
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._core import Controller, State
+from ballbot_rs._errors import ControllerError, InvalidInputError
+from ballbot_rs.control.setpoints import PARTS, Setpoint
+
+Array = npt.NDArray[np.float64]
+
+_NAMED = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+_PLACED = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+
+
+class Law(Protocol):
+    """A feedback law in one of the forms above; `name`, `control_dt` (s) and `reset` are optional.
+
+    `reset()` makes it forget the past; a batched law has `reset(mask)`, which is that of some robots, shape (n,), bool.
+    """
+
+    def __call__(self, state: Any, /) -> npt.ArrayLike:
+        """Wheel torques for the next control step."""
+
+
+def is_batched(law: Any) -> bool:
+    """Whether a law is called once for all robots."""
+    return bool(getattr(law, "batched", False))
+
+
+def followed_parts(law: Any) -> tuple[str, ...]:
+    """The parts of a setpoint that a law follows."""
+    if isinstance(law, Controller):
+        return tuple(law.setpoint_parts)
+    return tuple(PARTS) if _takes_setpoint(law) else _part_names(law)
+
+
+def takes_position(law: Any) -> bool:
+    """Whether a feedback law follows a position."""
+    return "position" in followed_parts(law)
+
+
+def parts_for(name: str, followed: Sequence[str], parts: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the parts that a law follows, so that one reference goes to all laws.
+
+    Raises:
+        TypeError: it follows none of them.
+    """
+    taken = {part: value for part, value in parts.items() if part in followed}
+    if parts and not taken:
+        what = f"it follows {', '.join(followed)}" if followed else "it takes no setpoint"
+        raise TypeError(f"{name} does not follow {', '.join(parts)} of a setpoint: {what}")
+    return taken
+
+
+def _parameters(law: Any) -> list[inspect.Parameter]:
+    try:
+        return list(inspect.signature(law).parameters.values())
+    except (TypeError, ValueError):
+        return []
+
+
+def _part_names(law: Any) -> tuple[str, ...]:
+    """The parts that are arguments of their own."""
+    return tuple(p.name for p in _parameters(law) if p.name in PARTS and p.kind in _NAMED)
+
+
+def _takes_setpoint(law: Any) -> bool:
+    """Whether the second argument is a setpoint: it has that name, or no default and no part's name."""
+    placed = [p for p in _parameters(law) if p.kind in _PLACED]
+    if len(placed) < 2 or (placed[1].name in PARTS and placed[1].kind in _NAMED):
+        return False
+    return placed[1].name in ("setpoint", "setpoints") or placed[1].default is inspect.Parameter.empty
+
+
+class Laws:
+    """A feedback law on each of `count` robots. Torques beyond the limit are scaled down together.
+
+    Clipped each by itself, they would turn.
+
+    Args:
+        name: of the law, for errors.
+        make: makes the law, or returns the one there is.
+        count: number of robots.
+        max_torque: limit of a wheel torque, N·m.
+        is_made: whether `make` makes another law at each call; else robots beyond the first have copies.
+
+    Raises:
+        TypeError: an object that cannot be copied, for more than one robot.
+    """
+
+    def __init__(
+        self, name: str, make: Callable[[], Any], count: int, max_torque: float, *, is_made: bool = True
+    ) -> None:
+        self.name = name
+        self._make, self._count, self._max_torque, self._is_made = make, count, max_torque, is_made
+        self.reset()
+        self.is_batched = is_batched(self._laws[0])
+        self.follows = followed_parts(self._laws[0])
+        self._call = self._form(self._laws[0])
+
+    def torques(self, states: Array | Sequence[State], setpoints: Sequence[Setpoint]) -> Array:
+        """Wheel torques for the next control step, shape (n, 3), N·m.
+
+        Args:
+            states: of all robots; of a batched law also as an array, shape (n, 32).
+            setpoints: one a robot.
+
+        Raises:
+            ControllerError: a law in Python failed.
+            ValueError: torques of a wrong shape, or that are not finite.
+            TypeError: torques that are no numbers.
+        """
+        if self.is_batched:
+            rows = states if isinstance(states, np.ndarray) else np.array([state.to_array() for state in states])
+            parts = {part: np.array([setpoint[part] for setpoint in setpoints]) for part in PARTS}
+            torques = self._numbers(self._answer(self._laws[0], rows, parts), (len(rows), 3))
+        else:
+            answers = [
+                self._numbers(self._answer(law, state, setpoint), (3,))
+                for law, state, setpoint in zip(self._laws, states, setpoints, strict=True)
+            ]
+            torques = np.array(answers)
+        if not np.isfinite(torques).all():
+            robot = int(np.flatnonzero(~np.isfinite(torques).all(axis=1))[0])
+            raise InvalidInputError(f"{self.name} gave the torques {torques[robot]} N·m: they must be finite")
+        scale = np.maximum(np.abs(torques).max(axis=1, keepdims=True) / self._max_torque, 1.0)
+        limited: Array = torques / scale
+        return limited
+
+    def reset(self, mask: npt.NDArray[np.bool_] | None = None) -> None:
+        """Forgets the past of all robots, or of those in a mask, shape (n,)."""
+        if mask is None:
+            first = self._make()
+            if is_batched(first):
+                self._laws = [first]
+                self._reset_batched(np.ones(self._count, dtype=bool))
+            elif isinstance(first, Controller) or self._is_made:
+                self._laws = [first, *(self._make() for _ in range(self._count - 1))]
+            else:
+                self._laws = [first, *self._copies(first)]
+        elif self.is_batched:
+            self._reset_batched(mask)
+        else:
+            for robot in np.flatnonzero(mask):
+                if self._is_made:
+                    self._laws[robot] = self._make()
+                elif hasattr(self._laws[robot], "reset"):
+                    self._laws[robot].reset()
+
+    def _copies(self, first: Any) -> list[Any]:
+        """Copies of an object, so that no robot has another one's memory."""
+        try:
+            return [copy.deepcopy(first) for _ in range(self._count - 1)]
+        except TypeError as error:
+            raise TypeError(f"{self.name} cannot be copied for {self._count} robots: {error}") from error
+
+    def _reset_batched(self, mask: npt.NDArray[np.bool_]) -> None:
+        if hasattr(self._laws[0], "reset"):
+            try:
+                self._laws[0].reset(mask)
+            except Exception as error:
+                raise failed(self.name, error) from error
+
+    def _form(self, law: Any) -> Callable[[Any, Any, Any], Any]:
+        """How the law is called with a state and a setpoint."""
+        if not isinstance(law, Controller) and _takes_setpoint(law):
+            return _with_setpoint
+        names = [part for part in self.follows if part in PARTS]
+        return lambda law, state, setpoint: law(state, **{name: setpoint[name] for name in names})
+
+    def _answer(self, law: Any, state: Any, setpoint: Any) -> Any:
+        try:
+            return self._call(law, state, setpoint)
+        except Exception as error:
+            if isinstance(law, Controller):
+                raise
+            raise failed(self.name, error) from error
+
+    def _numbers(self, answer: Any, shape: tuple[int, ...]) -> Array:
+        try:
+            torques = np.asarray(answer, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise TypeError(f"{self.name} gave {answer!r}: expected wheel torques of shape {shape}, N·m") from error
+        if torques.shape != shape:
+            raise InvalidInputError(f"{self.name} gave torques of shape {torques.shape}: expected {shape}, N·m")
+        return torques
+
+
+def failed(name: str, error: Exception) -> ControllerError:
+    """The error of a law in Python, with its name."""
+    return ControllerError(f"{name} failed: {type(error).__name__}: {error}")
+
+
+def _with_setpoint(law: Any, state: Any, setpoint: Any) -> Any:
+    return law(state, setpoint)

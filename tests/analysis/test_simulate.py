@@ -1,0 +1,215 @@
+"""One robot along a reference, under pushes and forces."""
+
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from tests.support.paths import ASSETS
+
+CIRCLE = bb.Reference.circle(0.3, 6.0)
+PARAMS = bb.Params.paper()
+ON_BALL = {"model": "spatial", "seconds": 0.3}
+
+
+class Follower:
+    def __init__(self, params, control_dt):
+        self.law = bb.Lqr(params, control_dt)
+
+    def __call__(self, state, setpoint):
+        return self.law(state, **setpoint)
+
+
+@pytest.mark.parametrize("controller", ["lqr", Follower])
+def test_a_circle_of_six_seconds_is_followed_within_a_millimetre(controller):
+    done = bb.simulate(controller, reference=CIRCLE, seconds=12.0)
+    wanted = CIRCLE.sample(done.times)
+    for part, values in wanted.items():
+        np.testing.assert_allclose(done.setpoints[part], values, atol=1e-12)
+    errors = np.linalg.norm(done.of_states("ball_position")[:, :2] - wanted["position"], axis=1)
+    metrics = done.metrics()
+    assert metrics.position_error_rms == pytest.approx(np.sqrt(np.mean(errors**2)), rel=1e-12)
+    assert metrics.position_error_rms < 1e-3
+    assert metrics.position_error_final == pytest.approx(errors[-1])
+    assert metrics.position_error_max == pytest.approx(errors.max())
+    assert errors.max() < 1e-3
+    # Without the feed-forward of the reference it is far behind.
+    placed = bb.simulate(controller, reference=lambda t: {"position": CIRCLE(t)["position"]}, seconds=12.0)
+    assert placed.metrics().position_error_rms > 0.05
+
+
+def test_a_reference_says_where_the_robot_begins_and_how_long_it_runs():
+    line = bb.Reference.line((1.0, 0.5), 4.0, (0.5, 0.5), yaw=0.4)
+    done = bb.simulate("lqr", reference=line)
+    assert done.times[-1] == pytest.approx(4.0)
+    assert done.states[0].ball_position[:2].tolist() == [0.5, 0.5]
+    assert done.states[0].yaw == pytest.approx(0.4)
+    assert done.metrics().position_error_max < 2e-3
+    np.testing.assert_allclose(done.states[-1].ball_position[:2], [1.0, 0.5], atol=1e-3)
+    away = bb.simulate("lqr", reference=line, position=(0.4, 0.5), yaw=0.0, tilt=(0.02, 0.0), seconds=1.0)
+    assert away.states[0].ball_position[:2].tolist() == [0.4, 0.5]
+    assert away.states[0].tilt_components[0] == pytest.approx(0.02)
+
+
+def test_parts_that_stay_are_a_step_from_the_origin():
+    done = bb.simulate("lqr", reference={"position": (0.3, 0.0), "yaw": 0.5}, seconds=6.0)
+    assert done.states[0].ball_position[:2].tolist() == [0.0, 0.0]
+    np.testing.assert_allclose(done.states[-1].ball_position[:2], [0.3, 0.0], atol=2e-3)
+    assert done.states[-1].yaw == pytest.approx(0.5, abs=2e-3)
+    assert done.metrics().position_error_max == pytest.approx(0.3, rel=0.2)
+
+
+def test_pushes_act_at_their_times_and_add_up():
+    pushes = [bb.Push((0.1, 0.0, 0.0), 0.1), bb.Push((0.0, 0.05, 0.0), 0.2), bb.Push((0.0, 0.05, 0.0), 0.2)]
+    done = bb.simulate("zero", pushes=pushes, **ON_BALL)
+    twin = bb.Ballbot(PARAMS, "spatial", 0.002)
+    for row, state in enumerate(done.states[:-1]):
+        np.testing.assert_allclose(state.to_array(), twin.state.to_array(), atol=1e-12)
+        if row == 10:
+            twin.push((0.1, 0.0, 0.0))
+        if row == 20:
+            twin.push((0.0, 0.1, 0.0))
+        twin.step(np.zeros(3), 5)
+    moving = np.abs(done.of_states("body_angular_velocity"))
+    assert (moving[:11] == 0.0).all()
+    assert moving[11, 1] > 0.05
+    assert moving[20, 0] < 1e-9 < moving[21, 0]
+
+
+def test_a_push_over_a_duration_is_half_a_sine_of_the_same_impulse():
+    push = bb.Push((0.2, 0.0, 0.0), 0.1, duration=0.1)
+    shares = [push.share(0.01 * i, 0.01 * (i + 1)) for i in range(30)]
+    assert sum(shares) == pytest.approx(1.0)
+    assert shares[:10] == [0.0] * 10
+    assert shares[20:] == pytest.approx([0.0] * 10)
+    expected = np.pi / 2 * np.sin(np.pi * (np.arange(10) + 0.5) / 10) * 0.1
+    np.testing.assert_allclose(shares[10:20], expected, rtol=5e-3)
+    slow, sudden = (bb.simulate("zero", pushes=[one], **ON_BALL) for one in (push, bb.Push((0.2, 0.0, 0.0), 0.15)))
+    rates = [done.of_states("body_angular_velocity")[:, 1] for done in (slow, sudden)]
+    assert rates[0][11] < 0.1 * rates[0][20]
+    assert rates[0][20] == pytest.approx(rates[1][20], rel=0.05)
+
+
+def test_the_point_of_a_push_is_that_of_a_robot():
+    point = (0.0, 0.0, 0.3)
+    done = bb.simulate("zero", pushes=[bb.Push((0.1, 0.0, 0.0), 0.0, point=point)], **ON_BALL)
+    twin = bb.Ballbot(PARAMS, "spatial", 0.002)
+    twin.push((0.1, 0.0, 0.0), point)
+    twin.step(np.zeros(3), 5)
+    np.testing.assert_allclose(done.states[1].to_array(), twin.state.to_array(), atol=1e-12)
+    center = bb.simulate("zero", pushes=[bb.Push((0.1, 0.0, 0.0), 0.0)], **ON_BALL)
+    assert not np.allclose(center.states[1].to_array(), done.states[1].to_array(), atol=1e-3)
+
+
+def test_a_force_is_its_impulse_in_each_step_while_it_lasts():
+    force = bb.Force((2.0, 0.0, 0.0), begin=0.105, end=0.2)
+    done = bb.simulate("zero", forces=[force], **ON_BALL)
+    pushes = [bb.Push((0.01, 0.0, 0.0), 0.10), *(bb.Push((0.02, 0.0, 0.0), 0.01 * i) for i in range(11, 20))]
+    same = bb.simulate("zero", pushes=pushes, **ON_BALL)
+    np.testing.assert_allclose(done.to_array(), same.to_array(), atol=1e-12)
+    # A steady force leaves LQR with an offset that lqi takes away.
+    ends = [
+        bb.simulate(name, forces=[bb.Force((0.3, 0.0, 0.0))], seconds=15.0).metrics().position_error_final
+        for name in ("lqr", "lqi")
+    ]
+    assert ends[0] > 0.01
+    assert ends[1] < 0.1 * ends[0]
+
+
+def test_a_fallen_robot_lies_and_its_metrics_end_with_the_fall():
+    done = bb.simulate("lqr", pushes=[bb.Push((6.0, 0.0, 0.0), 0.5)], seconds=3.0)
+    assert done.fell_at is not None
+    assert len(done.times) == 301
+    assert "fell at" in repr(done)
+    rows = done.times <= done.fell_at + 1e-9
+    errors = np.linalg.norm(done.of_states("ball_position")[:, :2], axis=1)
+    assert done.metrics().position_error_max == pytest.approx(errors[rows].max())
+    assert errors.max() > errors[rows].max()
+    (before,) = np.flatnonzero(np.isclose(done.times, done.fell_at))
+    assert (done.torques[before:] == 0.0).all()
+
+
+def test_metrics_are_those_of_the_rows():
+    done = bb.simulate("lqr", tilt=(0.1, 0.0), robot=PARAMS.replace(body_com_offset=(0.003, 0.0)), seconds=2.0)
+    metrics = done.metrics()
+    # From the equilibrium, which the mast of this robot is not upright in.
+    assert metrics.tilt_max == pytest.approx(0.1, rel=1e-6)
+    assert abs(done.of_states("tilt").max() - 0.1) > 1e-4
+    assert metrics.torque_rms == pytest.approx(np.sqrt(np.mean(done.torques[:-1] ** 2)))
+    assert metrics.torque_max == np.abs(done.torques).max()
+    tractions, loads = np.abs(done.of_contacts("wheel_tractions")), done.of_contacts("wheel_normal_forces")
+    share = (tractions[1:] / loads[1:] / done.params.wheel_dynamic_friction).max()
+    assert metrics.traction_utilization_max == pytest.approx(share)
+
+
+def test_options_are_those_of_the_environment():
+    named = bb.simulate(
+        "lqr",
+        robot="kugle",
+        model="contact",
+        actuators="kugle",
+        sensors="kugle",
+        observation="sensors",
+        events="mild",
+        tilt=(0.02, 0.0),
+        seconds=0.5,
+        seed=3,
+    )
+    options = {"params": "kugle", "model": "contact", "actuators": "kugle", "sensors": "kugle"}
+    options |= {"observation": "sensors", "events": "mild"}
+    whole = bb.run("lqr", tilt=(0.02, 0.0), seconds=0.5, seed=3, env_options=options)
+    np.testing.assert_array_equal(named.to_array(), whole.to_array())
+    assert len(named.estimates) == len(named.states)
+    assert named.draws.keys() == whole.draws.keys() != set()
+
+
+def test_a_run_is_a_simulation_with_one_push():
+    push = bb.Push((0.1, 0.0, 0.0), 0.2)
+    short = bb.run("lqr", seconds=0.5, push=push)
+    same = bb.simulate("lqr", seconds=0.5, tilt=(0.05, 0.0), pushes=[push])
+    np.testing.assert_array_equal(short.to_array(), same.to_array())
+    start = bb.State.at_equilibrium(PARAMS, (0.05, 0.0))
+    np.testing.assert_array_equal(
+        bb.simulate("lqr", seconds=0.5, start=start, pushes=[push]).to_array(), same.to_array()
+    )
+
+
+def still(_):
+    return np.zeros(3)
+
+
+@pytest.mark.parametrize(
+    ("controller", "arguments", "error", "message"),
+    [
+        ("pid", {"reference": CIRCLE}, TypeError, "pid does not follow position, .* it follows tilt"),
+        (still, {"reference": CIRCLE}, TypeError, "still does not follow .* it takes no setpoint"),
+        ("lqr", {"reference": {"place": (0, 0)}}, ValueError, "a setpoint has no part 'place': .* of position"),
+        ("lqr", {"reference": {"position": (0, 0, 0)}}, ValueError, r"shape \(3,\), expected \(2,\)"),
+        ("lqr", {"reference": {"yaw": float("inf")}}, ValueError, "part yaw of a setpoint is inf"),
+        ("lqr", {"reference": lambda _: 3}, TypeError, "the reference gave 3 at 0 s"),
+        ("lqr", {"reference": 3.0}, TypeError, "reference must be a Reference, a function of time or a dict"),
+        ("lqr", {"seconds": 0.0}, ValueError, "seconds = 0.0 is out of range"),
+        ("lqr", {"pushes": [bb.Push((1, 0, 0), 9.0)]}, ValueError, "a push at 9.0 s is out of range"),
+        ("lqr", {"pushes": [bb.Push((1, 0), 0.0)]}, ValueError, r"a push has \(1, 0\): expected three finite"),
+        ("lqr", {"pushes": [bb.Push((1, 0, 0), 0.0, -1.0)]}, ValueError, "a push has duration = -1.0"),
+        ("lqr", {"pushes": [(1, 0, 0)]}, TypeError, "push must be a Push, not tuple"),
+        ("lqr", {"forces": [(1, 0, 0)]}, TypeError, "force must be a Force, not tuple"),
+        ("lqr", {"forces": [bb.Force((1, 0, 0), 2.0, 1.0)]}, ValueError, "a force begins at 2.0 s"),
+        ("lqr", {"forces": [bb.Force((float("nan"), 0, 0))]}, ValueError, "a force has .nan, 0, 0.: expected three"),
+        ("lqr", {"start": 1}, TypeError, "start must be a State, not int"),
+        ("lqr", {"start": bb.State([0, 0, 1]), "yaw": 0.1}, TypeError, "start is a whole state"),
+        ("lqr", {"model": "contact", "env_options": {"model": "rigid"}}, TypeError, "model is given twice"),
+        ("lqr", {"robot": "kugel"}, ValueError, "kugel"),
+    ],
+)
+def test_what_cannot_be_is_named(controller, arguments, error, message):
+    with pytest.raises(error, match=message):
+        bb.simulate(controller, **{"seconds": 5.0, **arguments})
+
+
+def test_a_policy_has_the_setpoint_of_its_task():
+    pytest.importorskip("onnxruntime", reason="needs 'ballbot-rs[onnx]'")
+    policy = ASSETS / "policies" / "balance.onnx"
+    done = bb.simulate(policy, seconds=1.0, env_options={"setpoint": (0.1, 0.0)})
+    assert done.setpoints["position"][-1].tolist() == [0.1, 0.0]
+    with pytest.raises(TypeError, match=r"is a policy, its setpoint is fixed: env_options="):
+        bb.simulate(policy, seconds=1.0, reference=CIRCLE)
