@@ -216,7 +216,7 @@ impl PyController {
         py: Python<'py>,
         state: &PyState,
         setpoint: Argument<'_, 'py>,
-        parts: Keywords<'_, 'py>,
+        parts: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let mut law = self.law.write()?;
         let mut target = Setpoint::default();

@@ -1,12 +1,13 @@
 //! Descriptions of tasks and controllers as plain Python data.
 
+use crate::errors::to_python;
 use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{Observation, task_kinds};
 use ballbot_core::control::controller_kinds;
 use ballbot_core::fields::{OptionDescription, describe_options};
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::SCALED_BOUND;
-use ballbot_core::{ModelKind, Params};
+use ballbot_core::{ModelKind, Params, planning};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
