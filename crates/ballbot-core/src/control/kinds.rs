@@ -2,7 +2,7 @@
 
 use super::{
     CascadePid, CascadePidOptions, Controller, HierarchicalSlidingMode, Law, LimitOptions, Lqi, LqiWeights, Lqr,
-    LqrWeights, Pid, PidGains, SlidingModeOptions,
+    LqrWeights, Mpc, MpcOptions, Pid, PidGains, SlidingModeOptions,
 };
 use crate::error::{Error, Result};
 use crate::fields::{Fields, OptionDescription, describe_options};
@@ -49,7 +49,7 @@ pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
 }
 
 /// The controllers of this crate.
-static CONTROLLERS: [ControllerKind; 5] = [
+static CONTROLLERS: [ControllerKind; 6] = [
     ControllerKind {
         name: "lqr",
         summary: "Linear-quadratic regulator of position, tilt and heading.",
@@ -82,6 +82,17 @@ static CONTROLLERS: [ControllerKind; 5] = [
         options: describe_options::<LqiWeights>,
         make: |params, control_dt, limits, options| {
             Ok(Box::new(Lqi::with_weights(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "mpc",
+        summary: "Model predictive control: the regulator with limits of traction and torque looked ahead.",
+        control_dt: None,
+        parts: <Mpc as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<MpcOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(Mpc::with_options(params, control_dt, &fields_with(options)?, limits)?))
         },
     },
     ControllerKind {

@@ -10,6 +10,7 @@ mod lean_planes;
 mod limits;
 mod lqi;
 mod lqr;
+mod mpc;
 mod outer;
 mod pid;
 pub mod riccati;
@@ -21,6 +22,7 @@ pub use kinds::{ControllerKind, MakeController, controller_kind, controller_kind
 pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
 pub use lqi::{IntegralWeights, Lqi, LqiWeights};
 pub use lqr::{Lqr, LqrWeights};
+pub use mpc::{Mpc, MpcOptions};
 pub use pid::{Pid, PidGains};
 
 pub use crate::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint, SetpointCells};

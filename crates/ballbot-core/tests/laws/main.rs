@@ -3,6 +3,7 @@
 mod cascade_pid;
 mod hierarchical_sliding_mode;
 mod lqi;
+mod mpc;
 #[path = "../support/mod.rs"]
 mod support;
 
@@ -22,7 +23,7 @@ const STEPS: usize = 10;
 const CONTROL_DT: f64 = SIM_DT * STEPS as f64;
 
 /// The laws under test.
-const LAWS: [&str; 3] = ["lqi", "cascade_pid", "hierarchical_sliding_mode"];
+const LAWS: [&str; 4] = ["lqi", "cascade_pid", "hierarchical_sliding_mode", "mpc"];
 
 fn made(name: &str, params: &Params, options: &[(&str, &[f64])]) -> Box<dyn Controller> {
     let kind = controller_kind(name).unwrap();
@@ -148,10 +149,10 @@ fn position(x: f64, y: f64) -> impl Fn(f64) -> Setpoint {
 }
 
 /// Whether a robot stands after a start and an impulse at its center of mass, in `contact`.
-fn stands(params: &Params, name: &str, start: &State, impulse: Vector3<f64>) -> bool {
+fn stands(params: &Params, make: &dyn Fn() -> Box<dyn Controller>, start: &State, impulse: Vector3<f64>) -> bool {
     let mut robot = robot(params, ModelKind::Contact, start);
     robot.push(&impulse, None).unwrap();
-    let end = run(&mut robot, law(name, params).as_mut(), 6.0, position(0.0, 0.0), |_, _| ());
+    let end = run(&mut robot, make().as_mut(), 6.0, position(0.0, 0.0), |_, _| ());
     end.is_some_and(|run| run.end.tilt() < 0.03)
 }
 
@@ -165,27 +166,31 @@ fn largest(numbers: impl Iterator<Item = f64>, holds: impl Fn(Vector2<f64>, f64)
     numbers.take_while(|&number| around(12).all(|direction| holds(direction, number))).last().unwrap_or(0.0)
 }
 
-fn basin(name: &str) -> f64 {
-    let params = Params::paper();
-    let degrees = (10..=32).map(f64::from);
+fn basin_of(params: &Params, make: &dyn Fn() -> Box<dyn Controller>) -> f64 {
+    let degrees = (3..=32).map(f64::from);
     largest(degrees, |direction, degrees| {
-        stands(&params, name, &State::tilted(&params, direction * degrees.to_radians(), 0.0), Vector3::zeros())
+        stands(params, make, &State::tilted(params, direction * degrees.to_radians(), 0.0), Vector3::zeros())
     })
 }
 
-fn push(name: &str) -> f64 {
-    let params = Params::paper();
-    let impulses = (8..=30).map(|k| 0.1 * f64::from(k));
-    largest(impulses, |direction, size| stands(&params, name, &State::upright(&params), direction.push(0.0) * size))
+fn push_of(params: &Params, make: &dyn Fn() -> Box<dyn Controller>) -> f64 {
+    let impulses = (3..=30).map(|k| 0.1 * f64::from(k));
+    largest(impulses, |direction, size| stands(params, make, &State::upright(params), direction.push(0.0) * size))
 }
 
 /// Tilts from rest in steps of 1 deg and impulses in steps of 0.1 N·s, worst of 12 directions.
 #[test]
 fn basins_and_pushes() {
-    for (name, least_tilt, least_push) in
-        [("lqr", 26.0, 1.9), ("lqi", 26.0, 1.9), ("cascade_pid", 25.0, 1.8), ("hierarchical_sliding_mode", 26.0, 1.9)]
-    {
-        let (tilt, push) = (basin(name), push(name));
+    for (name, least_tilt, least_push) in [
+        ("lqr", 26.0, 1.9),
+        ("lqi", 26.0, 1.9),
+        ("cascade_pid", 25.0, 1.8),
+        ("hierarchical_sliding_mode", 26.0, 1.9),
+        ("mpc", 26.0, 1.9),
+    ] {
+        let params = Params::paper();
+        let make = || law(name, &params);
+        let (tilt, push) = (basin_of(&params, &make), push_of(&params, &make));
         println!("{name}: {tilt} deg, {push:.1} N·s");
         assert!(tilt >= least_tilt && push >= least_push, "{name}: {tilt} deg, {push} N·s");
     }
@@ -196,7 +201,7 @@ fn basins_and_pushes() {
 fn steps_of_the_setpoint() {
     const STEP: f64 = 0.5;
     let params = Params::paper();
-    for name in ["lqr", "lqi", "cascade_pid", "hierarchical_sliding_mode"] {
+    for name in ["lqr", "lqi", "cascade_pid", "hierarchical_sliding_mode", "mpc"] {
         let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
         let mut controller = law(name, &params);
         let (mut over, mut under, mut settled) = (0.0_f64, 0.0_f64, 0.0);
