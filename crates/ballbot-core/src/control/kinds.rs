@@ -2,7 +2,7 @@
 
 use super::{
     CascadePid, CascadePidOptions, Controller, HierarchicalSlidingMode, Law, LimitOptions, Lqi, LqiWeights, Lqr,
-    LqrWeights, Mpc, MpcOptions, Pid, PidGains, SlidingModeOptions,
+    LqrOptions, LqrPi, LqrPiOptions, Mpc, MpcOptions, Pid, PidGains, SlidingModeOptions,
 };
 use crate::error::{Error, Result};
 use crate::fields::{Fields, OptionDescription, describe_options};
@@ -49,16 +49,18 @@ pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
 }
 
 /// The controllers of this crate.
-static CONTROLLERS: [ControllerKind; 6] = [
+static CONTROLLERS: [ControllerKind; 7] = [
     ControllerKind {
         name: "lqr",
         summary: "Linear-quadratic regulator of position, tilt and heading.",
         control_dt: None,
         parts: <Lqr as Law>::PARTS,
         limits: LimitOptions::TRACTION,
-        options: describe_options::<LqrWeights>,
+        options: describe_options::<LqrOptions>,
         make: |params, control_dt, limits, options| {
-            Ok(Box::new(Lqr::with_weights(params, control_dt, &fields_with(options)?, limits)?))
+            let LqrOptions { weights, delay } = fields_with(options)?;
+            let lqr = Lqr::with_weights(params, control_dt, &weights, limits)?;
+            Ok(Box::new(lqr.with_delay(params, delay.delay)?))
         },
     },
     ControllerKind {
@@ -82,6 +84,17 @@ static CONTROLLERS: [ControllerKind; 6] = [
         options: describe_options::<LqiWeights>,
         make: |params, control_dt, limits, options| {
             Ok(Box::new(Lqi::with_weights(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "lqr_pi",
+        summary: "Double loop: a regulator that asks for wheel rates, above a PI of the measured ones.",
+        control_dt: None,
+        parts: <LqrPi as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<LqrPiOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(LqrPi::with_options(params, control_dt, &fields_with(options)?, limits)?))
         },
     },
     ControllerKind {

@@ -4,12 +4,15 @@
 
 mod balance_frame;
 mod cascade_pid;
+mod delayed;
 mod hierarchical_sliding_mode;
+mod joined;
 mod kinds;
 mod lean_planes;
 mod limits;
 mod lqi;
 mod lqr;
+mod lqr_pi;
 mod mpc;
 mod outer;
 mod pid;
@@ -17,11 +20,13 @@ pub mod riccati;
 mod tracking;
 
 pub use cascade_pid::{CascadePid, CascadePidOptions};
+pub use delayed::DelayOptions;
 pub use hierarchical_sliding_mode::{HierarchicalSlidingMode, SlidingModeOptions, SlidingSurface};
 pub use kinds::{ControllerKind, MakeController, controller_kind, controller_kinds, fields_with, register_controller};
 pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
 pub use lqi::{IntegralWeights, Lqi, LqiWeights};
-pub use lqr::{Lqr, LqrWeights};
+pub use lqr::{Lqr, LqrOptions, LqrWeights};
+pub use lqr_pi::{LqrPi, LqrPiOptions};
 pub use mpc::{Mpc, MpcOptions};
 pub use pid::{Pid, PidGains};
 
@@ -40,6 +45,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub trait Law: Send + Sync {
     /// How many numbers it keeps of a robot from one call to the next; zeros at first.
     const MEMORY: usize;
+
+    /// [`Law::MEMORY`] of a law with which it depends on the options.
+    fn kept(&self) -> usize {
+        Self::MEMORY
+    }
 
     /// The parts of a setpoint that it follows, of [`SETPOINT_PARTS`].
     const PARTS: &'static [&'static str];
@@ -136,7 +146,7 @@ impl<T: Law> Controller for T {
     }
 
     fn memory_len(&self) -> usize {
-        T::MEMORY
+        self.kept()
     }
 
     fn reset(&mut self) {

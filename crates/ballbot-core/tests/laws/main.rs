@@ -1,8 +1,10 @@
 //! The laws beyond the regulator and the paper's PID, one module each; here what they have in common.
 
 mod cascade_pid;
+mod delay;
 mod hierarchical_sliding_mode;
 mod lqi;
+mod lqr_pi;
 mod mpc;
 #[path = "../support/mod.rs"]
 mod support;
@@ -23,7 +25,7 @@ const STEPS: usize = 10;
 const CONTROL_DT: f64 = SIM_DT * STEPS as f64;
 
 /// The laws under test.
-const LAWS: [&str; 4] = ["lqi", "cascade_pid", "hierarchical_sliding_mode", "mpc"];
+const LAWS: [&str; 5] = ["lqi", "cascade_pid", "hierarchical_sliding_mode", "mpc", "lqr_pi"];
 
 fn made(name: &str, params: &Params, options: &[(&str, &[f64])]) -> Box<dyn Controller> {
     let kind = controller_kind(name).unwrap();
@@ -187,6 +189,7 @@ fn basins_and_pushes() {
         ("cascade_pid", 25.0, 1.8),
         ("hierarchical_sliding_mode", 26.0, 1.9),
         ("mpc", 26.0, 1.9),
+        ("lqr_pi", 20.0, 1.0),
     ] {
         let params = Params::paper();
         let make = || law(name, &params);
@@ -201,7 +204,7 @@ fn basins_and_pushes() {
 fn steps_of_the_setpoint() {
     const STEP: f64 = 0.5;
     let params = Params::paper();
-    for name in ["lqr", "lqi", "cascade_pid", "hierarchical_sliding_mode", "mpc"] {
+    for name in ["lqr", "lqi", "cascade_pid", "hierarchical_sliding_mode", "mpc", "lqr_pi"] {
         let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
         let mut controller = law(name, &params);
         let (mut over, mut under, mut settled) = (0.0_f64, 0.0_f64, 0.0);

@@ -24,7 +24,10 @@ fn without_a_limit_the_torques_are_those_of_the_regulator() {
             let setpoint = Setpoint { velocity: Vector2::new(0.01, 0.0), ..Setpoint::default() };
             let (found, expected) = (mpc.wheel_torques(state, &setpoint), lqr.wheel_torques(state, &setpoint));
             for (found, expected) in found.into_iter().zip(expected) {
-                assert!((found - expected).abs() < 1e-10, "{name}, state {number}: {found}, the regulator has {expected}");
+                assert!(
+                    (found - expected).abs() < 1e-10,
+                    "{name}, state {number}: {found}, the regulator has {expected}"
+                );
             }
         }
     }
@@ -174,7 +177,9 @@ fn few_iterations_are_as_good_as_many() {
         cost
     };
     for degrees in [10.0, 18.0, 25.0] {
-        for it in [1.0,3.0, 10.0, 20.0, 40.0,100.0] { println!("{degrees} {it} {}", cost(it, degrees)); }
+        for it in [1.0, 3.0, 10.0, 20.0, 40.0, 100.0] {
+            println!("{degrees} {it} {}", cost(it, degrees));
+        }
         let [few, many] = [10.0, 1000.0].map(|iterations| cost(iterations, degrees));
         println!("{degrees} deg: cost {few:.1} with 10 iterations, {many:.1} with 1000");
         assert!((few / many - 1.0).abs() < 0.03, "{degrees} deg: {few}, {many}");

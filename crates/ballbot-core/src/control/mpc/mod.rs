@@ -113,7 +113,7 @@ impl Mpc {
         let (q, r) = weights.matrices();
         let dynamic = |m: &[f64], columns: usize| DMatrix::from_column_slice(STATES, columns, m);
         let gain = riccati::solve(&dynamic(a.as_slice(), STATES), &dynamic(b.as_slice(), INPUTS), &q, &r)?.gain;
-        let plane = |axis: usize| Plane::new(axis, planes, &a, &b, [&q, &r]);
+        let plane = |axis: usize| Plane::new(axis, params, planes, stage, [&q, &r]);
         let [x, y] = [planes.wheel_torques([1.0, 0.0], 0.0), planes.wheel_torques([0.0, 1.0], 0.0)];
         let prediction = Prediction::new(
             [plane(0)?, plane(1)?],
@@ -145,7 +145,12 @@ impl Mpc {
         LaneState::from(state).store(&mut cells);
         let mut plan = vec![0.0; <Self as Law>::MEMORY];
         let mut memory = Memory::<f64>::new(Scalar, &mut plan);
-        self.torques_wanted(&cells.load(Scalar), &SetpointCells::from(setpoint).load(Scalar), f64::INFINITY, &mut memory)
+        self.torques_wanted(
+            &cells.load(Scalar),
+            &SetpointCells::from(setpoint).load(Scalar),
+            f64::INFINITY,
+            &mut memory,
+        )
     }
 
     #[inline(always)]
@@ -205,10 +210,7 @@ impl Mpc {
         }
         let per_acceleration = squared.splat(self.limits.max_torque().min(largest).recip());
         Start {
-            x: [
-                [position[0], lean[0], velocity[0], rate[0]],
-                [position[1], lean[1], velocity[1], rate[1]],
-            ],
+            x: [[position[0], lean[0], velocity[0], rate[0]], [position[1], lean[1], velocity[1], rate[1]]],
             rows,
             torques: [torques[0] * per_acceleration, torques[1] * per_acceleration, torques[2] * per_acceleration],
             per_acceleration,

@@ -1,15 +1,11 @@
 //! One vertical plane of the predictive controller: the sampled model under the regulator.
 
-use super::super::lean_planes::LeanPlanes;
+use super::super::lean_planes::{LeanPlanes, PLACES};
 use super::super::riccati;
 use crate::error::Result;
 use crate::lanes::Lane;
-use crate::models::linear::STATES;
-use nalgebra::{DMatrix, SMatrix};
-
-/// Places of (y, θ, ẏ, θ̇) of a plane among the states of the linear model, and the sign of the lean among the tilts.
-const PLACES: [[usize; 4]; 2] = [[0, 3, 5, 8], [1, 2, 6, 7]];
-const SIGNS: [[f64; 4]; 2] = [[1.0; 4], [1.0, -1.0, 1.0, -1.0]];
+use crate::params::Params;
+use nalgebra::DMatrix;
 
 /// x⁺ = A x + b u of one vertical plane with x = (y, θ, ẏ, θ̇), and u = −k x + v / √s. The position does not act on
 /// the others: the first column of A is that of the identity.
@@ -24,30 +20,25 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    /// The plane of x (`axis` 0) or y of the linear model, sampled, with the costs of its states and torques.
+    /// The plane of x (`axis` 0) or y, sampled every `dt` seconds, with the costs of states and wheel torques.
     pub(super) fn new(
         axis: usize,
+        params: &Params,
         planes: &LeanPlanes,
-        a: &SMatrix<f64, STATES, STATES>,
-        b: &SMatrix<f64, STATES, 3>,
+        dt: f64,
         [q, r]: [&DMatrix<f64>; 2],
     ) -> Result<Self> {
-        let (places, signs) = (PLACES[axis], SIGNS[axis]);
-        let mut one = [0.0; 2];
-        one[axis] = 1.0;
-        let torques = DMatrix::from_column_slice(3, 1, &planes.wheel_torques(one, 0.0));
-        let entry = |i: usize, j: usize| signs[i] * signs[j] * a[(places[i], places[j])];
-        let moved = DMatrix::from_column_slice(STATES, 3, b.as_slice()) * &torques;
-        let driven = |i: usize| signs[i] * moved[places[i]];
-        let plane_a = DMatrix::from_fn(4, 4, entry);
-        let plane_b = DMatrix::from_fn(4, 1, |i, _| driven(i));
-        let plane_q = DMatrix::from_fn(4, 4, |i, j| signs[i] * signs[j] * q[(places[i], places[j])]);
-        let plane_r = torques.transpose() * r * &torques;
-        let regulator = riccati::solve(&plane_a, &plane_b, &plane_q, &plane_r)?;
-        let s = plane_r[0] + (plane_b.transpose() * &regulator.cost * &plane_b)[0];
+        let (a, b) = planes.sampled(axis, params, dt);
+        let torques = planes.wheel_torques(if axis == 0 { [1.0, 0.0] } else { [0.0, 1.0] }, 0.0);
+        let torques = DMatrix::from_column_slice(3, 1, &torques);
+        let cost = |i: usize| q[(PLACES[axis][i], PLACES[axis][i])];
+        let q = DMatrix::from_fn(4, 4, |i, j| if i == j { cost(i) } else { 0.0 });
+        let r = torques.transpose() * r * &torques;
+        let regulator = riccati::solve(&a, &b, &q, &r)?;
+        let s = r[0] + (b.transpose() * &regulator.cost * &b)[0];
         Ok(Self {
-            a: std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j + 1))),
-            b: std::array::from_fn(driven),
+            a: std::array::from_fn(|i| std::array::from_fn(|j| a[(i, j + 1)])),
+            b: std::array::from_fn(|i| b[i]),
             k: std::array::from_fn(|i| regulator.gain[i]),
             scale: s.sqrt().recip(),
         })
@@ -68,7 +59,8 @@ impl Plane {
         let mut next = [y, y.zero(), y.zero(), y.zero()];
         for i in 0..4 {
             let [l, v, r] = self.a[i];
-            next[i] = u.mul_add_all(self.b[i], rate.mul_add_all(r, velocity.mul_add_all(v, lean.mul_add_all(l, next[i]))));
+            next[i] =
+                u.mul_add_all(self.b[i], rate.mul_add_all(r, velocity.mul_add_all(v, lean.mul_add_all(l, next[i]))));
         }
         next
     }
