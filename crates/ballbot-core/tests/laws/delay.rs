@@ -69,7 +69,7 @@ fn delays_are_checked() {
     let kind = controller_kind("lqr").unwrap();
     for (delay, expected) in [
         (0.015, "delay = 0.015 s is no multiple of control_dt = 0.01 s"),
-        (0.2, "delay = 0.2 must be from 0 to 10 control_dt = 0.1 s"),
+        (0.2, "delay = 0.2 is out of range: it must be from 0 to 10 control_dt = 0.1 s"),
         (-0.01, "delay"),
     ] {
         let error = (kind.make)(&params, CONTROL_DT, &kind.limits, &[("delay", &[delay])]).map(|_| ()).unwrap_err();
@@ -103,7 +103,7 @@ fn stands(params: &Params, known: f64, delay: f64, start: &State, impulse: Vecto
 fn a_delay_that_is_predicted_costs_less() {
     assert_eq!(STEPS, 10);
     let params = Params::paper();
-    for (delay, tilts, pushes) in [(0.03, 2.0, 0.2), (0.05, 4.0, 0.5)] {
+    for (delay, least) in [(0.03, 21.0), (0.05, 18.0), (0.07, 14.0)] {
         let [plain, predicted] = [0.0, delay].map(|known| {
             let holds = |tilt: f64, push: f64| {
                 around(12).all(|way| {
@@ -116,6 +116,7 @@ fn a_delay_that_is_predicted_costs_less() {
             (tilt, push)
         });
         println!("{delay} s: lqr {plain:?}, with the delay predicted {predicted:?} (deg, N·s)");
-        assert!(predicted.0 >= plain.0 + tilts && predicted.1 >= plain.1 + pushes, "{plain:?}, {predicted:?}");
+        assert!(predicted.0 >= least && predicted.0 >= plain.0 && predicted.1 >= plain.1, "{plain:?}, {predicted:?}");
+        assert!(delay < 0.06 || plain.0 < 2.0, "beyond its margin of delay the regulator falls: {plain:?}");
     }
 }

@@ -1,12 +1,17 @@
 //! Model predictive control.
 
-use super::{CONTROL_DT, basin_of, made, presets, push_of, robot, scattered_states};
-use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Mpc, MpcOptions, Setpoint, riccati};
+use super::{CONTROL_DT, basin_of, cells, made, presets, push_of, robot, scattered_states};
+use ballbot_core::control::{
+    Controller, LimitOptions, Lqr, LqrWeights, Mpc, MpcOptions, Setpoint, SetpointCells, riccati,
+};
+use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::models::{LinearModel, LoadMap};
-use ballbot_core::{ModelKind, Params, State, attitude};
+use ballbot_core::{ModelKind, Params, State, StateCells, attitude};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
+use std::hint::black_box;
+use std::time::Instant;
 
 /// A stage as long as the sampling time.
 fn short() -> MpcOptions {
@@ -177,12 +182,9 @@ fn few_iterations_are_as_good_as_many() {
         cost
     };
     for degrees in [10.0, 18.0, 25.0] {
-        for it in [1.0, 3.0, 10.0, 20.0, 40.0, 100.0] {
-            println!("{degrees} {it} {}", cost(it, degrees));
-        }
         let [few, many] = [10.0, 1000.0].map(|iterations| cost(iterations, degrees));
         println!("{degrees} deg: cost {few:.1} with 10 iterations, {many:.1} with 1000");
-        assert!((few / many - 1.0).abs() < 0.03, "{degrees} deg: {few}, {many}");
+        assert!((few / many - 1.0).abs() < 0.01, "{degrees} deg: {few}, {many}");
     }
 }
 
@@ -212,6 +214,31 @@ fn the_prediction_replaces_the_limit_of_the_lean() {
             }
         }
         let [lqr, mpc] = [found[4], found[9]];
-        assert!(mpc.0 >= lqr.0 + 2.0 && mpc.1 >= lqr.1 + 0.2, "without limit: {mpc:?}, regulator {lqr:?}");
+        let least = if friction == 1.0 { 2.0 } else { 1.0 };
+        assert!(mpc.0 >= lqr.0 + least && mpc.1 >= lqr.1 + 0.2, "without limit: {mpc:?}, regulator {lqr:?}");
+    }
+}
+
+/// Time of a call in lanes, of robots that the limits hold and of robots that they do not. With `--release`.
+#[test]
+#[ignore = "a measurement, for an optimized build"]
+fn time_of_a_call() {
+    const CALLS: u32 = 20_000;
+    let params = Params::paper();
+    let setpoints = SetpointCells::<Eight>::default();
+    for name in ["lqr", "mpc"] {
+        for degrees in [1.0_f64, 20.0] {
+            let controller = made(name, &params, &[]);
+            let mut states = StateCells::<Eight>::default();
+            let start = State::tilted(&params, Vector2::new(1.0, 0.3).normalize() * degrees.to_radians(), 0.0);
+            (0..EIGHT).for_each(|i| states.set_lane(i, &cells(&start)));
+            let mut memory = vec![Eight::default(); controller.memory_len()];
+            let start = Instant::now();
+            for _ in 0..CALLS {
+                black_box(controller.torques_eight(black_box(&states), &setpoints, f64::INFINITY, &mut memory));
+            }
+            let time = start.elapsed().as_secs_f64() / f64::from(CALLS) / EIGHT as f64;
+            println!("{name}, {degrees} deg: {:.3} µs a robot", 1e6 * time);
+        }
     }
 }
