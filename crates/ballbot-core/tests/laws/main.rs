@@ -189,7 +189,7 @@ fn basins_and_pushes() {
         ("cascade_pid", 25.0, 1.8),
         ("hierarchical_sliding_mode", 26.0, 1.9),
         ("mpc", 26.0, 1.9),
-        ("lqr_pi", 20.0, 1.0),
+        ("lqr_pi", 24.0, 1.6),
     ] {
         let params = Params::paper();
         let make = || law(name, &params);
