@@ -46,7 +46,11 @@ fn setpoints(n: usize) -> Vec<Setpoint> {
         Setpoint {
             position: Vector2::new(wave(0), wave(1)) * 0.2,
             velocity: Vector2::new(wave(2), wave(3)) * 0.1,
+            acceleration: Vector2::new(wave(7), wave(8)) * 0.1,
+            jerk: Vector2::new(wave(9), wave(10)) * 0.1,
+            snap: Vector2::new(wave(11), wave(12)) * 0.1,
             yaw: 3.0 * wave(4),
+            yaw_rate: 0.1 * wave(13),
             tilt: Vector2::new(wave(5), wave(6)) * 0.02,
         }
     };

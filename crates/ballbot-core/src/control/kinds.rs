@@ -2,8 +2,9 @@
 
 use super::{
     AttitudeSlidingOptions, CascadePid, CascadePidOptions, Controller, FuzzyMamdani, FuzzyOptions,
-    HierarchicalSlidingMode, InverseDynamicsOptions, Law, LimitOptions, Lqi, LqiWeights, Lqr, LqrWeights,
-    PdInverseDynamics, Pid, PidGains, SlidingMode, SlidingModeOptions, TakagiSugeno,
+    HierarchicalSlidingMode, InverseDynamicsOptions, Law, LimitOptions, Lqi, LqiWeights, Lqr, LqrOptions, LqrPi,
+    LqrPiOptions, LqrWeights, Mpc, MpcOptions, PdInverseDynamics, Pid, PidGains, SlidingMode, SlidingModeOptions,
+    TakagiSugeno,
 };
 use crate::error::{Error, Result};
 use crate::fields::{Fields, OptionDescription, describe_options};
@@ -50,16 +51,18 @@ pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
 }
 
 /// The controllers of this crate.
-static CONTROLLERS: [ControllerKind; 9] = [
+static CONTROLLERS: [ControllerKind; 11] = [
     ControllerKind {
         name: "lqr",
         summary: "Linear-quadratic regulator of position, tilt and heading.",
         control_dt: None,
         parts: <Lqr as Law>::PARTS,
         limits: LimitOptions::TRACTION,
-        options: describe_options::<LqrWeights>,
+        options: describe_options::<LqrOptions>,
         make: |params, control_dt, limits, options| {
-            Ok(Box::new(Lqr::with_weights(params, control_dt, &fields_with(options)?, limits)?))
+            let LqrOptions { weights, delay } = fields_with(options)?;
+            let lqr = Lqr::with_weights(params, control_dt, &weights, limits)?;
+            Ok(Box::new(lqr.with_delay(params, delay.delay)?))
         },
     },
     ControllerKind {
@@ -83,6 +86,28 @@ static CONTROLLERS: [ControllerKind; 9] = [
         options: describe_options::<LqiWeights>,
         make: |params, control_dt, limits, options| {
             Ok(Box::new(Lqi::with_weights(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "lqr_pi",
+        summary: "Double loop: a regulator that asks for wheel rates, above a PI of the measured ones.",
+        control_dt: None,
+        parts: <LqrPi as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<LqrPiOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(LqrPi::with_options(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    },
+    ControllerKind {
+        name: "mpc",
+        summary: "Model predictive control: the regulator with limits of traction and torque looked ahead.",
+        control_dt: None,
+        parts: <Mpc as Law>::PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<MpcOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(Mpc::with_options(params, control_dt, &fields_with(options)?, limits)?))
         },
     },
     ControllerKind {

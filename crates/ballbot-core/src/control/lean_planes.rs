@@ -27,6 +27,10 @@ impl LeanPlane {
     }
 }
 
+/// Places of (y, θ, ẏ, θ̇) of the planes among the states of the linear model, and their signs: leaning towards y turns about −x.
+pub(super) const PLACES: [[usize; 4]; 2] = [[0, 3, 5, 8], [1, 2, 6, 7]];
+const SIGNS: [[f64; 4]; 2] = [[1.0; 4], [1.0, -1.0, 1.0, -1.0]];
+
 /// The two planes of a robot, and the wheel torques of angular accelerations.
 #[derive(Clone, Debug)]
 pub(super) struct LeanPlanes {
@@ -86,6 +90,19 @@ impl LeanPlanes {
         let turning = [y, -x, -yaw];
         let [a, b, c] = &self.torques;
         [product(a, &turning), product(b, &turning), product(c, &turning)]
+    }
+
+    /// A and b of x⁺ = A x + b u with x = (y, θ, ẏ, θ̇) in the plane of x (`axis` 0) or y, sampled every `dt` seconds, viscous
+    /// friction included.
+    pub(super) fn sampled(&self, axis: usize, params: &Params, dt: f64) -> (DMatrix<f64>, DMatrix<f64>) {
+        let (a, b) = LinearModel::new(params).discretize(dt);
+        let (places, signs) = (PLACES[axis], SIGNS[axis]);
+        let torques = self.wheel_torques(if axis == 0 { [1.0, 0.0] } else { [0.0, 1.0] }, 0.0);
+        let driven = b * nalgebra::Vector3::from(torques);
+        (
+            DMatrix::from_fn(4, 4, |i, j| signs[i] * signs[j] * a[(places[i], places[j])]),
+            DMatrix::from_fn(4, 1, |i, _| signs[i] * driven[places[i]]),
+        )
     }
 
     /// K of τ = −K x for accelerations −k (y, θ, ẏ, θ̇) of the lean in each plane, and −k (ψ, ψ̇) of the yaw.

@@ -1,6 +1,7 @@
 //! The last stage of every law: the torques that the wheels can pass on.
 
 use super::balance_frame::BalanceFrame;
+use super::lean_planes::LeanPlanes;
 use super::{Constants, check_max_torque, default_max_torque};
 use crate::error::{Result, check};
 use crate::kinematics::Omniwheels;
@@ -73,6 +74,8 @@ pub struct TorqueLimits {
 #[derive(Clone, Debug)]
 struct Traction {
     rows: [Row; ROWS],
+    /// Load of each wheel in equilibrium, N.
+    loads: [f64; 3],
     frame: BalanceFrame,
     /// The yaw torque of torques τ is `turning` (`yaw` · τ).
     yaw: [f64; 3],
@@ -85,10 +88,32 @@ struct Traction {
 }
 
 /// Two for slip and one for the load of each wheel.
-const ROWS: usize = 9;
+pub(super) const ROWS: usize = 9;
 
 /// c = `at_rest` + `per_tilt` · ϑ + `per_rate_squared` |Ω|², g = `per_torque`.
 type Row = WheelLoad;
+
+/// A condition on leans and on what the motors add to their accelerations in the vertical planes, c + l·θ + g·u <= 0, as a
+/// share of a wheel's load in equilibrium.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LeanRow {
+    pub(super) at_rest: f64,
+    pub(super) per_rate_squared: f64,
+    pub(super) per_lean: [f64; 2],
+    pub(super) per_acceleration: [f64; 2],
+}
+
+impl LeanRow {
+    /// A condition that always holds.
+    const NONE: Self = Self { at_rest: -1.0, per_rate_squared: 0.0, per_lean: [0.0; 2], per_acceleration: [0.0; 2] };
+
+    /// `constant` + l·θ + g·u.
+    #[inline(always)]
+    pub(super) fn value<L: Lane>(&self, constant: L, lean: [L; 2], u: [L; 2]) -> L {
+        let leaning = lean[1].mul_add_all(self.per_lean[1], lean[0].mul_add_all(self.per_lean[0], constant));
+        u[1].mul_add_all(self.per_acceleration[1], u[0].mul_add_all(self.per_acceleration[0], leaning))
+    }
+}
 
 impl Traction {
     fn new(params: &Params, share: f64) -> Self {
@@ -117,6 +142,7 @@ impl Traction {
         let inverse = wheels.u.transpose().try_inverse().expect("the wheels drive the ball about every axis");
         Self {
             rows,
+            loads: map.loads.map(|load| load.at_rest),
             frame,
             yaw: (wheels.u * vertical).into(),
             turning: (inverse * vertical).into(),
@@ -209,6 +235,24 @@ impl TorqueLimits {
     pub(super) fn add_to(&self, constants: Constants) -> Constants {
         let constants = constants.number("max_torque", self.max_torque);
         self.traction.iter().fold(constants, |constants, traction| traction.add_to(constants))
+    }
+
+    /// The conditions of the traction without yaw torque, which is given up first.
+    pub(super) fn lean_rows(&self, planes: &LeanPlanes) -> [LeanRow; ROWS] {
+        let Some(traction) = &self.traction else { return [LeanRow::NONE; ROWS] };
+        let driven = [planes.wheel_torques([1.0, 0.0], 0.0), planes.wheel_torques([0.0, 1.0], 0.0)];
+        std::array::from_fn(|k| {
+            let row = &traction.rows[k];
+            let [tilt_x, tilt_y] = row.per_tilt;
+            let share = traction.loads[k / 3].recip();
+            LeanRow {
+                at_rest: share * row.at_rest,
+                per_rate_squared: share * row.per_rate_squared,
+                // Leaning towards y turns about −x.
+                per_lean: [share * tilt_y, -share * tilt_x],
+                per_acceleration: driven.map(|torques| share * dot(&row.per_torque, torques)),
+            }
+        })
     }
 
     /// The torques that are applied in place of wanted ones, none of them above `largest` (N·m). Wanted torques that are within the limits stay as they are, to

@@ -1,5 +1,6 @@
 //! The regulator of position, tilt and heading with an integral of the position.
 
+use super::joined::joined_fields;
 use super::lean_planes::product;
 use super::outer::{Outer, equal_torques, share_within};
 use super::riccati::{self, Regulator};
@@ -8,7 +9,7 @@ use super::{
     Constants, LaneSetpoint, Law, LimitOptions, LqrWeights, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt,
 };
 use crate::error::Result;
-use crate::fields::{Field, Fields, Limit};
+use crate::fields::{Fields, Limit};
 use crate::lane_state::LaneState;
 use crate::lanes::{Heading, Lane, Memory};
 use crate::models::LinearModel;
@@ -36,38 +37,7 @@ pub struct LqiWeights {
     pub integral: IntegralWeights,
 }
 
-/// How many fields are those of [`LqrWeights`].
-const REGULATOR_FIELDS: usize = LqrWeights::FIELDS.len();
-
-impl Fields for LqiWeights {
-    const FIELDS: &'static [Field] = &{
-        let mut fields = [LqrWeights::FIELDS[0]; REGULATOR_FIELDS + IntegralWeights::FIELDS.len()];
-        let mut i = 1;
-        while i < fields.len() {
-            fields[i] = if i < REGULATOR_FIELDS {
-                LqrWeights::FIELDS[i]
-            } else {
-                IntegralWeights::FIELDS[i - REGULATOR_FIELDS]
-            };
-            i += 1;
-        }
-        fields
-    };
-
-    fn values(&self, index: usize) -> &[f64] {
-        match index.checked_sub(REGULATOR_FIELDS) {
-            None => self.lqr.values(index),
-            Some(index) => self.integral.values(index),
-        }
-    }
-
-    fn values_mut(&mut self, index: usize) -> &mut [f64] {
-        match index.checked_sub(REGULATOR_FIELDS) {
-            None => self.lqr.values_mut(index),
-            Some(index) => self.integral.values_mut(index),
-        }
-    }
-}
+joined_fields!(LqiWeights: lqr LqrWeights, integral IntegralWeights);
 
 /// τ = −K (x, z) with the integral z of the position's deviation, by the Riccati equation of the linear model with two
 /// more states, z⁺ = z + T (x, y) (derived in `docs/laws.md`). A constant force, a slope or a wrong center of mass

@@ -1,5 +1,7 @@
 //! A discrete linear-quadratic regulator of position, tilt and heading, for any robot.
 
+use super::delayed::{DelayOptions, Delayed};
+use super::joined::joined_fields;
 use super::lean_planes::product;
 use super::outer::Outer;
 use super::riccati::{self, Regulator};
@@ -56,9 +58,20 @@ impl LqrWeights {
     }
 }
 
+/// Options of [`Lqr`]: the weights, and the delay of the motors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LqrOptions {
+    /// Deviations of equal cost.
+    pub weights: LqrWeights,
+    /// The delay that is predicted over.
+    pub delay: DelayOptions,
+}
+
+joined_fields!(LqrOptions: weights LqrWeights, delay DelayOptions);
+
 /// τ = τ_ref − K x in the heading frame, with the torques τ_ref of the setpoint's motion, scaled down together where a wheel would slip. The tilt is that from the equilibrium: of
 /// the line from the ball's center to the body's center of mass. It is made for a level floor: on a slope the ball comes to
-/// rest away from its setpoint.
+/// rest away from its setpoint. With a delay ([`Lqr::with_delay`]) x is the state predicted for when the torque acts.
 #[derive(Clone, Debug)]
 pub struct Lqr {
     regulator: Regulator,
@@ -66,6 +79,7 @@ pub struct Lqr {
     gain: [[f64; STATES]; INPUTS],
     tracking: Tracking,
     outer: Outer,
+    delayed: Delayed,
     sampling: Sampling,
     limits: TorqueLimits,
 }
@@ -120,9 +134,24 @@ impl Lqr {
             gain,
             tracking: Tracking::new(params),
             regulator,
+            delayed: Delayed::default(),
             sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
             limits,
         })
+    }
+
+    /// The same for motors whose torque acts `delay` seconds after it is asked for. The regulator of the model with the
+    /// torques on their way as further states is K of the state predicted for when the torque acts: a delay of the input
+    /// alone changes no gain. `params` are those of the regulator.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] for more than ten samples, [`crate::Error::Inconsistent`] for a delay that is no
+    /// multiple of the sampling time.
+    pub fn with_delay(mut self, params: &Params, delay: f64) -> Result<Self> {
+        let control_dt = self.sampling.control_dt;
+        self.delayed = Delayed::new(params, control_dt, delay)?;
+        self.sampling = Sampling::new(control_dt, self.delayed.kept());
+        Ok(self)
     }
 
     /// The Riccati solution behind the gains.
@@ -198,20 +227,29 @@ impl Law for Lqr {
         Some(self.limits.add_to(self.outer.add_to(constants)))
     }
 
+    fn kept(&self) -> usize {
+        self.delayed.kept()
+    }
+
     #[inline(always)]
     fn torques<L: Lane>(
         &self,
         state: &LaneState<L>,
         setpoint: &LaneSetpoint<L>,
         largest: f64,
-        _: &mut Memory<'_, L>,
+        memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
+        let Deviation { x, forward } = self.tracking.deviation(state, setpoint);
+        let mut x = self.delayed.state(x, memory);
         self.outer.clip(&mut x);
-        let mut wanted = self.tracking.planes.wheel_torques(forward, x[0].zero());
+        let reference = self.tracking.planes.wheel_torques(forward, x[0].zero());
+        let mut wanted = reference;
         for (row, torque) in self.gain.iter().zip(&mut wanted) {
             *torque += product(row, &x);
         }
-        self.limits.apply(wanted, state, largest).torques
+        let torques = self.limits.apply(wanted, state, largest).torques;
+        let [a, b, c] = torques;
+        self.delayed.keep([a - reference[0], b - reference[1], c - reference[2]], memory);
+        torques
     }
 }

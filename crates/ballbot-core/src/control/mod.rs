@@ -6,13 +6,17 @@ mod attitude_loop;
 mod balance_frame;
 mod cascade_pid;
 mod common_lyapunov;
+mod delayed;
 mod fuzzy_mamdani;
 mod hierarchical_sliding_mode;
+mod joined;
 mod kinds;
 mod lean_planes;
 mod limits;
 mod lqi;
 mod lqr;
+mod lqr_pi;
+mod mpc;
 mod outer;
 mod pd_inverse_dynamics;
 mod pid;
@@ -25,12 +29,15 @@ mod takagi_sugeno;
 mod tracking;
 
 pub use cascade_pid::{CascadePid, CascadePidOptions};
+pub use delayed::DelayOptions;
 pub use fuzzy_mamdani::{FuzzyMamdani, FuzzyOptions};
 pub use hierarchical_sliding_mode::{HierarchicalSlidingMode, SlidingModeOptions, SlidingSurface};
 pub use kinds::{ControllerKind, MakeController, controller_kind, controller_kinds, fields_with, register_controller};
 pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
 pub use lqi::{IntegralWeights, Lqi, LqiWeights};
-pub use lqr::{Lqr, LqrWeights};
+pub use lqr::{Lqr, LqrOptions, LqrWeights};
+pub use lqr_pi::{LqrPi, LqrPiOptions};
+pub use mpc::{Mpc, MpcOptions};
 pub use pd_inverse_dynamics::{InverseDynamicsOptions, PdInverseDynamics};
 pub use pid::{Pid, PidGains};
 pub use reference::{Motion, Reference, Turning};
@@ -54,6 +61,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub trait Law: Send + Sync {
     /// How many numbers it keeps of a robot from one call to the next; zeros at first.
     const MEMORY: usize;
+
+    /// [`Law::MEMORY`] of a law with which it depends on the options.
+    fn kept(&self) -> usize {
+        Self::MEMORY
+    }
 
     /// The parts of a setpoint that it follows, of [`SETPOINT_PARTS`].
     const PARTS: &'static [&'static str];
@@ -158,7 +170,7 @@ impl<T: Law> Controller for T {
     }
 
     fn memory_len(&self) -> usize {
-        T::MEMORY
+        self.kept()
     }
 
     fn constants(&self) -> Option<Constants> {

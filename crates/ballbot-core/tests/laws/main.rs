@@ -1,9 +1,12 @@
 //! The laws beyond the regulator and the paper's PID, one module each; here what they have in common.
 
 mod cascade_pid;
+mod delay;
 mod fuzzy_mamdani;
 mod hierarchical_sliding_mode;
 mod lqi;
+mod lqr_pi;
+mod mpc;
 mod pd_inverse_dynamics;
 mod sliding_mode;
 #[path = "../support/mod.rs"]
@@ -26,7 +29,7 @@ const STEPS: usize = 10;
 const CONTROL_DT: f64 = SIM_DT * STEPS as f64;
 
 /// The laws under test.
-const LAWS: [&str; 7] = [
+const LAWS: [&str; 9] = [
     "lqi",
     "cascade_pid",
     "hierarchical_sliding_mode",
@@ -34,6 +37,8 @@ const LAWS: [&str; 7] = [
     "sliding_mode",
     "fuzzy_mamdani",
     "takagi_sugeno",
+    "mpc",
+    "lqr_pi",
 ];
 
 fn made(name: &str, params: &Params, options: &[(&str, &[f64])]) -> Box<dyn Controller> {
@@ -180,10 +185,10 @@ fn position(x: f64, y: f64) -> impl Fn(f64) -> Setpoint {
 }
 
 /// Whether a robot stands after a start and an impulse at its center of mass, in `contact`.
-fn stands(params: &Params, name: &str, start: &State, impulse: Vector3<f64>) -> bool {
+fn stands(params: &Params, make: &dyn Fn() -> Box<dyn Controller>, start: &State, impulse: Vector3<f64>) -> bool {
     let mut robot = robot(params, ModelKind::Contact, start);
     robot.push(&impulse, None).unwrap();
-    let end = run(&mut robot, law(name, params).as_mut(), 6.0, position(0.0, 0.0), |_, _| ());
+    let end = run(&mut robot, make().as_mut(), 6.0, position(0.0, 0.0), |_, _| ());
     end.is_some_and(|run| run.end.tilt() < 0.03)
 }
 
@@ -197,18 +202,16 @@ fn largest(numbers: impl Iterator<Item = f64>, holds: impl Fn(Vector2<f64>, f64)
     numbers.take_while(|&number| around(12).all(|direction| holds(direction, number))).last().unwrap_or(0.0)
 }
 
-fn basin(name: &str) -> f64 {
-    let params = Params::paper();
-    let degrees = (10..=32).map(f64::from);
+fn basin_of(params: &Params, make: &dyn Fn() -> Box<dyn Controller>) -> f64 {
+    let degrees = (3..=32).map(f64::from);
     largest(degrees, |direction, degrees| {
-        stands(&params, name, &State::tilted(&params, direction * degrees.to_radians(), 0.0), Vector3::zeros())
+        stands(params, make, &State::tilted(params, direction * degrees.to_radians(), 0.0), Vector3::zeros())
     })
 }
 
-fn push(name: &str) -> f64 {
-    let params = Params::paper();
-    let impulses = (8..=30).map(|k| 0.1 * f64::from(k));
-    largest(impulses, |direction, size| stands(&params, name, &State::upright(&params), direction.push(0.0) * size))
+fn push_of(params: &Params, make: &dyn Fn() -> Box<dyn Controller>) -> f64 {
+    let impulses = (3..=30).map(|k| 0.1 * f64::from(k));
+    largest(impulses, |direction, size| stands(params, make, &State::upright(params), direction.push(0.0) * size))
 }
 
 /// Tilts from rest in steps of 1 deg and impulses in steps of 0.1 N·s, worst of 12 directions.
@@ -223,8 +226,12 @@ fn basins_and_pushes() {
         ("sliding_mode", 25.0, 1.8),
         ("fuzzy_mamdani", 25.0, 1.8),
         ("takagi_sugeno", 26.0, 1.9),
+        ("mpc", 26.0, 1.9),
+        ("lqr_pi", 24.0, 1.6),
     ] {
-        let (tilt, push) = (basin(name), push(name));
+        let params = Params::paper();
+        let make = || law(name, &params);
+        let (tilt, push) = (basin_of(&params, &make), push_of(&params, &make));
         println!("{name}: {tilt} deg, {push:.1} N·s");
         assert!(tilt >= least_tilt && push >= least_push, "{name}: {tilt} deg, {push} N·s");
     }

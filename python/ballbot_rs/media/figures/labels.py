@@ -8,6 +8,8 @@ _NAMES = {
     "lqr": "LQR",
     "pid": "PID",
     "lqi": "LQI",
+    "lqr_pi": "LQR + PI",
+    "mpc": "MPC",
     "cascade_pid": "cascade",
     "hierarchical_sliding_mode": "sliding mode",
     "pd_inverse_dynamics": "computed torque",

@@ -1,0 +1,96 @@
+//! Prediction over the delay between a torque that is asked for and its effect.
+
+use super::lean_planes::product;
+use crate::error::{Error, Result, check};
+use crate::fields::Limit;
+use crate::lanes::{Lane, Memory};
+use crate::models::LinearModel;
+use crate::models::linear::{INPUTS, STATES};
+use crate::params::Params;
+use nalgebra::SMatrix;
+
+crate::fields! {
+    /// What a law may know of its robot's motors.
+    #[derive(Copy)]
+    pub struct DelayOptions {
+        /// Time between a torque that is asked for and its effect: a multiple of the sampling time, at most ten samples. The
+        /// law acts on the state that it predicts for then.
+        pub delay: f64 = 0.0, "s", Limit::NOT_NEGATIVE.to(10.0);
+    }
+}
+
+/// Most samples of delay.
+const MAX_SAMPLES: f64 = 10.0;
+
+/// By how much of a sample a delay may differ from a multiple.
+const ROUNDING: f64 = 1e-6;
+
+/// The state after the delay, x̂ = Aᵈ x + Σ Aⁱ B τ₋₁₋ᵢ, from the torques of the last d samples: deviations from those of
+/// the setpoint's motion.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Delayed {
+    /// −Aᵈ, row by row.
+    free: Vec<[f64; STATES]>,
+    /// −Aⁱ B for each sample, the oldest first.
+    driven: Vec<[[f64; INPUTS]; STATES]>,
+}
+
+impl Delayed {
+    /// # Errors
+    /// [`Error::OutOfRange`] for more than ten samples, [`Error::Inconsistent`] for a delay that is no multiple of a sample.
+    pub(super) fn new(params: &Params, control_dt: f64, delay: f64) -> Result<Self> {
+        let limit = format_args!("from 0 to {MAX_SAMPLES} control_dt = {} s", MAX_SAMPLES * control_dt);
+        check("delay", delay, limit, |delay| (0.0..=(MAX_SAMPLES + ROUNDING) * control_dt).contains(&delay))?;
+        let samples = (delay / control_dt).round();
+        if (delay / control_dt - samples).abs() > ROUNDING {
+            return Err(Error::Inconsistent(format!(
+                "delay = {delay} s is no multiple of control_dt = {control_dt} s"
+            )));
+        }
+        let (a, b) = LinearModel::new(params).discretize(control_dt);
+        let mut power = SMatrix::<f64, STATES, STATES>::identity();
+        let mut driven = Vec::new();
+        for _ in 0..samples as usize {
+            let response = power * b;
+            driven.insert(0, std::array::from_fn(|i| std::array::from_fn(|j| -response[(i, j)])));
+            power = a * power;
+        }
+        let free = (0..STATES).map(|i| std::array::from_fn(|j| -power[(i, j)])).collect();
+        Ok(Self { free, driven })
+    }
+
+    /// How many numbers of a robot are kept.
+    pub(super) fn kept(&self) -> usize {
+        INPUTS * self.driven.len()
+    }
+
+    /// The state after the delay.
+    #[inline(always)]
+    pub(super) fn state<L: Lane>(&self, x: [L; STATES], memory: &Memory<'_, L>) -> [L; STATES] {
+        if self.driven.is_empty() {
+            return x;
+        }
+        let mut predicted = x;
+        for (row, predicted) in self.free.iter().zip(&mut predicted) {
+            *predicted = product(row, &x);
+        }
+        for (sample, response) in self.driven.iter().enumerate() {
+            let torques = memory.get3(INPUTS * sample);
+            for (row, predicted) in response.iter().zip(&mut predicted) {
+                *predicted += product(row, &torques);
+            }
+        }
+        predicted
+    }
+
+    /// Keeps the torques of this sample.
+    #[inline(always)]
+    pub(super) fn keep<L: Lane>(&self, torques: [L; 3], memory: &mut Memory<'_, L>) {
+        let Some(last) = self.driven.len().checked_sub(1) else { return };
+        for sample in 0..last {
+            let next = memory.get3(INPUTS * (sample + 1));
+            memory.set3(INPUTS * sample, next);
+        }
+        memory.set3(INPUTS * last, torques);
+    }
+}

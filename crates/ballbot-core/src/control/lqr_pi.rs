@@ -1,0 +1,221 @@
+//! The double loop: a regulator that asks for rates of the wheels, above a PI of the measured ones.
+
+use super::balance_frame::BalanceFrame;
+use super::lean_planes::{LeanPlanes, Leaning};
+use super::outer::Outer;
+use super::riccati;
+use super::tracking::{Deviation, Tracking};
+use super::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
+use crate::error::Result;
+use crate::fields::{Fields, Limit};
+use crate::kinematics::Omniwheels;
+use crate::lane_state::LaneState;
+use crate::lanes::{Heading, Lane, Memory};
+use crate::params::Params;
+use nalgebra::{DMatrix, Vector3};
+
+crate::fields! {
+    /// Deviations of equal cost of the outer loop of [`LqrPi`], as in [`super::LqrWeights`], and the inner loop. Frequencies of
+    /// the inner loop are in units of λ, the rate at which the robot topples.
+    #[derive(Copy)]
+    pub struct LqrPiOptions {
+        /// Deviation of the ball position.
+        pub position: f64 = 0.15, "m", Limit::from(1e-6).to(1e6);
+        /// Deviation of the ball velocity.
+        pub velocity: f64 = 0.4, "m/s", Limit::from(1e-6).to(1e6);
+        /// Tilt.
+        pub tilt: f64 = 0.1, "rad", Limit::from(1e-6).to(1e6);
+        /// Tilt rate.
+        pub tilt_rate: f64 = 1.0, "rad/s", Limit::from(1e-6).to(1e6);
+        /// Rate that the outer loop asks of the virtual wheel in a plane.
+        pub wheel_rate: f64 = 10.0, "rad/s", Limit::from(1e-6).to(1e6);
+        /// Crossover of the loop of the wheel rates, over λ.
+        pub wheel_bandwidth: f64 = 4.1, "", Limit::from(1e-3).to(1e3);
+        /// Zero of the PI of the wheel rates, its integral gain over the proportional one, over λ.
+        pub wheel_integral: f64 = 1.0, "", Limit::from(0.0).to(1e3);
+        /// Natural frequency of the heading.
+        pub yaw_bandwidth: f64 = 4.0, "rad/s", Limit::from(1e-3).to(1e3);
+        /// Damping ratio of the heading.
+        pub yaw_damping: f64 = 1.0, "", Limit::from(1e-3).to(1e3);
+        /// No deviation: the largest lean that those of position and velocity may ask for.
+        pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
+        /// No deviation: the largest speed that one of the position may ask for.
+        pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
+    }
+}
+
+/// The loops in one plane, with x = (y, θ, ẏ, θ̇).
+#[derive(Clone, Copy, Debug)]
+struct Loops {
+    /// Rate of the virtual wheel, per rates of the wheels.
+    wheels: [f64; 3],
+    /// The same per (ẏ, θ̇): ẏ/r_w − (r_k/r_w) θ̇.
+    moving: [f64; 2],
+    /// Acceleration of the lean per error of the rate and per integral of it.
+    proportional: f64,
+    integral: f64,
+    /// Wheel rates that the outer loop asks for are −k (x, ξ).
+    k: [f64; 5],
+}
+
+impl Loops {
+    fn new(axis: usize, params: &Params, planes: &LeanPlanes, dt: f64, options: &LqrPiOptions) -> Result<Self> {
+        let plane = &planes.planes[axis];
+        // The wheels turn with the ball relative to the body; leaning towards y turns about −x.
+        let axis_in_body = BalanceFrame::new(params).in_body(&if axis == 0 { Vector3::y() } else { -Vector3::x() });
+        let inverse = Omniwheels::new(params).u.try_inverse().expect("the wheels drive the ball about every axis");
+        let wheels = (inverse.transpose() * axis_in_body).into();
+        let moving = [params.wheel_radius.recip(), -params.ball_radius / params.wheel_radius];
+        let gain = moving[1] - moving[0] * plane.lever;
+        let proportional = options.wheel_bandwidth * plane.toppling / gain;
+        let integral = proportional * options.wheel_integral * plane.toppling;
+        let loops = Self { wheels, moving, proportional, integral, k: [0.0; 5] };
+        let (a, b) = planes.sampled(axis, params, dt);
+        let c = DMatrix::from_row_slice(1, 4, &[0.0, 0.0, moving[0], moving[1]]);
+        let mut augmented = DMatrix::identity(5, 5);
+        augmented.view_mut((0, 0), (4, 4)).copy_from(&(a - &b * &c * proportional));
+        augmented.view_mut((0, 4), (4, 1)).copy_from(&(&b * integral));
+        augmented.view_mut((4, 0), (1, 4)).copy_from(&(&c * -dt));
+        let mut driven = DMatrix::from_element(5, 1, dt);
+        driven.view_mut((0, 0), (4, 1)).copy_from(&(b * proportional));
+        let costs = [options.position, options.tilt, options.velocity, options.tilt_rate].map(|w| w.powi(-2));
+        let q = DMatrix::from_fn(5, 5, |i, j| if i == j && i < 4 { costs[i] } else { 0.0 });
+        let r = DMatrix::from_element(1, 1, options.wheel_rate.powi(-2));
+        let regulator = riccati::solve(&augmented, &driven, &q, &r)?;
+        Ok(Self { k: std::array::from_fn(|i| regulator.gain[i]), ..loops })
+    }
+}
+
+/// The double loop of Lauwers, Kantor and Hollis (ICRA 2006) and Pham, Kim and Lee (IEEE Control Systems 38(2), 2018) in
+/// each vertical plane of the heading frame, with a PD of the heading: a linear-quadratic regulator asks for the rate of a virtual
+/// wheel, a PI of the rates that the encoders measure brings it about.
+///
+/// The integral takes the torque that dry friction eats. The regulator is that of the sampled plane under the PI, the
+/// integral its fifth state. Speed and lean that the position asks for are cut as vectors; the integral is held while
+/// the torques are limited. Derived in `docs/laws.md`.
+#[derive(Clone, Debug)]
+pub struct LqrPi {
+    loops: [Loops; 2],
+    /// k of the acceleration −k (ψ, ψ̇) of the heading.
+    yaw: [f64; 2],
+    tracking: Tracking,
+    outer: Outer,
+    sampling: Sampling,
+    limits: TorqueLimits,
+}
+
+impl LqrPi {
+    /// A controller with the default options and [`LimitOptions::TRACTION`].
+    ///
+    /// # Errors
+    /// As [`LqrPi::with_options`].
+    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
+        Self::with_options(params, control_dt, &LqrPiOptions::default(), &LimitOptions::TRACTION)
+    }
+
+    /// A controller from the linear model of `params`, sampled every `control_dt` seconds.
+    ///
+    /// # Errors
+    /// As [`super::Lqr::with_weights`].
+    pub fn with_options(
+        params: &Params,
+        control_dt: f64,
+        options: &LqrPiOptions,
+        limits: &LimitOptions,
+    ) -> Result<Self> {
+        params.validate()?;
+        check_control_dt(control_dt)?;
+        options.check_limits()?;
+        let limits = TorqueLimits::new(params, limits)?;
+        let tracking = Tracking::new(params);
+        let planes = &tracking.planes;
+        let loops =
+            [Loops::new(0, params, planes, control_dt, options)?, Loops::new(1, params, planes, control_dt, options)?];
+        let asked = loops.map(|Loops { proportional, moving, k, .. }| {
+            [k[0], k[1], k[2] + moving[0], k[3] + moving[1]].map(|gain| proportional * gain)
+        });
+        let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
+        Ok(Self {
+            loops,
+            yaw,
+            outer: Outer::new(&planes.gain(asked, yaw), [options.max_lean, options.max_speed]),
+            tracking,
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            limits,
+        })
+    }
+
+    /// What the outer loop asks for, −k (y, θ, ẏ, θ̇, ξ) in the planes of x and y: k in rad/s per unit.
+    pub fn outer_gains(&self) -> [[f64; 5]; 2] {
+        self.loops.map(|loops| loops.k)
+    }
+
+    /// Gains of the inner loop in the planes of x and y: acceleration of the lean per error of the rate of the virtual
+    /// wheel (1/s), and per integral of it (1/s²).
+    pub fn inner_gains(&self) -> [[f64; 2]; 2] {
+        self.loops.map(|loops| [loops.proportional, loops.integral])
+    }
+
+    /// Rate of the virtual wheel per (ẏ, θ̇) in the planes of x and y, 1/m and 1.
+    pub fn wheel_rates(&self) -> [[f64; 2]; 2] {
+        self.loops.map(|loops| loops.moving)
+    }
+}
+
+impl Law for LqrPi {
+    const MEMORY: usize = 2;
+    const PARTS: &'static [&'static str] = MOTION_PARTS;
+
+    fn sampling(&self) -> &Sampling {
+        &self.sampling
+    }
+
+    fn sampling_mut(&mut self) -> &mut Sampling {
+        &mut self.sampling
+    }
+
+    #[inline(always)]
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        largest: f64,
+        memory: &mut Memory<'_, L>,
+    ) -> [L; 3] {
+        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
+        let Leaning { velocity, rate, .. } = Leaning::new(&x);
+        // The motion of the setpoint, of which the wheels have a part.
+        let heading = Heading::new(self.tracking.frame.attitude(state.body_quaternion));
+        let moving = heading.of(state.ball_velocity.x, state.ball_velocity.y);
+        let turning = self.tracking.frame.of_body(state.body_angular_velocity);
+        let leaning = [turning.y, -turning.x];
+        self.outer.clip(&mut x);
+        let asking = Leaning::new(&x);
+        let zero = x[0].zero();
+        let (mut accelerations, mut errors) = (forward, [zero; 2]);
+        for axis in 0..2 {
+            let Loops { wheels, moving: [per_speed, per_rate], proportional, integral, k } = &self.loops[axis];
+            let kept = memory.get(axis);
+            let reference =
+                (moving[axis] - velocity[axis]).mul_add_all(*per_speed, (leaning[axis] - rate[axis]) * *per_rate);
+            let [a, b, c] = state.wheel_speeds;
+            let measured = c.mul_add_all(wheels[2], b.mul_add_all(wheels[1], a * wheels[0])) - reference;
+            let position = asking.position[axis].mul_add_all(-k[0], asking.velocity[axis] * -k[2]);
+            let lean = asking.lean[axis].mul_add_all(-k[1], asking.rate[axis] * -k[3]);
+            let asked = kept.mul_add_all(-k[4], position + lean);
+            errors[axis] = asked - measured;
+            let driven = errors[axis].mul_add_all(*proportional, kept * *integral);
+            accelerations[axis] += driven;
+        }
+        let yaw = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
+        let limited = self.limits.apply(self.tracking.planes.wheel_torques(accelerations, yaw), state, largest);
+        // A torque that is limited cannot act on the integral: hold it.
+        let held = limited.share.lt(zero.splat(1.0));
+        for (axis, error) in errors.into_iter().enumerate() {
+            let integral = memory.get(axis);
+            let next = error.mul_add_all(self.sampling.control_dt, integral);
+            memory.set(axis, L::select(held, integral, next));
+        }
+        limited.torques
+    }
+}

@@ -1,0 +1,90 @@
+//! One vertical plane of the predictive controller: the sampled model under the regulator.
+
+use super::super::lean_planes::{LeanPlanes, PLACES};
+use super::super::riccati;
+use crate::error::Result;
+use crate::lanes::Lane;
+use crate::params::Params;
+use nalgebra::DMatrix;
+
+/// x⁺ = A x + b u of one vertical plane with x = (y, θ, ẏ, θ̇), and u = −k x + v / √s. The position does not act on
+/// the others: the first column of A is that of the identity.
+#[derive(Clone, Debug)]
+pub(super) struct Plane {
+    /// A without its first column.
+    a: [[f64; 3]; 4],
+    b: [f64; 4],
+    k: [f64; 4],
+    /// 1/√s, rad/s²: s v² is what v adds to the cost of the regulator.
+    pub(super) scale: f64,
+}
+
+impl Plane {
+    /// The plane of x (`axis` 0) or y, sampled every `dt` seconds, with the costs of states and wheel torques.
+    pub(super) fn new(
+        axis: usize,
+        params: &Params,
+        planes: &LeanPlanes,
+        dt: f64,
+        [q, r]: [&DMatrix<f64>; 2],
+    ) -> Result<Self> {
+        let (a, b) = planes.sampled(axis, params, dt);
+        let torques = planes.wheel_torques(if axis == 0 { [1.0, 0.0] } else { [0.0, 1.0] }, 0.0);
+        let torques = DMatrix::from_column_slice(3, 1, &torques);
+        let cost = |i: usize| q[(PLACES[axis][i], PLACES[axis][i])];
+        let q = DMatrix::from_fn(4, 4, |i, j| if i == j { cost(i) } else { 0.0 });
+        let r = torques.transpose() * r * &torques;
+        let regulator = riccati::solve(&a, &b, &q, &r)?;
+        let s = r[0] + (b.transpose() * &regulator.cost * &b)[0];
+        Ok(Self {
+            a: std::array::from_fn(|i| std::array::from_fn(|j| a[(i, j + 1)])),
+            b: std::array::from_fn(|i| b[i]),
+            k: std::array::from_fn(|i| regulator.gain[i]),
+            scale: s.sqrt().recip(),
+        })
+    }
+
+    /// u of a state and an input v.
+    #[inline(always)]
+    pub(super) fn input<L: Lane>(&self, [y, lean, velocity, rate]: [L; 4], v: L) -> L {
+        let [ky, kl, kv, kr] = self.k;
+        let moving = velocity.mul_add_all(-kv, y * -ky);
+        let leaning = rate.mul_add_all(-kr, lean * -kl);
+        v.mul_add_all(self.scale, moving + leaning)
+    }
+
+    /// The state a stage later.
+    #[inline(always)]
+    pub(super) fn next<L: Lane>(&self, [y, lean, velocity, rate]: [L; 4], u: L) -> [L; 4] {
+        let mut next = [y, y.zero(), y.zero(), y.zero()];
+        for i in 0..4 {
+            let [l, v, r] = self.a[i];
+            next[i] =
+                u.mul_add_all(self.b[i], rate.mul_add_all(r, velocity.mul_add_all(v, lean.mul_add_all(l, next[i]))));
+        }
+        next
+    }
+
+    /// The derivative of a function with respect to the input of a stage, from that with respect to the state after it.
+    #[inline(always)]
+    pub(super) fn by_input<L: Lane>(&self, [y, lean, velocity, rate]: [L; 4]) -> L {
+        let [by, bl, bv, br] = self.b;
+        rate.mul_add_all(br, velocity.mul_add_all(bv, lean.mul_add_all(bl, y * by)))
+    }
+
+    /// The derivative with respect to the state of a stage, from that with respect to the state after it and to u.
+    #[inline(always)]
+    pub(super) fn by_state<L: Lane>(&self, after: [L; 4], by_input: L) -> [L; 4] {
+        let mut by_state = [after[0], by_input.zero(), by_input.zero(), by_input.zero()];
+        for j in 1..4 {
+            let column = [self.a[0][j - 1], self.a[1][j - 1], self.a[2][j - 1], self.a[3][j - 1]];
+            for (factor, after) in column.into_iter().zip(after) {
+                by_state[j] = after.mul_add_all(factor, by_state[j]);
+            }
+        }
+        for (by_state, k) in by_state.iter_mut().zip(self.k) {
+            *by_state = by_input.mul_add_all(-k, *by_state);
+        }
+        by_state
+    }
+}

@@ -1,0 +1,122 @@
+//! Motors whose torque acts later than it is asked for.
+
+use super::{CONTROL_DT, SIM_DT, STEPS, around, gain_of, made, position, robot, run, uneven};
+use ballbot_core::control::{Lqr, LqrWeights, controller_kind, riccati};
+use ballbot_core::kinematics::{Omniwheels, TorqueMap};
+use ballbot_core::models::LinearModel;
+use ballbot_core::{ModelKind, Params, State};
+use nalgebra::{DMatrix, DVector, Vector3};
+use std::cell::RefCell;
+use std::collections::VecDeque;
+
+/// Of an independent computation in one plane, per (y, θ, ẏ, θ̇) and per torque on its way, the oldest first.
+const PLANAR: [(f64, [f64; 4], &[f64]); 3] = [
+    (0.01, [-1.045, -3.994, -1.341, -0.701], &[0.196]),
+    (0.02, [-1.045, -4.228, -1.351, -0.743], &[0.212, 0.196]),
+    (0.03, [-1.045, -4.478, f64::NAN, -0.786], &[0.229, 0.212, 0.196]),
+];
+
+#[test]
+fn gains_are_those_of_an_independent_computation() {
+    let params = Params::paper();
+    let wheels = Omniwheels::new(&params).torques_on_body(&Vector3::y(), TorqueMap::Consistent);
+    let wheels = DVector::from_column_slice(wheels.as_slice());
+    for (delay, expected, history) in PLANAR {
+        let gain = gain_of(made("lqr", &params, &[("delay", &[delay])]).as_ref(), &params);
+        assert_eq!(gain.ncols(), 10 + 3 * history.len());
+        // The plane of x, in which the virtual torque is −τ_y.
+        let planar = |column: DVector<f64>| wheels.dot(&column) / wheels.norm_squared();
+        for (place, expected) in [0, 3, 5, 8].into_iter().zip(expected) {
+            let found = -planar(gain.column(place).into_owned());
+            assert!(expected.is_nan() || (found - expected).abs() < 2e-3, "{delay} s: {found}, expected {expected}");
+        }
+        for (sample, expected) in history.iter().enumerate() {
+            let found = planar(gain.columns(10 + 3 * sample, 3) * &wheels);
+            assert!((found - expected).abs() < 1e-3, "{delay} s, sample {sample}: {found}, expected {expected}");
+        }
+    }
+}
+
+/// Beside the Riccati equation of the model with the torques on their way as states.
+#[test]
+fn the_prediction_is_the_regulator_with_the_torques_as_states() {
+    let params = uneven();
+    for samples in [1, 3, 10] {
+        let size = 10 + 3 * samples;
+        let (model_a, model_b) = LinearModel::new(&params).discretize(CONTROL_DT);
+        let (mut a, mut b) = (DMatrix::zeros(size, size), DMatrix::zeros(size, 3));
+        a.view_mut((0, 0), (10, 10)).copy_from(&model_a);
+        a.view_mut((0, 10), (10, 3)).copy_from(&model_b);
+        for sample in 1..samples {
+            a.view_mut((7 + 3 * sample, 10 + 3 * sample), (3, 3)).fill_with_identity();
+        }
+        b.view_mut((size - 3, 0), (3, 3)).fill_with_identity();
+        let (cost, r) = LqrWeights::default().matrices();
+        let mut q = DMatrix::zeros(size, size);
+        q.view_mut((0, 0), (10, 10)).copy_from(&cost);
+        let expected = riccati::solve(&a, &b, &q, &r).unwrap().gain;
+        let delay = samples as f64 * CONTROL_DT;
+        let found = gain_of(made("lqr", &params, &[("delay", &[delay])]).as_ref(), &params);
+        let error = (&found - &expected).amax() / expected.amax();
+        println!("{samples} samples: {error:.1e}");
+        assert!(error < 1e-6, "{found}, expected {expected}");
+    }
+}
+
+#[test]
+fn delays_are_checked() {
+    let params = Params::paper();
+    let kind = controller_kind("lqr").unwrap();
+    for (delay, expected) in [
+        (0.015, "delay = 0.015 s is no multiple of control_dt = 0.01 s"),
+        (0.2, "delay = 0.2 is out of range: it must be from 0 to 10 control_dt = 0.1 s"),
+        (-0.01, "delay"),
+    ] {
+        let error = (kind.make)(&params, CONTROL_DT, &kind.limits, &[("delay", &[delay])]).map(|_| ()).unwrap_err();
+        let error = error.to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+    let lqr = Lqr::new(&params, CONTROL_DT).unwrap();
+    assert_eq!(
+        lqr.with_delay(&params, 0.1).unwrap().regulator().gain,
+        Lqr::new(&params, CONTROL_DT).unwrap().regulator().gain
+    );
+}
+
+/// Whether the robot stands after a start and an impulse, with motors whose torque acts `delay` later, in `contact`.
+fn stands(params: &Params, known: f64, delay: f64, start: &State, impulse: Vector3<f64>) -> bool {
+    let steps = (delay / SIM_DT).round() as usize;
+    let on_their_way = RefCell::new(VecDeque::from(vec![[0.0; 3]; steps]));
+    let mut robot = robot(params, ModelKind::Contact, start);
+    robot.push(&impulse, None).unwrap();
+    let mut controller = made("lqr", params, &[("delay", &[known])]);
+    let end = run(&mut robot, controller.as_mut(), 6.0, position(0.0, 0.0), |_, torques| {
+        let mut waiting = on_their_way.borrow_mut();
+        waiting.push_back(*torques);
+        *torques = waiting.pop_front().unwrap();
+    });
+    end.is_some_and(|run| run.end.tilt() < 0.03 && run.end.ball_position.xy().norm() < 0.2)
+}
+
+/// Tilts from rest in steps of 1 deg and impulses in steps of 0.1 N·s, worst of 12 directions.
+#[test]
+fn a_delay_that_is_predicted_costs_less() {
+    assert_eq!(STEPS, 10);
+    let params = Params::paper();
+    for (delay, least) in [(0.03, 21.0), (0.05, 18.0), (0.07, 14.0)] {
+        let [plain, predicted] = [0.0, delay].map(|known| {
+            let holds = |tilt: f64, push: f64| {
+                around(12).all(|way| {
+                    let start = State::tilted(&params, way * tilt.to_radians(), 0.0);
+                    stands(&params, known, delay, &start, way.push(0.0) * push)
+                })
+            };
+            let tilt = (0..30).map(f64::from).take_while(|&tilt| holds(tilt, 0.0)).last().unwrap_or(-1.0);
+            let push = (0..25).map(|k| 0.1 * f64::from(k)).take_while(|&push| holds(0.0, push)).last().unwrap_or(-1.0);
+            (tilt, push)
+        });
+        println!("{delay} s: lqr {plain:?}, with the delay predicted {predicted:?} (deg, N·s)");
+        assert!(predicted.0 >= least && predicted.0 >= plain.0 && predicted.1 >= plain.1, "{plain:?}, {predicted:?}");
+        assert!(delay < 0.06 || plain.0 < 2.0, "beyond its margin of delay the regulator falls: {plain:?}");
+    }
+}
