@@ -1,9 +1,9 @@
 """A fast, verified simulator of a robot that balances on a ball.
 
 The physics is in Rust; this package gives it to Python: single robots (`Ballbot`), batches (`Batch`), closed-form
-models (`SpatialModel`, `PlanarModel`, `LinearModel`), controllers (`Pid`, `Lqr`), environments for reinforcement
-learning, the comparison of controllers and policies (`compare`, `run`), and the identification of parameters from logs
-(`identify`). Importing it registers every task with
+models (`SpatialModel`, `PlanarModel`, `LinearModel`), controllers (`Controller`, `Pid`, `Lqr`) and the motions that
+they follow (`Reference`), environments for reinforcement learning, the comparison of controllers and policies
+(`compare`, `run`), and the identification of parameters from logs (`identify`). Importing it registers every task with
 Gymnasium, among them `ballbot/Balance-v0`.
 SI units and radians throughout; quaternions are `[w, x, y, z]`.
 """
@@ -22,6 +22,7 @@ from ballbot_rs._core import (
     Params,
     Pid,
     PlanarModel,
+    Reference,
     Renderer,
     SpatialModel,
     State,
@@ -71,6 +72,7 @@ __all__ = [
     "Pid",
     "PlanarModel",
     "Push",
+    "Reference",
     "Renderer",
     "Result",
     "SensorLog",

@@ -33,6 +33,7 @@ __all__ = [
     "Params",
     "Pid",
     "PlanarModel",
+    "Reference",
     "Renderer",
     "SpatialModel",
     "State",
@@ -871,6 +872,143 @@ class Lqr(Controller):
         """Relative residual of the Riccati equation."""
 
 @final
+class Reference:
+    """A motion of the ball with the lean and the torques that it takes: setpoints over time, from rest at the time 0.
+
+    Made by `hold`, `line`, `path`, `stops`, `velocities`, `circle`, `square`, `lemniscate` or `attitude`. A motion that takes
+    more traction or torque than the robot has is refused with the time that would do.
+
+    Arguments of all of them:
+        params: the robot; None is the paper's.
+        yaw: heading at first, rad.
+        yaw_rate: rate to which the heading comes within a second, rad/s.
+        friction: share of the friction limit of the wheels that the motion may take, from 0.01 to 1; None allows any.
+
+    Raises:
+        ValueError: numbers that make no motion, or a motion that the robot cannot follow.
+    """
+
+    @staticmethod
+    def hold(
+        position: npt.ArrayLike,
+        *,
+        params: _Robot | None = None,
+        yaw: float = 0.0,
+        yaw_rate: float = 0.0,
+        friction: float | None = 1.0,
+    ) -> Reference:
+        """The ball stays at `position`, shape (2,), m."""
+    @staticmethod
+    def line(
+        goal: npt.ArrayLike,
+        seconds: float,
+        start: npt.ArrayLike | None = None,
+        *,
+        params: _Robot | None = None,
+        yaw: float = 0.0,
+        yaw_rate: float = 0.0,
+        friction: float | None = 1.0,
+    ) -> Reference:
+        """From rest at `start` to rest at `goal`, both of shape (2,), m, on a straight line in `seconds`."""
+    @staticmethod
+    def path(
+        points: npt.ArrayLike,
+        times: npt.ArrayLike,
+        *,
+        params: _Robot | None = None,
+        yaw: float = 0.0,
+        yaw_rate: float = 0.0,
+        friction: float | None = 1.0,
+    ) -> Reference:
+        """Smoothly through `points`, shape (n, 2), m, at `times`, shape (n,), s, at rest at the first and the last."""
+    @staticmethod
+    def stops(
+        points: npt.ArrayLike,
+        times: npt.ArrayLike,
+        *,
+        params: _Robot | None = None,
+        yaw: float = 0.0,
+        yaw_rate: float = 0.0,
+        friction: float | None = 1.0,
+    ) -> Reference:
+        """On straight lines between `points`, shape (n, 2), m, at rest at each at `times`, shape (n,), s."""
+    @staticmethod
+    def square(
+        side: float,
+        seconds: float,
+        *,
+        params: _Robot | None = None,
+        yaw: float = 0.0,
+        yaw_rate: float = 0.0,
+        friction: float | None = 1.0,
+    ) -> Reference:
+        """Around a square of `side` (m) from the origin, at rest at each corner, a side in `seconds`."""
+    @staticmethod
+    def velocities(
+        velocities: npt.ArrayLike,
+        times: npt.ArrayLike,
+        change: float,
+        *,
+        params: _Robot | None = None,
+        yaw: float = 0.0,
+        yaw_rate: float = 0.0,
+        friction: float | None = 1.0,
+    ) -> Reference:
+        """At `velocities`, shape (n, 2), m/s, from rest at the origin; each change begins at `times`, shape (n,), s, and takes
+        `change` seconds.
+        """
+    @staticmethod
+    def circle(
+        radius: float,
+        period: float,
+        start: float = 4.0,
+        *,
+        params: _Robot | None = None,
+        yaw: float = 0.0,
+        yaw_rate: float = 0.0,
+        friction: float | None = 1.0,
+    ) -> Reference:
+        """Around a circle of `radius` (m) through the origin, a turn in `period` seconds, up to speed within `start` seconds."""
+    @staticmethod
+    def lemniscate(
+        size: float,
+        period: float,
+        start: float = 4.0,
+        *,
+        params: _Robot | None = None,
+        yaw: float = 0.0,
+        yaw_rate: float = 0.0,
+        friction: float | None = 1.0,
+    ) -> Reference:
+        """Around x = a sin ωt, y = a sin ωt cos ωt, a = `size` (m), a turn in `period` seconds, up to speed within `start` seconds."""
+    @staticmethod
+    def attitude(
+        lean: float,
+        frequency: float,
+        start: float = 4.0,
+        *,
+        params: _Robot | None = None,
+        yaw: float = 0.0,
+        yaw_rate: float = 0.0,
+        friction: float | None = 1.0,
+    ) -> Reference:
+        """Back and forth along x, so that the tilt about y is a sine of amplitude `lean` (rad) and `frequency` (Hz), which it
+        reaches within `start` seconds.
+        """
+    def __call__(self, time: float) -> dict[str, Any]:
+        """Setpoint at `time` (s): arrays and numbers by the names of its parts, as controllers take them."""
+    def sample(self, times: npt.ArrayLike) -> dict[str, _Array]:
+        """Setpoints at `times`, shape (n,), s: arrays by name, with n rows each."""
+    @property
+    def duration(self) -> float | None:
+        """When the motion ends, s; None if it does not."""
+    @property
+    def demand(self) -> float:
+        """Largest share of the friction limit, the load or the torque of a wheel that the motion takes."""
+    def slowdown(self, friction: float = 1.0) -> float | None:
+        """The least factor by which the motion must be slowed down for its demand to be `friction`; None if none below 1000 does."""
+
+@final
 class Batch:
     """Environments of one task that are stepped together in Rust; the front ends are made of it.
 
@@ -1100,21 +1238,25 @@ class Batch:
         self,
         controller: Controller,
         steps: int,
-        setpoints: Mapping[str, npt.ArrayLike] | None = None,
+        setpoints: Mapping[str, npt.ArrayLike] | Reference | Sequence[Reference] | None = None,
         record: Sequence[str] = ...,
         *,
         privileged: bool = False,
+        impulses: npt.ArrayLike | None = None,
+        start_time: float = 0.0,
     ) -> dict[str, Any]:
         """Runs `steps` control steps under a controller, without Python in the loop.
 
         Args:
             controller: as in `control`.
             steps: how many.
-            setpoints: as in `control`, the same at all steps.
+            setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list of one each.
             record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
                 `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
                 step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
             privileged: as in `control`.
+            impulses: on the CoM of each body before each of the first k steps, shape (k, num_envs, 3), inertial frame, N·s.
+            start_time: when the first step is, for references, s.
 
         Returns:
             Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number a robot; `draws` is

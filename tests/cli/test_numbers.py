@@ -11,6 +11,7 @@ from ballbot_rs.cli import main, parser
 LIMITS = [
     ("evaluate", "--episodes", 1, 1, 100_000),
     ("evaluate", "--seed", 1, 0, 2**64 - 1),
+    ("compare", "--seed", 1, 0, 2**64 - 1),
     ("train", "--episodes", 1, 0, 100_000),
     ("train", "--seed", 1, 0, 2**32 - 1),
     ("train", "--timesteps", 1, 1, 10**12),

@@ -2,7 +2,7 @@
 //!
 //! Layers, each depending only on those before it: parameters, state, kinematics and lanes; actuators and sensors
 //! ([`actuator`], [`sensor`]); models, from closed form ([`models`]) to rigid bodies with contacts ([`sim`]); controllers
-//! ([`control`]); tasks ([`task`]); environments ([`batch`]).
+//! ([`control`]), and those that simulate ([`planning`]); tasks ([`task`]); environments ([`batch`]).
 //!
 //! Cargo features, all on by default: `rigid` (the model of that name, by rapier3d), `urdf` (robots from URDFs),
 //! `render` (pictures).
@@ -41,6 +41,7 @@ mod model;
 pub mod models;
 mod names;
 mod params;
+pub mod planning;
 #[cfg(feature = "render")]
 pub mod render;
 mod robot;

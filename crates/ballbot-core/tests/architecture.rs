@@ -30,7 +30,7 @@ const BOTTOM: [&str; 17] = [
 ];
 
 /// What each layer above the bottom may use besides the bottom and itself; a longer path is that item alone.
-const LAYERS: [(&str, &[&str]); 10] = [
+const LAYERS: [(&str, &[&str]); 11] = [
     ("actuator", &[]),
     ("sensor", &[]),
     ("models", &[]),
@@ -41,6 +41,7 @@ const LAYERS: [(&str, &[&str]); 10] = [
         "control",
         &["models::LinearModel", "models::LoadMap", "models::WheelLoad", "models::linear", "models::traction_torque"],
     ),
+    ("planning", &["actuator", "control", "models::linear", "sim::contact::ContactLanes"]),
     ("robot", &["models", "sim"]),
     ("task", &[]),
     ("batch", &["actuator", "sensor", "sim", "control", "robot", "task"]),

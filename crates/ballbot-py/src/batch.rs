@@ -2,16 +2,16 @@
 
 use crate::actuators::to_dict;
 use crate::control::{PyController, setpoints};
-use crate::convert::{elements, read_elements, vector};
+use crate::convert::{elements, finite_elements, read_elements, vector};
 use crate::errors::{call, to_python};
 use crate::events::draws;
 use crate::exclusive::Exclusive;
 use crate::fields::field_dict;
 use crate::infos::EmptyInfos;
-use crate::numbers::{count, index, optional_index, optional_whole, seed, seeds, whole};
+use crate::numbers::{count, index, optional_index, optional_whole, real, seed, seeds, whole};
 use crate::options::{configure, resolved};
 use crate::params::{PyParams, or_paper};
-use crate::rollout::{CONTACT_PARTS, Stepped};
+use crate::rollout::{CONTACT_PARTS, ClosedLoop, Stepped, Targets};
 use crate::sensors::readings;
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
@@ -639,11 +639,13 @@ impl PyBatch {
     /// Args:
     ///     controller: as in `control`.
     ///     steps: how many.
-    ///     setpoints: as in `control`, the same at all steps.
+    ///     setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list of one each.
     ///     record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
     ///         `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
     ///         step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
     ///     privileged: as in `control`.
+    ///     impulses: on the CoM of each body before each of the first k steps, shape (k, num_envs, 3), inertial frame, N·s.
+    ///     start_time: when the first step is, for references, s.
     ///
     /// Returns:
     ///     Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number a robot; `draws` is
@@ -655,26 +657,44 @@ impl PyBatch {
     ///     MemoryError: the records need more memory than there is.
     ///     KeyboardInterrupt: Ctrl-C. The robots have come some of the way then; where a single step takes long, all must be
     ///         reset.
-    #[pyo3(signature = (controller, steps, setpoints=None, record=vec!["states".to_owned()], *, privileged=false))]
+    #[pyo3(
+        signature = (
+            controller, steps, setpoints=None, record=vec!["states".to_owned()], *, privileged=false, impulses=None,
+            start_time=0.0
+        ),
+        text_signature =
+            "($self, controller, steps, setpoints=None, record=['states'], *, privileged=False, impulses=None, start_time=0.0)"
+    )]
     #[expect(clippy::needless_pass_by_value, reason = "extracted from a Python sequence")]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn rollout<'py>(
         &self,
         py: Python<'py>,
         controller: &PyController,
         #[pyo3(from_py_with = whole)] steps: i64,
-        setpoints: Option<&Bound<'py, PyDict>>,
+        setpoints: Option<&Bound<'py, PyAny>>,
         record: Vec<String>,
         privileged: bool,
+        impulses: Option<&Bound<'py, PyAny>>,
+        #[pyo3(from_py_with = real)] start_time: f64,
     ) -> PyResult<Bound<'py, PyDict>> {
         let steps = count("steps", steps, 0)?;
         let mut inner = self.inner.write()?;
         let Inner { batch, outcomes, final_observations, .. } = &mut *inner;
         let law = controller.law.read()?;
         let law = law.as_ref();
-        let setpoints = setpoints.map(|parts| self::setpoints(controller, law, batch.len(), parts)).transpose()?;
-        let stepped = Stepped { batch, outcomes, final_observations };
-        let under = Under { controller: law, setpoints: setpoints.as_deref(), privileged };
-        stepped.rollout(py, &under, steps, &record)
+        let targets = Targets::extracted(controller, law, batch.len(), setpoints)?;
+        let impulses = impulses.map(|value| finite_elements("impulses", value, &[None, Some(batch.len()), Some(3)]));
+        let closed_loop = ClosedLoop {
+            controller: law,
+            targets,
+            privileged,
+            impulses: impulses.transpose()?.unwrap_or_default(),
+            start_time: ballbot_core::check_finite("start_time", &[start_time])
+                .map(|()| start_time)
+                .map_err(to_python)?,
+        };
+        Stepped { batch, outcomes, final_observations }.rollout(py, &closed_loop, steps, &record)
     }
 
     /// Everything that the future of environment `index` depends on, its robot's parameters included, for `restore`; what a

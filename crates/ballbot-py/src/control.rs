@@ -21,19 +21,9 @@ use pyo3::types::PyDict;
 type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 type Keywords<'a, 'py> = Option<&'a Bound<'py, PyDict>>;
 
-/// Sets a part of a setpoint by its name.
-fn set_part(setpoint: &mut Setpoint, name: &str, values: &[f64]) {
-    match name {
-        "position" => setpoint.position = [values[0], values[1]].into(),
-        "velocity" => setpoint.velocity = [values[0], values[1]].into(),
-        "tilt" => setpoint.tilt = [values[0], values[1]].into(),
-        _ => setpoint.yaw = values[0],
-    }
-}
-
 /// How many numbers a part of a setpoint has.
 fn part_len(name: &str) -> usize {
-    if name == "yaw" { 1 } else { 2 }
+    Setpoint::default().part(name).len()
 }
 
 /// Setpoints of `n` robots from a mapping; a value is that of all robots, or has one row a robot.
@@ -57,7 +47,7 @@ pub(crate) fn setpoints(
         };
         ballbot_core::check_finite(&name, &values).map_err(to_python)?;
         for (setpoint, values) in setpoints.iter_mut().zip(values.chunks(len)) {
-            set_part(setpoint, &name, values);
+            setpoint.part_mut(&name).copy_from_slice(values);
         }
     }
     Ok(setpoints)
@@ -136,7 +126,7 @@ impl PyController {
         Self { name: name.to_owned(), class, law: Exclusive::new("controller", Box::new(law)) }
     }
 
-    fn check_part(&self, law: &dyn Controller, name: &str) -> PyResult<()> {
+    pub(crate) fn check_part(&self, law: &dyn Controller, name: &str) -> PyResult<()> {
         if law.parts().contains(&name) {
             return Ok(());
         }
@@ -176,7 +166,9 @@ impl PyController {
     /// Wheel torques for the next `control_dt`, shape (3,), N·m.
     ///
     /// `setpoint` may have the parts in `setpoint_parts`: `position` and `velocity` (x, y of the ball, inertial frame, m
-    /// and m/s), `yaw` (rad), `tilt` (x, y, heading frame, rad). A part that the law does not follow is a TypeError.
+    /// and m/s), `acceleration`, `jerk` and `snap` (x, y of the flat output, inertial frame, m/s² and its derivatives: lean
+    /// and torques are fed forward from them), `yaw` (rad), `yaw_rate` (rad/s), `tilt` (x, y, heading frame, rad). A part that
+    /// the law does not follow is a TypeError.
     #[pyo3(signature = (state, **setpoint))]
     fn __call__<'py>(
         &self,
@@ -190,13 +182,13 @@ impl PyController {
             for (name, value) in parts {
                 let name: String = name.extract()?;
                 self.check_part(law.as_ref(), &name)?;
-                let values = if name == "yaw" {
-                    vec![real(&value).map_err(|_| PyTypeError::new_err("yaw must be a number"))?]
+                let values = if part_len(&name) == 1 {
+                    vec![real(&value).map_err(|_| PyTypeError::new_err(format!("{name} must be a number")))?]
                 } else {
                     numbers::<2>(&name, &value)?.to_vec()
                 };
                 ballbot_core::check_finite(&name, &values).map_err(to_python)?;
-                set_part(&mut target, &name, &values);
+                target.part_mut(&name).copy_from_slice(&values);
             }
         }
         target.validate().map_err(to_python)?;

@@ -17,6 +17,7 @@ mod models;
 mod numbers;
 mod options;
 mod params;
+mod reference;
 mod render;
 mod robot;
 mod rollout;
@@ -54,6 +55,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<control::PyController>()?;
     module.add_class::<control::PyPid>()?;
     module.add_class::<control::PyLqr>()?;
+    module.add_class::<reference::PyReference>()?;
     module.add_class::<batch::PyBatch>()?;
     module.add_class::<render::PyRenderer>()?;
     module.add_function(wrap_pyfunction!(actuators::load_actuators, module)?)?;

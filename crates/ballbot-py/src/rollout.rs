@@ -1,11 +1,15 @@
 //! A closed loop on a batch, recorded without Python in it.
 
+use crate::control::{PyController, setpoints};
 use crate::errors::to_python;
 use crate::events::draw_records;
+use crate::reference::References;
 use crate::signals::interruptible;
 use ballbot_core::batch::{Batch, Outcome, StepBuffers, Under};
+use ballbot_core::control::{Controller, Setpoint};
 use ballbot_core::task::ACTION_LEN;
 use ballbot_core::{Contacts, State, try_zeros};
+use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::intern;
@@ -170,6 +174,55 @@ impl Record {
     }
 }
 
+/// What the robots of a rollout are to do.
+pub(crate) enum Targets {
+    /// The setpoints of their tasks.
+    Task,
+    /// The same at all steps.
+    Same(Vec<Setpoint>),
+    References(References),
+}
+
+impl Targets {
+    /// From None, parts by name, or references.
+    pub(crate) fn extracted(
+        controller: &PyController,
+        law: &dyn Controller,
+        n: usize,
+        value: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let Some(value) = value else { return Ok(Self::Task) };
+        if let Some(references) = References::extracted(controller, law, n, value)? {
+            return Ok(Self::References(references));
+        }
+        Ok(Self::Same(setpoints(controller, law, n, value.cast::<PyDict>()?)?))
+    }
+}
+
+/// A controller on all robots of a batch, and what happens to them.
+pub(crate) struct ClosedLoop<'a> {
+    pub(crate) controller: &'a dyn Controller,
+    pub(crate) targets: Targets,
+    pub(crate) privileged: bool,
+    /// On each robot before each of the first steps, N·s.
+    pub(crate) impulses: Vec<f64>,
+    pub(crate) start_time: f64,
+}
+
+impl ClosedLoop<'_> {
+    /// Gives the robots the impulses of a step.
+    fn push(&self, batch: &mut Batch, step: usize) -> ballbot_core::Result<()> {
+        let width = 3 * batch.len();
+        let impulses = self.impulses.get(step * width..(step + 1) * width).unwrap_or_default();
+        for (i, impulse) in impulses.chunks_exact(3).enumerate() {
+            if impulse.iter().any(|component| *component != 0.0) {
+                batch.push(i, &Vector3::from_column_slice(impulse), None)?;
+            }
+        }
+        Ok(())
+    }
+}
+
 /// A batch, and where its steps write what the Python object keeps.
 pub(crate) struct Stepped<'a> {
     pub(crate) batch: &'a mut Batch,
@@ -182,7 +235,7 @@ impl Stepped<'_> {
     pub(crate) fn rollout<'py>(
         mut self,
         py: Python<'py>,
-        under: &Under<'_>,
+        closed_loop: &ClosedLoop<'_>,
         steps: usize,
         names: &[String],
     ) -> PyResult<Bound<'py, PyDict>> {
@@ -195,7 +248,7 @@ impl Stepped<'_> {
             let what = format!("the record '{}' of shape {shape:?}", record.name);
             recorded.push(try_zeros(what, &shape).map_err(to_python)?);
         }
-        self.run(py, under, steps, &records, &mut recorded)?;
+        self.run(py, closed_loop, steps, &records, &mut recorded)?;
         let dict = PyDict::new(py);
         for (record, values) in records.iter().zip(recorded) {
             if matches!(record.source, Source::Draws) {
@@ -211,7 +264,7 @@ impl Stepped<'_> {
     fn run(
         &mut self,
         py: Python<'_>,
-        under: &Under<'_>,
+        closed_loop: &ClosedLoop<'_>,
         steps: usize,
         records: &[&Record],
         recorded: &mut [Vec<f64>],
@@ -224,9 +277,25 @@ impl Stepped<'_> {
         for (i, row) in observations.chunks_exact_mut(width).enumerate() {
             self.batch.observation(i, row).map_err(to_python)?;
         }
+        let mut moving = match closed_loop.targets {
+            Targets::References(_) => vec![Setpoint::default(); n],
+            _ => Vec::new(),
+        };
         interruptible(py, || {
             for step in 0..=steps {
                 if step > 0 {
+                    closed_loop.push(self.batch, step - 1)?;
+                    let setpoints = match &closed_loop.targets {
+                        Targets::Task => None,
+                        Targets::Same(setpoints) => Some(setpoints.as_slice()),
+                        Targets::References(references) => {
+                            let time = closed_loop.start_time + (step - 1) as f64 * self.batch.control_dt();
+                            references.write(time, &mut moving)?;
+                            Some(moving.as_slice())
+                        }
+                    };
+                    let under =
+                        Under { controller: closed_loop.controller, setpoints, privileged: closed_loop.privileged };
                     let mut buffers = StepBuffers {
                         observations: &mut observations,
                         rewards: &mut rewards,
@@ -235,7 +304,7 @@ impl Stepped<'_> {
                         final_observations: self.final_observations,
                         outcomes: self.outcomes,
                     };
-                    self.batch.step_under(under, &mut actions, &mut buffers)?;
+                    self.batch.step_under(&under, &mut actions, &mut buffers)?;
                 }
                 let last = Last { actions: &actions, observations: &observations, outcomes: self.outcomes };
                 write_records(self.batch, &last, step, records, recorded);

@@ -12,7 +12,20 @@ from typing import Any, NoReturn
 from ballbot_rs import __version__, _interrupts
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._extras import install_hint
-from ballbot_rs.cli import evaluate, export, identify, info, plot, record, record_log, report, streams, train, view
+from ballbot_rs.cli import (
+    compare,
+    evaluate,
+    export,
+    identify,
+    info,
+    plot,
+    record,
+    record_log,
+    report,
+    streams,
+    train,
+    view,
+)
 
 #: Exit code of an error that the message explains.
 FAILED = 1
@@ -26,7 +39,7 @@ EPILOG = (
 )
 
 COMPLETION = "--print-completion"
-COMMANDS = (train, evaluate, report, export, plot, record, view, record_log, identify, info)
+COMMANDS = (train, evaluate, compare, report, export, plot, record, view, record_log, identify, info)
 
 
 class Parser(argparse.ArgumentParser):

@@ -1,10 +1,9 @@
 //! A PD of the position that asks for a lean, above a PID of the lean.
 
-use super::balance_frame::BalanceFrame;
-use super::deviation::deviation;
-use super::lean_planes::{LeanPlane, LeanPlanes, Leaning, require_stable};
+use super::lean_planes::{LeanPlane, Leaning, require_stable};
 use super::outer::share_within;
-use super::{Constants, LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, check_control_dt};
+use super::tracking::{Deviation, Tracking};
+use super::{Constants, LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
 use crate::error::Result;
 use crate::fields::{Fields, Limit};
 use crate::lane_state::LaneState;
@@ -92,13 +91,12 @@ impl Gains {
 /// vectors; the integral is held while the torques are limited.
 #[derive(Clone, Debug)]
 pub struct CascadePid {
-    planes: LeanPlanes,
     gains: [Gains; 2],
     /// k of the acceleration −k (ψ, ψ̇) of the heading.
     yaw: [f64; 2],
     max_lean: f64,
     max_speed: f64,
-    frame: BalanceFrame,
+    tracking: Tracking,
     sampling: Sampling,
     limits: TorqueLimits,
 }
@@ -127,15 +125,15 @@ impl CascadePid {
         check_control_dt(control_dt)?;
         options.check_limits()?;
         let limits = TorqueLimits::new(params, limits)?;
-        let planes = LeanPlanes::new(params);
+        let tracking = Tracking::new(params);
+        let planes = &tracking.planes.planes;
         let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
         let law = Self {
-            gains: [Gains::new(&planes.planes[0], options), Gains::new(&planes.planes[1], options)],
-            planes,
+            gains: [Gains::new(&planes[0], options), Gains::new(&planes[1], options)],
             yaw,
             max_lean: options.max_lean,
             max_speed: options.max_speed,
-            frame: BalanceFrame::new(params),
+            tracking,
             sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
             limits,
         };
@@ -149,7 +147,7 @@ impl CascadePid {
         let (a, b) = LinearModel::new(params).discretize(dt);
         let size = STATES + 2;
         let [x, y] = &self.gains;
-        let gain = self.planes.gain([x.feedback(), y.feedback()], self.yaw);
+        let gain = self.tracking.planes.gain([x.feedback(), y.feedback()], self.yaw);
         let mut closed = DMatrix::identity(size, size);
         closed.view_mut((0, 0), (STATES, STATES)).copy_from(&(a - b * gain));
         for (axis, g) in self.gains.iter().enumerate() {
@@ -160,7 +158,7 @@ impl CascadePid {
             }
             let mut unit = [[0.0; 4]; 2];
             unit[axis][0] = -g.integral;
-            let column = b * self.planes.gain(unit, [0.0; 2]).column(axis);
+            let column = b * self.tracking.planes.gain(unit, [0.0; 2]).column(axis);
             closed.view_mut((0, STATES + axis), (STATES, 1)).copy_from(&-column);
             // θ_ref − θ, with the tilt about −x in the plane of y.
             let (lean, sign) = if axis == 0 { (3, 1.0) } else { (2, -1.0) };
@@ -174,7 +172,7 @@ impl CascadePid {
 
 impl Law for CascadePid {
     const MEMORY: usize = 2;
-    const PARTS: &'static [&'static str] = &["position", "velocity", "yaw"];
+    const PARTS: &'static [&'static str] = MOTION_PARTS;
 
     fn sampling(&self) -> &Sampling {
         &self.sampling
@@ -187,7 +185,7 @@ impl Law for CascadePid {
     fn constants(&self) -> Option<Constants> {
         let [x, y] = &self.gains;
         let constants = self
-            .frame
+            .tracking
             .add_to(Constants::default())
             .vector("position_gains", &[x.position, y.position])
             .vector("velocity_gains", &[x.velocity, y.velocity])
@@ -198,7 +196,7 @@ impl Law for CascadePid {
             .vector("yaw_gains", &self.yaw)
             .number("max_lean", self.max_lean)
             .number("max_speed", self.max_speed);
-        Some(self.limits.add_to(self.planes.add_to(constants)))
+        Some(self.limits.add_to(constants))
     }
 
     #[inline(always)]
@@ -209,7 +207,7 @@ impl Law for CascadePid {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let x = deviation(&self.frame, state, setpoint);
+        let Deviation { x, forward } = self.tracking.deviation(state, setpoint);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
         let [gx, gy] = &self.gains;
         let speeds = [position[0] * (gx.position / gx.velocity), position[1] * (gy.position / gy.velocity)];
@@ -226,10 +224,10 @@ impl Law for CascadePid {
             errors[axis] = reference - lean[axis];
             let held = lean[axis].mul_add_all(-g.lean, rate[axis] * -g.rate);
             let driven = reference.mul_add_all(g.reference, memory.get(axis) * g.integral);
-            accelerations[axis] = driven + held;
+            accelerations[axis] = driven + held + forward[axis];
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let limited = self.limits.apply(self.planes.wheel_torques(accelerations, turning), state, largest);
+        let limited = self.limits.apply(self.tracking.planes.wheel_torques(accelerations, turning), state, largest);
         // A torque that is limited cannot act on the integral: hold it.
         let held = limited.share.lt(less.splat(1.0));
         for (axis, error) in errors.into_iter().enumerate() {

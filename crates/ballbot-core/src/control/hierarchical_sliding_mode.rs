@@ -1,10 +1,9 @@
 //! Hierarchical sliding mode of position and lean.
 
-use super::balance_frame::BalanceFrame;
-use super::deviation::deviation;
-use super::lean_planes::{LeanPlane, LeanPlanes, Leaning, require_stable};
+use super::lean_planes::{LeanPlane, Leaning, require_stable};
 use super::outer::Outer;
-use super::{Constants, LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, check_control_dt};
+use super::tracking::{Deviation, Tracking};
+use super::{Constants, LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
 use crate::error::{Error, Result};
 use crate::fields::{Fields, Limit};
 use crate::lane_state::LaneState;
@@ -118,7 +117,7 @@ impl Gains {
 /// them (derived in `docs/laws.md`). Speed and lean that the position asks for are cut as vectors.
 #[derive(Clone, Debug)]
 pub struct HierarchicalSlidingMode {
-    planes: LeanPlanes,
+    tracking: Tracking,
     gains: [Gains; 2],
     /// K_S, 1/s.
     reaching: f64,
@@ -127,7 +126,6 @@ pub struct HierarchicalSlidingMode {
     /// k of the acceleration −k (ψ, ψ̇) of the heading.
     yaw: [f64; 2],
     outer: Outer,
-    frame: BalanceFrame,
     sampling: Sampling,
     limits: TorqueLimits,
 }
@@ -154,10 +152,10 @@ impl HierarchicalSlidingMode {
     ) -> Result<Self> {
         params.validate()?;
         options.check_limits()?;
-        let planes = LeanPlanes::new(params);
-        let surfaces =
-            [SlidingSurface::new(&planes.planes[0], options), SlidingSurface::new(&planes.planes[1], options)];
-        Self::with_planes(params, control_dt, planes, surfaces, options, limits)
+        let tracking = Tracking::new(params);
+        let [x, y] = &tracking.planes.planes;
+        let surfaces = [SlidingSurface::new(x, options), SlidingSurface::new(y, options)];
+        Self::with_tracking(params, control_dt, tracking, surfaces, options, limits)
     }
 
     /// A controller with surfaces of one's own in the planes of x and y; the poles of the options are not used.
@@ -174,19 +172,20 @@ impl HierarchicalSlidingMode {
     ) -> Result<Self> {
         params.validate()?;
         options.check_limits()?;
-        Self::with_planes(params, control_dt, LeanPlanes::new(params), surfaces, options, limits)
+        Self::with_tracking(params, control_dt, Tracking::new(params), surfaces, options, limits)
     }
 
-    fn with_planes(
+    fn with_tracking(
         params: &Params,
         control_dt: f64,
-        planes: LeanPlanes,
+        tracking: Tracking,
         surfaces: [SlidingSurface; 2],
         options: &SlidingModeOptions,
         limits: &LimitOptions,
     ) -> Result<Self> {
         check_control_dt(control_dt)?;
         let limits = TorqueLimits::new(params, limits)?;
+        let planes = &tracking.planes;
         for (surface, plane) in surfaces.iter().zip(&planes.planes) {
             surface.check(plane)?;
         }
@@ -202,13 +201,12 @@ impl HierarchicalSlidingMode {
         Ok(Self {
             // By the gains within the layer, which are the largest.
             outer: Outer::new(&within_layer, [options.max_lean, options.max_speed]),
-            planes,
             gains,
             reaching,
             switching: options.switching,
             layer: options.layer,
             yaw,
-            frame: BalanceFrame::new(params),
+            tracking,
             sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
             limits,
         })
@@ -222,7 +220,7 @@ impl HierarchicalSlidingMode {
 
 impl Law for HierarchicalSlidingMode {
     const MEMORY: usize = 0;
-    const PARTS: &'static [&'static str] = &["position", "velocity", "yaw"];
+    const PARTS: &'static [&'static str] = MOTION_PARTS;
 
     fn sampling(&self) -> &Sampling {
         &self.sampling
@@ -235,7 +233,7 @@ impl Law for HierarchicalSlidingMode {
     fn constants(&self) -> Option<Constants> {
         let [x, y] = &self.gains;
         let constants = self
-            .frame
+            .tracking
             .add_to(Constants::default())
             .vector("alpha", &[x.surface.alpha, y.surface.alpha])
             .vector("c1", &[x.surface.c1, y.surface.c1])
@@ -248,7 +246,7 @@ impl Law for HierarchicalSlidingMode {
             .number("switching", self.switching)
             .number("layer", self.layer)
             .vector("yaw_gains", &self.yaw);
-        Some(self.limits.add_to(self.planes.add_to(self.outer.add_to(constants))))
+        Some(self.limits.add_to(self.outer.add_to(constants)))
     }
 
     #[inline(always)]
@@ -259,7 +257,7 @@ impl Law for HierarchicalSlidingMode {
         largest: f64,
         _: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let mut x = deviation(&self.frame, state, setpoint);
+        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
         self.outer.clip(&mut x);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
         let (mut s, mut accelerations) = ([x[0]; 2], [x[0]; 2]);
@@ -276,9 +274,10 @@ impl Law for HierarchicalSlidingMode {
         let layer = length.splat(self.layer);
         let decay = length.splat(self.switching) / length.max(layer) + self.reaching;
         for axis in 0..2 {
-            accelerations[axis] = (s[axis] * decay).mul_add_all(-self.gains[axis].per_rate, accelerations[axis]);
+            accelerations[axis] =
+                (s[axis] * decay).mul_add_all(-self.gains[axis].per_rate, accelerations[axis] + forward[axis]);
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        self.limits.apply(self.planes.wheel_torques(accelerations, turning), state, largest).torques
+        self.limits.apply(self.tracking.planes.wheel_torques(accelerations, turning), state, largest).torques
     }
 }

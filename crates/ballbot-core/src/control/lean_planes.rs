@@ -1,7 +1,6 @@
 //! The linear model in each vertical plane of the heading frame, driven by angular accelerations of the body.
 
 use super::Constants;
-use super::deviation::product;
 use crate::error::{Error, Result};
 use crate::lanes::Lane;
 use crate::models::LinearModel;
@@ -96,6 +95,16 @@ impl LeanPlanes {
         (accelerations[(2, 4)], accelerations[(2, 9)]) = (yaw[0], yaw[1]);
         DMatrix::from_fn(INPUTS, 3, |i, j| self.torques[i][j]) * accelerations
     }
+}
+
+/// −row · x.
+#[inline(always)]
+pub(super) fn product<L: Lane, const N: usize>(row: &[f64; N], x: &[L; N]) -> L {
+    let mut sum = x[0] * -row[0];
+    for j in 1..N {
+        sum = x[j].mul_add_all(-row[j], sum);
+    }
+    sum
 }
 
 /// Most steps of the search for the poles; about two a pole are needed.

@@ -1,10 +1,12 @@
 //! The regulator of position, tilt and heading with an integral of the position.
 
-use super::balance_frame::BalanceFrame;
-use super::deviation::{deviation, product};
+use super::lean_planes::product;
 use super::outer::{Outer, equal_torques, share_within};
 use super::riccati::{self, Regulator};
-use super::{Constants, LaneSetpoint, Law, LimitOptions, LqrWeights, Sampling, TorqueLimits, check_control_dt};
+use super::tracking::{Deviation, Tracking};
+use super::{
+    Constants, LaneSetpoint, Law, LimitOptions, LqrWeights, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt,
+};
 use crate::error::Result;
 use crate::fields::{Field, Fields, Limit};
 use crate::lane_state::LaneState;
@@ -88,7 +90,7 @@ pub struct Lqi {
     /// Lean about x and y that has the torques of a deviation of the position.
     position_lean: [[f64; 2]; 2],
     max_integral_lean: f64,
-    frame: BalanceFrame,
+    tracking: Tracking,
     outer: Outer,
     sampling: Sampling,
     limits: TorqueLimits,
@@ -138,7 +140,7 @@ impl Lqi {
             position_lean: lean_of(0),
             max_integral_lean: weights.integral.max_integral_lean,
             outer: Outer::new(k, [weights.lqr.max_lean, weights.lqr.max_speed]),
-            frame: BalanceFrame::new(params),
+            tracking: Tracking::new(params),
             regulator,
             sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
             limits,
@@ -159,7 +161,7 @@ impl Lqi {
 
 impl Law for Lqi {
     const MEMORY: usize = 2;
-    const PARTS: &'static [&'static str] = &["position", "velocity", "yaw"];
+    const PARTS: &'static [&'static str] = MOTION_PARTS;
 
     fn sampling(&self) -> &Sampling {
         &self.sampling
@@ -170,7 +172,7 @@ impl Law for Lqi {
     }
 
     fn constants(&self) -> Option<Constants> {
-        let constants = self.frame.add_to(Constants::default()).matrix("gain", &self.gain);
+        let constants = self.tracking.add_to(Constants::default()).matrix("gain", &self.gain);
         let constants = constants
             .matrix("integral_gain", &self.integral_gain)
             .matrix("lean_per_integral", &self.lean)
@@ -187,12 +189,15 @@ impl Law for Lqi {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let mut x = deviation(&self.frame, state, setpoint);
+        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
         let left = self.outer.clip(&mut x);
-        let heading = Heading::new(self.frame.attitude(state.body_quaternion));
+        let heading = Heading::new(self.tracking.frame.attitude(state.body_quaternion));
         let integral = [memory.get(0), memory.get(1)];
         let z = heading.of(integral[0], integral[1]);
-        let wanted = [self.torque(0, &x, &z), self.torque(1, &x, &z), self.torque(2, &x, &z)];
+        let mut wanted = self.tracking.planes.wheel_torques(forward, x[0].zero());
+        for (wheel, torque) in wanted.iter_mut().enumerate() {
+            *torque += self.torque(wheel, &x, &z);
+        }
         let limited = self.limits.apply(wanted, state, largest);
         let one = left.splat(1.0);
         let near = turned(&self.position_lean, [x[0], x[1]]);

@@ -1,11 +1,12 @@
 //! A discrete linear-quadratic regulator of position, tilt and heading, for any robot.
 
-use super::balance_frame::BalanceFrame;
-use super::deviation::{deviation, product};
+use super::lean_planes::product;
 use super::outer::Outer;
 use super::riccati::{self, Regulator};
+use super::tracking::{Deviation, Tracking};
 use super::{
-    Constants, LaneSetpoint, Law, LimitOptions, Sampling, Setpoint, SetpointCells, TorqueLimits, check_control_dt,
+    Constants, LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, Setpoint, SetpointCells, TorqueLimits,
+    check_control_dt,
 };
 use crate::error::{Error, Result, check};
 use crate::fields::{Fields, Limit};
@@ -55,7 +56,7 @@ impl LqrWeights {
     }
 }
 
-/// τ = −K x in the heading frame, scaled down together where a wheel would slip. The tilt is that from the equilibrium: of
+/// τ = τ_ref − K x in the heading frame, with the torques τ_ref of the setpoint's motion, scaled down together where a wheel would slip. The tilt is that from the equilibrium: of
 /// the line from the ball's center to the body's center of mass. It is made for a level floor: on a slope the ball comes to
 /// rest away from its setpoint.
 #[derive(Clone, Debug)]
@@ -63,7 +64,7 @@ pub struct Lqr {
     regulator: Regulator,
     /// K, row by row.
     gain: [[f64; STATES]; INPUTS],
-    frame: BalanceFrame,
+    tracking: Tracking,
     outer: Outer,
     sampling: Sampling,
     limits: TorqueLimits,
@@ -114,11 +115,10 @@ impl Lqr {
         let b = DMatrix::from_column_slice(STATES, INPUTS, b.as_slice());
         let regulator = riccati::solve(&a, &b, q, r)?;
         let gain = std::array::from_fn(|i| std::array::from_fn(|j| regulator.gain[(i, j)]));
-        let frame = BalanceFrame::new(params);
         Ok(Self {
             outer: Outer::new(&regulator.gain, largest),
             gain,
-            frame,
+            tracking: Tracking::new(params),
             regulator,
             sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
             limits,
@@ -130,11 +130,17 @@ impl Lqr {
         &self.regulator
     }
 
+    /// [`Lqr::deviation`] over lanes.
+    #[inline(always)]
+    pub(crate) fn lane_deviation<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> [L; STATES] {
+        self.tracking.deviation(state, setpoint).x
+    }
+
     /// Deviation from the setpoint in the linear model's coordinates.
     pub fn deviation(&self, state: &State, setpoint: &Setpoint) -> SVector<f64, STATES> {
         let mut cells = StateCells::default();
         LaneState::from(state).store(&mut cells);
-        SVector::from(deviation(&self.frame, &cells.load(Scalar), &SetpointCells::from(setpoint).load(Scalar)))
+        SVector::from(self.tracking.deviation(&cells.load(Scalar), &SetpointCells::from(setpoint).load(Scalar)).x)
     }
 }
 
@@ -177,7 +183,7 @@ fn check_cost(name: &str, matrix: &DMatrix<f64>, size: usize) -> Result<()> {
 
 impl Law for Lqr {
     const MEMORY: usize = 0;
-    const PARTS: &'static [&'static str] = &["position", "velocity", "yaw"];
+    const PARTS: &'static [&'static str] = MOTION_PARTS;
 
     fn sampling(&self) -> &Sampling {
         &self.sampling
@@ -188,7 +194,7 @@ impl Law for Lqr {
     }
 
     fn constants(&self) -> Option<Constants> {
-        let constants = self.frame.add_to(Constants::default()).matrix("gain", &self.gain);
+        let constants = self.tracking.add_to(Constants::default()).matrix("gain", &self.gain);
         Some(self.limits.add_to(self.outer.add_to(constants)))
     }
 
@@ -200,9 +206,12 @@ impl Law for Lqr {
         largest: f64,
         _: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let mut x = deviation(&self.frame, state, setpoint);
+        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
         self.outer.clip(&mut x);
-        let wanted = [product(&self.gain[0], &x), product(&self.gain[1], &x), product(&self.gain[2], &x)];
+        let mut wanted = self.tracking.planes.wheel_torques(forward, x[0].zero());
+        for (row, torque) in self.gain.iter().zip(&mut wanted) {
+            *torque += product(row, &x);
+        }
         self.limits.apply(wanted, state, largest).torques
     }
 }

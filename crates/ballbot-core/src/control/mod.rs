@@ -4,7 +4,6 @@
 
 mod balance_frame;
 mod cascade_pid;
-mod deviation;
 mod hierarchical_sliding_mode;
 mod kinds;
 mod lean_planes;
@@ -13,7 +12,9 @@ mod lqi;
 mod lqr;
 mod outer;
 mod pid;
+pub mod reference;
 pub mod riccati;
+mod tracking;
 
 pub use cascade_pid::{CascadePid, CascadePidOptions};
 pub use hierarchical_sliding_mode::{HierarchicalSlidingMode, SlidingModeOptions, SlidingSurface};
@@ -22,9 +23,10 @@ pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
 pub use lqi::{IntegralWeights, Lqi, LqiWeights};
 pub use lqr::{Lqr, LqrWeights};
 pub use pid::{Pid, PidGains};
+pub use reference::{Motion, Reference, Turning};
 
 pub use crate::constants::{Constant, Constants};
-pub use crate::setpoint::{LaneSetpoint, SETPOINT_PARTS, Setpoint, SetpointCells};
+pub use crate::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint, SetpointCells};
 
 use crate::error::{Result, check};
 use crate::lane_state::{LaneState, StateCells};
@@ -102,7 +104,9 @@ pub trait Controller: Send + Sync {
     fn memory_len(&self) -> usize;
 
     /// The numbers that it computes torques with; `None` of a law that does not give them.
-    fn constants(&self) -> Option<Constants>;
+    fn constants(&self) -> Option<Constants> {
+        None
+    }
 
     /// Forgets the past of the robot of [`Controller::wheel_torques`].
     fn reset(&mut self);

@@ -10,6 +10,7 @@ mod heading;
 mod mat3;
 mod math;
 mod memory;
+mod normal;
 mod philox;
 mod scalar;
 #[cfg(test)]
@@ -25,6 +26,7 @@ pub use heading::Heading;
 pub use mat3::Mat3;
 pub use math::{atan2_positive, exp_of_negative, wrapped_angle};
 pub use memory::Memory;
+pub use normal::Draws;
 pub use philox::philox;
 pub use scalar::Scalar;
 pub use value::{LaneValue, Own, Value};

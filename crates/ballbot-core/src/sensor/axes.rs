@@ -1,7 +1,6 @@
 //! Three axes of a gyroscope or an accelerometer.
 
-use super::normal::Draws;
-use crate::lanes::{Lane, Memory, Vec3};
+use crate::lanes::{Draws, Lane, Memory, Vec3};
 
 /// Errors of three axes that are alike, besides their first bias.
 #[derive(Clone, Copy, Debug, PartialEq)]

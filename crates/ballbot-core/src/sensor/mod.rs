@@ -6,7 +6,6 @@ mod encoders;
 pub mod estimator;
 mod exact;
 mod floor;
-mod normal;
 mod onboard;
 mod options;
 mod period;

@@ -1,12 +1,12 @@
 //! Standard normal numbers in lanes, each by its key and counter.
 
-use crate::lanes::{Cell, Lane, philox};
+use super::{Cell, Lane, philox};
 use std::f64::consts::{FRAC_PI_2, LN_2, SQRT_2};
 
 /// Bits of a word that choose an angle within a quarter turn; the two above choose the quarter.
 const ANGLE_BITS: u32 = 30;
 
-/// The random numbers of one reading, of one robot or of eight.
+/// The random numbers of one reading of a sensor, or of one sample of a plan, of one robot or of eight.
 #[derive(Clone, Copy)]
 pub struct Draws<L: Lane> {
     token: L::Token,
@@ -121,8 +121,8 @@ fn cosine_and_sine<L: Lane>(angle: L) -> [L; 2] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Scalar;
     use super::{Draws, cosine_and_sine, logarithm};
-    use crate::lanes::Scalar;
     use std::f64::consts::FRAC_PI_2;
 
     #[test]

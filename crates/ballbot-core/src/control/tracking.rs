@@ -1,0 +1,94 @@
+//! What is wrong with a robot that follows a setpoint, in the coordinates of the linear model.
+
+use super::balance_frame::BalanceFrame;
+use super::lean_planes::LeanPlanes;
+use super::{Constants, LaneSetpoint};
+use crate::lane_state::LaneState;
+use crate::lanes::{Heading, Lane, wrapped_angle};
+use crate::models::linear::STATES;
+use crate::params::Params;
+
+/// The frame and the vertical planes in which laws see a robot.
+#[derive(Clone, Debug)]
+pub(super) struct Tracking {
+    pub(super) frame: BalanceFrame,
+    pub(super) planes: LeanPlanes,
+}
+
+/// Lean of the motion that a setpoint asks for, in the planes of x and y.
+pub(super) struct LeanReference<L> {
+    /// rad.
+    pub(super) lean: [L; 2],
+    /// rad/s.
+    pub(super) rate: [L; 2],
+    /// rad/s².
+    pub(super) acceleration: [L; 2],
+}
+
+/// A robot beside its setpoint.
+pub(super) struct Deviation<L> {
+    /// From the motion of the setpoint, in the linear model's coordinates.
+    pub(super) x: [L; STATES],
+    /// What the motors add to the angular accelerations of the leans in that motion, rad/s².
+    pub(super) forward: [L; 2],
+}
+
+impl Tracking {
+    pub(super) fn new(params: &Params) -> Self {
+        Self { frame: BalanceFrame::new(params), planes: LeanPlanes::new(params) }
+    }
+
+    /// Adds the balance frame, what leads from the setpoint's motion to lean and torques, and torques per acceleration.
+    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+        let [x, y] = &self.planes.planes;
+        let constants = self.frame.add_to(constants);
+        let constants = constants
+            .vector("lean_per_acceleration", &[x.acceleration.recip(), y.acceleration.recip()])
+            .vector("toppling_squared", &[x.toppling_squared(), y.toppling_squared()]);
+        self.planes.add_to(constants)
+    }
+
+    /// The lean that the setpoint asks for of a robot with this heading.
+    #[inline(always)]
+    pub(super) fn lean<L: Lane>(&self, heading: &Heading<L>, setpoint: &LaneSetpoint<L>) -> LeanReference<L> {
+        let [x, y] = &self.planes.planes;
+        let per_acceleration = [x.acceleration.recip(), y.acceleration.recip()];
+        LeanReference {
+            lean: scaled(heading, setpoint.acceleration, per_acceleration),
+            rate: scaled(heading, setpoint.jerk, per_acceleration),
+            acceleration: scaled(heading, setpoint.snap, per_acceleration),
+        }
+    }
+
+    /// What is between a robot and its setpoint.
+    #[inline(always)]
+    pub(super) fn deviation<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> Deviation<L> {
+        let attitude = self.frame.attitude(state.body_quaternion);
+        let heading = Heading::new(attitude);
+        let (p, v) = (state.ball_position, state.ball_velocity);
+        let [x, y] = heading.of(p.x - setpoint.position[0], p.y - setpoint.position[1]);
+        let [vx, vy] = heading.of(v.x - setpoint.velocity[0], v.y - setpoint.velocity[1]);
+        let [inertial_x, inertial_y] = attitude.tilt_components();
+        let [tilt_x, tilt_y] = heading.of(inertial_x, inertial_y);
+        let yaw = wrapped_angle(attitude.yaw() - setpoint.yaw);
+        let rate = self.frame.of_body(state.body_angular_velocity);
+        let reference = self.lean(&heading, setpoint);
+        let [lean_x, lean_y] = reference.lean;
+        let [rate_x, rate_y] = reference.rate;
+        let mut forward = reference.acceleration;
+        for (axis, plane) in self.planes.planes.iter().enumerate() {
+            forward[axis] = reference.lean[axis].mul_add_all(-plane.toppling_squared(), forward[axis]);
+        }
+        // Leaning towards y turns about −x.
+        let tilt = [tilt_x + lean_y, tilt_y - lean_x];
+        let turning = [rate.x + rate_y, rate.y - rate_x, rate.z - setpoint.yaw_rate];
+        Deviation { x: [x, y, tilt[0], tilt[1], yaw, vx, vy, turning[0], turning[1], turning[2]], forward }
+    }
+}
+
+/// A horizontal vector of the inertial frame in the heading frame, times a factor in each plane.
+#[inline(always)]
+fn scaled<L: Lane>(heading: &Heading<L>, [x, y]: [L; 2], factors: [f64; 2]) -> [L; 2] {
+    let [x, y] = heading.of(x, y);
+    [x * factors[0], y * factors[1]]
+}

@@ -1,0 +1,34 @@
+//! Controllers that simulate: they sample motions of the contact model itself.
+//!
+//! They are not among the controllers known by name until [`register`] has been called: the laws of [`crate::control`]
+//! depend on no simulation.
+
+mod mppi;
+mod rollouts;
+
+pub use mppi::{Mppi, MppiOptions};
+
+use crate::control::{ControllerKind, LimitOptions, MOTION_PARTS, controller_kinds, fields_with, register_controller};
+use crate::error::Result;
+use crate::fields::describe_options;
+
+/// Makes the controllers of this module known by their names; does nothing where they are.
+///
+/// # Errors
+/// [`crate::Error::Inconsistent`] if another controller has taken the name meanwhile.
+pub fn register() -> Result<()> {
+    if controller_kinds().iter().any(|kind| kind.name == "mppi") {
+        return Ok(());
+    }
+    register_controller(ControllerKind {
+        name: "mppi",
+        summary: "Model predictive path integral control: the best of motions sampled in the contact model.",
+        control_dt: Some(Mppi::CONTROL_DT),
+        parts: MOTION_PARTS,
+        limits: LimitOptions::TRACTION,
+        options: describe_options::<MppiOptions>,
+        make: |params, control_dt, limits, options| {
+            Ok(Box::new(Mppi::with_options(params, control_dt, &fields_with(options)?, limits)?))
+        },
+    })
+}

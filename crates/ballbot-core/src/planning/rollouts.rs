@@ -1,0 +1,290 @@
+//! Sampled motions of one robot in the contact model, eight side by side.
+
+use crate::actuator::Ideal;
+use crate::control::{Controller, LaneSetpoint, Lqr, SetpointCells};
+use crate::lane_state::{ConditionCells, LaneState, StateCells};
+use crate::lanes::{Draws, EIGHT, Eight, Kernel, Lane, Scalar, Wide, run_eight};
+use crate::models::linear::STATES;
+use crate::params::Params;
+use crate::sim::contact::ContactLanes;
+use crate::state::State;
+use fearless_simd::Simd;
+use std::sync::Arc;
+
+/// The cost of a motion: Σ xᵀQx + r τᵀτ and xᵀPx at the end.
+#[derive(Clone, Debug)]
+pub(super) struct Objective {
+    /// Diagonal of Q.
+    pub(super) states: [f64; STATES],
+    /// r.
+    pub(super) torques: f64,
+    /// P.
+    pub(super) to_go: [[f64; STATES]; STATES],
+}
+
+/// What is added to the torques.
+pub(super) struct Noise {
+    /// Seed, and number of the call.
+    pub(super) key: [f64; 2],
+    /// N·m.
+    pub(super) deviation: f64,
+    pub(super) correlation: f64,
+    /// No torque is above it, N·m.
+    pub(super) largest: f64,
+}
+
+/// Room for the samples of one call.
+pub(super) struct Rollouts {
+    /// At each decision.
+    pub(super) setpoints: Vec<SetpointCells<Eight>>,
+    robots: ContactLanes,
+    /// Time steps of the simulation from one decision to the next.
+    substeps: usize,
+    groups: usize,
+    /// Noise of each group and decision.
+    noise: Vec<[Eight; 3]>,
+    /// Cost of each sample.
+    costs: Vec<f64>,
+}
+
+impl std::fmt::Debug for Rollouts {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Rollouts").field("groups", &self.groups).field("decisions", &self.setpoints.len()).finish()
+    }
+}
+
+impl Rollouts {
+    pub(super) fn new(params: &Params, control_dt: f64, step: f64, groups: usize, decisions: usize) -> Self {
+        let substeps = (control_dt / step - 1e-9).ceil().max(1.0) as usize;
+        Self {
+            setpoints: vec![SetpointCells::default(); decisions],
+            robots: ContactLanes::new(&Arc::new(params.clone()), control_dt / substeps as f64),
+            substeps,
+            groups,
+            noise: vec![[Eight::default(); 3]; groups * decisions],
+            costs: vec![0.0; groups * EIGHT],
+        }
+    }
+
+    /// Simulates all samples from a state under a regulator and a plan with noise. The first sample has no noise, the second
+    /// no plan.
+    pub(super) fn run(&mut self, base: &Lqr, objective: &Objective, state: &State, plan: &[f64], noise: &Noise) {
+        let Self { setpoints, robots, substeps, groups, noise: kept, costs } = self;
+        robots.place_lane(0, state);
+        let start = robots.lane(0);
+        let motor = Ideal { max_torque: 1.0 };
+        let decisions = setpoints.len();
+        for group in 0..*groups {
+            (0..EIGHT).for_each(|i| robots.set_lane(i, &start));
+            let (mut states, mut conditions) = (StateCells::default(), ConditionCells::default());
+            let mut cost = Eight::default();
+            let mut last = [Eight::default(); 3];
+            for (decision, setpoint) in setpoints.iter().enumerate() {
+                robots.read(&mut states, &mut conditions);
+                let mut torques = base.torques_eight(&states, setpoint, noise.largest, &mut []);
+                run_eight(Decide {
+                    base,
+                    objective,
+                    noise,
+                    plan: &plan[3 * decision..3 * decision + 3],
+                    group,
+                    decision,
+                    states: &states,
+                    setpoint,
+                    last: &mut last,
+                    torques: &mut torques,
+                    cost: &mut cost,
+                });
+                kept[group * decisions + decision] = last;
+                robots.drive_lanes(&motor, &torques, &mut [], &mut [], *substeps);
+            }
+            robots.read(&mut states, &mut conditions);
+            let setpoint = &setpoints[decisions - 1];
+            run_eight(End { base, objective, states: &states, setpoint, cost: &mut cost });
+            for i in 0..EIGHT {
+                let healthy = conditions.healthy.0[i] > 0.0;
+                costs[group * EIGHT + i] = if healthy { cost.0[i] } else { f64::INFINITY };
+            }
+        }
+    }
+
+    /// Adds the mean of the noise to the plan, weighted by exp(−J / T) with T in units of the costs' standard deviation.
+    pub(super) fn average(&self, temperature: f64, plan: &mut [f64]) {
+        let finite = || self.costs.iter().copied().filter(|cost| cost.is_finite());
+        let count = finite().count();
+        if count < 2 {
+            return;
+        }
+        let mean = finite().sum::<f64>() / count as f64;
+        let deviation = (finite().map(|cost| (cost - mean) * (cost - mean)).sum::<f64>() / count as f64).sqrt();
+        let least = finite().fold(f64::INFINITY, f64::min);
+        let scale = temperature * deviation;
+        if scale <= 0.0 || !scale.is_finite() {
+            return;
+        }
+        let weight = |cost: f64| if cost.is_finite() { ((least - cost) / scale).exp() } else { 0.0 };
+        let total: f64 = self.costs.iter().map(|cost| weight(*cost)).sum();
+        let decisions = self.setpoints.len();
+        for (sample, cost) in self.costs.iter().enumerate() {
+            let share = weight(*cost) / total;
+            if share == 0.0 {
+                continue;
+            }
+            let (group, lane) = (sample / EIGHT, sample % EIGHT);
+            for (decision, planned) in plan.chunks_exact_mut(3).enumerate() {
+                let noise = &self.noise[group * decisions + decision];
+                planned.iter_mut().zip(noise).for_each(|(planned, noise)| *planned += share * noise.0[lane]);
+            }
+        }
+    }
+}
+
+/// One decision of eight samples: what is added to the torques, and the cost.
+struct Decide<'a> {
+    base: &'a Lqr,
+    objective: &'a Objective,
+    noise: &'a Noise,
+    plan: &'a [f64],
+    group: usize,
+    decision: usize,
+    states: &'a StateCells<Eight>,
+    setpoint: &'a SetpointCells<Eight>,
+    /// Noise of the decision before, then of this one.
+    last: &'a mut [Eight; 3],
+    torques: &'a mut [Eight; 3],
+    cost: &'a mut Eight,
+}
+
+/// Number of each sample within its group.
+const LANES: Eight = Eight([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+
+/// What [`Decide`] has of its samples.
+struct Sampled<L> {
+    state: LaneState<L>,
+    setpoint: LaneSetpoint<L>,
+    last: [L; 3],
+    torques: [L; 3],
+    cost: L,
+    lane: L,
+}
+
+impl Decide<'_> {
+    #[inline(always)]
+    fn decide<L: Lane>(&self, token: L::Token, sampled: &mut Sampled<L>) {
+        let Sampled { state, setpoint, last, torques, cost, lane } = sampled;
+        let sample = *lane + (self.group * EIGHT) as f64;
+        let seed = L::from_f64(token, self.noise.key[0]);
+        let call = L::from_f64(token, self.noise.key[1]);
+        let [a, b, c, _] = Draws::new(token, [seed, call], seed.zero(), sample).normals(self.decision as u32);
+        // Stationary from the first decision on.
+        let kept = if self.decision == 0 { 0.0 } else { self.noise.correlation };
+        let fresh = self.noise.deviation * (1.0 - kept * kept).sqrt();
+        let largest = sample.splat(self.noise.largest);
+        for (wheel, normal) in [a, b, c].into_iter().enumerate() {
+            let drawn = last[wheel] * kept + normal * fresh;
+            let first = sample.lt(sample.splat(0.5));
+            let second = !first & sample.lt(sample.splat(1.5));
+            let no_plan = L::select(second, sample.splat(-self.plan[wheel]), drawn);
+            let noise = L::select(first, sample.zero(), no_plan);
+            last[wheel] = noise;
+            let torque = torques[wheel] + noise + self.plan[wheel];
+            torques[wheel] = torque.min(largest).max(-largest);
+        }
+        let x = self.base.lane_deviation(state, setpoint);
+        let mut sum = *cost;
+        for (value, weight) in x.iter().zip(&self.objective.states) {
+            sum = value.squared().mul_add_all(*weight, sum);
+        }
+        for torque in torques.iter() {
+            sum = torque.squared().mul_add_all(self.objective.torques, sum);
+        }
+        *cost = sum;
+    }
+
+    #[inline(always)]
+    fn over_lanes<L: Lane<Cell = Eight>>(self, token: L::Token) {
+        let mut sampled = Sampled::<L> {
+            state: self.states.load(token),
+            setpoint: self.setpoint.load(token),
+            last: [L::load(token, &self.last[0]), L::load(token, &self.last[1]), L::load(token, &self.last[2])],
+            torques: [
+                L::load(token, &self.torques[0]),
+                L::load(token, &self.torques[1]),
+                L::load(token, &self.torques[2]),
+            ],
+            cost: L::load(token, self.cost),
+            lane: L::load(token, &LANES),
+        };
+        self.decide(token, &mut sampled);
+        for wheel in 0..3 {
+            sampled.last[wheel].store(&mut self.last[wheel]);
+            sampled.torques[wheel].store(&mut self.torques[wheel]);
+        }
+        sampled.cost.store(self.cost);
+    }
+}
+
+impl Kernel for Decide<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        self.over_lanes::<Wide<S>>(simd);
+    }
+
+    fn run_one_by_one(self) {
+        for i in 0..EIGHT {
+            let mut sampled = Sampled::<f64> {
+                state: self.states.lane(i).load(Scalar),
+                setpoint: self.setpoint.lane(i).load(Scalar),
+                last: self.last.map(|cell| cell.0[i]),
+                torques: self.torques.map(|cell| cell.0[i]),
+                cost: self.cost.0[i],
+                lane: LANES.0[i],
+            };
+            self.decide(Scalar, &mut sampled);
+            for wheel in 0..3 {
+                self.last[wheel].0[i] = sampled.last[wheel];
+                self.torques[wheel].0[i] = sampled.torques[wheel];
+            }
+            self.cost.0[i] = sampled.cost;
+        }
+    }
+}
+
+/// The end of eight samples: their cost to go.
+struct End<'a> {
+    base: &'a Lqr,
+    objective: &'a Objective,
+    states: &'a StateCells<Eight>,
+    setpoint: &'a SetpointCells<Eight>,
+    cost: &'a mut Eight,
+}
+
+impl End<'_> {
+    #[inline(always)]
+    fn to_go<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> L {
+        let x = self.base.lane_deviation(state, setpoint);
+        let mut sum = x[0].zero();
+        for (value, row) in x.iter().zip(&self.objective.to_go) {
+            let mut product = sum.zero();
+            for (other, weight) in x.iter().zip(row) {
+                product = other.mul_add_all(*weight, product);
+            }
+            sum = value.mul_add(product, sum);
+        }
+        sum
+    }
+}
+
+impl Kernel for End<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let cost = self.to_go::<Wide<S>>(&self.states.load(simd), &self.setpoint.load(simd));
+        (cost + Wide::<S>::load(simd, self.cost)).store(self.cost);
+    }
+
+    fn run_one_by_one(self) {
+        for i in 0..EIGHT {
+            self.cost.0[i] += self.to_go::<f64>(&self.states.lane(i).load(Scalar), &self.setpoint.lane(i).load(Scalar));
+        }
+    }
+}

@@ -1,0 +1,304 @@
+//! `Reference`.
+
+use crate::control::PyController;
+use crate::convert::{array, elements, matrix};
+use crate::errors::{call, to_python};
+use crate::numbers::{optional_real, real};
+use crate::params::or_paper;
+use ballbot_core::Result;
+use ballbot_core::control::{Controller, MOTION_PARTS, Motion, Reference, Setpoint, Turning};
+use nalgebra::DMatrix;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PySequence};
+
+type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
+
+/// A motion of the ball with the lean and the torques that it takes: setpoints over time, from rest at the time 0.
+///
+/// Made by `hold`, `line`, `path`, `stops`, `velocities`, `circle`, `square`, `lemniscate` or `attitude`. A motion that takes
+/// more traction or torque than the robot has is refused with the time that would do.
+///
+/// Arguments of all of them:
+///     params: the robot; None is the paper's.
+///     yaw: heading at first, rad.
+///     yaw_rate: rate to which the heading comes within a second, rad/s.
+///     friction: share of the friction limit of the wheels that the motion may take, from 0.01 to 1; None allows any.
+///
+/// Raises:
+///     ValueError: numbers that make no motion, or a motion that the robot cannot follow.
+#[pyclass(name = "Reference", module = "ballbot_rs", frozen)]
+pub(crate) struct PyReference {
+    kind: &'static str,
+    reference: Reference,
+}
+
+/// What all motions have.
+struct Common {
+    turning: Turning,
+    friction: Option<f64>,
+}
+
+fn common(yaw: f64, yaw_rate: f64, friction: Option<f64>) -> Common {
+    Common { turning: Turning { yaw, rate: yaw_rate, ..Turning::default() }, friction }
+}
+
+fn new(kind: &'static str, params: Argument<'_, '_>, motion: Motion, common: &Common) -> PyResult<PyReference> {
+    let params = or_paper(params)?;
+    let reference = call(|| Reference::new(&params, motion, common.turning, common.friction))?;
+    Ok(PyReference { kind, reference })
+}
+
+/// Rows of x and y.
+fn rows(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
+    let values = elements::<f64>(name, value, &[None, Some(2)])?;
+    Ok(values.chunks_exact(2).map(|row| [row[0], row[1]]).collect())
+}
+
+fn pair(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
+    let values = elements::<f64>(name, value, &[Some(2)])?;
+    Ok([values[0], values[1]])
+}
+
+#[pymethods]
+impl PyReference {
+    /// The ball stays at `position`, shape (2,), m.
+    #[staticmethod]
+    #[pyo3(signature = (position, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
+    fn hold(
+        position: &Bound<'_, PyAny>,
+        params: Argument<'_, '_>,
+        #[pyo3(from_py_with = real)] yaw: f64,
+        #[pyo3(from_py_with = real)] yaw_rate: f64,
+        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+    ) -> PyResult<Self> {
+        let position = pair("position", position)?;
+        new("hold", params, Motion::Hold { position }, &common(yaw, yaw_rate, friction))
+    }
+
+    /// From rest at `start` to rest at `goal`, both of shape (2,), m, on a straight line in `seconds`.
+    #[staticmethod]
+    #[pyo3(signature = (goal, seconds, start=None, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn line(
+        goal: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = real)] seconds: f64,
+        start: Argument<'_, '_>,
+        params: Argument<'_, '_>,
+        #[pyo3(from_py_with = real)] yaw: f64,
+        #[pyo3(from_py_with = real)] yaw_rate: f64,
+        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+    ) -> PyResult<Self> {
+        let start = start.map_or(Ok([0.0; 2]), |start| pair("start", start))?;
+        let motion = Motion::Path { points: vec![start, pair("goal", goal)?], times: vec![0.0, seconds] };
+        new("line", params, motion, &common(yaw, yaw_rate, friction))
+    }
+
+    /// Smoothly through `points`, shape (n, 2), m, at `times`, shape (n,), s, at rest at the first and the last.
+    #[staticmethod]
+    #[pyo3(signature = (points, times, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
+    fn path(
+        points: &Bound<'_, PyAny>,
+        times: &Bound<'_, PyAny>,
+        params: Argument<'_, '_>,
+        #[pyo3(from_py_with = real)] yaw: f64,
+        #[pyo3(from_py_with = real)] yaw_rate: f64,
+        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+    ) -> PyResult<Self> {
+        let motion = Motion::Path { points: rows("points", points)?, times: elements("times", times, &[None])? };
+        new("path", params, motion, &common(yaw, yaw_rate, friction))
+    }
+
+    /// On straight lines between `points`, shape (n, 2), m, at rest at each at `times`, shape (n,), s.
+    #[staticmethod]
+    #[pyo3(signature = (points, times, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
+    fn stops(
+        points: &Bound<'_, PyAny>,
+        times: &Bound<'_, PyAny>,
+        params: Argument<'_, '_>,
+        #[pyo3(from_py_with = real)] yaw: f64,
+        #[pyo3(from_py_with = real)] yaw_rate: f64,
+        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+    ) -> PyResult<Self> {
+        let motion = Motion::Stops { points: rows("points", points)?, times: elements("times", times, &[None])? };
+        new("stops", params, motion, &common(yaw, yaw_rate, friction))
+    }
+
+    /// Around a square of `side` (m) from the origin, at rest at each corner, a side in `seconds`.
+    #[staticmethod]
+    #[pyo3(signature = (side, seconds, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
+    fn square(
+        #[pyo3(from_py_with = real)] side: f64,
+        #[pyo3(from_py_with = real)] seconds: f64,
+        params: Argument<'_, '_>,
+        #[pyo3(from_py_with = real)] yaw: f64,
+        #[pyo3(from_py_with = real)] yaw_rate: f64,
+        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+    ) -> PyResult<Self> {
+        let points = vec![[0.0; 2], [side, 0.0], [side, side], [0.0, side], [0.0; 2]];
+        let times = (0..5).map(|k| f64::from(k) * seconds).collect();
+        new("square", params, Motion::Stops { points, times }, &common(yaw, yaw_rate, friction))
+    }
+
+    /// At `velocities`, shape (n, 2), m/s, from rest at the origin; each change begins at `times`, shape (n,), s, and takes
+    /// `change` seconds.
+    #[staticmethod]
+    #[pyo3(signature = (velocities, times, change, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn velocities(
+        velocities: &Bound<'_, PyAny>,
+        times: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = real)] change: f64,
+        params: Argument<'_, '_>,
+        #[pyo3(from_py_with = real)] yaw: f64,
+        #[pyo3(from_py_with = real)] yaw_rate: f64,
+        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+    ) -> PyResult<Self> {
+        let (velocities, times) = (rows("velocities", velocities)?, elements("times", times, &[None])?);
+        let motion = Motion::Velocities { velocities, times, change };
+        new("velocities", params, motion, &common(yaw, yaw_rate, friction))
+    }
+
+    /// Around a circle of `radius` (m) through the origin, a turn in `period` seconds, up to speed within `start` seconds.
+    #[staticmethod]
+    #[pyo3(signature = (radius, period, start=4.0, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn circle(
+        #[pyo3(from_py_with = real)] radius: f64,
+        #[pyo3(from_py_with = real)] period: f64,
+        #[pyo3(from_py_with = real)] start: f64,
+        params: Argument<'_, '_>,
+        #[pyo3(from_py_with = real)] yaw: f64,
+        #[pyo3(from_py_with = real)] yaw_rate: f64,
+        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+    ) -> PyResult<Self> {
+        let motion = Motion::Circle { radius, period, start };
+        new("circle", params, motion, &common(yaw, yaw_rate, friction))
+    }
+
+    /// Around x = a sin ωt, y = a sin ωt cos ωt, a = `size` (m), a turn in `period` seconds, up to speed within `start` seconds.
+    #[staticmethod]
+    #[pyo3(signature = (size, period, start=4.0, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn lemniscate(
+        #[pyo3(from_py_with = real)] size: f64,
+        #[pyo3(from_py_with = real)] period: f64,
+        #[pyo3(from_py_with = real)] start: f64,
+        params: Argument<'_, '_>,
+        #[pyo3(from_py_with = real)] yaw: f64,
+        #[pyo3(from_py_with = real)] yaw_rate: f64,
+        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+    ) -> PyResult<Self> {
+        let motion = Motion::Lemniscate { size, period, start };
+        new("lemniscate", params, motion, &common(yaw, yaw_rate, friction))
+    }
+
+    /// Back and forth along x, so that the tilt about y is a sine of amplitude `lean` (rad) and `frequency` (Hz), which it
+    /// reaches within `start` seconds.
+    #[staticmethod]
+    #[pyo3(signature = (lean, frequency, start=4.0, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn attitude(
+        #[pyo3(from_py_with = real)] lean: f64,
+        #[pyo3(from_py_with = real)] frequency: f64,
+        #[pyo3(from_py_with = real)] start: f64,
+        params: Argument<'_, '_>,
+        #[pyo3(from_py_with = real)] yaw: f64,
+        #[pyo3(from_py_with = real)] yaw_rate: f64,
+        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+    ) -> PyResult<Self> {
+        let motion = Motion::Attitude { lean, frequency, start };
+        new("attitude", params, motion, &common(yaw, yaw_rate, friction))
+    }
+
+    /// Setpoint at `time` (s): arrays and numbers by the names of its parts, as controllers take them.
+    fn __call__<'py>(&self, py: Python<'py>, #[pyo3(from_py_with = real)] time: f64) -> PyResult<Bound<'py, PyDict>> {
+        let setpoint = self.reference.at(time);
+        let parts = PyDict::new(py);
+        for name in MOTION_PARTS {
+            match setpoint.part(name) {
+                [value] => parts.set_item(name, value)?,
+                values => parts.set_item(name, array(py, values))?,
+            }
+        }
+        Ok(parts)
+    }
+
+    /// Setpoints at `times`, shape (n,), s: arrays by name, with n rows each.
+    fn sample<'py>(&self, py: Python<'py>, times: &Bound<'_, PyAny>) -> PyResult<Bound<'py, PyDict>> {
+        let times = elements::<f64>("times", times, &[None])?;
+        let setpoints: Vec<Setpoint> = times.iter().map(|t| self.reference.at(*t)).collect();
+        let parts = PyDict::new(py);
+        for name in MOTION_PARTS {
+            let width = Setpoint::default().part(name).len();
+            let values = DMatrix::from_fn(setpoints.len(), width, |i, j| setpoints[i].part(name)[j]);
+            match width {
+                1 => parts.set_item(name, array(py, values.as_slice()))?,
+                _ => parts.set_item(name, matrix(py, &values))?,
+            }
+        }
+        Ok(parts)
+    }
+
+    /// When the motion ends, s; None if it does not.
+    #[getter]
+    fn duration(&self) -> Option<f64> {
+        self.reference.duration()
+    }
+
+    /// Largest share of the friction limit, the load or the torque of a wheel that the motion takes.
+    #[getter]
+    fn demand(&self) -> f64 {
+        self.reference.demand()
+    }
+
+    /// The least factor by which the motion must be slowed down for its demand to be `friction`; None if none below 1000 does.
+    #[pyo3(signature = (friction=1.0))]
+    fn slowdown(&self, py: Python<'_>, #[pyo3(from_py_with = real)] friction: f64) -> PyResult<Option<f64>> {
+        py.detach(|| self.reference.slowdown(friction)).map_err(to_python)
+    }
+
+    fn __repr__(&self) -> String {
+        let duration = self.reference.duration().map_or_else(String::new, |t| format!(", duration={t} s"));
+        format!("<Reference '{}'{duration}>", self.kind)
+    }
+}
+
+/// References that robots follow, each for itself or one for all.
+pub(crate) struct References(Vec<Reference>);
+
+impl References {
+    /// From one or a sequence of one for each of `n` robots; `None` if the value is neither.
+    pub(crate) fn extracted(
+        controller: &PyController,
+        law: &dyn Controller,
+        n: usize,
+        value: &Bound<'_, PyAny>,
+    ) -> PyResult<Option<Self>> {
+        let references = if let Ok(one) = value.cast::<PyReference>() {
+            vec![one.get().reference.clone()]
+        } else if value.cast::<PyDict>().is_err() && value.cast::<PySequence>().is_ok() {
+            let each: Vec<Bound<'_, PyReference>> = value
+                .extract()
+                .map_err(|_| PyTypeError::new_err("setpoints must be a dict, a Reference or a list of them"))?;
+            if each.len() != n {
+                let error = ballbot_core::Error::Length { name: "setpoints".into(), found: each.len(), expected: n };
+                return Err(to_python(error));
+            }
+            each.iter().map(|one| one.get().reference.clone()).collect()
+        } else {
+            return Ok(None);
+        };
+        controller.check_part(law, "position")?;
+        Ok(Some(Self(references)))
+    }
+
+    /// Writes the setpoints of all robots at time `t`.
+    pub(crate) fn write(&self, t: f64, setpoints: &mut [Setpoint]) -> Result<()> {
+        match self.0.as_slice() {
+            [one] => setpoints.fill(one.at(t)),
+            each => each.iter().zip(&mut *setpoints).for_each(|(reference, setpoint)| *setpoint = reference.at(t)),
+        }
+        setpoints.iter().try_for_each(Setpoint::validate)
+    }
+}

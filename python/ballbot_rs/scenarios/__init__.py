@@ -1,0 +1,1 @@
+"""Scenarios: what robots are asked for, and how controllers stand beside each other."""

@@ -1,0 +1,82 @@
+"""What is hard for a robot: the numbers by which scenarios carry over from one robot to another."""
+
+import dataclasses
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._core import Ballbot, LinearModel, Params, SpatialModel
+
+#: Directions in which the traction is examined.
+_DIRECTIONS = 72
+
+
+@dataclasses.dataclass(frozen=True)
+class Scale:
+    """Numbers of one robot, from its linear model and the loads of its wheels upright.
+
+    Derived in docs/scenarios.md.
+    """
+
+    #: Rate at which it topples, 1/s.
+    toppling_rate: float
+    #: Acceleration per steady lean, m/(s²·rad).
+    acceleration_per_lean: float
+    #: Lean that it can hold with the traction of the upright robot in the worst direction, rad.
+    holdable_lean: float
+    #: Largest impulse at the center of mass that leaves the capture point within the holdable lean, N·s.
+    capture_impulse: float
+    #: Horizontal force at the center of mass per lean that balances it, N/rad.
+    force_per_lean: float
+
+    @classmethod
+    def of(cls, params: Params) -> "Scale":
+        """The numbers of the robot of `params`."""
+        linear = LinearModel(params)
+        a, b = np.asarray(linear.A), np.asarray(linear.B)
+        turning: npt.NDArray[np.float64] = np.asarray(np.linalg.inv(b[7:10]), dtype=np.float64)
+        toppling = a[8, 3]
+        lever = -(b[5:7] @ turning)[0, 1]
+        hold = min(_holdable(params, turning, toppling, angle) for angle in _angles().tolist())
+        rate = math.sqrt(toppling)
+        moment = params.body_mass * params.gravity * float(np.linalg.norm(params.body_com))
+        return cls(
+            toppling_rate=rate,
+            acceleration_per_lean=float(a[5, 3] + lever * toppling),
+            holdable_lean=hold,
+            capture_impulse=hold * rate / _rate_per_impulse(params),
+            force_per_lean=moment / (params.body_com_height + params.ball_radius),
+        )
+
+
+def _angles() -> npt.NDArray[np.float64]:
+    return np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False, dtype=np.float64)
+
+
+def _holdable(params: Params, turning: npt.NDArray[np.float64], toppling: float, angle: float) -> float:
+    """Lean towards a direction at which a wheel slips under the torques that hold it, loads as upright, rad."""
+    torques = turning @ (-toppling * np.array([-np.sin(angle), np.cos(angle), 0.0]))
+    level = params.replace(floor_tilt=(0.0, 0.0))
+    upright = (1.0, 0.0, 0.0, 0.0)
+    model = SpatialModel(level.replace(wheel_coulomb_friction=0.0))
+    still, driven = (model.contacts(upright, np.zeros(6), factor * torques) for factor in (0.0, 1.0))
+    loads = np.asarray(still.wheel_normal_forces), np.asarray(driven.wheel_normal_forces)
+    pulls = np.asarray(still.wheel_tractions), np.asarray(driven.wheel_tractions)
+    friction = params.wheel_dynamic_friction
+    # f + s Δf = ± μ (N + s ΔN)
+    shares = [
+        (friction * loads[0] - sign * pulls[0])
+        / np.maximum(sign * (pulls[1] - pulls[0]) - friction * (loads[1] - loads[0]), 1e-300)
+        for sign in (1.0, -1.0)
+    ]
+    motors = params.max_wheel_torque / np.abs(torques).max()
+    return float(min(np.min(shares), motors))
+
+
+def _rate_per_impulse(params: Params) -> float:
+    """Tilt rate by an impulse at the center of mass, rad/(N·m·s²)."""
+    robot = Ballbot(params.replace(floor_tilt=(0.0, 0.0)), "spatial")
+    impulse = 1e-3 * params.body_mass
+    robot.push((impulse, 0.0, 0.0))
+    return float(abs(robot.state.body_angular_velocity[1]) / impulse)

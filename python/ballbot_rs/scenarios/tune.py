@@ -1,0 +1,170 @@
+"""Automatic tuning: the options of a controller by scenarios, with one budget for all."""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from ballbot_rs._checks import check_count, check_seed
+from ballbot_rs._core import CONTROLLERS, Controller, Params
+from ballbot_rs._extras import require
+from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs.control.resolve import ResolvedController
+from ballbot_rs.scenarios.run import Outcome, run_scenarios
+from ballbot_rs.scenarios.scenario import Scenario
+
+#: First standard deviation of the logarithm of each option.
+_SPREAD: Final = 0.3
+
+#: Largest cost of a scenario: that of a controller that falls, or cannot be made.
+_WORST: Final = 10.0
+
+#: What controllers are tuned on by default: a push, a fast move and a circle, all with a delay of 10 ms.
+DEFAULT: Final = (
+    Scenario(
+        "push",
+        "Push at once",
+        seconds=5.0,
+        push=(0.4, 3.0, 0.1),
+        directions=6,
+        actuators={"delay": 0.01},
+        score="map",
+    ),
+    Scenario(
+        "line",
+        "1 m in 3.1 s",
+        seconds=5.0,
+        reference={"kind": "line", "goal": [1.0, 0.0], "seconds": 3.1},
+        actuators={"delay": 0.01},
+        score="rms_error",
+    ),
+    Scenario(
+        "circle",
+        "Circle of 0.5 m in 6 s",
+        seconds=12.0,
+        measure_from=8.0,
+        reference={"kind": "circle", "radius": 0.5, "period": 6.0},
+        actuators={"delay": 0.01},
+        score="rms_error",
+    ),
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Tuned:
+    """Options of a controller that a search has found."""
+
+    controller: str
+    #: Best options by name.
+    options: Mapping[str, float]
+    #: Mean over the scenarios of the score by that of the default options, 1 at first; less is better.
+    cost: float
+    #: Best cost after each evaluation.
+    history: Sequence[float]
+
+    def source(self) -> ResolvedController:
+        """The tuned controller, as `compare`, `run_scenarios` and the others take it."""
+        return with_options(self.controller, self.options, f"{self.controller} (tuned)")
+
+
+def with_options(name: str, options: Mapping[str, float], title: str | None = None) -> ResolvedController:
+    """A controller of the core with options, for any robot."""
+    return ResolvedController(
+        title or name,
+        make_law=lambda params, control_dt: Controller(name, params, control_dt, **options),
+        control_dt=CONTROLLERS[name]["control_dt"],
+    )
+
+
+def tune(
+    controller: str,
+    scenario: str | Scenario | Sequence[str | Scenario] = DEFAULT,
+    budget: int = 2000,
+    *,
+    options: Sequence[str] | None = None,
+    robot: Params | str | None = None,
+    model: str = "contact",
+    seed: int = 0,
+    num_threads: int | None = None,
+    progress: Progress = no_progress,
+) -> Tuned:
+    """Searches options of a controller by CMA-ES in their logarithms, from the default ones.
+
+    The cost of a scenario is its score by that of the default options: smaller errors, larger tilts and pushes.
+
+    Args:
+        controller: the name of one of the core.
+        scenario: ids or `Scenario`s; the same weight for each.
+        budget: number of evaluations.
+        options: names of the options to search; None are all that are above zero by default.
+        robot: parameters or a preset's name; None is the paper's.
+        model: of the robot.
+        seed: of the search and of everything random in the scenarios.
+        num_threads: threads that step the robots; None takes all cores.
+        progress: called with the number of evaluations done and their total.
+
+    Raises:
+        ValueError: an unknown name, no option to search, or a controller that fails the scenarios by default.
+        ModuleNotFoundError: `cmaes` is missing; the message says what to install.
+    """
+    with require("tune", "tune"):
+        import cmaes
+    if controller not in CONTROLLERS:
+        raise ValueError(f"tune takes a controller of the core, one of {', '.join(CONTROLLERS)}, not '{controller}'")
+    budget, seed = check_count("budget", budget), check_seed(seed)
+    known: dict[str, float] = {
+        option["name"]: option["default"]
+        for option in CONTROLLERS[controller]["options"]
+        if isinstance(option["default"], float) and option["default"] > 0.0
+    }
+    names = list(known) if options is None else list(options)
+    unknown = [name for name in names if name not in known]
+    if unknown or not names:
+        raise ValueError(f"{controller} has no option {unknown} to search: expected some of {', '.join(known)}")
+    chosen = [scenario] if isinstance(scenario, (str, Scenario)) else list(scenario)
+
+    def outcomes(found: Mapping[str, float]) -> list[Outcome]:
+        return run_scenarios(
+            [with_options(controller, found)], chosen, robot=robot, model=model, seed=seed, num_threads=num_threads
+        )
+
+    default = {name: known[name] for name in names}
+    first = {outcome.scenario.id: outcome.score for outcome in outcomes(default)}
+    bad = [name for name, score in first.items() if not (math.isfinite(score) and score > 0.0)]
+    if bad or not first:
+        raise ValueError(f"{controller} with its default options has no score in {bad or chosen} to improve on")
+
+    def cost(found: Mapping[str, float]) -> float:
+        try:
+            scores = outcomes(found)
+        except ValueError:
+            # Options out of range, or an unstable loop.
+            return _WORST
+        return float(np.mean([_ratio(outcome, first[outcome.scenario.id]) for outcome in scores]))
+
+    best, least, history = default, 1.0, [1.0]
+    start = np.log([known[name] for name in names])
+    # CMA-ES needs two dimensions.
+    padding = max(2 - len(names), 0)
+    search = cmaes.CMA(mean=np.concatenate([start, np.zeros(padding)]), sigma=_SPREAD, seed=seed % 2**32)
+    while len(history) < budget:
+        solutions = []
+        for _ in range(search.population_size):
+            place = search.ask()
+            found = dict(zip(names, np.exp(np.clip(place, -40.0, 40.0)).tolist(), strict=False))
+            value = cost(found) if len(history) < budget else _WORST
+            solutions.append((place, value))
+            if value < least:
+                best, least = found, value
+            history.append(least)
+            progress(min(len(history), budget), budget)
+        search.tell(solutions)
+    return Tuned(controller, best, least, history[:budget])
+
+
+def _ratio(outcome: Outcome, first: float) -> float:
+    score = outcome.score
+    ratio = first / max(score, 1e-300) if outcome.higher_is_better else score / first
+    return min(ratio, _WORST) if math.isfinite(ratio) else _WORST

@@ -1,0 +1,183 @@
+"""Scenarios: data, episodes, metrics, scores; the numbers that controllers are to reach."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from ballbot_rs.cli import main
+from ballbot_rs.scenarios.metrics import METRICS, Measures
+from ballbot_rs.scenarios.run import Outcome, run_scenarios
+from ballbot_rs.scenarios.scale import Scale
+from ballbot_rs.scenarios.scenario import Scenario, load, select
+from ballbot_rs.scenarios.trial import trial
+
+
+def score(controller, name, **arguments):
+    (outcome,) = run_scenarios([controller], [name], **arguments)
+    return outcome.score
+
+
+def test_scale_of_the_papers_robot():
+    """Independent figures: a planar model in NumPy, Table II, no friction."""
+    scale = Scale.of(bb.Params.paper())
+    assert scale.toppling_rate == pytest.approx(6.0917, abs=1e-4)
+    assert scale.acceleration_per_lean == pytest.approx(3.7637, abs=1e-4)
+    assert math.degrees(scale.holdable_lean) == pytest.approx(20.3, abs=0.05)
+    assert scale.capture_impulse == pytest.approx(2.41, abs=0.005)
+    # 4.69 deg a newton.
+    assert math.degrees(1.0 / scale.force_per_lean) == pytest.approx(4.69, abs=0.005)
+
+
+def test_targets_of_the_papers_robot():
+    assert score("lqr", "S13-6s") < 3e-3
+    assert score("lqr", "S13-4s") < 1e-2
+    assert score("lqr", "S15-12s") < 0.5e-3
+    assert score("lqi", "S6-1N") < 1e-3
+    assert score("lqi", "S8-5mm") < 1e-3
+    assert score("lqr", "S18-4deg") >= 4.0
+    (line,) = run_scenarios(["lqr"], ["S10-3.1s"])
+    assert line.metrics["final_error"].max() < 5e-3
+
+
+def test_offsets_are_those_of_the_closed_form():
+    """A static law comes to rest where position and lean ask for no torque together."""
+    lqr = bb.Lqr()
+    gain = np.asarray(lqr.gain)
+    lean = 1e-3 * 5.0 / bb.Params.paper().body_com_height
+    position = np.linalg.lstsq(gain[:, :2], -gain[:, 2:4] @ np.array([0.0, -math.atan(lean)]), rcond=None)[0]
+    assert score("lqr", "S8-5mm") == pytest.approx(float(np.linalg.norm(position)), rel=0.02)
+
+
+def test_maps_are_the_largest_number_up_to_which_all_recover():
+    tilts = Scenario("map", "", seconds=4.0, tilt=(24.0, 30.0, 2.0), directions=4, score="map")
+    (outcome,) = run_scenarios(["lqr"], [tilts])
+    assert outcome.largest.shape == (4,)
+    for direction, largest in enumerate(outcome.largest):
+        passed = outcome.success.reshape(4, 4)[:, direction]
+        below = [24.0, 26.0, 28.0, 30.0][: int(passed.argmin()) if not passed.all() else 4]
+        assert largest == (below[-1] if below else 0.0)
+    assert outcome.score == outcome.largest.min()
+    none = dataclasses.replace(tilts, tilt=(50.0, 52.0, 2.0))
+    assert score("lqr", none) == 0.0
+
+
+def test_all_controllers_have_the_same_episodes():
+    scenario = load()["S20-push"]
+    first, second = (trial(scenario, bb.Params.paper(), 0.01, seed=3) for _ in range(2))
+    assert [robot.to_dict() for robot in first.robots] == [robot.to_dict() for robot in second.robots]
+    np.testing.assert_array_equal(first.impulses, second.impulses)
+    other = trial(scenario, bb.Params.paper(), 0.01, seed=4)
+    assert other.robots[5].to_dict() != first.robots[5].to_dict()
+    assert {score("lqr", "S12", seed=1), score("lqr", "S12", seed=1)} == {score("lqr", "S12", seed=1, num_threads=1)}
+
+
+@pytest.mark.parametrize("name", list(load()))
+def test_episodes_of_every_preset(name):
+    scenario = load()[name]
+    for preset in ("paper", "kugle", "rezero", "asroballet"):
+        params = bb.Params.preset(preset)
+        found = trial(scenario, params, 0.01)
+        assert len(found) == len(found.starts) == len(found.robots)
+        assert found.references is None or len(found.references) == len(found)
+        if found.impulses is not None:
+            assert found.impulses.shape == (found.steps, len(found), 3)
+        if scenario.reference:
+            lean = [reference.demand for reference in {id(r): r for r in found.references}.values()]
+            assert all(value < math.inf for value in lean), (preset, lean)
+
+
+def test_pushes_have_the_impulse_that_is_said():
+    for duration in (0.0, 0.1):
+        scenario = Scenario(
+            "x", "", seconds=1.0, score="rms_tilt", push=0.7, push_time=0.3, push_duration=duration, directions=4
+        )
+        found = trial(scenario, bb.Params.paper(), 0.01)
+        np.testing.assert_allclose(np.linalg.norm(found.impulses.sum(axis=0), axis=-1), 0.7, rtol=1e-12)
+        assert not found.impulses[:30].any()
+    kugle = trial(scenario, bb.Params.preset("kugle"), 0.01)
+    ratio = Scale.of(bb.Params.preset("kugle")).capture_impulse / Scale.of(bb.Params.paper()).capture_impulse
+    np.testing.assert_allclose(np.linalg.norm(kugle.impulses.sum(axis=0), axis=-1), 0.7 * ratio, rtol=1e-12)
+
+
+def test_a_constant_force_holds_the_lean_of_the_closed_form():
+    (outcome,) = run_scenarios(["lqi"], ["S6-1N"])
+    np.testing.assert_allclose(np.degrees(outcome.metrics["final_tilt"]), 4.69, atol=0.02)
+
+
+def test_metrics_of_known_rows():
+    states = np.zeros((3, 2, 32))
+    states[..., 16] = 1.0
+    states[1:, 0, 0] = [3.0, 4.0]
+    states[1:, 0, 7] = 1.0
+    measures = Measures(2, 0.5, 0.0, np.array([[0.0, 0.0, 0.1]] * 2), np.ones(2))
+    terminated = np.array([[False, True], [False, False]])
+    torques = np.array([[[1.0, 1.0, 1.0], [2.0, 0.0, 0.0]], [[1.0, 1.0, 0.0], [9.0, 9.0, 9.0]]])
+    still = np.zeros((3, 1, 2))
+    measures.add({"states": states, "torques": torques, "terminated": terminated}, still, still)
+    found = measures.found()
+    assert list(found) == list(METRICS)
+    assert found["fell"].tolist() == [False, True]
+    assert found["rms_error"][0] == pytest.approx(math.sqrt(12.5))
+    assert found["largest_error"][0] == 4.0
+    assert found["final_speed"][0] == 1.0
+    assert found["rms_torque"][0] == pytest.approx(math.sqrt((1.0 + 2.0 / 3.0) / 2.0))
+    assert found["torque_variation"][0] == pytest.approx(1.0)
+    # After a fall nothing counts.
+    assert np.isnan(found["rms_error"][1])
+    assert found["settling_time"][0] == math.inf
+
+
+def test_what_a_controller_cannot_follow_is_left_out():
+    outcomes = run_scenarios(["pid", "lqr"], ["S4", "S13-10s"])
+    assert [(one.controller, one.scenario.id) for one in outcomes] == [("pid", "S4"), ("lqr", "S4"), ("lqr", "S13-10s")]
+
+
+def test_intervals_are_wilsons():
+    metrics = {name: np.zeros(10) for name in METRICS} | {"fell": np.zeros(10, dtype=bool)}
+    outcome = Outcome("x", load()["S20-push"], metrics, np.arange(10) < 8, np.empty(0))
+    low, high = outcome.interval()
+    assert (low, high) == (pytest.approx(0.4902, abs=1e-4), pytest.approx(0.9433, abs=1e-4))
+
+
+def test_scenarios_of_ones_own(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_text(
+        '[[scenario]]\nid = "A"\ntitle = "t"\nseconds = 2\npush = 0.3\ndirections = 2\nscore = "rms_tilt"\n'
+    )
+    (outcome,) = run_scenarios(["lqr"], file=path)
+    assert outcome.success.all()
+    for text, says in [
+        ("x = 1\n", r"has no \[\[scenario\]\]"),
+        ('[[scenario]]\nid = "A"\nsecond = 2\n', "has no field 'second': did you mean 'seconds'"),
+        ('[[scenario]]\nid = "A"\n', "missing 3 required positional arguments"),
+        ('[[scenario]]\nid = "A"\ntitle = ""\nseconds = -1\nscore = "map"\n', "seconds = -1"),
+        ('[[scenario]]\nid = "A"\ntitle = ""\nseconds = 1\nscore = "mop"\n', "score = 'mop'"),
+    ]:
+        path.write_text(text)
+        with pytest.raises(ValueError, match=says):
+            load(path)
+
+
+def test_selection_by_id_and_family():
+    assert [one.id for one in select(["S13"], load())] == ["S13-10s", "S13-6s", "S13-4s"]
+    assert [one.id for one in select(["S13-6s", "S9"], load())] == ["S13-6s", "S9"]
+    with pytest.raises(ValueError, match="unknown scenario 'S99'"):
+        select(["S99"], load())
+
+
+def test_command(capsys):
+    assert main(["compare", "S13-10s", "S4", "--controller", "lqr", "--controller", "pid"]) == 0
+    text = capsys.readouterr().out
+    assert "S13-10s" in text
+    assert all(len(line) <= 100 for line in text.splitlines())
+    assert main(["compare", "S13-10s", "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["results"]
+    assert row["scenario"] == "S13-10s"
+    assert row["score"] < 1e-3
+    assert main(["compare", "--list", "S13"]) == 0
+    assert capsys.readouterr().out.splitlines()[1].startswith("S13-6s")
+    assert main(["compare", "S99"]) == 1

@@ -1,0 +1,47 @@
+"""Tuning: a search that improves, repeats itself, and refuses what it cannot search."""
+
+import pytest
+
+from ballbot_rs.scenarios.run import run_scenarios
+from ballbot_rs.scenarios.scenario import Scenario
+from ballbot_rs.scenarios.tune import tune, with_options
+
+LINE = Scenario(
+    "line", "", seconds=5.0, reference={"kind": "line", "goal": [1.0, 0.0], "seconds": 3.1}, score="rms_error"
+)
+
+
+def test_tuning_improves_and_repeats_itself():
+    options = ["position", "velocity"]
+    found = tune("lqr", LINE, 30, options=options, seed=1)
+    assert found.cost < 0.9
+    assert list(found.options) == options
+    assert len(found.history) == 30
+    assert all(after <= before for before, after in zip(found.history, found.history[1:], strict=False))
+    assert tune("lqr", LINE, 30, options=options, seed=1) == found
+    first, second = run_scenarios(["lqr", found.source()], [LINE])
+    assert second.score / first.score == pytest.approx(found.cost, rel=1e-9)
+
+
+def test_one_option_alone():
+    assert tune("lqr", LINE, 10, options=["position"]).cost <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("nothing",), "tune takes a controller of the core"),
+        (("lqr", LINE, 0), "budget"),
+        (("pid", LINE, 5), "no score"),
+    ],
+)
+def test_what_cannot_be_tuned_is_refused(arguments, says):
+    with pytest.raises(ValueError, match=says):
+        tune(*arguments)
+    with pytest.raises(ValueError, match="no option"):
+        tune("lqr", LINE, 5, options=["mass"])
+
+
+def test_options_that_are_refused_cost_the_most():
+    with pytest.raises(ValueError, match="out of range"):
+        run_scenarios([with_options("lqr", {"position": -1.0})], [LINE])
