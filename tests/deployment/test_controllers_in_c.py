@@ -9,7 +9,7 @@ import pytest
 import ballbot_rs as bb
 from ballbot_rs._core import CONTROLLERS
 from ballbot_rs.deployment import CONTROLLERS_IN_C, controller_header
-from tests.support.c_code import STRICT, CController, own_torques, random_setpoints, random_states, unit
+from tests.support.c_code import PLACES, STRICT, CController, own_torques, random_setpoints, random_states, unit
 
 #: What the C is promised to differ by at most, N·m; it differs by rounding.
 TOLERANCE = 1e-6
@@ -69,7 +69,10 @@ def test_a_closed_loop_under_c_is_ours(name, robot, tmp_path):
     body = bb.Ballbot(params, model="contact", sim_dt=0.001)
     body.reset(bb.State.at_equilibrium(params, tilt=(0.01, -0.008), yaw=0.3))
     setpoint = {"position": (0.02, -0.01), "velocity": (0.0, 0.0), "yaw": 0.2, "tilt": (0.001, 0.0)}
-    row = np.concatenate([np.atleast_1d(part) for part in setpoint.values()])
+    setpoint |= {"acceleration": (0.02, 0.0), "jerk": (0.0, 0.01), "snap": (0.01, 0.0), "yaw_rate": 0.05}
+    row = np.zeros(14)
+    for part, value in setpoint.items():
+        row[PLACES[part]] = value
     given = {part: setpoint[part] for part in law.setpoint_parts}
     free = 0
     for _ in range(round(2.0 / law.control_dt)):
@@ -83,7 +86,7 @@ def test_a_closed_loop_under_c_is_ours(name, robot, tmp_path):
 def test_memory_is_forgotten_by_a_reset(tmp_path):
     rng = np.random.default_rng(2)
     states = [bb.State.at_equilibrium(UNEVEN, tilt=rng.normal(0.0, 0.003, 2)) for _ in range(50)]
-    setpoints = np.zeros((50, 7))
+    setpoints = np.zeros((50, 14))
     setpoints[:, 0] = 0.05
     for name in ("lqi", "cascade_pid", "pid"):
         in_c = CController(tmp_path, controller_header(name, UNEVEN, max_torque=5.0))
@@ -122,14 +125,19 @@ def test_nan_is_passed_on_and_not_hidden(tmp_path):
     for name in CONTROLLERS_IN_C:
         for traction in (True, False):
             in_c = CController(tmp_path, controller_header(name, UNEVEN, traction=traction))
-            setpoint = np.zeros(7)
+            setpoint = np.zeros(14)
             assert np.isfinite(in_c.torques([state], [setpoint])[0]).all()
             setpoint[[0, 5]] = np.nan
             assert np.isnan(in_c.torques([state], [setpoint])[0]).any(), name
 
 
-def test_all_controllers_of_the_package_can_be_written():
-    assert set(CONTROLLERS_IN_C) == set(CONTROLLERS)
+def test_controllers_without_constants_are_refused_by_name():
+    assert set(CONTROLLERS_IN_C) <= set(CONTROLLERS)
+    for name in set(CONTROLLERS) - set(CONTROLLERS_IN_C):
+        with pytest.raises(ValueError, match="does not give its constants"):
+            bb.Controller(name).constants()
+        with pytest.raises(ValueError, match=f"'{name}' cannot be written as C: expected one of"):
+            controller_header(name)
 
 
 def test_a_header_needs_nothing_but_math_and_says_what_it_is():

@@ -55,7 +55,7 @@ void step(int count, const double *states, const double *setpoints, double *torq
 {{
     int k, i;
     for (k = 0; k < count; k++) {{
-        const double *row = setpoints + 7 * k;
+        const double *row = setpoints + 14 * k;
         const ballbot_state state = read_state(states + 17 * k);
         ballbot_setpoint setpoint = {{0}};
         ballbot_real found[3];
@@ -63,8 +63,12 @@ void step(int count, const double *states, const double *setpoints, double *torq
             setpoint.position[i] = (ballbot_real)row[i];
             setpoint.velocity[i] = (ballbot_real)row[2 + i];
             setpoint.tilt[i] = (ballbot_real)row[5 + i];
+            setpoint.acceleration[i] = (ballbot_real)row[7 + i];
+            setpoint.jerk[i] = (ballbot_real)row[9 + i];
+            setpoint.snap[i] = (ballbot_real)row[11 + i];
         }}
         setpoint.yaw = (ballbot_real)row[4];
+        setpoint.yaw_rate = (ballbot_real)row[13];
         ballbot_step(&controller, &state, &setpoint, found);
         for (i = 0; i < 3; i++) {{
             torques[3 * k + i] = (double)found[i];
@@ -135,7 +139,7 @@ class CController:
         self._library.reset()
 
     def torques(self, states, setpoints):
-        """Torques (n, 3) and shares (n, 2) of a sequence of states with setpoints (position, velocity, yaw, tilt)."""
+        """Torques (n, 3) and shares (n, 2) of a sequence of states with setpoints (`PLACES`)."""
         rows = np.ascontiguousarray([state_row(state) for state in states])
         targets = np.ascontiguousarray(setpoints, dtype=float)
         torques, shares = np.zeros((len(rows), 3)), np.zeros((len(rows), 2))
@@ -174,12 +178,14 @@ def random_states(params, rng, count):
 
 
 def random_setpoints(states, rng):
-    """Setpoints (position, velocity, yaw, tilt) near the states and far from them."""
+    """Setpoints (`PLACES`) near the states and far from them, half of them of motions."""
     rows = []
     for i, state in enumerate(states):
         size = (0.02, 0.3, 100.0)[i // 2 % 3]
         place = state.ball_position[:2] + rng.normal(0.0, size, 2)
-        rows.append([*place, *rng.normal(0.0, min(size, 1.0), 2), rng.uniform(-10, 10), *rng.normal(0.0, 0.1, 2)])
+        held = [*place, *rng.normal(0.0, min(size, 1.0), 2), rng.uniform(-10, 10), *rng.normal(0.0, 0.1, 2)]
+        motion = rng.normal(0.0, [0.3, 0.3, 1.0, 1.0, 3.0, 3.0, 1.0]) * (i // 6 % 2)
+        rows.append([*held, *motion])
     return np.array(rows)
 
 
@@ -188,12 +194,24 @@ def unit(vector):
     return np.asarray(vector) / np.linalg.norm(vector)
 
 
+#: Where the parts of a setpoint are in a row of the tests.
+PLACES = {
+    "position": slice(0, 2),
+    "velocity": slice(2, 4),
+    "yaw": 4,
+    "tilt": slice(5, 7),
+    "acceleration": slice(7, 9),
+    "jerk": slice(9, 11),
+    "snap": slice(11, 13),
+    "yaw_rate": 13,
+}
+
+
 def own_torques(law, states, setpoints):
     """Torques (n, 3) of a `Controller` for the same sequence."""
-    places = {"position": slice(0, 2), "velocity": slice(2, 4), "yaw": 4, "tilt": slice(5, 7)}
     found = []
     for state, row in zip(states, setpoints, strict=True):
-        found.append(law(state, **{part: row[places[part]] for part in law.setpoint_parts}))
+        found.append(law(state, **{part: row[PLACES[part]] for part in law.setpoint_parts}))
     return np.array(found)
 
 

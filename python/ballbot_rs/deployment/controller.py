@@ -11,20 +11,20 @@ from ballbot_rs._core import CONTROLLERS, ROBOTS, Controller, Params
 from ballbot_rs.deployment.c_text import comment, constants, guarded, piece
 
 #: What a law is written with besides its own part: both are in the folder `c`.
-_REGULATOR: Final = ("planar", "deviation", "outer")
+_REGULATOR: Final = ("planar", "deviation", "lean_planes", "outer")
 _PIECES: Final = {
     "lqr": _REGULATOR,
     "lqi": _REGULATOR,
     "pid": (),
     "cascade_pid": ("planar", "deviation", "lean_planes"),
-    "hierarchical_sliding_mode": (*_REGULATOR, "lean_planes"),
+    "hierarchical_sliding_mode": _REGULATOR,
 }
 
 #: The controllers that can be written as C.
 CONTROLLERS_IN_C: Final = tuple(_PIECES)
 
 #: The parts of a setpoint that the C has.
-SETPOINT_PARTS: Final = ("position", "velocity", "yaw", "tilt")
+SETPOINT_PARTS: Final = ("position", "velocity", "acceleration", "jerk", "snap", "yaw", "yaw_rate", "tilt")
 
 
 def controller_header(

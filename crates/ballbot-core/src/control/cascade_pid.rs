@@ -186,7 +186,6 @@ impl Law for CascadePid {
         let [x, y] = &self.gains;
         let constants = self
             .tracking
-            .frame
             .add_to(Constants::default())
             .vector("position_gains", &[x.position, y.position])
             .vector("velocity_gains", &[x.velocity, y.velocity])
@@ -197,7 +196,7 @@ impl Law for CascadePid {
             .vector("yaw_gains", &self.yaw)
             .number("max_lean", self.max_lean)
             .number("max_speed", self.max_speed);
-        Some(self.limits.add_to(self.tracking.planes.add_to(constants)))
+        Some(self.limits.add_to(constants))
     }
 
     #[inline(always)]

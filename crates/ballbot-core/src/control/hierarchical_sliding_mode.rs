@@ -234,7 +234,6 @@ impl Law for HierarchicalSlidingMode {
         let [x, y] = &self.gains;
         let constants = self
             .tracking
-            .frame
             .add_to(Constants::default())
             .vector("alpha", &[x.surface.alpha, y.surface.alpha])
             .vector("c1", &[x.surface.c1, y.surface.c1])
@@ -247,7 +246,7 @@ impl Law for HierarchicalSlidingMode {
             .number("switching", self.switching)
             .number("layer", self.layer)
             .vector("yaw_gains", &self.yaw);
-        Some(self.limits.add_to(self.tracking.planes.add_to(self.outer.add_to(constants))))
+        Some(self.limits.add_to(self.outer.add_to(constants)))
     }
 
     #[inline(always)]

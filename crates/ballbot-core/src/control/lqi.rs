@@ -142,7 +142,7 @@ impl Law for Lqi {
     }
 
     fn constants(&self) -> Option<Constants> {
-        let constants = self.tracking.frame.add_to(Constants::default()).matrix("gain", &self.gain);
+        let constants = self.tracking.add_to(Constants::default()).matrix("gain", &self.gain);
         let constants = constants
             .matrix("integral_gain", &self.integral_gain)
             .matrix("lean_per_integral", &self.lean)

@@ -223,7 +223,10 @@ impl Law for Lqr {
     }
 
     fn constants(&self) -> Option<Constants> {
-        let constants = self.tracking.frame.add_to(Constants::default()).matrix("gain", &self.gain);
+        if self.kept() > 0 {
+            return None;
+        }
+        let constants = self.tracking.add_to(Constants::default()).matrix("gain", &self.gain);
         Some(self.limits.add_to(self.outer.add_to(constants)))
     }
 

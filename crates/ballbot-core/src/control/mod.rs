@@ -129,7 +129,9 @@ pub trait Controller: Send + Sync {
     fn memory_len(&self) -> usize;
 
     /// The numbers that it computes torques with; `None` of a law that does not give them.
-    fn constants(&self) -> Option<Constants>;
+    fn constants(&self) -> Option<Constants> {
+        None
+    }
 
     /// Forgets the past of the robot of [`Controller::wheel_torques`].
     fn reset(&mut self);

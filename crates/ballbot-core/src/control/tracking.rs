@@ -1,8 +1,8 @@
 //! What is wrong with a robot that follows a setpoint, in the coordinates of the linear model.
 
-use super::LaneSetpoint;
 use super::balance_frame::BalanceFrame;
 use super::lean_planes::LeanPlanes;
+use super::{Constants, LaneSetpoint};
 use crate::lane_state::LaneState;
 use crate::lanes::{Heading, Lane, wrapped_angle};
 use crate::models::linear::STATES;
@@ -36,6 +36,16 @@ pub(super) struct Deviation<L> {
 impl Tracking {
     pub(super) fn new(params: &Params) -> Self {
         Self { frame: BalanceFrame::new(params), planes: LeanPlanes::new(params) }
+    }
+
+    /// Adds the balance frame, what leads from the setpoint's motion to lean and torques, and torques per acceleration.
+    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+        let [x, y] = &self.planes.planes;
+        let constants = self.frame.add_to(constants);
+        let constants = constants
+            .vector("lean_per_acceleration", &[x.acceleration.recip(), y.acceleration.recip()])
+            .vector("toppling_squared", &[x.toppling_squared(), y.toppling_squared()]);
+        self.planes.add_to(constants)
     }
 
     /// The lean that the setpoint asks for of a robot with this heading.

@@ -21,11 +21,12 @@ static inline void ballbot_step(
     ballbot_real x[10];
     ballbot_real s[2]; /* distance from the sliding surface of each plane, rad/s */
     ballbot_real accelerations[2];
+    ballbot_real forward[2];
     ballbot_real wanted[3];
     ballbot_real length;
     ballbot_real decay;
     int i;
-    ballbot_deviation(state, setpoint, &pose, x);
+    ballbot_deviation(state, setpoint, &pose, x, forward);
     ballbot_clip(x);
     leaning = ballbot_leaning_of(x);
     for (i = 0; i < 2; i++) {
@@ -35,10 +36,10 @@ static inline void ballbot_step(
     length = ballbot_sqrt(s[0] * s[0] + s[1] * s[1]);
     decay = BALLBOT_REACHING + BALLBOT_SWITCHING / ballbot_max(length, BALLBOT_LAYER);
     for (i = 0; i < 2; i++) {
-        accelerations[i] = -BALLBOT_LEAN_GAINS[i] * leaning.lean[i] - BALLBOT_VELOCITY_GAINS[i] * leaning.velocity[i]
+        accelerations[i] = forward[i] - BALLBOT_LEAN_GAINS[i] * leaning.lean[i] - BALLBOT_VELOCITY_GAINS[i] * leaning.velocity[i]
             - BALLBOT_RATE_GAINS[i] * leaning.rate[i] - BALLBOT_PER_RATE[i] * decay * s[i];
     }
-    ballbot_torques_of(accelerations, x, wanted);
+    ballbot_torques_of(accelerations, -BALLBOT_YAW_GAINS[0] * x[4] - BALLBOT_YAW_GAINS[1] * x[9], wanted);
     controller->last = ballbot_limit(wanted, state, &pose);
     for (i = 0; i < 3; i++) {
         torques[i] = controller->last.torques[i];

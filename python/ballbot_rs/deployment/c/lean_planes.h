@@ -13,11 +13,10 @@ static inline ballbot_leaning ballbot_leaning_of(const ballbot_real x[10])
     return leaning;
 }
 
-/* Wheel torques of accelerations of the leans and of the deviation of the yaw. */
+/* Wheel torques of accelerations of the leans and of the yaw. */
 static inline void ballbot_torques_of(
-    const ballbot_real accelerations[2], const ballbot_real x[10], ballbot_real wanted[3])
+    const ballbot_real accelerations[2], ballbot_real turning, ballbot_real wanted[3])
 {
-    const ballbot_real turning = -BALLBOT_YAW_GAINS[0] * x[4] - BALLBOT_YAW_GAINS[1] * x[9];
     const ballbot_real about[3] = {-accelerations[1], accelerations[0], turning};
     int i;
     for (i = 0; i < 3; i++) {

@@ -18,6 +18,11 @@ typedef struct {
     ballbot_real velocity[2]; /* of the ball's center, inertial frame, m/s */
     ballbot_real yaw;         /* heading, rad, of any number of turns */
     ballbot_real tilt[2];     /* about the x and y axes of the heading frame, rad */
+    /* Of a motion, else zero: acceleration of its flat output, inertial frame, m/s^2, and its derivatives. */
+    ballbot_real acceleration[2];
+    ballbot_real jerk[2];
+    ballbot_real snap[2];
+    ballbot_real yaw_rate; /* rad/s */
 } ballbot_setpoint;
 
 /* A vector of the body in the inertial frame. */
