@@ -50,6 +50,11 @@ from ballbot_rs.identification.excitation import record_log
 from ballbot_rs.identification.fit import identify
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.result import IdentifiedParams
+from ballbot_rs.scenarios.run import Outcome, run_scenarios
+from ballbot_rs.scenarios.scale import Scale
+from ballbot_rs.scenarios.scenario import Scenario
+from ballbot_rs.scenarios.scenario import load as load_scenarios
+from ballbot_rs.scenarios.tune import Tuned, tune
 
 if TYPE_CHECKING:
     from ballbot_rs.control.sb3_policy import save
@@ -77,6 +82,7 @@ __all__ = [
     "Lqr",
     "Metrics",
     "OnnxPolicy",
+    "Outcome",
     "Params",
     "Pid",
     "PlanarModel",
@@ -84,11 +90,14 @@ __all__ = [
     "Reference",
     "Renderer",
     "Result",
+    "Scale",
+    "Scenario",
     "SensorLog",
     "Setpoint",
     "SpatialModel",
     "State",
     "Trajectory",
+    "Tuned",
     "UrdfError",
     "__version__",
     "compare",
@@ -97,12 +106,15 @@ __all__ = [
     "identify",
     "load_actuators",
     "load_events",
+    "load_scenarios",
     "load_sensors",
     "make_controller",
     "record_log",
     "run",
+    "run_scenarios",
     "save",
     "simulate",
+    "tune",
     "virtual_to_wheel_torques",
     "wheel_to_virtual_torques",
 ]

@@ -723,8 +723,8 @@ class Controller:
     """A feedback law by its name (see `CONTROLLERS`), for one robot when called, for all robots of a `Batch` in Rust.
 
     Args:
-        name: "lqr", "pid", "lqi", "lqr_pi", "mpc", "mppi", "cascade_pid", "hierarchical_sliding_mode",
-            "pd_inverse_dynamics", "sliding_mode", "fuzzy_mamdani", "takagi_sugeno", or a registered one.
+        name: "lqr", "pid", "lqi", "lqr_pi", "mpc", "mppi", "cascade_pid", "hierarchical_sliding_mode", "pd_inverse_dynamics",
+            "sliding_mode", "fuzzy_mamdani", "takagi_sugeno", or a registered one.
         params: the robot: `Params`, or the name of a preset; None is the paper's.
         control_dt: time between two calls, s; None is the one that the law is made for, or 0.01.
         max_torque: no wheel torque exceeds it, N·m; None is the motors' limit with `traction`, else 0.9 of the torque at which
@@ -853,6 +853,7 @@ class Lqr(Controller):
         torque: float = 0.2,  # N·m, >= 1e-6 and <= 1e6
         max_lean: float = 0.17453292519943295,  # rad, >= 1e-6 and <= 1e6
         max_speed: float = 1.0,  # m/s, >= 1e-6 and <= 1e6
+        delay: float = 0.0,  # s, >= 0 and <= 10
     ) -> Self: ...
     # End of the generated part.
     def deviation(

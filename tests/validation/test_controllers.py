@@ -12,7 +12,7 @@ def test_trials_end_at_the_first_failure():
 
 
 def test_the_default_regulator_is_the_one_of_the_page():
-    assert [topic.name for topic in TOPICS] == ["limits", "side_by_side"]
+    assert [topic.name for topic in TOPICS] == ["limits", "matrix", "presets"]
     tilt = trials.basin(bb.Lqr())
     expected = limits.BASIN
     assert abs(tilt.min() - expected) <= trials.RING

@@ -1,6 +1,6 @@
 """Controllers side by side."""
 
-from validation.controllers import limits, side_by_side
+from validation.controllers import limits, matrix, presets
 from validation.topic import Topic
 
-TOPICS = [Topic.of(limits), Topic.of(side_by_side)]
+TOPICS = [Topic.of(limits), Topic.of(matrix), Topic.of(presets)]

@@ -1,6 +1,6 @@
 """What acts on the robots of a batch: a law of the core, a law in Python or a policy, all called alike."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -92,19 +92,28 @@ class LawActor:
         self._laws, self._batch = laws, batch
         self._own = Setpoint(position=batch.options.get("setpoint", (0.0, 0.0)))
 
-    def __call__(self, observations: npt.NDArray[np.float32], setpoint: Mapping[str, Any] | None = None) -> Actions:  # noqa: ARG002
-        """As `Actor`."""
+    def __call__(
+        self,
+        observations: npt.NDArray[np.float32],  # noqa: ARG002
+        setpoint: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None = None,
+    ) -> Actions:
+        """As `Actor`; a sequence has the parts of each robot."""
         batch, laws = self._batch, self._laws
-        one = self._own
-        if setpoint is not None:
-            one = Setpoint(**parts_for(laws.name, laws.follows, setpoint))
+        setpoints = [self._own] * batch.num_envs
+        if isinstance(setpoint, Mapping):
+            setpoints = [self._setpoint(setpoint)] * batch.num_envs
+        elif setpoint is not None:
+            setpoints = [self._setpoint(one) for one in setpoint]
         states: Any
         if laws.is_batched:
             states = batch.estimates() if observes_estimates(batch) else batch.states()
         else:
             seen = batch.estimate if observes_estimates(batch) else batch.state
             states = [seen(i) for i in range(batch.num_envs)]
-        return _limited(laws.torques(states, [one] * batch.num_envs) / batch.max_wheel_torque)
+        return _limited(laws.torques(states, setpoints) / batch.max_wheel_torque)
+
+    def _setpoint(self, parts: Mapping[str, Any]) -> Setpoint:
+        return Setpoint(**parts_for(self._laws.name, self._laws.follows, parts))
 
     def ended(self, mask: npt.NDArray[np.bool_]) -> None:
         """As `Actor`."""

@@ -12,8 +12,10 @@ import numpy.typing as npt
 from ballbot_rs._checks import check_seed
 from ballbot_rs._core import Batch, Controller, Params
 from ballbot_rs._progress import Progress, no_progress
-from ballbot_rs.analysis.rollout import CHUNK, _bind, batch_for
-from ballbot_rs.control.resolve import ResolvedController, Source, find, takes_position
+from ballbot_rs.analysis.actors import core_law, make_actor
+from ballbot_rs.analysis.rollout import CHUNK, batch_for
+from ballbot_rs.control.laws import takes_position
+from ballbot_rs.control.resolve import ResolvedController, Source, find
 from ballbot_rs.envs.registration import DEFAULT_TASK
 from ballbot_rs.scenarios.metrics import METRICS, Measures
 from ballbot_rs.scenarios.scenario import Scenario, load, select
@@ -177,13 +179,15 @@ def _run(
     batch = batch_for(
         controller, len(episodes), task=DEFAULT_TASK, num_threads=num_threads, seed=seed, options=options, given=()
     )
-    law = None if controller.policy is not None else controller.law(episodes.nominal, batch.control_dt)
-    if scenario.moves and (law is None or not takes_position(law)):
+    made = None if controller.policy is not None else controller.law(episodes.nominal, batch.control_dt)
+    if scenario.moves and (made is None or not takes_position(made)):
         return None
+    # Before the robots become others than those that the controller is made for.
+    law = core_law(controller, batch) or _Python(controller, batch)
     for i, robot in enumerate(episodes.robots):
         if robot is not episodes.nominal:
             batch.set_params(i, robot)
-    measures = _follow(controller, law, batch, episodes)
+    measures = _follow(law, batch, episodes)
     metrics = measures.found()
     success = (
         ~metrics["fell"]
@@ -201,24 +205,25 @@ def _largest_final_tilt(scenario: Scenario, episodes: Trial) -> float:
     return math.inf if endless else math.radians(2.0)
 
 
-def _follow(controller: ResolvedController, law: Any, batch: Batch, episodes: Trial) -> Measures:
+def _follow(law: "Controller | _Python", batch: Batch, episodes: Trial) -> Measures:
     observations = batch.reset(starts=episodes.starts)
+    if isinstance(law, _Python):
+        law.start(observations)
     com = np.array([batch.params(i).body_com for i in range(batch.num_envs)])
     friction = np.array([batch.params(i).wheel_dynamic_friction for i in range(batch.num_envs)])
     measures = Measures(batch.num_envs, batch.control_dt, episodes.measure_from, com, friction)
-    loop = _Python(controller, batch, observations) if not isinstance(law, Controller) else None
     for first in range(0, episodes.steps, CHUNK):
         count = min(CHUNK, episodes.steps - first)
         impulses = None if episodes.impulses is None else episodes.impulses[first : first + count]
         times = np.asarray(batch.control_dt * np.arange(first, first + count + 1), dtype=np.float64)
         position, velocity = _targets(episodes, times)
-        if loop is None:
+        if isinstance(law, Controller):
             setpoints: Any = episodes.references
             if setpoints is None and takes_position(law):
                 setpoints = {"position": episodes.position}
             rows = batch.rollout(law, count, setpoints, _RECORD, impulses=impulses, start_time=first * batch.control_dt)
         else:
-            rows = loop.steps(count, impulses)
+            rows = law.steps(count, impulses, episodes, times)
         measures.add(rows, position, velocity)
         if measures.fell.all():
             break
@@ -228,13 +233,18 @@ def _follow(controller: ResolvedController, law: Any, batch: Batch, episodes: Tr
 class _Python:
     """A policy or a law in Python on a batch, step by step."""
 
-    def __init__(self, controller: ResolvedController, batch: Batch, observations: npt.NDArray[np.float32]) -> None:
-        self._act = _bind(controller, batch)
+    def __init__(self, controller: ResolvedController, batch: Batch) -> None:
+        self._act = make_actor(controller, batch)
+        self._is_policy = controller.policy is not None
         self._batch = batch
+        self._observations = np.empty((0, 0), dtype=np.float32)
+
+    def start(self, observations: npt.NDArray[np.float32]) -> None:
+        """Begins at the first observations."""
         self._observations = observations
 
-    def steps(self, count: int, impulses: Array | None) -> dict[str, Array]:
-        """The rows of a rollout."""
+    def steps(self, count: int, impulses: Array | None, episodes: Trial, times: Array) -> dict[str, Array]:
+        """The rows of a rollout, whose steps begin at `times`."""
         batch = self._batch
         rows: dict[str, list[Array]] = {name: [] for name in _RECORD}
 
@@ -249,12 +259,20 @@ class _Python:
             if impulses is not None:
                 for i in np.flatnonzero(impulses[step].any(axis=-1)).tolist():
                     batch.push(i, impulses[step, i])
-            actions = self._act(self._observations)
+            actions = self._act(self._observations, self._setpoint(episodes, float(times[step])))
             self._observations, _, terminated, _ = batch.step(actions)
             rows["torques"].append(actions.astype(np.float64) * batch.max_wheel_torque)
             rows["terminated"].append(np.asarray(terminated))
             write()
         return {name: np.array(values) for name, values in rows.items()}
+
+    def _setpoint(self, episodes: Trial, time: float) -> Any:
+        if self._is_policy:
+            return None
+        if episodes.references is None:
+            return {"position": episodes.position}
+        found = {id(one): one(time) for one in {id(one): one for one in episodes.references}.values()}
+        return [found[id(one)] for one in episodes.references]
 
 
 def _targets(episodes: Trial, times: Array) -> tuple[Array, Array]:

@@ -1,0 +1,155 @@
+r"""The matrix.
+
+All controllers in all [scenarios](scenarios.md), by default options, with the same episodes and the same last stage. Of
+a map the number is the largest tilt or push up to which all robots recover, in the worst of 12 or 24 directions. Of
+the others it is the error of the worst direction, or, of random episodes, the mean of the worse half (CVaR 0.5). The
+policy is the one that comes with the package; it is asked for no motion, nor is `pid`. `mppi` is asked for what takes
+a few robots: each of its decisions simulates 512 motions.
+
+No number says which controller is best. The figure has, for each, the worst push beside the error on a fast circle;
+below it the tilts from which the robot recovers by direction, and what delay and friction take away.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from importlib import resources
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from ballbot_rs._core import CONTROLLERS
+from ballbot_rs.scenarios.matrix import cell, unit
+from ballbot_rs.scenarios.run import Outcome, run_scenarios
+from ballbot_rs.scenarios.scenario import load
+from validation.claim import Claim
+from validation.page import table
+from validation.topic import Findings
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: What `mppi` is asked for.
+_FEW: Final = ("S10-3.1s", "S13-6s", "S13-4s", "S15-6s")
+POLICY: Final = "policy"
+
+Found = Mapping[tuple[str, str], Outcome]
+
+
+def names() -> list[str]:
+    """The controllers of the table."""
+    return [*CONTROLLERS, POLICY]
+
+
+@cache
+def measured() -> dict[tuple[str, str], Outcome]:
+    """Outcomes by controller and scenario."""
+    found: dict[tuple[str, str], Outcome] = {}
+    for name in names():
+        source = name
+        if name == POLICY:
+            source = str(resources.files("ballbot_rs") / "assets/policies/balance.onnx")
+        for outcome in run_scenarios([source], _FEW if name == "mppi" else ()):
+            found[name, outcome.scenario.id] = outcome
+    return found
+
+
+def run() -> Findings:
+    """All controllers in all scenarios."""
+    found = measured()
+    return Findings(claims(found), lambda fig: draw(fig, found), _tables(found), (8.0, 6.4))
+
+
+def claims(found: Found) -> list[Claim]:
+    """What is asked for of the best controllers: by how much it is missed."""
+
+    def best(scenario: str, largest: bool) -> float:
+        scores = [outcome.score for (_, name), outcome in found.items() if name == scenario]
+        return max(scores) if largest else min(scores)
+
+    def least(what: str, asked: float, scenario: str, of: str) -> Claim:
+        return Claim(f"{what}, missing to {asked:g} {of}", max(asked - best(scenario, True), 0.0), 0.0, 0.0, of, True)
+
+    def most(what: str, asked: float, scenario: str, of: str, factor: float) -> Claim:
+        above = max(factor * best(scenario, False) - asked, 0.0)
+        return Claim(f"{what}, above {asked:g} {of}", above, 0.0, 0.0, of, True)
+
+    return [
+        least("largest tilt in the worst direction", 27.0, "S2-rest", "deg"),
+        least("largest push in the worst direction", 2.05, "S3-at-once", "N·s"),
+        most("circle in 6 s", 3.0, "S13-6s", "mm", 1e3),
+        most("circle in 4 s", 10.0, "S13-4s", "mm", 1e3),
+        most("lemniscate in 12 s", 0.5, "S15-12s", "mm", 1e3),
+        most("1 m in 3.1 s", 5.0, "S10-3.1s", "mm", 1e3),
+        most("offset under 1 N", 1.0, "S6-1N", "mm", 1e3),
+        most("offset of a center of mass off by 5 mm", 1.0, "S8-5mm", "mm", 1e3),
+        least("largest tilt with a delay of 50 ms", 4.0, "S18-4deg", "deg"),
+        _mean(found),
+    ]
+
+
+def _mean(found: Found) -> Claim:
+    """The mean over all episodes, where the score is that of the worse half."""
+    of = [one.metrics["rms_error"].mean() for (_, name), one in found.items() if name == "S22-6s"]
+    above = max(1e3 * float(min(of)) - 20.0, 0.0)
+    return Claim("circle in 6 s with sensors, delay and mild events, mean above 20 mm", above, 0.0, 0.0, "mm", True)
+
+
+def _tables(found: Found) -> str:
+    scenarios, columns = load(), names()
+    half = (len(columns) + 1) // 2
+    parts = []
+    for some in (columns[:half], columns[half:]):
+        rows = [
+            [f"{name}: {scenario.title}", unit(scenario), *(cell(found.get((one, name))) for one in some)]
+            for name, scenario in scenarios.items()
+        ]
+        parts.append(table(["scenario", "unit", *(f"`{one}`" for one in some)], rows))
+    return "\n\n".join([*parts, "Random episodes, share of successes with Wilson's 95 % interval:", _random(found)])
+
+
+def _random(found: Found) -> str:
+    random = [name for name, scenario in load().items() if scenario.seeds > 1]
+    rows = []
+    for name in names():
+        outcomes = [found.get((name, scenario)) for scenario in random]
+        if any(outcomes):
+            rows.append([f"`{name}`", *("-" if one is None else _share(one) for one in outcomes)])
+    return table(["controller", *random], rows)
+
+
+def _share(outcome: Outcome) -> str:
+    low, high = outcome.interval()
+    return f"{100 * outcome.success_rate:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
+
+
+def draw(fig: "Figure", found: Found) -> None:
+    """Push against tracking, basins, delay, friction."""
+    grid = fig.add_gridspec(2, 2)
+    shown = [name for name in names() if (name, "S3-at-once") in found and (name, "S13-4s") in found]
+    _pareto(fig.add_subplot(grid[0, 0]), found, shown)
+    _basins(fig.add_subplot(grid[0, 1]), found)
+    delays = {0: "S3-at-once", 10: "S18-10ms", 30: "S18-30ms", 50: "S18-50ms"}
+    left, right = fig.add_subplot(grid[1, 0]), fig.add_subplot(grid[1, 1])
+    for name in shown:
+        left.plot(list(delays), [found[name, scenario].score for scenario in delays.values()], ".-", label=name)
+        frictions = {0.3: "S19-0.3", 0.6: "S19-0.6", 1.0: "S2-rest"}
+        right.plot(list(frictions), [found[name, scenario].score for scenario in frictions.values()], ".-")
+    left.set(xlabel="delay (ms)", ylabel="worst push (N·s)", ylim=(0, None))
+    right.set(xlabel="friction of the wheels", ylabel="worst tilt (deg)", ylim=(0, None))
+    fig.legend(loc="outside lower center", ncols=4)
+
+
+def _pareto(axes: "Axes", found: Found, shown: list[str]) -> None:
+    for name in shown:
+        axes.plot(1e3 * found[name, "S13-4s"].score, found[name, "S3-at-once"].score, "o")
+    axes.set(xlabel="circle in 4 s, error (mm rms)", ylabel="worst push (N·s)", xscale="log")
+
+
+def _basins(axes: "Axes", found: Found) -> None:
+    for name in ("lqr", "cascade_pid", "lqr_pi", POLICY):
+        largest = found[name, "S2-rest"].largest
+        azimuths = np.degrees(np.arange(len(largest)) * 2.0 * np.pi / len(largest))
+        axes.plot(azimuths, largest, ".-", label=name)
+    axes.set(xlabel="direction of the tilt (deg)", ylabel="largest tilt (deg)", ylim=(0, None))
+    axes.legend(loc="lower right", ncols=2)
