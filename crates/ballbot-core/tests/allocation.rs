@@ -4,10 +4,7 @@
 use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Outcome, StepBuffers, Under, When};
-use ballbot_core::control::{
-    CascadePid, Controller, FuzzyMamdani, HierarchicalSlidingMode, Lqi, Lqr, PdInverseDynamics, Pid, PidGains,
-    SlidingMode, TakagiSugeno,
-};
+use ballbot_core::control::{Controller, Lqr, Pid, PidGains, controller_kinds};
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{ACTION_LEN, Balance};
@@ -130,17 +127,11 @@ fn steps_under_a_controller_allocate_nothing() {
         let config = endless(model);
         let lqr = Lqr::new(&config.params, config.control_dt).unwrap();
         assert_eq!(allocations(&config, Some(&lqr)), 0, "{model} under LQR");
-        let laws: [Box<dyn Controller>; 7] = [
-            Box::new(Lqi::new(&config.params, config.control_dt).unwrap()),
-            Box::new(CascadePid::new(&config.params, config.control_dt).unwrap()),
-            Box::new(HierarchicalSlidingMode::new(&config.params, config.control_dt).unwrap()),
-            Box::new(PdInverseDynamics::new(&config.params, config.control_dt).unwrap()),
-            Box::new(SlidingMode::new(&config.params, config.control_dt).unwrap()),
-            Box::new(FuzzyMamdani::new(&config.params, config.control_dt).unwrap()),
-            Box::new(TakagiSugeno::new(&config.params, config.control_dt).unwrap()),
-        ];
-        for (number, law) in laws.iter().enumerate() {
-            assert_eq!(allocations(&config, Some(law.as_ref())), 0, "{model} under law {number}");
+        // The PID has a rate of its own.
+        for kind in controller_kinds().iter().filter(|kind| kind.control_dt.is_none()) {
+            let options: &[(&str, &[f64])] = if kind.name == "lqr" { &[("delay", &[0.03])] } else { &[] };
+            let law = (kind.make)(&config.params, config.control_dt, &kind.limits, options).unwrap();
+            assert_eq!(allocations(&config, Some(law.as_ref())), 0, "{model} under {}", kind.name);
         }
         let sensors = Some(SensorOptions { latency: 0.02, ..SensorOptions::default() });
         let measured = BalanceConfig { sensors, observation: Observation::Sensors, ..config.clone() };

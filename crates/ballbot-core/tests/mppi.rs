@@ -1,6 +1,8 @@
 //! Path integral control by samples of the contact model.
 
-use ballbot_core::control::{Controller, LimitOptions, Lqr, Setpoint, controller_kind, register_controller};
+use ballbot_core::control::{
+    Controller, LimitOptions, Lqr, Motion, Reference, Setpoint, Turning, controller_kind, register_controller,
+};
 use ballbot_core::planning::{self, Mppi, MppiOptions};
 use ballbot_core::{Ballbot, ModelKind, Params, State};
 use nalgebra::{Vector2, Vector3};
@@ -12,21 +14,19 @@ fn mppi(options: &MppiOptions) -> Mppi {
     Mppi::with_options(&Params::paper(), CONTROL_DT, options, &LimitOptions::TRACTION).unwrap()
 }
 
-/// The end after a time under a controller, if the robot has not fallen; and the sum of squared tilts.
-fn end(controller: &mut dyn Controller, start: &State, impulse: Vector3<f64>, seconds: f64) -> Option<(State, f64)> {
+/// The end after a time under a controller, if the robot has not fallen.
+fn end(controller: &mut dyn Controller, start: &State, impulse: Vector3<f64>, seconds: f64) -> Option<State> {
     let mut robot = Ballbot::new(&Params::paper(), ModelKind::Contact, 0.002).unwrap();
     robot.reset(start).unwrap();
     robot.push(&impulse, None).unwrap();
-    let mut sum = 0.0;
     for _ in 0..(seconds / CONTROL_DT) as usize {
         let torques = controller.wheel_torques(&robot.state(), &Setpoint::default());
         robot.step(&torques, 10).unwrap();
-        sum += robot.state().tilt().powi(2);
         if robot.state().tilt() > 1.0 {
             return None;
         }
     }
-    Some((robot.state(), sum))
+    Some(robot.state())
 }
 
 fn around(count: u32) -> impl Iterator<Item = Vector2<f64>> {
@@ -62,46 +62,47 @@ fn without_noise_it_is_the_regulator() {
     }
 }
 
+/// Of fewer samples than by default, which a build for tests takes long for.
+fn few() -> MppiOptions {
+    MppiOptions { samples: 64.0, ..MppiOptions::default() }
+}
+
 #[test]
-fn it_comes_to_rest_and_stands_what_the_regulator_stands() {
+fn it_comes_to_rest_from_tilts_and_pushes_at_the_limit() {
     let params = Params::paper();
     for direction in around(3) {
-        let start = State::tilted(&params, direction * 20_f64.to_radians(), 0.0);
-        let (end, _) = end(&mut mppi(&MppiOptions::default()), &start, Vector3::zeros(), 6.0).unwrap();
-        let left = end.ball_position.xy().norm();
-        assert!(end.tilt() < 0.02 && left < 0.05, "{} rad, {left} m", end.tilt());
+        let tilted = State::tilted(&params, direction * 25_f64.to_radians(), 0.0);
+        let push = direction.push(0.0) * 1.8;
+        for (start, impulse) in [(tilted, Vector3::zeros()), (State::upright(&params), push)] {
+            let end = end(&mut mppi(&few()), &start, impulse, 6.0).expect("it stands");
+            let left = end.ball_position.xy().norm();
+            assert!(end.tilt() < 0.02 && left < 0.1, "{} rad, {left} m", end.tilt());
+        }
     }
 }
 
-/// Largest tilt from rest, steps of 1 deg, and largest impulse, steps of 0.1 N·s, worst of 6 directions.
+/// A motion costs nothing but what its robot is away from it: no trailing.
 #[test]
-fn basin_and_push() {
+fn it_follows_a_circle_without_trailing() {
     let params = Params::paper();
-    let largest = |numbers: Vec<f64>, holds: &dyn Fn(Vector2<f64>, f64) -> bool| {
-        numbers.into_iter().take_while(|&number| around(6).all(|d| holds(d, number))).last().unwrap_or(0.0)
-    };
-    let stands = |controller: &mut dyn Controller, start: &State, impulse: Vector3<f64>| {
-        end(controller, start, impulse, 5.0).is_some_and(|(end, _)| end.tilt() < 0.05)
-    };
-    let mut found = Vec::new();
-    for name in ["mppi", "lqr"] {
-        let make = || -> Box<dyn Controller> {
-            match name {
-                "lqr" => Box::new(Lqr::new(&params, CONTROL_DT).unwrap()),
-                _ => Box::new(mppi(&MppiOptions::default())),
-            }
-        };
-        let tilt = largest((22..=31).map(f64::from).collect(), &|direction, degrees| {
-            let start = State::tilted(&params, direction * degrees.to_radians(), 0.0);
-            stands(make().as_mut(), &start, Vector3::zeros())
-        });
-        let push = largest((14..=30).map(|k| 0.1 * f64::from(k)).collect(), &|direction, size| {
-            stands(make().as_mut(), &State::upright(&params), direction.push(0.0) * size)
-        });
-        println!("{name}: {tilt} deg, {push:.1} N·s");
-        found.push((tilt, push));
+    let circle = Motion::Circle { radius: 0.5, period: 4.0, start: 2.0 };
+    let circle = Reference::new(&params, circle, Turning::default(), None).unwrap();
+    let mut controller = mppi(&MppiOptions { horizon: 0.2, ..few() });
+    let mut robot = Ballbot::new(&params, ModelKind::Contact, 0.002).unwrap();
+    robot.reset(&State::upright(&params)).unwrap();
+    let (mut along, mut count) = (0.0, 0.0);
+    for k in 0..300 {
+        let target = circle.at(f64::from(k) * CONTROL_DT);
+        if k >= 100 {
+            let off = robot.state().ball_position.xy() - target.position;
+            along += off.dot(&target.velocity.normalize());
+            count += 1.0;
+        }
+        let torques = controller.wheel_torques(&robot.state(), &target);
+        robot.step(&torques, 10).unwrap();
     }
-    assert!(found[0].0 >= 26.0 && found[0].1 >= 1.9, "{found:?}");
+    println!("{:.1} mm along the circle", along / count * 1e3);
+    assert!((along / count).abs() < 0.015, "{} m", along / count);
 }
 
 #[test]

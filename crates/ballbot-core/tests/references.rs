@@ -4,6 +4,8 @@ use ballbot_core::control::{Motion, Reference, Setpoint, Turning, controller_kin
 use ballbot_core::models::LinearModel;
 use ballbot_core::{Ballbot, ModelKind, Params, State};
 use nalgebra::{SVector, Vector2, Vector3};
+use std::collections::VecDeque;
+use std::f64::consts::PI;
 
 const CONTROL_DT: f64 = 0.01;
 
@@ -60,7 +62,9 @@ fn derivatives_are_those_of_the_motion() {
             assert!((rate(|s| s.position) - now.velocity).norm() < 1e-6, "{name}: velocity at {t}");
             assert!((rate(|s| s.acceleration) - now.jerk).norm() < 1e-5, "{name}: jerk at {t}");
             assert!((rate(|s| s.jerk) - now.snap).norm() < 1e-4, "{name}: snap at {t}");
-            assert!(((after.yaw - before.yaw) / (2.0 * STEP) - now.yaw_rate).abs() < 1e-6, "{name}: yaw at {t}");
+            let turned = (after.yaw - before.yaw + PI).rem_euclid(2.0 * PI) - PI;
+            assert!((turned / (2.0 * STEP) - now.yaw_rate).abs() < 1e-6, "{name}: yaw at {t}");
+            assert!(now.yaw.abs() <= PI, "{name}: yaw {}", now.yaw);
             // The equation that no motor acts on: ÿ = g θ − ℓ θ̈.
             let unactuated = now.acceleration - now.snap * (lever / acceleration);
             assert!((rate(|s| s.velocity) - unactuated).norm() < 1e-5, "{name}: acceleration at {t}");
@@ -167,6 +171,47 @@ fn motions_beyond_the_traction_are_refused_with_the_time_that_would_do() {
         let message = Reference::new(&params, motion, Turning::default(), Some(0.9)).unwrap_err().to_string();
         assert!(message.contains(says), "{message}");
     }
+}
+
+/// Each leg counts, however short it is beside the motion.
+#[test]
+fn short_legs_of_long_motions_are_refused() {
+    let refused = |motion: Motion, turning: Turning| {
+        assert!(Reference::new(&Params::paper(), motion, turning, Some(1.0)).is_err());
+    };
+    let (points, times) = (vec![[0.0; 2], [0.001, 0.0], [1.0, 0.0]], vec![0.0, 999.0, 1000.0]);
+    refused(Motion::Stops { points, times }, Turning::default());
+    let velocities = vec![[0.0; 2], [3.0, 0.0], [3.0, 0.0]];
+    refused(Motion::Velocities { velocities, times: vec![0.0, 500.0, 999.9], change: 0.1 }, Turning::default());
+    refused(Motion::Hold { position: [0.0; 2] }, Turning { rate: 1e4, ..Turning::default() });
+}
+
+/// The torques of a motion act after the delay.
+#[test]
+fn the_regulator_with_a_delay_follows_a_circle_no_worse() {
+    let params = Params::paper();
+    let circle = made(Motion::Circle { radius: 0.5, period: 4.0, start: 4.0 });
+    let follow = |delay: f64| {
+        let kind = controller_kind("lqr").unwrap();
+        let mut law = (kind.make)(&params, CONTROL_DT, &kind.limits, &[("delay", &[delay])]).unwrap();
+        let mut robot = Ballbot::new(&params, ModelKind::Contact, 0.001).unwrap();
+        robot.reset(&State::upright(&params)).unwrap();
+        let mut queue = VecDeque::from([[0.0; 3]; 3]);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for k in 0..1200 {
+            let target = circle.at(f64::from(k) * CONTROL_DT);
+            if k >= 800 {
+                sum += (robot.state().ball_position.xy() - target.position).norm_squared();
+                count += 1.0;
+            }
+            queue.push_back(law.wheel_torques(&robot.state(), &target));
+            robot.step(&queue.pop_front().unwrap(), 10).unwrap();
+        }
+        f64::sqrt(sum / count)
+    };
+    let (without, with) = (follow(0.0), follow(0.03));
+    println!("{:.2} mm without, {:.2} mm with the delay of 30 ms", without * 1e3, with * 1e3);
+    assert!(with < 0.8 * without, "{with} m, without {without} m");
 }
 
 #[test]

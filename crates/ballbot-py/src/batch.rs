@@ -640,6 +640,7 @@ impl PyBatch {
     ///     controller: as in `control`.
     ///     steps: how many.
     ///     setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list of one each.
+    ///         A reference should be made for the robot; it goes on where an episode ends and another begins.
     ///     record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
     ///         `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
     ///         step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.

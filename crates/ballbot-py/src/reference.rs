@@ -1,7 +1,7 @@
 //! `Reference`.
 
 use crate::control::PyController;
-use crate::convert::{array, elements, matrix};
+use crate::convert::{array, elements, finite_elements, matrix};
 use crate::errors::{call, to_python};
 use crate::numbers::{optional_real, real};
 use crate::params::or_paper;
@@ -20,7 +20,7 @@ type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 /// more traction or torque than the robot has is refused with the time that would do.
 ///
 /// Arguments of all of them:
-///     params: the robot; None is the paper's.
+///     params: the robot that is to follow it; None is the paper's.
 ///     yaw: heading at first, rad.
 ///     yaw_rate: rate to which the heading comes within a second, rad/s.
 ///     friction: share of the friction limit of the wheels that the motion may take, from 0.01 to 1; None allows any.
@@ -213,6 +213,7 @@ impl PyReference {
 
     /// Setpoint at `time` (s): arrays and numbers by the names of its parts, as controllers take them.
     fn __call__<'py>(&self, py: Python<'py>, #[pyo3(from_py_with = real)] time: f64) -> PyResult<Bound<'py, PyDict>> {
+        ballbot_core::check_finite("time", &[time]).map_err(to_python)?;
         let setpoint = self.reference.at(time);
         let parts = PyDict::new(py);
         for name in MOTION_PARTS {
@@ -226,7 +227,7 @@ impl PyReference {
 
     /// Setpoints at `times`, shape (n,), s: arrays by name, with n rows each.
     fn sample<'py>(&self, py: Python<'py>, times: &Bound<'_, PyAny>) -> PyResult<Bound<'py, PyDict>> {
-        let times = elements::<f64>("times", times, &[None])?;
+        let times = finite_elements("times", times, &[None])?;
         let setpoints: Vec<Setpoint> = times.iter().map(|t| self.reference.at(*t)).collect();
         let parts = PyDict::new(py);
         for name in MOTION_PARTS {
@@ -294,11 +295,15 @@ impl References {
     }
 
     /// Writes the setpoints of all robots at time `t`.
-    pub(crate) fn write(&self, t: f64, setpoints: &mut [Setpoint]) -> Result<()> {
+    pub(crate) fn write(&self, t: f64, setpoints: &mut [Setpoint]) {
         match self.0.as_slice() {
             [one] => setpoints.fill(one.at(t)),
-            each => each.iter().zip(&mut *setpoints).for_each(|(reference, setpoint)| *setpoint = reference.at(t)),
+            each => each.iter().zip(setpoints).for_each(|(reference, setpoint)| *setpoint = reference.at(t)),
         }
-        setpoints.iter().try_for_each(Setpoint::validate)
+    }
+
+    /// Checks that the setpoints of both times are within their limits.
+    pub(crate) fn check(&self, times: [f64; 2]) -> Result<()> {
+        self.0.iter().try_for_each(|reference| times.iter().try_for_each(|t| reference.at(*t).validate()))
     }
 }

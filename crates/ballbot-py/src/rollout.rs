@@ -8,7 +8,7 @@ use crate::signals::interruptible;
 use ballbot_core::batch::{Batch, Outcome, StepBuffers, Under};
 use ballbot_core::control::{Controller, Setpoint};
 use ballbot_core::task::ACTION_LEN;
-use ballbot_core::{Contacts, State, try_zeros};
+use ballbot_core::{Contacts, Error, State, try_zeros};
 use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -210,6 +210,21 @@ pub(crate) struct ClosedLoop<'a> {
 }
 
 impl ClosedLoop<'_> {
+    /// Checks what would fail after some of the steps.
+    fn check(&self, batch: &Batch, steps: usize) -> ballbot_core::Result<()> {
+        let pushes = self.impulses.len() / (3 * batch.len());
+        if pushes > steps {
+            return Err(Error::Length { name: "impulses".into(), found: pushes, expected: steps });
+        }
+        match &self.targets {
+            Targets::References(references) => {
+                let last = steps.saturating_sub(1) as f64 * batch.control_dt();
+                references.check([self.start_time, self.start_time + last])
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Gives the robots the impulses of a step.
     fn push(&self, batch: &mut Batch, step: usize) -> ballbot_core::Result<()> {
         let width = 3 * batch.len();
@@ -241,6 +256,7 @@ impl Stepped<'_> {
     ) -> PyResult<Bound<'py, PyDict>> {
         let records = names.iter().map(Record::named).collect::<PyResult<Vec<_>>>()?;
         let n = self.batch.len();
+        closed_loop.check(self.batch, steps).map_err(to_python)?;
         let shape = |record: &Record, batch: &Batch| [record.rows(steps), n, (record.width)(batch)];
         let mut recorded = Vec::with_capacity(records.len());
         for record in &records {
@@ -290,7 +306,7 @@ impl Stepped<'_> {
                         Targets::Same(setpoints) => Some(setpoints.as_slice()),
                         Targets::References(references) => {
                             let time = closed_loop.start_time + (step - 1) as f64 * self.batch.control_dt();
-                            references.write(time, &mut moving)?;
+                            references.write(time, &mut moving);
                             Some(moving.as_slice())
                         }
                     };

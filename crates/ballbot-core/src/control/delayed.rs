@@ -33,6 +33,8 @@ pub(super) struct Delayed {
     free: Vec<[f64; STATES]>,
     /// −Aⁱ B for each sample, the oldest first.
     driven: Vec<[[f64; INPUTS]; STATES]>,
+    /// s.
+    delay: f64,
 }
 
 impl Delayed {
@@ -56,7 +58,12 @@ impl Delayed {
             power = a * power;
         }
         let free = (0..STATES).map(|i| std::array::from_fn(|j| -power[(i, j)])).collect();
-        Ok(Self { free, driven })
+        Ok(Self { free, driven, delay: samples * control_dt })
+    }
+
+    /// The delay, s.
+    pub(super) fn seconds(&self) -> f64 {
+        self.delay
     }
 
     /// How many numbers of a robot are kept.

@@ -3,8 +3,8 @@
 use super::{
     AttitudeSlidingOptions, CascadePid, CascadePidOptions, Controller, FuzzyMamdani, FuzzyOptions,
     HierarchicalSlidingMode, InverseDynamicsOptions, Law, LimitOptions, Lqi, LqiWeights, Lqr, LqrOptions, LqrPi,
-    LqrPiOptions, LqrWeights, Mpc, MpcOptions, PdInverseDynamics, Pid, PidGains, SlidingMode, SlidingModeOptions,
-    TakagiSugeno,
+    LqrPiOptions, LqrWeights, Mpc, MpcOptions, PdInverseDynamics, Pid, PidGains, SETPOINT_PARTS, SlidingMode,
+    SlidingModeOptions, TakagiSugeno,
 };
 use crate::error::{Error, Result};
 use crate::fields::{Fields, OptionDescription, describe_options};
@@ -184,10 +184,13 @@ static REGISTERED: RwLock<Vec<ControllerKind>> = RwLock::new(Vec::new());
 /// Makes a controller known by its name, as those of this crate are.
 ///
 /// # Errors
-/// [`Error::Inconsistent`] if its name is taken.
+/// [`Error::Inconsistent`] if its name is taken; [`Error::UnknownName`] if it follows what is no part of a setpoint.
 pub fn register_controller(kind: ControllerKind) -> Result<()> {
     if controller_kinds().iter().any(|known| known.name == kind.name) {
         return Err(Error::Inconsistent(format!("there is a controller '{}' already", kind.name)));
+    }
+    if let Some(part) = kind.parts.iter().find(|part| !SETPOINT_PARTS.contains(part)) {
+        return Err(Error::unknown("part of a setpoint", part, &SETPOINT_PARTS));
     }
     REGISTERED.write().unwrap_or_else(PoisonError::into_inner).push(kind);
     Ok(())

@@ -84,6 +84,12 @@ impl LeanPlanes {
         constants.matrix("torques_of_acceleration", &self.torques)
     }
 
+    /// ℓ/g, the mean of both planes, s².
+    pub(super) fn lag(&self) -> f64 {
+        let [x, y] = self.planes.map(|plane| plane.lever / plane.acceleration);
+        0.5 * (x + y)
+    }
+
     /// Wheel torques of the accelerations of the leans and of the yaw, N·m.
     #[inline(always)]
     pub(super) fn wheel_torques<L: Lane>(&self, [x, y]: [L; 2], yaw: L) -> [L; 3] {

@@ -159,10 +159,20 @@ impl Lqr {
         &self.regulator
     }
 
-    /// [`Lqr::deviation`] over lanes.
+    /// [`Lqr::deviation`] over lanes, and the torques of the setpoint's motion, N·m.
     #[inline(always)]
-    pub(crate) fn lane_deviation<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> [L; STATES] {
-        self.tracking.deviation(state, setpoint).x
+    pub(crate) fn lane_deviation<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+    ) -> ([L; STATES], [L; INPUTS]) {
+        let Deviation { x, forward } = self.tracking.deviation(state, setpoint);
+        (x, self.tracking.planes.wheel_torques(forward, x[0].zero()))
+    }
+
+    /// ℓ/g, s²: the ball of a motion is at z − (ℓ/g) z̈.
+    pub(crate) fn lag(&self) -> f64 {
+        self.tracking.planes.lag()
     }
 
     /// Deviation from the setpoint in the linear model's coordinates.
@@ -245,6 +255,11 @@ impl Law for Lqr {
         let Deviation { x, forward } = self.tracking.deviation(state, setpoint);
         let mut x = self.delayed.state(x, memory);
         self.outer.clip(&mut x);
+        let forward = match self.delayed.kept() {
+            0 => forward,
+            // A torque acts on the motion as it is after the delay.
+            _ => self.tracking.forward_after(state, setpoint, self.delayed.seconds()),
+        };
         let reference = self.tracking.planes.wheel_torques(forward, x[0].zero());
         let mut wanted = reference;
         for (row, torque) in self.gain.iter().zip(&mut wanted) {

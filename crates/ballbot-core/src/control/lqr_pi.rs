@@ -1,7 +1,7 @@
 //! The double loop: a regulator that asks for rates of the wheels, above a PI of the measured ones.
 
 use super::balance_frame::BalanceFrame;
-use super::lean_planes::{LeanPlanes, Leaning};
+use super::lean_planes::{LeanPlanes, Leaning, require_stable};
 use super::outer::Outer;
 use super::riccati;
 use super::tracking::{Deviation, Tracking};
@@ -32,7 +32,7 @@ crate::fields! {
         /// Crossover of the loop of the wheel rates, over λ.
         pub wheel_bandwidth: f64 = 4.1, "", Limit::from(1e-3).to(1e3);
         /// Zero of the PI of the wheel rates, its integral gain over the proportional one, over λ.
-        pub wheel_integral: f64 = 1.0, "", Limit::from(0.0).to(1e3);
+        pub wheel_integral: f64 = 1.0, "", Limit::above(0.0).to(1e3);
         /// Natural frequency of the heading.
         pub yaw_bandwidth: f64 = 4.0, "rad/s", Limit::from(1e-3).to(1e3);
         /// Damping ratio of the heading.
@@ -128,13 +128,17 @@ impl LqrPi {
         options.check_limits()?;
         let limits = TorqueLimits::new(params, limits)?;
         let tracking = Tracking::new(params);
+        let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
+        // The heading is a double integrator; the planes are stable by their regulators.
+        let (dt, half) = (control_dt, 0.5 * control_dt * control_dt);
+        let heading = [1.0 - half * yaw[0], dt - half * yaw[1], -dt * yaw[0], 1.0 - dt * yaw[1]];
+        require_stable(DMatrix::from_row_slice(2, 2, &heading), control_dt)?;
         let planes = &tracking.planes;
         let loops =
             [Loops::new(0, params, planes, control_dt, options)?, Loops::new(1, params, planes, control_dt, options)?];
         let asked = loops.map(|Loops { proportional, moving, k, .. }| {
             [k[0], k[1], k[2] + moving[0], k[3] + moving[1]].map(|gain| proportional * gain)
         });
-        let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
         Ok(Self {
             loops,
             yaw,

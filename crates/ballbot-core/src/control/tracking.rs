@@ -86,6 +86,32 @@ impl Tracking {
     }
 }
 
+impl Tracking {
+    /// [`Deviation::forward`] of the motion `delay` seconds later.
+    #[inline(always)]
+    pub(super) fn forward_after<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        delay: f64,
+    ) -> [L; 2] {
+        let heading = Heading::new(self.frame.attitude(state.body_quaternion));
+        let mut later = setpoint.acceleration;
+        for (axis, later) in later.iter_mut().enumerate() {
+            let changing = setpoint.snap[axis].mul_add_all(0.5 * delay, setpoint.jerk[axis]);
+            *later = changing.mul_add_all(delay, *later);
+        }
+        let [x, y] = &self.planes.planes;
+        let per_acceleration = [x.acceleration.recip(), y.acceleration.recip()];
+        let lean = scaled(&heading, later, per_acceleration);
+        let mut forward = scaled(&heading, setpoint.snap, per_acceleration);
+        for (axis, plane) in self.planes.planes.iter().enumerate() {
+            forward[axis] = lean[axis].mul_add_all(-plane.toppling_squared(), forward[axis]);
+        }
+        forward
+    }
+}
+
 /// A horizontal vector of the inertial frame in the heading frame, times a factor in each plane.
 #[inline(always)]
 fn scaled<L: Lane>(heading: &Heading<L>, [x, y]: [L; 2], factors: [f64; 2]) -> [L; 2] {

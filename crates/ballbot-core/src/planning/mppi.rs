@@ -37,6 +37,9 @@ crate::fields! {
 /// Most decisions within the horizon.
 const MAX_DECISIONS: usize = 500;
 
+/// Most samples times decisions: 24 bytes each are kept.
+const MAX_ALL: f64 = 1e6;
+
 /// Model predictive path integral control (Williams, Drews, Goldfain, Rehg, Theodorou, "Information-theoretic model
 /// predictive control", IEEE T-RO 34(6), 2018) on the model `contact`, slip and lift-off included.
 ///
@@ -80,6 +83,13 @@ impl Mppi {
         let decisions = options.horizon / control_dt;
         check("horizon", options.horizon, limit, |_| (1.0 - 1e-9..=MAX_DECISIONS as f64 + 0.5).contains(&decisions))?;
         let decisions = decisions.round().max(1.0) as usize;
+        let all = options.samples * decisions as f64;
+        check(
+            "samples",
+            options.samples,
+            format_args!("at most {MAX_ALL} over all decisions within the horizon"),
+            |_| all <= MAX_ALL,
+        )?;
         let (q, r) = weights.matrices();
         let cost = &base.regulator().cost;
         let objective = Objective {
@@ -101,12 +111,14 @@ impl Mppi {
     }
 
     /// The setpoint, moved on by `time` seconds.
-    fn ahead(setpoint: &Setpoint, time: f64) -> Setpoint {
-        let (v, a, j, s) = (setpoint.velocity, setpoint.acceleration, setpoint.jerk, setpoint.snap);
+    fn ahead(&self, setpoint: &Setpoint, time: f64) -> Setpoint {
+        let (v, j, s) = (setpoint.velocity, setpoint.jerk, setpoint.snap);
+        // The ball's: ÿ = z̈ − (ℓ/g) z⁗.
+        let a = setpoint.acceleration - s * self.base.lag();
         Setpoint {
             position: setpoint.position + (v + (a + (j + s * (time / 4.0)) * (time / 3.0)) * (time / 2.0)) * time,
             velocity: v + (a + (j + s * (time / 3.0)) * (time / 2.0)) * time,
-            acceleration: a + (j + s * (time / 2.0)) * time,
+            acceleration: setpoint.acceleration + (j + s * (time / 2.0)) * time,
             jerk: j + s * time,
             yaw: setpoint.yaw + setpoint.yaw_rate * time,
             ..*setpoint
@@ -121,12 +133,13 @@ impl Mppi {
             Rollouts::new(&self.params, self.control_dt, self.options.step, groups, self.decisions)
         });
         for (decision, cells) in rollouts.setpoints.iter_mut().enumerate() {
-            let one = Self::ahead(setpoint, decision as f64 * self.control_dt);
+            let one = self.ahead(setpoint, decision as f64 * self.control_dt);
             (0..EIGHT).for_each(|i| Eight::set_setpoint(cells, i, &one));
         }
         let deviation = self.options.noise * default_max_torque(&self.params);
         rollouts.run(
             &self.base,
+            &self.limits,
             &self.objective,
             state,
             plan,

@@ -1,7 +1,7 @@
 //! Sampled motions of one robot in the contact model, eight side by side.
 
 use crate::actuator::Ideal;
-use crate::control::{Controller, LaneSetpoint, Lqr, SetpointCells};
+use crate::control::{Controller, LaneSetpoint, Lqr, SetpointCells, TorqueLimits};
 use crate::lane_state::{ConditionCells, LaneState, StateCells};
 use crate::lanes::{Draws, EIGHT, Eight, Kernel, Lane, Scalar, Wide, run_eight};
 use crate::models::linear::STATES;
@@ -11,7 +11,7 @@ use crate::state::State;
 use fearless_simd::Simd;
 use std::sync::Arc;
 
-/// The cost of a motion: Σ xᵀQx + r τᵀτ and xᵀPx at the end.
+/// The cost of a motion: Σ xᵀQx + r |τ − τ_ref|², τ_ref the torques of the setpoint's motion, and xᵀPx at the end.
 #[derive(Clone, Debug)]
 pub(super) struct Objective {
     /// Diagonal of Q.
@@ -35,7 +35,7 @@ pub(super) struct Noise {
 
 /// Room for the samples of one call.
 pub(super) struct Rollouts {
-    /// At each decision.
+    /// At each decision, and at the end.
     pub(super) setpoints: Vec<SetpointCells<Eight>>,
     robots: ContactLanes,
     /// Time steps of the simulation from one decision to the next.
@@ -57,7 +57,7 @@ impl Rollouts {
     pub(super) fn new(params: &Params, control_dt: f64, step: f64, groups: usize, decisions: usize) -> Self {
         let substeps = (control_dt / step - 1e-9).ceil().max(1.0) as usize;
         Self {
-            setpoints: vec![SetpointCells::default(); decisions],
+            setpoints: vec![SetpointCells::default(); decisions + 1],
             robots: ContactLanes::new(&Arc::new(params.clone()), control_dt / substeps as f64),
             substeps,
             groups,
@@ -68,11 +68,20 @@ impl Rollouts {
 
     /// Simulates all samples from a state under a regulator and a plan with noise. The first sample has no noise, the second
     /// no plan.
-    pub(super) fn run(&mut self, base: &Lqr, objective: &Objective, state: &State, plan: &[f64], noise: &Noise) {
+    pub(super) fn run(
+        &mut self,
+        base: &Lqr,
+        limits: &TorqueLimits,
+        objective: &Objective,
+        state: &State,
+        plan: &[f64],
+        noise: &Noise,
+    ) {
         let Self { setpoints, robots, substeps, groups, noise: kept, costs } = self;
         robots.place_lane(0, state);
         let start = robots.lane(0);
         let motor = Ideal { max_torque: 1.0 };
+        let (last_setpoint, setpoints) = setpoints.split_last().expect("there is an end");
         let decisions = setpoints.len();
         for group in 0..*groups {
             (0..EIGHT).for_each(|i| robots.set_lane(i, &start));
@@ -84,6 +93,7 @@ impl Rollouts {
                 let mut torques = base.torques_eight(&states, setpoint, noise.largest, &mut []);
                 run_eight(Decide {
                     base,
+                    limits,
                     objective,
                     noise,
                     plan: &plan[3 * decision..3 * decision + 3],
@@ -99,8 +109,7 @@ impl Rollouts {
                 robots.drive_lanes(&motor, &torques, &mut [], &mut [], *substeps);
             }
             robots.read(&mut states, &mut conditions);
-            let setpoint = &setpoints[decisions - 1];
-            run_eight(End { base, objective, states: &states, setpoint, cost: &mut cost });
+            run_eight(End { base, objective, states: &states, setpoint: last_setpoint, cost: &mut cost });
             for i in 0..EIGHT {
                 let healthy = conditions.healthy.0[i] > 0.0;
                 costs[group * EIGHT + i] = if healthy { cost.0[i] } else { f64::INFINITY };
@@ -124,7 +133,7 @@ impl Rollouts {
         }
         let weight = |cost: f64| if cost.is_finite() { ((least - cost) / scale).exp() } else { 0.0 };
         let total: f64 = self.costs.iter().map(|cost| weight(*cost)).sum();
-        let decisions = self.setpoints.len();
+        let decisions = self.setpoints.len() - 1;
         for (sample, cost) in self.costs.iter().enumerate() {
             let share = weight(*cost) / total;
             if share == 0.0 {
@@ -142,6 +151,7 @@ impl Rollouts {
 /// One decision of eight samples: what is added to the torques, and the cost.
 struct Decide<'a> {
     base: &'a Lqr,
+    limits: &'a TorqueLimits,
     objective: &'a Objective,
     noise: &'a Noise,
     plan: &'a [f64],
@@ -179,7 +189,6 @@ impl Decide<'_> {
         // Stationary from the first decision on.
         let kept = if self.decision == 0 { 0.0 } else { self.noise.correlation };
         let fresh = self.noise.deviation * (1.0 - kept * kept).sqrt();
-        let largest = sample.splat(self.noise.largest);
         for (wheel, normal) in [a, b, c].into_iter().enumerate() {
             let drawn = last[wheel] * kept + normal * fresh;
             let first = sample.lt(sample.splat(0.5));
@@ -187,16 +196,16 @@ impl Decide<'_> {
             let no_plan = L::select(second, sample.splat(-self.plan[wheel]), drawn);
             let noise = L::select(first, sample.zero(), no_plan);
             last[wheel] = noise;
-            let torque = torques[wheel] + noise + self.plan[wheel];
-            torques[wheel] = torque.min(largest).max(-largest);
+            torques[wheel] = torques[wheel] + noise + self.plan[wheel];
         }
-        let x = self.base.lane_deviation(state, setpoint);
+        *torques = self.limits.apply(*torques, state, self.noise.largest).torques;
+        let (x, reference) = self.base.lane_deviation(state, setpoint);
         let mut sum = *cost;
         for (value, weight) in x.iter().zip(&self.objective.states) {
             sum = value.squared().mul_add_all(*weight, sum);
         }
-        for torque in torques.iter() {
-            sum = torque.squared().mul_add_all(self.objective.torques, sum);
+        for (torque, reference) in torques.iter().zip(reference) {
+            sum = (*torque - reference).squared().mul_add_all(self.objective.torques, sum);
         }
         *cost = sum;
     }
@@ -262,7 +271,7 @@ struct End<'a> {
 impl End<'_> {
     #[inline(always)]
     fn to_go<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> L {
-        let x = self.base.lane_deviation(state, setpoint);
+        let (x, _) = self.base.lane_deviation(state, setpoint);
         let mut sum = x[0].zero();
         for (value, row) in x.iter().zip(&self.objective.to_go) {
             let mut product = sum.zero();

@@ -119,10 +119,9 @@ impl Mpc {
             [plane(0)?, plane(1)?],
             limits.lean_rows(planes),
             std::array::from_fn(|i| [x[i], y[i]]),
-            limits.max_torque(),
             options.violation.powi(-2),
             options.iterations.round() as usize,
-        );
+        )?;
         Ok(Self {
             outer: Outer::new(&gain, [weights.max_lean, weights.max_speed]),
             gain: std::array::from_fn(|i| std::array::from_fn(|j| gain[(i, j)])),

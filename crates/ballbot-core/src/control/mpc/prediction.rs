@@ -2,6 +2,7 @@
 
 use super::super::limits::{LeanRow, ROWS};
 use super::plane::Plane;
+use crate::error::{Error, Result};
 use crate::lanes::{Lane, Memory};
 use nalgebra::{DMatrix, SymmetricEigen};
 
@@ -34,47 +35,44 @@ pub(super) struct Prediction {
     /// ρ, the cost of a violation.
     pub(super) penalty: f64,
     pub(super) iterations: usize,
-    /// 1/L with the largest curvature L, and Nesterov's momentum for the smallest, 1.
-    step: f64,
-    momentum: f64,
+    /// The largest curvature that the rows give the cost, and the torques, per square of `per_acceleration`.
+    curvature: [f64; 2],
 }
 
 impl Prediction {
-    /// With accelerations scaled so that the largest torque of a wheel is `max_torque`.
+    /// # Errors
+    /// [`Error::Inconsistent`] if the curvatures of the problem are not found.
     pub(super) fn new(
         planes: [Plane; 2],
         rows: [LeanRow; ROWS],
         torques: [[f64; 2]; 3],
-        max_torque: f64,
         penalty: f64,
         iterations: usize,
-    ) -> Self {
-        let mut new = Self { planes, rows, torques, penalty, iterations, step: 0.0, momentum: 0.0 };
-        let curvature = new.largest_curvature(max_torque);
-        new.step = curvature.recip();
-        new.momentum = (curvature.sqrt() - 1.0) / (curvature.sqrt() + 1.0);
-        new
+    ) -> Result<Self> {
+        let mut new = Self { planes, rows, torques, penalty, iterations, curvature: [0.0; 2] };
+        new.curvature = new.largest_curvatures()?;
+        Ok(new)
     }
 
-    /// The largest curvature that the cost can have: that with all rows violated.
-    fn largest_curvature(&self, max_torque: f64) -> f64 {
-        let mut g = DMatrix::zeros(STAGES * (ROWS + 3), 2 * STAGES);
+    /// The largest curvatures that the rows and the torques can give: those with all of them violated.
+    fn largest_curvatures(&self) -> Result<[f64; 2]> {
+        let (mut of_rows, mut of_torques) =
+            (DMatrix::zeros(STAGES * ROWS, 2 * STAGES), DMatrix::zeros(STAGES * 3, 2 * STAGES));
         for column in 0..2 * STAGES {
             let mut x = [[0.0; 4]; 2];
             for stage in 0..STAGES {
                 let v = [0, 1].map(|axis| f64::from(u8::from(column == 2 * stage + axis)));
                 let u = [0, 1].map(|axis| self.planes[axis].input(x[axis], v[axis]));
-                let first = stage * (ROWS + 3);
                 for (i, row) in self.rows.iter().enumerate() {
-                    g[(first + i, column)] = row.value(0.0, [x[0][1], x[1][1]], u);
+                    of_rows[(stage * ROWS + i, column)] = row.value(0.0, [x[0][1], x[1][1]], u);
                 }
                 for (i, torque) in self.torques.iter().enumerate() {
-                    g[(first + ROWS + i, column)] = (torque[0] * u[0] + torque[1] * u[1]) / max_torque;
+                    of_torques[(stage * 3 + i, column)] = torque[0] * u[0] + torque[1] * u[1];
                 }
                 x = [0, 1].map(|axis| self.planes[axis].next(x[axis], u[axis]));
             }
         }
-        1.0 + self.penalty * SymmetricEigen::new(g.transpose() * g).eigenvalues.max()
+        Ok([largest_eigenvalue(&of_rows)?, largest_eigenvalue(&of_torques)?])
     }
 
     /// The derivatives of ½ ρ Σ max(0, r)² at one stage with respect to leans and inputs, over ρ.
@@ -129,10 +127,17 @@ impl Prediction {
         let zero = start.per_acceleration.zero();
         // Where the gradient is taken: the plan and its momentum.
         let mut ahead = *plan;
+        // 1/L with a bound L of the largest curvature, and Nesterov's momentum for the smallest, 1. The largest torque, and
+        // with it the curvature, is that of the call.
+        let [of_rows, of_torques] = self.curvature.map(|curvature| self.penalty * curvature);
+        let one = zero.splat(1.0);
+        let largest = start.per_acceleration.squared().mul_add_all(of_torques, one.splat(1.0 + of_rows));
+        let (step, root) = (one / largest, largest.sqrt());
+        let of_many = (root - 1.0) / (root + 1.0);
         let (mut by_lean, mut by_input) = ([[zero; 2]; STAGES], [[zero; 2]; STAGES]);
         for iteration in 0..self.iterations {
             // Few iterations have no use for the momentum of many.
-            let momentum = self.momentum.min(iteration as f64 / (iteration + 3) as f64);
+            let momentum = of_many.min(one.splat(iteration as f64 / (iteration + 3) as f64));
             let mut x = start.x;
             for stage in 0..STAGES {
                 let v = ahead[stage];
@@ -149,13 +154,24 @@ impl Prediction {
                     after[axis][1] += by_lean[stage][axis];
                     let (v, old) = (ahead[stage][axis], plan[stage][axis]);
                     let descent = by_input.mul_add_all(self.penalty * plane.scale, v);
-                    let new = descent.mul_add_all(-self.step, v);
-                    ahead[stage][axis] = (new - old).mul_add_all(momentum, new);
+                    let new = descent.mul_add(-step, v);
+                    ahead[stage][axis] = (new - old).mul_add(momentum, new);
                     plan[stage][axis] = new;
                 }
             }
         }
     }
+}
+
+/// Most steps of the search for eigenvalues; about two an eigenvalue are needed.
+const MAX_EIGENVALUE_STEPS: usize = 10_000;
+
+fn largest_eigenvalue(g: &DMatrix<f64>) -> Result<f64> {
+    let found = SymmetricEigen::try_new(g.transpose() * g, f64::EPSILON, MAX_EIGENVALUE_STEPS);
+    found
+        .map(|found| found.eigenvalues.max())
+        .filter(|largest| largest.is_finite())
+        .ok_or_else(|| Error::Inconsistent("the curvatures of the predictive controller were not found".into()))
 }
 
 /// The plan in a robot's memory, made a call ago: later by `share` of a stage.

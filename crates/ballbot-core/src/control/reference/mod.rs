@@ -12,11 +12,12 @@ mod traction;
 pub use motion::Motion;
 
 use super::Setpoint;
-use super::lean_planes::{LeanPlane, LeanPlanes};
+use super::lean_planes::LeanPlanes;
 use crate::error::{Error, Result, check};
 use crate::params::Params;
 use motion::{FlatOutput, ramped};
-use nalgebra::{Rotation2, Vector2};
+use nalgebra::Vector2;
+use std::f64::consts::TAU;
 use traction::Traction;
 
 /// The heading during a motion.
@@ -76,17 +77,13 @@ impl Reference {
         let z = self.flat.at(t);
         let turned = ramped(t, self.turning.start);
         let yaw = self.turning.rate.mul_add(turned.value(), self.turning.yaw);
+        // Within ±π, however long the robot turns.
+        let yaw = yaw - TAU * (yaw / TAU).round();
         let derivative = |k: usize| Vector2::new(z[0].derivative(k), z[1].derivative(k));
-        // y = z − (ℓ/g) z̈ in the planes of the heading frame.
-        let turn = Rotation2::new(yaw);
-        let lags = self.planes.planes.map(|plane| lag(&plane));
-        let behind = |k: usize| {
-            let heading = turn.inverse() * derivative(k + 2);
-            turn * Vector2::new(heading.x * lags[0], heading.y * lags[1])
-        };
+        let lag = self.planes.lag();
         Setpoint {
-            position: derivative(0) - behind(0),
-            velocity: derivative(1) - behind(1),
+            position: derivative(0) - derivative(2) * lag,
+            velocity: derivative(1) - derivative(3) * lag,
             acceleration: derivative(2),
             jerk: derivative(3),
             snap: derivative(4),
@@ -104,11 +101,21 @@ impl Reference {
     /// Largest share of what the robot has that the motion takes: of the friction limit of a wheel, of its load (which is to
     /// stay above 0) or of the motors' torque.
     pub fn demand(&self) -> f64 {
-        /// Times at which the demand is taken.
+        /// Times at which the demand is taken, and the least number in each piece of the motion.
         const SAMPLES: usize = 1000;
-        let extent = self.motion.extent();
-        let at = |k: usize| self.traction.demand(&self.planes, &self.at(extent * k as f64 / SAMPLES as f64));
-        (0..=SAMPLES).map(at).fold(0.0, f64::max)
+        const LEAST: usize = 40;
+        let mut pieces = self.motion.pieces();
+        pieces.push([0.0, self.turning.start]);
+        let count = (SAMPLES / pieces.len()).max(LEAST);
+        let times = pieces
+            .iter()
+            .flat_map(|[first, last]| (0..=count).map(move |k| first + (last - first) * k as f64 / count as f64));
+        times.map(|t| self.demand_at(t)).fold(0.0, f64::max)
+    }
+
+    fn demand_at(&self, t: f64) -> f64 {
+        let turning = self.turning.rate * ramped(t, self.turning.start).derivative(2);
+        self.traction.demand(&self.planes, &self.at(t), turning)
     }
 
     /// The least factor by which the motion must be slowed down so that its demand is `friction`; `None` if none below
@@ -173,12 +180,7 @@ fn check_share(friction: f64) -> Result<f64> {
     check("friction", friction, "from 0.01 to 1", |share| (0.01..=1.0).contains(&share))
 }
 
-/// ℓ/g, s².
-fn lag(plane: &LeanPlane) -> f64 {
-    plane.lever / plane.acceleration
-}
-
 fn flat_output(motion: &Motion, planes: &LeanPlanes) -> Result<FlatOutput> {
     let [x, y] = &planes.planes;
-    motion.flat_output(0.5 * (lag(x) + lag(y)), 0.5 * (x.acceleration + y.acceleration))
+    motion.flat_output(planes.lag(), 0.5 * (x.acceleration + y.acceleration))
 }

@@ -148,12 +148,18 @@ impl Motion {
         }
     }
 
-    /// How long it takes until it repeats or ends, s.
-    pub(super) fn extent(&self) -> f64 {
+    /// The times, first and last, between which the ball accelerates, s; of a periodic motion the start and a period.
+    pub(super) fn pieces(&self) -> Vec<[f64; 2]> {
         match self {
-            Self::Circle { period, start, .. } | Self::Lemniscate { period, start, .. } => period + start,
-            Self::Attitude { frequency, start, .. } => start + frequency.recip(),
-            _ => self.duration().unwrap_or(0.0),
+            Self::Hold { .. } => Vec::new(),
+            Self::Path { times, .. } | Self::Stops { times, .. } => {
+                times.windows(2).map(|pair| [pair[0], pair[1]]).collect()
+            }
+            Self::Velocities { times, change, .. } => times.iter().map(|time| [*time, time + change]).collect(),
+            Self::Circle { period, start, .. } | Self::Lemniscate { period, start, .. } => {
+                vec![[0.0, *start], [*start, start + period]]
+            }
+            Self::Attitude { frequency, start, .. } => vec![[0.0, *start], [*start, start + frequency.recip()]],
         }
     }
 

@@ -21,7 +21,8 @@ impl Traction {
     }
 
     /// The largest share of the friction limit, of the load or of the torque of a wheel in the motion of a setpoint.
-    pub(super) fn demand(&self, planes: &LeanPlanes, setpoint: &Setpoint) -> f64 {
+    /// `turning` is the acceleration of the heading, rad/s².
+    pub(super) fn demand(&self, planes: &LeanPlanes, setpoint: &Setpoint, turning: f64) -> f64 {
         let into_heading = Rotation2::new(-setpoint.yaw);
         let per_lean = planes.planes.map(|plane| plane.acceleration);
         let lean = into_heading * setpoint.acceleration;
@@ -31,7 +32,7 @@ impl Traction {
         let snap = into_heading * setpoint.snap;
         let toppling = planes.planes.map(|plane| plane.toppling_squared());
         let forward = [snap.x / per_lean[0] - toppling[0] * lean[0], snap.y / per_lean[1] - toppling[1] * lean[1]];
-        let torques = planes.wheel_torques(forward, 0.0);
+        let torques = planes.wheel_torques(forward, turning);
         // Leaning towards y turns about −x.
         let tilt = [-lean[1], lean[0]];
         let squared = rate[0].mul_add(rate[0], rate[1] * rate[1]);
