@@ -24,6 +24,9 @@ package = Path(ballbot_rs.__file__).parent
 assert not package.is_relative_to(sys.argv[1]), f"{package} is the clone's, not the wheel's"
 for name in ("bot.urdf", "ball.urdf", "policies/balance.onnx"):
     assert _assets.path(name).is_relative_to(package), _assets.path(name)
+from ballbot_rs import load_scenarios
+from ballbot_rs.deployment import controller_header
+assert load_scenarios() and controller_header("lqr")
 for file in sorted((package / "assets").rglob("*")):
     if file.is_file():
         print(file.relative_to(package / "assets").as_posix(), file.stat().st_size)

@@ -886,7 +886,7 @@ class Reference:
     more traction or torque than the robot has is refused with the time that would do.
 
     Arguments of all of them:
-        params: the robot; None is the paper's.
+        params: the robot that is to follow it; None is the paper's.
         yaw: heading at first, rad.
         yaw_rate: rate to which the heading comes within a second, rad/s.
         friction: share of the friction limit of the wheels that the motion may take, from 0.01 to 1; None allows any.
@@ -1258,6 +1258,7 @@ class Batch:
             controller: as in `control`.
             steps: how many.
             setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list of one each.
+                A reference should be made for the robot; it goes on where an episode ends and another begins.
             record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
                 `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
                 step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.

@@ -5,21 +5,17 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
-from ballbot_rs._extras import require
-
 
 def loads(text: str) -> dict[str, Any]:
     """The table of a TOML text.
 
     Raises:
         ValueError: malformed TOML.
-        ModuleNotFoundError: Python 3.10 without `tomli`.
     """
     if sys.version_info >= (3, 11):
         import tomllib
     else:
-        with require("TOML", "train"):
-            import tomli as tomllib
+        import tomli as tomllib
     table: dict[str, Any] = tomllib.loads(text)
     return table
 

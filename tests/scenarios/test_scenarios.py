@@ -15,6 +15,8 @@ from ballbot_rs.scenarios.scale import Scale
 from ballbot_rs.scenarios.scenario import Scenario, load, select
 from ballbot_rs.scenarios.trial import trial
 
+OWN = '[[scenario]]\nid = "A"\ntitle = ""\nseconds = 1\nscore = "rms_tilt"\n'
+
 
 def score(controller, name, **arguments):
     (outcome,) = run_scenarios([controller], [name], **arguments)
@@ -131,6 +133,51 @@ def test_metrics_of_known_rows():
     assert found["settling_time"][0] == math.inf
 
 
+def test_pushes_at_random_are_the_same_at_any_rate():
+    scenario = load()["S22-10s"]
+    fast, slow = (trial(scenario, bb.Params.paper(), dt, seed=2).impulses for dt in (0.01, 0.02))
+    for episode in range(fast.shape[1]):
+        given = [impulses[:, episode][impulses[:, episode].any(axis=-1)] for impulses in (fast, slow)]
+        np.testing.assert_array_equal(*given)
+
+
+def test_steps_go_in_all_directions():
+    (outcome,) = run_scenarios("lqr", "S9")
+    assert len(set(outcome.metrics["rms_error"].tolist())) == 6
+
+
+def test_laws_without_a_setpoint_have_what_asks_for_no_motion():
+    pushed = Scenario("pushed", "", seconds=1.0, push=0.1, score="rms_tilt")
+    (outcome,) = run_scenarios(["zero"], [pushed])
+    assert outcome.metrics["fell"].all() or outcome.score > 0.1
+    (own,) = run_scenarios([lambda state: [-0.001 * speed for speed in state.wheel_speeds]], [pushed])
+    assert own.score > 0.0
+    assert run_scenarios(["zero"], ["S13-10s"]) == []
+
+
+def test_forces_and_slopes_can_be_stood():
+    for name in ("S6-1N", "S7-1deg"):
+        assert run_scenarios("lqi", name)[0].success_rate == 1.0
+
+
+def test_maps_of_other_robots_are_in_their_numbers():
+    scenario = Scenario("map", "", seconds=3.0, tilt=(10.0, 14.0, 2.0), directions=3, score="map")
+    (outcome,) = run_scenarios("lqr", scenario, robot="kugle")
+    scale, paper = (Scale.of(bb.Params.preset(name)) for name in ("kugle", "paper"))
+    assert outcome.score == pytest.approx(14.0 * scale.holdable_lean / paper.holdable_lean)
+
+
+def test_rows_are_json():
+    (fallen,) = run_scenarios("zero", Scenario("x", "", seconds=3.0, push=1.0, score="rms_tilt"))
+    text = json.dumps(fallen.row(), allow_nan=False)
+    assert json.loads(text)["score"] is None
+
+
+def test_names_twice_are_refused():
+    with pytest.raises(ValueError, match="two controllers are named 'lqr'"):
+        run_scenarios(["lqr", "lqr"], "S4")
+
+
 def test_what_a_controller_cannot_follow_is_left_out():
     outcomes = run_scenarios(["pid", "lqr"], ["S4", "S13-10s"])
     assert [(one.controller, one.scenario.id) for one in outcomes] == [("pid", "S4"), ("lqr", "S4"), ("lqr", "S13-10s")]
@@ -156,6 +203,12 @@ def test_scenarios_of_ones_own(tmp_path):
         ('[[scenario]]\nid = "A"\n', "missing 3 required positional arguments"),
         ('[[scenario]]\nid = "A"\ntitle = ""\nseconds = -1\nscore = "map"\n', "seconds = -1"),
         ('[[scenario]]\nid = "A"\ntitle = ""\nseconds = 1\nscore = "mop"\n', "score = 'mop'"),
+        (OWN + "tilt = [1, 2]\n", r"tilt = \(1.0, 2.0\), expected \(first, last, step\)"),
+        (OWN + "tilt = [1, 2, 0]\n", "a step above 0"),
+        (OWN + "push = nan\n", "push = nan, expected finite"),
+        (OWN + "measure_from = 1\n", "measure_from = 1, expected from 0 to before seconds = 1"),
+        (OWN + 'reference = { kind = "spiral" }\n', "reference.kind = 'spiral'"),
+        (OWN + "reference = { radius = 1 }\n", "reference.kind = None"),
     ]:
         path.write_text(text)
         with pytest.raises(ValueError, match=says):

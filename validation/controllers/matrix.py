@@ -90,8 +90,12 @@ def claims(found: Found) -> list[Claim]:
 
 def _mean(found: Found) -> Claim:
     """The mean over all episodes, where the score is that of the worse half."""
-    of = [one.metrics["rms_error"].mean() for (_, name), one in found.items() if name == "S22-6s"]
-    above = max(1e3 * float(min(of)) - 20.0, 0.0)
+    of = [
+        float(one.metrics["rms_error"].mean())
+        for (_, name), one in found.items()
+        if name == "S22-6s" and not one.metrics["fell"].any()
+    ]
+    above = max(1e3 * min(of) - 20.0, 0.0)
     return Claim("circle in 6 s with sensors, delay and mild events, mean above 20 mm", above, 0.0, 0.0, "mm", True)
 
 

@@ -2,7 +2,8 @@
 
 A tenth of the scenarios on the other presets, with their numbers scaled: tilts by the lean that a robot can hold,
 pushes by the impulse that takes its capture point there, motions by the traction that they take
-([scenarios](scenarios.md)). The friction of the wheels' bearings, which only `asroballet` has, leaves static laws in a limit cycle.
+([scenarios](scenarios.md)). The friction of the wheels' bearings, which only `asroballet` has, leaves static laws in
+a limit cycle.
 """
 
 from typing import Final

@@ -106,7 +106,11 @@ def impulses(
         if push.duration == 0.0:
             add(min(round(push.time / control_dt), steps - 1), push.impulse, 1.0, push.point)
             continue
-        for step in _steps(push.time, push.time + push.duration, steps, control_dt):
+        spread = _steps(push.time, push.time + push.duration, steps, control_dt)
+        if not spread:
+            # It begins after the last whole step, as one at once may.
+            add(steps - 1, push.impulse, 1.0, push.point)
+        for step in spread:
             add(step, push.impulse, push.share(step * control_dt, (step + 1) * control_dt), push.point)
     for force in forces:
         end = math.inf if force.end is None else force.end

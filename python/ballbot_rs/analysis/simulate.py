@@ -239,5 +239,8 @@ def _setpoints(
     if target is None:
         return {"position": own}
     rows = [target(float(time)) for time in times]
-    parts = {part: np.array([row[part] for row in rows]) for part in rows[0] if all(part in row for row in rows)}
+    names = dict.fromkeys(part for row in rows for part in row)
+    # A part that is not named is zero.
+    zeros = {part: np.zeros(np.shape(next(row[part] for row in rows if part in row))) for part in names}
+    parts = {part: np.array([row.get(part, zeros[part]) for row in rows]) for part in names}
     return {"position": np.zeros_like(own), **parts}

@@ -55,6 +55,8 @@ def run(arguments: argparse.Namespace) -> None:
         )
     if arguments.json:
         rows = [outcome.row() for outcome in outcomes]
-        print(json.dumps({"seed": arguments.seed, "ballbot_rs": __version__, "results": rows}, indent=2))
+        print(
+            json.dumps({"seed": arguments.seed, "ballbot_rs": __version__, "results": rows}, indent=2, allow_nan=False)
+        )
     else:
         print(text(outcomes))

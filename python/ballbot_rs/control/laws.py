@@ -146,7 +146,7 @@ class Laws:
             if is_batched(first):
                 self._laws = [first]
                 self._reset_batched(np.ones(self._count, dtype=bool))
-            elif isinstance(first, Controller) or self._is_made:
+            elif self._is_made:
                 self._laws = [first, *(self._make() for _ in range(self._count - 1))]
             else:
                 self._laws = [first, *self._copies(first)]

@@ -83,7 +83,10 @@ class Outcome:
         return max(center - half, 0.0), min(center + half, 1.0)
 
     def row(self) -> dict[str, Any]:
-        """One row for a table or JSON: means over the episodes that did not fall, largest numbers, successes."""
+        """One row for a table or JSON: means over the episodes that did not fall, largest numbers, successes.
+
+        None is no number: the score where a robot fell, a mean over no episode, or with one that never settled.
+        """
         stood = ~self._fell
         means = {
             name: float(np.mean(self.metrics[name][stood])) if stood.any() else math.nan
@@ -93,19 +96,24 @@ class Outcome:
         return {
             "controller": self.controller,
             "scenario": self.scenario.id,
-            "score": self.score,
+            "score": _finite(self.score),
             "success_rate": self.success_rate,
             "success_interval": list(self.interval()),
             "episodes": len(self.success),
             "falls": int((~stood).sum()),
             **({"largest": self.largest.tolist()} if self.scenario.is_map else {}),
-            **means,
+            **{name: _finite(value) for name, value in means.items()},
         }
 
 
+def _finite(value: float) -> float | None:
+    """None in place of what JSON has no number for."""
+    return value if math.isfinite(value) else None
+
+
 def run_scenarios(
-    controllers: Sequence[Source],
-    scenarios: Sequence[str | Scenario] = (),
+    controllers: "Source | list[Source] | tuple[Source, ...]",
+    scenarios: str | Scenario | Sequence[str | Scenario] = (),
     *,
     file: str | Path | None = None,
     robot: Params | str | None = None,
@@ -117,8 +125,8 @@ def run_scenarios(
     """Runs scenarios under controllers, the same episodes for all of them.
 
     Args:
-        controllers: each a name, a path or an object, as in `compare`.
-        scenarios: ids ("S13-6s", or "S13" for all of them), or `Scenario`s; none are all.
+        controllers: one or more, each a name, a path or an object, as in `compare`.
+        scenarios: ids ("S13-6s", or "S13" for all of them), or `Scenario`s, one or more; none are all.
         file: a TOML file of scenarios in place of those of this package.
         robot: parameters or a preset's name; None is the paper's.
         model: of the robot.
@@ -135,12 +143,18 @@ def run_scenarios(
     """
     params = robot if isinstance(robot, Params) else Params.preset(robot or "paper")
     known = load(file)
-    named = [one for one in scenarios if isinstance(one, str)]
-    chosen = [one for one in scenarios if isinstance(one, Scenario)]
+    asked = [scenarios] if isinstance(scenarios, (str, Scenario)) else list(scenarios)
+    named = [one for one in asked if isinstance(one, str)]
+    chosen = [one for one in asked if isinstance(one, Scenario)]
     if named or not chosen:
         chosen += select(named, known)
     seed = check_seed(seed)
-    found = [find(source) for source in controllers]
+    sources = controllers if isinstance(controllers, (list, tuple)) else [controllers]
+    found = [find(source) for source in sources]
+    for what, names in (("scenarios", [one.id for one in chosen]), ("controllers", [one.name for one in found])):
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise ValueError(f"two {what} are named '{twice[0]}': their outcomes could not be told apart")
     outcomes = []
     for count, (controller, scenario) in enumerate((c, s) for c in found for s in chosen):
         progress(count, len(found) * len(chosen))
@@ -180,10 +194,11 @@ def _run(
         controller, len(episodes), task=DEFAULT_TASK, num_threads=num_threads, seed=seed, options=options, given=()
     )
     made = None if controller.policy is not None else controller.law(episodes.nominal, batch.control_dt)
-    if scenario.moves and (made is None or not takes_position(made)):
+    follows = made is not None and takes_position(made)
+    if scenario.moves and not follows:
         return None
     # Before the robots become others than those that the controller is made for.
-    law = core_law(controller, batch) or _Python(controller, batch)
+    law = core_law(controller, batch) or _Python(controller, batch, follows)
     for i, robot in enumerate(episodes.robots):
         if robot is not episodes.nominal:
             batch.set_params(i, robot)
@@ -220,7 +235,7 @@ def _follow(law: "Controller | _Python", batch: Batch, episodes: Trial) -> Measu
         if isinstance(law, Controller):
             setpoints: Any = episodes.references
             if setpoints is None and takes_position(law):
-                setpoints = {"position": episodes.position}
+                setpoints = {"position": episodes.positions}
             rows = batch.rollout(law, count, setpoints, _RECORD, impulses=impulses, start_time=first * batch.control_dt)
         else:
             rows = law.steps(count, impulses, episodes, times)
@@ -233,9 +248,9 @@ def _follow(law: "Controller | _Python", batch: Batch, episodes: Trial) -> Measu
 class _Python:
     """A policy or a law in Python on a batch, step by step."""
 
-    def __init__(self, controller: ResolvedController, batch: Batch) -> None:
+    def __init__(self, controller: ResolvedController, batch: Batch, follows: bool) -> None:
         self._act = make_actor(controller, batch)
-        self._is_policy = controller.policy is not None
+        self._follows = follows
         self._batch = batch
         self._observations = np.empty((0, 0), dtype=np.float32)
 
@@ -267,10 +282,10 @@ class _Python:
         return {name: np.array(values) for name, values in rows.items()}
 
     def _setpoint(self, episodes: Trial, time: float) -> Any:
-        if self._is_policy:
+        if not self._follows:
             return None
         if episodes.references is None:
-            return {"position": episodes.position}
+            return [{"position": position} for position in episodes.positions]
         found = {id(one): one(time) for one in {id(one): one for one in episodes.references}.values()}
         return [found[id(one)] for one in episodes.references]
 
@@ -279,7 +294,7 @@ def _targets(episodes: Trial, times: Array) -> tuple[Array, Array]:
     """Where the balls should be and how fast, shape (len(times), n or 1, 2)."""
     if episodes.references is None:
         still = np.zeros((len(times), 1, 2))
-        return still + np.asarray(episodes.position), still
+        return still + episodes.positions, still
     one_for_all = all(one is episodes.references[0] for one in episodes.references)
     samples = [one.sample(times) for one in (episodes.references[:1] if one_for_all else episodes.references)]
     return tuple(np.stack([sample[name] for sample in samples], axis=1) for name in ("position", "velocity"))  # type: ignore[return-value]

@@ -1,11 +1,12 @@
 """Scenarios as data: what happens to a robot, what it is to do, and what counts as success."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
@@ -13,6 +14,24 @@ from ballbot_rs.scenarios.metrics import METRICS
 
 #: Numbers of an axis: one, or the first, the last and the step.
 Axis = float | tuple[float, float, float]
+
+
+#: Motions: constructors of `Reference`, and velocities at random.
+KINDS: Final = (
+    "hold",
+    "line",
+    "path",
+    "stops",
+    "square",
+    "velocities",
+    "circle",
+    "lemniscate",
+    "attitude",
+    "random_velocities",
+)
+
+#: Metrics that may be a score: less of them is better.
+SCORES: Final = tuple(name for name in METRICS if name not in ("fell", "least_load"))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,14 +101,31 @@ class Scenario:
             value = getattr(self, name)
             if isinstance(value, Sequence):
                 object.__setattr__(self, name, tuple(float(number) for number in value))
-        for name, least in (("seconds", 0.02), ("directions", 1), ("seeds", 1)):
-            if not getattr(self, name) >= least:
-                raise ValueError(f"scenario {self.id}: {name} = {getattr(self, name)}, it must be at least {least}")
-        if self.score not in (*METRICS, "map", "success") or self.is_map != (self.score == "map"):
-            expected = "map, as for every map" if self.is_map else f"success, {', '.join(METRICS)}"
+        for name, least, most in (("seconds", 0.02, 3600.0), ("directions", 1, 360), ("seeds", 1, 10_000)):
+            if not least <= getattr(self, name) <= most:
+                raise ValueError(f"scenario {self.id}: {name} = {getattr(self, name)}, expected from {least} to {most}")
+        if not 0.0 <= self.measure_from < self.seconds:
+            limit = f"expected from 0 to before seconds = {self.seconds}"
+            raise ValueError(f"scenario {self.id}: measure_from = {self.measure_from}, {limit}")
+        for name in ("tilt", "push"):
+            self._check_axis(name)
+        if self.reference and self.reference.get("kind") not in KINDS:
+            kind = self.reference.get("kind")
+            raise ValueError(f"scenario {self.id}: reference.kind = {kind!r}, expected one of {', '.join(KINDS)}")
+        if self.score not in (*SCORES, "map", "success") or self.is_map != (self.score == "map"):
+            expected = "map, as for every map" if self.is_map else f"success, {', '.join(SCORES)}"
             raise ValueError(f"scenario {self.id}: score = '{self.score}', expected {expected}")
         if isinstance(self.tilt, tuple) and isinstance(self.push, tuple):
             raise ValueError(f"scenario {self.id}: either tilt or push can be a map")
+
+    def _check_axis(self, name: str) -> None:
+        """One finite number, or the first, the last and the step of increasing ones."""
+        axis = getattr(self, name)
+        numbers = axis if isinstance(axis, tuple) else (axis,)
+        if not all(isinstance(number, (int, float)) and math.isfinite(number) for number in numbers):
+            raise ValueError(f"scenario {self.id}: {name} = {axis}, expected finite numbers")
+        if isinstance(axis, tuple) and not (len(axis) == 3 and axis[0] <= axis[1] and axis[2] > 0.0):
+            raise ValueError(f"scenario {self.id}: {name} = {axis}, expected (first, last, step) with a step above 0")
 
     @property
     def moves(self) -> bool:

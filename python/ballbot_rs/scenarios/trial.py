@@ -32,9 +32,9 @@ class Trial:
     impulses: Array | None
     #: The motion of each episode, or None for a place.
     references: list[Reference] | None
-    #: Where the ball should be, without references, m.
-    position: tuple[float, float]
-    #: The numbers of a map in units of the scenario, else empty.
+    #: Where each ball should be, without references, m, shape (n, 2).
+    positions: Array
+    #: The numbers of a map for this robot, deg or N·s, else empty.
     numbers: Array
     steps: int
     measure_from: float
@@ -51,9 +51,11 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
     nominal = params if scenario.friction is None else _with_friction(params, scenario.friction)
     steps = max(round(scenario.seconds * time / control_dt), 1)
     tilts, pushes = _values(scenario.tilt), _values(scenario.push)
-    numbers = (tilts if isinstance(scenario.tilt, tuple) else pushes) if scenario.is_map else np.empty(0)
+    harder = scale.capture_impulse / _PAPER.capture_impulse
+    numbers = (
+        (tilts * lean if isinstance(scenario.tilt, tuple) else pushes * harder) if scenario.is_map else np.empty(0)
+    )
     count = max(len(tilts), len(pushes))
-    rng = np.random.default_rng(seed)
     episodes = [
         (number, angle, k)
         for number in range(count)
@@ -62,8 +64,12 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
     ]
     robots, starts, impulses = [], [], np.zeros((steps, len(episodes), 3))
     references: list[Reference] = []
+    positions = np.zeros((len(episodes), 2))
     for i, (number, angle, k) in enumerate(episodes):
         direction = np.array([np.cos(angle), np.sin(angle)])
+        positions[i] = scenario.step * direction
+        # Of the episode alone, whatever the rate of the controller.
+        rng = np.random.default_rng([seed, i])
         true = _true(scenario, nominal, direction, k, rng)
         robots.append(true)
         tilt = math.radians(tilts[min(number, len(tilts) - 1)]) * lean
@@ -74,15 +80,17 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
             rate = _in_body(start, scenario.tilt_rate * scale.toppling_rate * tilt * axis)
             start = State.rolling(true, (0.0, 0.0), start.body_quaternion, rate)
         starts.append(start)
-        push = pushes[min(number, len(pushes) - 1)] * scale.capture_impulse / _PAPER.capture_impulse
+        push = pushes[min(number, len(pushes) - 1)] * harder
         if push != 0.0:
             _push(scenario, impulses[:, i], push, direction, time, control_dt, rng)
         if scenario.force != 0.0:
             force = scenario.force * scale.force_per_lean / _PAPER.force_per_lean * lean
-            first, last = (int(min(t * time / control_dt, steps)) for t in (scenario.force_from, scenario.force_until))
+            first, last = (
+                round(min(t * time / control_dt, steps)) for t in (scenario.force_from, scenario.force_until)
+            )
             impulses[first:last, i, :2] += force * control_dt * direction
         if scenario.reference:
-            references.append(_reference(scenario, nominal, time, lean, rng, references))
+            references.append(_reference(scenario, nominal, scale, time, rng, references))
     return Trial(
         scenario=scenario,
         nominal=nominal,
@@ -90,7 +98,7 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
         starts=starts,
         impulses=impulses if impulses.any() else None,
         references=references or None,
-        position=(scenario.step, 0.0),
+        positions=positions,
         numbers=numbers,
         steps=steps,
         measure_from=scenario.measure_from * time,
@@ -174,9 +182,9 @@ def _push(
         while True:
             at += float(rng.uniform(*scenario.push_every)) * time
             angle = float(rng.uniform(0.0, 2.0 * math.pi))
-            if round(at / control_dt) >= steps:
+            if at >= scenario.seconds * time:
                 return
-            impulses[round(at / control_dt), :2] += push * np.array([math.cos(angle), math.sin(angle)])
+            impulses[min(int(at / control_dt), steps - 1), :2] += push * np.array([math.cos(angle), math.sin(angle)])
     first = min(round(scenario.push_time * time / control_dt), steps - 1)
     count = min(max(round(scenario.push_duration * time / control_dt), 1), steps - first)
     # These shares of a half sine sum to one.
@@ -185,10 +193,11 @@ def _push(
 
 
 def _reference(
-    scenario: Scenario, params: Params, time: float, lean: float, rng: np.random.Generator, made: list[Reference]
+    scenario: Scenario, params: Params, scale: Scale, time: float, rng: np.random.Generator, made: list[Reference]
 ) -> Reference:
     """The motion of one episode; motions without random numbers are made once."""
     table = dict(scenario.reference)
+    lean = scale.holdable_lean / _PAPER.holdable_lean
     if table["kind"] == "attitude":
         table["lean"] *= lean
     if table["kind"] != "random_velocities":
@@ -197,13 +206,13 @@ def _reference(
         return _made(table, params, time)
     count = max(int(scenario.seconds / table["every"]), 1)
     # The same leans for the same share of the time in which the robot topples.
-    faster = lean * time * Scale.of(params).acceleration_per_lean / _PAPER.acceleration_per_lean
+    faster = lean * time * scale.acceleration_per_lean / _PAPER.acceleration_per_lean
     velocities = rng.uniform(-table["largest"], table["largest"], (count, 2)) * (rng.random((count, 2)) < 0.5)
     return Reference.velocities(
         faster * velocities,
         np.arange(count) * table["every"] * time,
         table["change"] * time,
-        yaw_rate=float(rng.uniform(-table["largest"], table["largest"])),
+        yaw_rate=float(rng.uniform(-table["yaw_rate"], table["yaw_rate"])) / time,
         params=params,
         friction=None,
     )

@@ -16,6 +16,7 @@ _NAMES = {
     "sliding_mode": "attitude sliding mode",
     "fuzzy_mamdani": "fuzzy rules",
     "takagi_sugeno": "Takagi-Sugeno",
+    "mppi": "MPPI",
     "zero": "no torque",
 }
 
