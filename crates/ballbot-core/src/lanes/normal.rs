@@ -121,8 +121,8 @@ fn cosine_and_sine<L: Lane>(angle: L) -> [L; 2] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Scalar;
     use super::{Draws, cosine_and_sine, logarithm};
+    use crate::lanes::Scalar;
     use std::f64::consts::FRAC_PI_2;
 
     #[test]

@@ -97,11 +97,15 @@ fn optimum(params: &Params, options: &MpcOptions, stage: f64, traction: f64, x: 
     let (mut i, mut j, mut v) = (Vec::new(), Vec::new(), Vec::new());
     for column in 0..inputs {
         for row in 0..=column {
-            (i.push(row), j.push(column), v.push(hessian[(row, column)]));
+            i.push(row);
+            j.push(column);
+            v.push(hessian[(row, column)]);
         }
     }
     for slack in inputs..size {
-        (i.push(slack), j.push(slack), v.push(options.violation.powi(-2)));
+        i.push(slack);
+        j.push(slack);
+        v.push(options.violation.powi(-2));
     }
     let p = CscMatrix::new_from_triplets(size, size, i, j, v);
     let [i, j] = [0, 1].map(|n| entries.iter().map(|entry| [entry.0, entry.1][n]).collect());

@@ -117,7 +117,7 @@ impl Mpc {
         let [x, y] = [planes.wheel_torques([1.0, 0.0], 0.0), planes.wheel_torques([0.0, 1.0], 0.0)];
         let prediction = Prediction::new(
             [plane(0)?, plane(1)?],
-            limits.lean_rows(planes),
+            &limits.lean_rows(planes),
             std::array::from_fn(|i| [x[i], y[i]]),
             options.violation.powi(-2),
             options.iterations.round() as usize,

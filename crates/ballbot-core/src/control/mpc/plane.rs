@@ -57,10 +57,9 @@ impl Plane {
     #[inline(always)]
     pub(super) fn next<L: Lane>(&self, [y, lean, velocity, rate]: [L; 4], u: L) -> [L; 4] {
         let mut next = [y, y.zero(), y.zero(), y.zero()];
-        for i in 0..4 {
-            let [l, v, r] = self.a[i];
-            next[i] =
-                u.mul_add_all(self.b[i], rate.mul_add_all(r, velocity.mul_add_all(v, lean.mul_add_all(l, next[i]))));
+        for (([l, v, r], b), next) in self.a.iter().zip(self.b).zip(&mut next) {
+            let free = rate.mul_add_all(*r, velocity.mul_add_all(*v, lean.mul_add_all(*l, *next)));
+            *next = u.mul_add_all(b, free);
         }
         next
     }
@@ -76,10 +75,9 @@ impl Plane {
     #[inline(always)]
     pub(super) fn by_state<L: Lane>(&self, after: [L; 4], by_input: L) -> [L; 4] {
         let mut by_state = [after[0], by_input.zero(), by_input.zero(), by_input.zero()];
-        for j in 1..4 {
-            let column = [self.a[0][j - 1], self.a[1][j - 1], self.a[2][j - 1], self.a[3][j - 1]];
-            for (factor, after) in column.into_iter().zip(after) {
-                by_state[j] = after.mul_add_all(factor, by_state[j]);
+        for (row, after) in self.a.iter().zip(after) {
+            for (factor, by_state) in row.iter().zip(&mut by_state[1..]) {
+                *by_state = after.mul_add_all(*factor, *by_state);
             }
         }
         for (by_state, k) in by_state.iter_mut().zip(self.k) {

@@ -44,12 +44,12 @@ impl Prediction {
     /// [`Error::Inconsistent`] if the curvatures of the problem are not found.
     pub(super) fn new(
         planes: [Plane; 2],
-        rows: [LeanRow; ROWS],
+        rows: &[LeanRow; ROWS],
         torques: [[f64; 2]; 3],
         penalty: f64,
         iterations: usize,
     ) -> Result<Self> {
-        let mut new = Self { planes, rows, torques, penalty, iterations, curvature: [0.0; 2] };
+        let mut new = Self { planes, rows: *rows, torques, penalty, iterations, curvature: [0.0; 2] };
         new.curvature = new.largest_curvatures()?;
         Ok(new)
     }
