@@ -13,11 +13,12 @@ below it the tilts from which the robot recovers by direction, and what delay an
 from collections.abc import Mapping
 from functools import cache
 from importlib import resources
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from ballbot_rs._core import CONTROLLERS
+from ballbot_rs.media.figures.labels import short
 from ballbot_rs.scenarios.matrix import cell, unit
 from ballbot_rs.scenarios.run import Outcome, run_scenarios
 from ballbot_rs.scenarios.scenario import load
@@ -134,26 +135,35 @@ def draw(fig: "Figure", found: Found) -> None:
     _pareto(fig.add_subplot(grid[0, 0]), found, shown)
     _basins(fig.add_subplot(grid[0, 1]), found)
     delays = {0: "S3-at-once", 10: "S18-10ms", 30: "S18-30ms", 50: "S18-50ms"}
+    frictions = {0.3: "S19-0.3", 0.6: "S19-0.6", 1.0: "S2-rest"}
     left, right = fig.add_subplot(grid[1, 0]), fig.add_subplot(grid[1, 1])
-    for name in shown:
-        left.plot(list(delays), [found[name, scenario].score for scenario in delays.values()], ".-", label=name)
-        frictions = {0.3: "S19-0.3", 0.6: "S19-0.6", 1.0: "S2-rest"}
-        right.plot(list(frictions), [found[name, scenario].score for scenario in frictions.values()], ".-")
+    for axes, scenarios in ((left, delays), (right, frictions)):
+        for name in shown:
+            scores = [found[name, scenario].score for scenario in scenarios.values()]
+            axes.plot(list(scenarios), scores, label=short(name), **_style(name))
     left.set(xlabel="delay (ms)", ylabel="worst push (N·s)", ylim=(0, None))
     right.set(xlabel="friction of the wheels", ylabel="worst tilt (deg)", ylim=(0, None))
-    fig.legend(loc="outside lower center", ncols=4)
+    policy = right.plot([], [], label=POLICY, **_style(POLICY))
+    fig.legend(handles=[*left.get_lines(), *policy], loc="outside lower center", ncols=4)
+
+
+def _style(name: str) -> dict[str, Any]:
+    """Color, marker and line of a controller, the same in all parts of the figure."""
+    number = names().index(name)
+    line = ("-", "--")[number // 7]
+    inside = ({}, {"markerfacecolor": "white"})[number // 7]
+    return {"color": f"C{number % 7}", "marker": "osD^vPX"[number % 7], "linestyle": line, "markersize": 4, **inside}
 
 
 def _pareto(axes: "Axes", found: Found, shown: list[str]) -> None:
     for name in shown:
-        axes.plot(1e3 * found[name, "S13-4s"].score, found[name, "S3-at-once"].score, "o")
-    axes.set(xlabel="circle in 4 s, error (mm rms)", ylabel="worst push (N·s)", xscale="log")
+        axes.plot(1e3 * found[name, "S13-4s"].score, found[name, "S3-at-once"].score, **_style(name))
+    axes.set(xlabel="circle in 4 s, error (mm rms)", ylabel="worst push (N·s)", xlim=(0, None))
 
 
 def _basins(axes: "Axes", found: Found) -> None:
     for name in ("lqr", "cascade_pid", "lqr_pi", POLICY):
         largest = found[name, "S2-rest"].largest
         azimuths = np.degrees(np.arange(len(largest)) * 2.0 * np.pi / len(largest))
-        axes.plot(azimuths, largest, ".-", label=name)
+        axes.plot(azimuths, largest, **_style(name))
     axes.set(xlabel="direction of the tilt (deg)", ylabel="largest tilt (deg)", ylim=(0, None))
-    axes.legend(loc="lower right", ncols=2)
