@@ -382,9 +382,10 @@ def test_a_controller_by_its_name_is_the_class(paper):
     np.testing.assert_array_equal(Controller("lqr", tilt=0.2)(leaning), Lqr(tilt=0.2)(leaning))
     np.testing.assert_array_equal(Controller("pid")(leaning), Pid()(leaning))
     assert Controller("pid").control_dt == Pid().control_dt == CONTROLLERS["pid"]["control_dt"] == 0.002
-    assert Controller("lqr").setpoint_parts == ["position", "velocity", "yaw"]
-    with pytest.raises(ValueError, match="unknown controller 'mpc': expected one of lqr, pid"):
-        Controller("mpc")
+    motion = ["position", "velocity", "acceleration", "jerk", "snap", "yaw", "yaw_rate"]
+    assert Controller("lqr").setpoint_parts == motion
+    with pytest.raises(ValueError, match="unknown controller 'mpx': expected one of lqr, pid"):
+        Controller("mpx")
 
 
 def test_a_part_of_a_setpoint_that_a_law_ignores_is_refused(paper):

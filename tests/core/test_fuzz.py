@@ -21,7 +21,7 @@ def test_nothing_that_is_called_with_anything_panics_hangs_or_gives_nan():
 
 def test_the_whole_surface_is_called():
     called = {target.name for target in surface.targets()}
-    assert surface.stub_names() <= called
+    assert surface.stub_names() <= called | set(surface.LEFT_OUT)
     for name in bb.__all__:
         assert name in called or name in surface.LEFT_OUT or not callable(getattr(bb, name)) or name == "Contacts"
 

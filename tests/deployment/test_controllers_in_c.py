@@ -45,6 +45,7 @@ def test_a_controller_in_c_has_our_torques(name, robot, tmp_path):
     states = random_states(params, rng, STATES)
     setpoints = random_setpoints(states, rng)
     assert 0.1 < slips(params, states).mean() < 0.5
+    left_alone = False
     for options in ({}, {"traction": False}, {"traction": 0.5, "max_torque": 0.3 * params.max_wheel_torque}):
         header = controller_header(name, params, **options)
         expected = own_torques(bb.Controller(name, params, **options), states, setpoints)
@@ -54,9 +55,11 @@ def test_a_controller_in_c_has_our_torques(name, robot, tmp_path):
         differences = [np.abs(found - expected).max() for found in (torques, single)]
         print("{} of {}: double {:.1e} N·m, float {:.1e} N·m".format(name, robot, *differences))
         assert np.abs(single - expected).max() < FLOAT_TOLERANCE, options
-        # Limits act in many of the states, and leave others alone; the PID takes the derivative of jumps.
+        # Limits act in many of the states.
         assert (shares[:, 0] < 1.0).mean() > 0.1, options
-        assert name == "pid" or (shares == 1.0).all(1).any(), options
+        left_alone |= bool((shares == 1.0).all(1).any())
+    # They leave others alone; the PID takes the derivative of jumps.
+    assert name == "pid" or left_alone
 
 
 @pytest.mark.parametrize("robot", ["kugle", "uneven"])

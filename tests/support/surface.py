@@ -31,6 +31,7 @@ LEFT_OUT = {
     "Trajectory": "a plain record; tests/analysis has its files",
     "Metrics": "a plain record",
     "ControllerInfo": "a plain record",
+    "estimator_constants": "for the export to C; tests/deployment has its bad input",
     "Outcome": "a plain record",
     "Tuned": "a plain record",
     "Scale": "closed forms of Params; tests/scenarios has them",

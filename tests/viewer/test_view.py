@@ -70,6 +70,8 @@ def choose(page, label, option):
     matches = f"o => o.offsetParent && o.innerText.trim() === '{option}'"
     found = f"[...document.querySelectorAll('[role=option]')].find({matches})"
     page.wait_for(found)
+    # A long list scrolls.
+    page.evaluate(f"({found}).scrollIntoView({{block: 'center'}})")
     click(page, found)
 
 
