@@ -86,10 +86,6 @@ class Page:
         chosen = session.controller if session.controller in NAMES else POLICY
         self._model = gui.add_dropdown("Model", MODELS, initial_value=session.robots.model)
         self._robot = gui.add_dropdown("Robot", session.robot_names, initial_value=session.robots.name)
-        self._controller = gui.add_dropdown("Controller", names, initial_value=chosen)
-        self._policy = gui.add_text(
-            "Policy file", "" if chosen != POLICY else session.controller, hint="path of an .onnx file"
-        )
         self._sees = gui.add_dropdown(
             "Controller sees",
             tuple(SEES.values()),
@@ -98,6 +94,11 @@ class Page:
         )
         counts = sorted({1, 4, 16, len(session.robots)})
         self._count = gui.add_dropdown("Robots", [str(n) for n in counts], initial_value=str(len(session.robots)))
+        # Its list is the longest, and opens upward: low on the page, where there is room for all of it.
+        self._controller = gui.add_dropdown("Controller", names, initial_value=chosen)
+        self._policy = gui.add_text(
+            "Policy file", "" if chosen != POLICY else session.controller, hint="path of an .onnx file"
+        )
         for control in (self._model, self._robot, self._controller, self._policy, self._sees, self._count):
             control.on_update(self._choose)
 
