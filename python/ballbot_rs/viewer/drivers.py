@@ -113,10 +113,7 @@ class PolicyDriver:
         fixed |= {"sensors": None, "observation": "ground_truth", "history": 1}
         options = {**controller.env_options, **fixed}
         past = {"history": controller.env_options.get("history", 1)}
-        observed = new_batch(1, num_threads=1, options={**options, **past})
-        self._history = observed.history
-        # A policy for observations of another length says so here, not in the midst of a session.
-        self._policy(observed.observations())
+        self._history = new_batch(1, num_threads=1, options={**options, **past}).history
         self._past: list[list[npt.NDArray[np.float32]]] = [[] for _ in range(num_robots)]
         self._observers = [new_batch(1, num_threads=1, options=options) for _ in range(num_robots)]
         self.control_dt = self._observers[0].control_dt
