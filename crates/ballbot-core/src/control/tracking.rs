@@ -60,6 +60,16 @@ impl Tracking {
         }
     }
 
+    /// [`Deviation::forward`] of a lean.
+    #[inline(always)]
+    fn forward<L: Lane>(&self, reference: &LeanReference<L>) -> [L; 2] {
+        let mut forward = reference.acceleration;
+        for (axis, plane) in self.planes.planes.iter().enumerate() {
+            forward[axis] = reference.lean[axis].mul_add_all(-plane.toppling_squared(), forward[axis]);
+        }
+        forward
+    }
+
     /// What is between a robot and its setpoint.
     #[inline(always)]
     pub(super) fn deviation<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> Deviation<L> {
@@ -75,18 +85,15 @@ impl Tracking {
         let reference = self.lean(&heading, setpoint);
         let [lean_x, lean_y] = reference.lean;
         let [rate_x, rate_y] = reference.rate;
-        let mut forward = reference.acceleration;
-        for (axis, plane) in self.planes.planes.iter().enumerate() {
-            forward[axis] = reference.lean[axis].mul_add_all(-plane.toppling_squared(), forward[axis]);
-        }
         // Leaning towards y turns about −x.
         let tilt = [tilt_x + lean_y, tilt_y - lean_x];
         let turning = [rate.x + rate_y, rate.y - rate_x, rate.z - setpoint.yaw_rate];
-        Deviation { x: [x, y, tilt[0], tilt[1], yaw, vx, vy, turning[0], turning[1], turning[2]], forward }
+        Deviation {
+            x: [x, y, tilt[0], tilt[1], yaw, vx, vy, turning[0], turning[1], turning[2]],
+            forward: self.forward(&reference),
+        }
     }
-}
 
-impl Tracking {
     /// [`Deviation::forward`] of the motion `delay` seconds later.
     #[inline(always)]
     pub(super) fn forward_after<L: Lane>(
@@ -101,14 +108,7 @@ impl Tracking {
             let changing = setpoint.snap[axis].mul_add_all(0.5 * delay, setpoint.jerk[axis]);
             *later = changing.mul_add_all(delay, *later);
         }
-        let [x, y] = &self.planes.planes;
-        let per_acceleration = [x.acceleration.recip(), y.acceleration.recip()];
-        let lean = scaled(&heading, later, per_acceleration);
-        let mut forward = scaled(&heading, setpoint.snap, per_acceleration);
-        for (axis, plane) in self.planes.planes.iter().enumerate() {
-            forward[axis] = lean[axis].mul_add_all(-plane.toppling_squared(), forward[axis]);
-        }
-        forward
+        self.forward(&self.lean(&heading, &LaneSetpoint { acceleration: later, ..*setpoint }))
     }
 }
 
