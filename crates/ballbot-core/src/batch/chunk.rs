@@ -49,6 +49,15 @@ pub trait Chunk: Send + Sync {
     /// Writes the terms of the last reward.
     fn reward_terms(&self, i: usize, out: &mut [f64]);
 
+    /// Writes the metrics of the last episode that ended; NaN before there is one.
+    fn metrics(&self, i: usize, out: &mut [f64]);
+
+    /// Writes the present command.
+    fn command(&self, i: usize, out: &mut [f64]);
+
+    /// Gives a command that holds to the end of the episode, and observes the robot anew.
+    fn set_command(&mut self, i: usize, command: &[f64]);
+
     /// State of the robot.
     fn state(&self, i: usize) -> State;
 
@@ -144,6 +153,10 @@ pub struct Environments<R: Robots, T, A, S> {
     pub(super) next_seeds: Vec<Option<u64>>,
     /// Episodes begun since the last seed.
     pub(super) episodes: Vec<u32>,
+    /// Metrics of the last episode that ended, environment after environment.
+    metrics: Vec<f64>,
+    /// Room for those of one.
+    measured: Vec<f64>,
     /// What is drawn at random of the robots, if anything is.
     pub(super) events: Option<Box<Randomized>>,
 }
@@ -177,6 +190,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
                     .into(),
             ));
         }
+        let metrics = step.metrics();
         let mut environments = Self {
             step: Arc::clone(step),
             com_directions: [R::Cell::default(); 3],
@@ -192,6 +206,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             rngs: (0..used).map(|i| ChaCha8Rng::seed_from_u64(seed.wrapping_add(i as u64))).collect(),
             next_seeds: vec![None; used],
             episodes: vec![0; used],
+            metrics: vec![f64::NAN; used * metrics],
+            measured: Vec::with_capacity(metrics),
             events: plan.map(|plan| Box::new(Randomized::new(plan, &nominal, used))),
             robots,
             config: Arc::clone(config),
@@ -254,7 +270,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         if let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) {
             self.actuator.equip(&events.stages(i).actuators, self.robots.params(i), &mut self.one.actuator);
         }
-        self.one.episode.next_command = self.step.task.command(&mut self.rngs[i], &mut self.one.task);
+        self.one.episode.next_command = self.draw_command(i);
         self.over[i] = false;
         self.begun = true;
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
@@ -269,6 +285,18 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         let start = self.step.task.start(params, wheels, &mut self.rngs[i]);
         // The extreme starts were accepted, and bound this one.
         self.begin(i, &start, observation);
+    }
+
+    /// Keeps the metrics of the episode of robot `i`, which ends.
+    fn keep_metrics(&mut self, i: usize) {
+        let len = self.step.metrics();
+        if len == 0 {
+            return;
+        }
+        R::Cell::take(&self.ledger, i, &mut self.one);
+        self.measured.clear();
+        self.step.task.measure(&self.one.task, self.config.control_dt, &mut self.measured);
+        self.metrics[i * len..][..len].copy_from_slice(&self.measured);
     }
 
     fn outcome(&self, i: usize) -> Outcome {
@@ -315,6 +343,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             self.write_observation(i, observation);
             let outcome = self.outcome(i);
             self.over[i] = outcome.done();
+            if outcome.done() {
+                self.keep_metrics(i);
+            }
             if !outcome.done() {
                 self.renew_commands(i, observation);
             } else if autoreset == Autoreset::SameStep {
@@ -392,6 +423,18 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         for (out, cell) in out.iter_mut().zip(&self.ledger.terms) {
             *out = cell.get(i);
         }
+    }
+
+    fn metrics(&self, i: usize, out: &mut [f64]) {
+        out.copy_from_slice(&self.metrics[i * out.len()..][..out.len()]);
+    }
+
+    fn command(&self, i: usize, out: &mut [f64]) {
+        out.iter_mut().zip(&self.ledger.task).for_each(|(out, cell)| *out = cell.get(i));
+    }
+
+    fn set_command(&mut self, i: usize, command: &[f64]) {
+        self.hold_command(i, command);
     }
 
     fn state(&self, i: usize) -> State {

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::params::Params;
 use crate::robot::ModelKind;
 use crate::sensor::SensorOptions;
-use crate::task::{Balance, Task, TaskDescription};
+use crate::task::{Balance, Goal, Path, Task, TaskDescription, Velocity};
 use std::marker::PhantomData;
 use std::sync::{PoisonError, RwLock};
 
@@ -78,7 +78,12 @@ impl<T: Task> TaskKind for Kind<T> {
 }
 
 /// The tasks of this crate.
-static TASKS: [&dyn TaskKind; 1] = [&Kind::<Balance>(PhantomData)];
+static TASKS: [&dyn TaskKind; 4] = [
+    &Kind::<Balance>(PhantomData),
+    &Kind::<Velocity>(PhantomData),
+    &Kind::<Goal>(PhantomData),
+    &Kind::<Path>(PhantomData),
+];
 
 /// The tasks of other crates.
 static REGISTERED: RwLock<Vec<&'static dyn TaskKind>> = RwLock::new(Vec::new());

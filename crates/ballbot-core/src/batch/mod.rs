@@ -9,6 +9,8 @@ mod batch;
 mod buffers;
 mod chunk;
 mod closed_loop;
+mod commanding;
+mod commands;
 mod config;
 mod drawn;
 mod environment;

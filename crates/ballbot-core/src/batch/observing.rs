@@ -76,25 +76,15 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// Observes robot `i` anew; `one` is its ledger.
     pub(super) fn observe(&mut self, i: usize, observation: &mut [f32]) {
-        let state = self.robots.lane_state(i);
-        self.step.observe(&state, &mut self.one);
-        R::Cell::put(&mut self.ledger, i, &self.one);
+        self.observe_silently(i);
         self.write_observation(i, observation);
     }
 
-    /// Draws commands where they are due; the observation then shows them.
-    pub(super) fn renew_commands(&mut self, i: usize, observation: &mut [f32]) {
-        let episode = &self.ledger.episode;
-        if episode.steps.get(i) < episode.next_command.get(i) {
-            return;
-        }
-        R::Cell::take(&self.ledger, i, &mut self.one);
-        // The last reading is repeated, not followed by another.
-        let Ledger { sensor, last_sensor, .. } = &mut self.one;
-        sensor.copy_from_slice(last_sensor);
-        let steps = self.step.task.command(&mut self.rngs[i], &mut self.one.task);
-        self.one.episode.next_command = self.one.episode.steps + steps;
-        self.observe(i, observation);
+    /// The same for an observation that is asked for later.
+    pub(super) fn observe_silently(&mut self, i: usize) {
+        let state = self.robots.lane_state(i);
+        self.step.observe(&state, &mut self.one);
+        R::Cell::put(&mut self.ledger, i, &self.one);
     }
 
     #[inline]

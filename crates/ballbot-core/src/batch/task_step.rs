@@ -17,6 +17,7 @@ pub struct TaskStep<T, S> {
     control_dt: f64,
     /// Of one observation; those of a history are in the ledger, newest first.
     rows: usize,
+    metrics: usize,
     sizes: Sizes,
 }
 
@@ -29,6 +30,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             scaling: config.scale_observations.then(|| description.scaling.clone()),
             control_dt: config.control_dt,
             rows,
+            metrics: description.metrics.len(),
             sizes: Sizes {
                 task: T::MEMORY,
                 actuator: actuator.memory_len(),
@@ -42,6 +44,11 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
 
     pub fn sizes(&self) -> Sizes {
         self.sizes
+    }
+
+    /// How many metrics an episode has.
+    pub fn metrics(&self) -> usize {
+        self.metrics
     }
 
     /// How many rows an observation has.
@@ -82,11 +89,13 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             control_dt: self.control_dt,
         };
 
+        let mut memory = Memory::new(token, memory);
+        self.task.advance(&step, &mut memory);
+
         let sound = robot.healthy & state.within_bounds();
         let diverged = zero.splat((T::TERMINATIONS.len() + 1) as f64);
         let termination = L::select(sound, self.task.terminate(&step), diverged);
         let terminated = !termination.le(zero);
-        let mut memory = Memory::new(token, memory);
         let success = self.task.success(&step, terminated, &mut memory);
         let steps = L::load(token, &episode.steps) + 1.0;
         let truncated = !terminated & L::load(token, &episode.limit).le(steps);

@@ -1,5 +1,6 @@
 //! Closed-form models without slip of wheels and ball, and without contact solver.
 
+mod fastest_move;
 mod friction_limit;
 mod inverse_dynamics;
 mod leaning_plane;
@@ -12,6 +13,7 @@ mod rk4;
 pub mod spatial;
 mod spatial_motion;
 
+pub use fastest_move::fastest_move;
 pub use friction_limit::traction_torque;
 pub use inverse_dynamics::{BodyMotion, InverseDynamics};
 pub use leaning_plane::LeaningPlane;

@@ -1,6 +1,6 @@
 //! What a task says of itself, as data: the source of spaces, bindings, help and documentation.
 
-use super::{ACTION_LEN, DIVERGED, Row, RowScaling, Rows, Sensed, Step, Task, Term, Terms};
+use super::{ACTION_LEN, DIVERGED, Metric, Row, RowScaling, Rows, Sensed, Step, Task, Term, Terms};
 use crate::fields::{OptionDescription, describe_options};
 use crate::lane_state::LaneState;
 use crate::lanes::{Memory, Scalar, Vec3};
@@ -24,6 +24,10 @@ pub struct TaskDescription {
     pub success: &'static str,
     /// Options of the task itself.
     pub options: Vec<OptionDescription>,
+    /// Parts of the command.
+    pub command: &'static [Row],
+    /// Metrics of an episode.
+    pub metrics: Vec<Metric>,
     /// Rows of the observation.
     pub rows: Vec<Row>,
     /// How the rows are scaled.
@@ -60,6 +64,8 @@ impl TaskDescription {
     pub fn of<T: Task>() -> Self {
         let task = T::default();
         let mut memory = vec![0.0; T::MEMORY];
+        let mut metrics = Vec::<Metric>::new();
+        task.measure(&memory, 0.01, &mut metrics);
         let memory = Memory::<f64>::new(Scalar, &mut memory);
         let state = LaneState::from(&State::upright(&Params::paper()));
         let mut seen = Collected::default();
@@ -81,6 +87,8 @@ impl TaskDescription {
             max_episode_steps: T::MAX_EPISODE_STEPS,
             reward_threshold: T::REWARD_THRESHOLD,
             success: T::SUCCESS,
+            command: T::COMMAND,
+            metrics,
             options: describe_options::<T>(),
             scaling: RowScaling { rest: seen.values, gain: seen.rows.iter().map(|row| row.typical.recip()).collect() },
             rows: seen.rows,

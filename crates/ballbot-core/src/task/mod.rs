@@ -6,10 +6,20 @@
 
 mod balance;
 mod description;
+mod goal;
+mod metrics;
+mod path;
 mod rows;
+mod shared;
+mod start;
+mod velocity;
 
 pub use balance::Balance;
 pub use description::TaskDescription;
+pub use goal::Goal;
+pub use metrics::{Metric, Metrics};
+pub use path::Path;
+pub use velocity::Velocity;
 pub use rows::{RewardScales, Row, RowScaling, Rows, SCALED_BOUND, Term, Terms};
 pub(crate) use rows::{WriteRows, WriteTerms};
 
@@ -52,7 +62,11 @@ pub trait Task: Fields + Send + Sync + 'static {
     /// What counts as success, in one sentence; empty if nothing does.
     const SUCCESS: &'static str = "";
 
-    /// How many numbers the task keeps in an episode (counters, commands); zeros before [`Task::command`].
+    /// The command, as rows of an observation: its bounds are those of a command that is set by hand. It is the first numbers
+    /// of the memory.
+    const COMMAND: &'static [Row] = &[];
+
+    /// How many numbers the task keeps in an episode (the command, counters); zeros before [`Task::command`].
     const MEMORY: usize = 0;
 
     /// Checks what the limits of single options do not: options against each other and against the robot.
@@ -69,9 +83,19 @@ pub trait Task: Fields + Send + Sync + 'static {
 
     /// Draws a command into the memory at the start of an episode and whenever the last one has run out. Returns after
     /// how many control steps the next one is due; infinity if never.
-    fn command(&self, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
-        let _ = (rng, memory);
+    fn command(&self, moment: &Moment<'_>, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
+        let _ = (moment, rng, memory);
         f64::INFINITY
+    }
+
+    /// Takes note of a new command, drawn or set by hand, which is in the memory already.
+    fn commanded(&self, moment: &Moment<'_>, memory: &mut [f64]) {
+        let _ = (moment, memory);
+    }
+
+    /// Gives the metrics of the episode so far, always the same in the same order.
+    fn measure(&self, memory: &[f64], control_dt: f64, metrics: &mut impl Metrics) {
+        let _ = (memory, control_dt, metrics);
     }
 
     /// What a classical controller is to bring about under the present command.
@@ -82,6 +106,12 @@ pub trait Task: Fields + Send + Sync + 'static {
 
     /// Gives the rows of the observation, always the same in the same order.
     fn observe<L: Lane>(&self, sensed: &Sensed<'_, L>, memory: &Memory<'_, L>, rows: &mut impl Rows<L>);
+
+    /// Brings the memory from the last step to this one: what a command moves, and what is counted.
+    #[inline(always)]
+    fn advance<L: Lane>(&self, step: &Step<'_, L>, memory: &mut Memory<'_, L>) {
+        let _ = (step, memory);
+    }
 
     /// Why the episode is terminated: 0 for no reason, otherwise 1 + the index in [`Task::TERMINATIONS`].
     fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L;
@@ -97,6 +127,17 @@ pub trait Task: Fields + Send + Sync + 'static {
         memory: &Memory<'_, L>,
         terms: &mut impl Terms<L>,
     );
+}
+
+/// When a command is given.
+#[derive(Clone, Copy)]
+pub struct Moment<'a> {
+    /// The true state.
+    pub state: &'a LaneState<f64>,
+    /// The robot.
+    pub params: &'a Params,
+    /// Duration of a control step, s.
+    pub control_dt: f64,
 }
 
 /// What a task observes.

@@ -4,7 +4,7 @@ use ballbot_core::control::Setpoint;
 use ballbot_core::fields::Limit;
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::lanes::{Lane, Memory};
-use ballbot_core::task::{Row, Rows, Sensed, Step, Task, Term, Terms};
+use ballbot_core::task::{Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_core::{Error, Params, Result, State};
 use nalgebra::Vector2;
 use rand::RngExt;
@@ -74,7 +74,7 @@ impl Task for Shuttle {
         State::tilted(params, tilt.into(), 0.0)
     }
 
-    fn command(&self, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
+    fn command(&self, _: &Moment<'_>, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
         let (sin, cos) = (TAU * rng.random::<f64>()).sin_cos();
         let speed = self.speed * rng.random::<f64>();
         memory[COMMAND[0]] = speed * cos;

@@ -1,0 +1,52 @@
+//! Commands of the robots of a chunk: drawn by the task, or set by hand.
+
+use super::chunk::Environments;
+use super::ledger::{Ledger, Ledgers};
+use super::robots::Robots;
+use crate::actuator::Actuator;
+use crate::lanes::Cell;
+use crate::sensor::Sensor;
+use crate::task::{Moment, Task};
+
+impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
+    /// Draws a command for robot `i`; `one` is its ledger. Returns after how many steps the next one is due.
+    pub(super) fn draw_command(&mut self, i: usize) -> f64 {
+        let state = self.robots.lane_state(i);
+        let params = self.robots.params(i);
+        let moment = Moment { state: &state, params, control_dt: self.config.control_dt };
+        let memory = &mut self.one.task;
+        let steps = self.step.task.command(&moment, &mut self.rngs[i], memory);
+        self.step.task.commanded(&moment, memory);
+        steps
+    }
+
+    /// Draws commands where they are due; the observation then shows them.
+    pub(super) fn renew_commands(&mut self, i: usize, observation: &mut [f32]) {
+        let episode = &self.ledger.episode;
+        if episode.steps.get(i) < episode.next_command.get(i) {
+            return;
+        }
+        self.take_before_reading(i);
+        let steps = self.draw_command(i);
+        self.one.episode.next_command = self.one.episode.steps + steps;
+        self.observe(i, observation);
+    }
+
+    /// Gives robot `i` a command that holds to the end of its episode.
+    pub(super) fn hold_command(&mut self, i: usize, command: &[f64]) {
+        self.take_before_reading(i);
+        let state = self.robots.lane_state(i);
+        let moment = Moment { state: &state, params: self.robots.params(i), control_dt: self.config.control_dt };
+        self.one.task[..command.len()].copy_from_slice(command);
+        self.step.task.commanded(&moment, &mut self.one.task);
+        self.one.episode.next_command = f64::INFINITY;
+        self.observe_silently(i);
+    }
+
+    /// Takes the ledger of robot `i` as it was before its last reading, which is then repeated, not followed by another.
+    fn take_before_reading(&mut self, i: usize) {
+        R::Cell::take(&self.ledger, i, &mut self.one);
+        let Ledger { sensor, last_sensor, .. } = &mut self.one;
+        sensor.copy_from_slice(last_sensor);
+    }
+}

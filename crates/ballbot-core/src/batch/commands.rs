@@ -1,0 +1,49 @@
+//! Commands of the tasks of a batch, and the metrics of their episodes.
+
+use super::batch::Batch;
+use crate::error::{Error, Result, check};
+
+impl Batch {
+    /// The present command of one environment, in the order of [`crate::task::TaskDescription::command`].
+    ///
+    /// # Errors
+    /// As [`Batch::state`]; [`Error::Length`] unless `out` has one element for each part of the command.
+    pub fn command(&self, index: usize, out: &mut [f64]) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        self.expect_len("command", out.len(), self.description.command.len())?;
+        self.chunks[chunk].command(i, out);
+        Ok(())
+    }
+
+    /// Gives one environment a command, which holds to the end of its episode; the next observation shows it.
+    ///
+    /// # Errors
+    /// As [`Batch::command`]; [`Error::Inconsistent`] for a task without commands; [`Error::OutOfRange`] for a number beyond
+    /// its bound.
+    pub fn set_command(&mut self, index: usize, command: &[f64]) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        let parts = self.description.command;
+        if parts.is_empty() {
+            return Err(Error::Inconsistent(format!("the task {} has no command", self.description.name)));
+        }
+        self.expect_len("command", command.len(), parts.len())?;
+        for (part, value) in parts.iter().zip(command) {
+            let bound = f64::from(part.bound);
+            check(part.name, *value, format_args!("within ±{bound} {}", part.unit), |v| v.abs() <= bound)?;
+        }
+        self.chunks[chunk].set_command(i, command);
+        Ok(())
+    }
+
+    /// Metrics of the last episode of one environment that ended, in the order of
+    /// [`crate::task::TaskDescription::metrics`]; NaN before there is one, and where it was too short for one.
+    ///
+    /// # Errors
+    /// As [`Batch::state`]; [`Error::Length`] unless `out` has one element a metric.
+    pub fn metrics(&self, index: usize, out: &mut [f64]) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        self.expect_len("metrics", out.len(), self.description.metrics.len())?;
+        self.chunks[chunk].metrics(i, out);
+        Ok(())
+    }
+}

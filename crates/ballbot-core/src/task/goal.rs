@@ -1,0 +1,195 @@
+//! The goal task: go to points on the floor, and stay there.
+
+use super::shared::{FALLS, action_rows, alive, bounded_error, body_rows, effort, fallen, squared_norm, velocity_rows};
+use super::start::{check_range, drawn_steps, in_range, task_fields};
+use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
+use crate::error::Result;
+use crate::fields::Limit;
+use crate::kinematics::Omniwheels;
+use crate::lanes::{Heading, Lane, Memory};
+use crate::models::fastest_move;
+use crate::params::Params;
+use crate::setpoint::Setpoint;
+use crate::state::State;
+use nalgebra::Vector2;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use std::f64::consts::TAU;
+
+task_fields! {
+    fall 30.0, tilt 5.0;
+    /// Options of the goal task. SI units and radians. Tilts are from the equilibrium.
+    pub struct Goal {
+        /// Smallest and largest distance of a goal from the ball, drawn evenly, in any direction.
+        pub goal_distance: [f64; 2] = [0.5, 2.0], "m", Limit::from(0.0).to(100.0);
+        /// Shortest and longest time from one goal to the next, drawn evenly.
+        pub goal_seconds: [f64; 2] = [6.0, 10.0], "s", Limit::above(0.0).to(1e9);
+        /// Distance within which the ball is at its goal.
+        pub goal_radius: f64 = 0.02, "m", Limit::from(1e-6).to(10.0);
+        /// How long the ball must have been at its goal when the next one is given.
+        pub hold_seconds: f64 = 1.0, "s", Limit::from(0.0).to(1e9);
+    }
+}
+
+/// Memory: the goal, the steps since it was given, the last of them in a row at the goal, the time of the fastest move
+/// there, goals that are over, those held, and the sum of the times to these over that of the fastest moves.
+const GOAL: [usize; 2] = [0, 1];
+const SINCE: usize = 2;
+const HELD: usize = 3;
+const FASTEST: usize = 4;
+const OVER: usize = 5;
+const REACHED: usize = 6;
+const TIMES: usize = 7;
+
+/// Distance to which the observed vector to the goal is shortened, m.
+const HORIZON: f64 = 1.0;
+
+impl Task for Goal {
+    const NAME: &'static str = "goal";
+    const ID: &'static str = "ballbot/Goal-v0";
+    const SUMMARY: &'static str = "Go to points on the floor, and stay there.";
+    const MAX_EPISODE_STEPS: usize = 2000;
+    const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
+    const SUCCESS: &'static str = "not terminated, and every goal held within `goal_radius` for the last `hold_seconds`";
+    const COMMAND: &'static [Row] =
+        &[Row::new("goal, inertial x", "m", 1e4, 1.0), Row::new("goal, inertial y", "m", 1e4, 1.0)];
+    const MEMORY: usize = 8;
+
+    fn validate(&self, params: &Params) -> Result<()> {
+        check_range("goal_distance", self.goal_distance)?;
+        check_range("goal_seconds", self.goal_seconds)?;
+        self.starts().validate(params)
+    }
+
+    fn extreme_starts(&self, params: &Params) -> Vec<State> {
+        self.starts().extremes(params)
+    }
+
+    fn start(&self, params: &Params, wheels: &Omniwheels, rng: &mut ChaCha8Rng) -> State {
+        self.starts().draw(params, wheels, rng)
+    }
+
+    fn command(&self, moment: &Moment<'_>, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
+        if memory[SINCE] > 0.0 {
+            self.conclude(memory, moment.control_dt);
+        }
+        let distance = in_range(rng, self.goal_distance);
+        let (sin, cos) = (TAU * rng.random::<f64>()).sin_cos();
+        let ball = moment.state.ball_position;
+        memory[GOAL[0]] = distance.mul_add(cos, ball.x);
+        memory[GOAL[1]] = distance.mul_add(sin, ball.y);
+        drawn_steps(self.goal_seconds, moment.control_dt, rng)
+    }
+
+    fn commanded(&self, moment: &Moment<'_>, memory: &mut [f64]) {
+        let ball = moment.state.ball_position;
+        let distance = (memory[GOAL[0]] - ball.x).hypot(memory[GOAL[1]] - ball.y);
+        memory[SINCE] = 0.0;
+        memory[HELD] = 0.0;
+        memory[FASTEST] = fastest_move(moment.params, distance).max(moment.control_dt);
+    }
+
+    fn setpoint(&self, memory: &[f64]) -> Setpoint {
+        Setpoint { position: Vector2::new(memory[GOAL[0]], memory[GOAL[1]]), ..Setpoint::default() }
+    }
+
+    #[inline(always)]
+    fn observe<L: Lane>(&self, sensed: &Sensed<'_, L>, memory: &Memory<'_, L>, rows: &mut impl Rows<L>) {
+        let heading = Heading::new(sensed.state.body_quaternion);
+        let position = sensed.state.ball_position;
+        let [x, y] = heading.of(memory.get(GOAL[0]) - position.x, memory.get(GOAL[1]) - position.y);
+        let distance = squared_norm([x, y]).sqrt();
+        let shortened = x.splat(HORIZON) / distance.max(x.splat(HORIZON));
+        body_rows(sensed, rows);
+        rows.row(Row::new("goal from the ball, at most 1 m, heading x", "m", 1.0, 0.1), x * shortened);
+        rows.row(Row::new("goal from the ball, at most 1 m, heading y", "m", 1.0, 0.1), y * shortened);
+        rows.row(Row::new("distance of the goal", "m", 10.0, 1.0), distance);
+        velocity_rows(sensed, &heading, rows);
+        action_rows(sensed, rows);
+    }
+
+    #[inline(always)]
+    fn advance<L: Lane>(&self, step: &Step<'_, L>, memory: &mut Memory<'_, L>) {
+        let distance = self.distance_squared(step, memory);
+        let near = distance.le(distance.splat(self.goal_radius * self.goal_radius));
+        memory.set(SINCE, memory.get(SINCE) + 1.0);
+        memory.set(HELD, L::select(near, memory.get(HELD) + 1.0, distance.zero()));
+    }
+
+    #[inline(always)]
+    fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L {
+        fallen(step, self.fall_tilt)
+    }
+
+    #[inline(always)]
+    fn success<L: Lane>(&self, step: &Step<'_, L>, terminated: L::Mask, memory: &mut Memory<'_, L>) -> L::Mask {
+        let held = memory.get(HELD);
+        !terminated & held.splat(self.hold_steps(step.control_dt)).le(held) & memory.get(OVER).le(memory.get(REACHED))
+    }
+
+    #[inline(always)]
+    fn reward<L: Lane>(
+        &self,
+        step: &Step<'_, L>,
+        terminated: L::Mask,
+        memory: &Memory<'_, L>,
+        terms: &mut impl Terms<L>,
+    ) {
+        let squared = self.distance_squared(step, memory);
+        let distance = squared.sqrt();
+        let near = bounded_error(squared, 0.1);
+        let velocity = step.state.ball_velocity;
+        let speed = squared_norm([velocity.x, velocity.y]).min(squared.splat(1.0));
+        alive(terminated, step.tilt.splat(1.0), terms);
+        terms.term(
+            Term::cost("distance", 0.5, "d / (d + 0.5 m), d the distance of the ball from the goal"),
+            distance / (distance + 0.5),
+        );
+        terms.term(Term::cost("position", 0.3, "n = d² / (d² + (0.1 m)²)"), near);
+        terms.term(
+            Term::cost("speed_at_goal", 0.5, "(1 − n) times the squared ball speed in m/s, at most 1"),
+            (near.splat(1.0) - near) * speed,
+        );
+        effort(step, terms);
+    }
+
+    fn measure(&self, memory: &[f64], control_dt: f64, metrics: &mut impl Metrics) {
+        let mut ended = [0.0; Self::MEMORY];
+        ended.copy_from_slice(memory);
+        // The last goal counts if there was time for it.
+        if memory[SINCE] * control_dt >= self.goal_seconds[0] || memory[HELD] >= self.hold_steps(control_dt) {
+            self.conclude(&mut ended, control_dt);
+        }
+        metrics.metric(
+            Metric::new("goals_held", "", "share of the goals at which the ball was when the next one was given"),
+            ended[REACHED] / ended[OVER],
+        );
+        metrics.metric(
+            Metric::new("time_ratio", "", "mean time to these goals, in times of the fastest flat move there"),
+            ended[TIMES] / ended[REACHED],
+        );
+    }
+}
+
+impl Goal {
+    /// Control steps of `hold_seconds`.
+    fn hold_steps(&self, control_dt: f64) -> f64 {
+        (self.hold_seconds / control_dt).round().max(1.0)
+    }
+
+    /// Counts the present goal.
+    fn conclude(&self, memory: &mut [f64], control_dt: f64) {
+        memory[OVER] += 1.0;
+        if memory[HELD] >= self.hold_steps(control_dt) {
+            memory[REACHED] += 1.0;
+            memory[TIMES] += (memory[SINCE] - memory[HELD] + 1.0) * control_dt / memory[FASTEST];
+        }
+    }
+
+    /// Of the ball from the goal, m².
+    #[inline(always)]
+    fn distance_squared<L: Lane>(&self, step: &Step<'_, L>, memory: &Memory<'_, L>) -> L {
+        let position = step.state.ball_position;
+        squared_norm([position.x - memory.get(GOAL[0]), position.y - memory.get(GOAL[1])])
+    }
+}

@@ -1,0 +1,232 @@
+//! The velocity task: follow a commanded velocity of the ball and rate of the heading.
+
+use super::shared::{FALLS, action_rows, alive, bounded_error, body_rows, effort, fallen, squared_norm, velocity_rows};
+use super::start::{in_disc, task_fields};
+use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
+use crate::error::Result;
+use crate::fields::Limit;
+use crate::kinematics::Omniwheels;
+use crate::lanes::{Heading, Lane, Memory, sin_cos_of_step};
+use crate::params::Params;
+use crate::setpoint::Setpoint;
+use crate::state::State;
+use nalgebra::Vector2;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+task_fields! {
+    fall 30.0, tilt 5.0;
+    /// Options of the velocity task. SI units and radians. Tilts are from the equilibrium.
+    pub struct Velocity {
+        /// Largest commanded speed; drawn evenly over the disc, in the heading frame.
+        pub speed: f64 = 0.5, "m/s", Limit::from(0.0).to(10.0);
+        /// Largest commanded rate of the heading; drawn evenly within ± this.
+        pub yaw_rate: f64 = 1.0, "rad/s", Limit::from(0.0).to(10.0);
+        /// Share of the commands that are to stand still.
+        pub standing: f64 = 0.1, "", Limit::from(0.0).to(1.0);
+        /// Shortest and longest time from one command to the next, drawn evenly.
+        pub command_seconds: [f64; 2] = [3.0, 8.0], "s", Limit::above(0.0).to(1e9);
+        /// Time after a command from which its errors are counted.
+        pub settling: f64 = 2.0, "s", Limit::from(0.0).to(1e9);
+        /// Error of the velocity that costs half.
+        pub velocity_scale: f64 = 0.1, "m/s", Limit::from(1e-6).to(10.0);
+        /// Error of the heading's rate that costs half.
+        pub yaw_rate_scale: f64 = 0.2, "rad/s", Limit::from(1e-6).to(10.0);
+        /// Largest root mean square of the settled errors of the velocity in a success.
+        pub success_velocity: f64 = 0.02, "m/s", Limit::above(0.0).to(10.0);
+        /// Largest root mean square of the settled errors of the heading's rate in a success.
+        pub success_yaw_rate: f64 = 0.05, "rad/s", Limit::above(0.0).to(10.0);
+    }
+}
+
+/// Memory: the command, the steps since it, sums of the squared settled errors with their count, and the motion that the
+/// command asks for, smoothed: position, velocity, acceleration, cosine and sine of the heading.
+const COMMAND: usize = 0;
+const SINCE: usize = 3;
+const VELOCITY_ERRORS: usize = 4;
+const YAW_RATE_ERRORS: usize = 5;
+const SETTLED: usize = 6;
+const POSITION: usize = 7;
+const MOTION: usize = 9;
+const ACCELERATION: usize = 11;
+const COS: usize = 13;
+const SIN: usize = 14;
+
+/// Both poles of the motion that a controller is to follow, −1/s.
+const SMOOTHING: f64 = 3.0;
+
+impl Task for Velocity {
+    const NAME: &'static str = "velocity";
+    const ID: &'static str = "ballbot/Velocity-v0";
+    const SUMMARY: &'static str = "Follow a commanded velocity of the ball and rate of the heading.";
+    const MAX_EPISODE_STEPS: usize = 2000;
+    const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
+    const SUCCESS: &'static str = "not terminated, and the settled errors within `success_velocity` and `success_yaw_rate`";
+    const COMMAND: &'static [Row] = &[
+        Row::new("commanded velocity, heading x", "m/s", 10.0, 0.2),
+        Row::new("commanded velocity, heading y", "m/s", 10.0, 0.2),
+        Row::new("commanded rate of the heading", "rad/s", 10.0, 0.5),
+    ];
+    const MEMORY: usize = 15;
+
+    fn validate(&self, params: &Params) -> Result<()> {
+        super::start::check_range("command_seconds", self.command_seconds)?;
+        self.starts().validate(params)
+    }
+
+    fn extreme_starts(&self, params: &Params) -> Vec<State> {
+        self.starts().extremes(params)
+    }
+
+    fn start(&self, params: &Params, wheels: &Omniwheels, rng: &mut ChaCha8Rng) -> State {
+        self.starts().draw(params, wheels, rng)
+    }
+
+    fn command(&self, moment: &Moment<'_>, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
+        let velocity = in_disc(rng, self.speed);
+        let yaw_rate = self.yaw_rate * (2.0 * rng.random::<f64>() - 1.0);
+        let moving = if rng.random::<f64>() < self.standing { 0.0 } else { 1.0 };
+        memory[COMMAND..COMMAND + 3].copy_from_slice(&[velocity.x * moving, velocity.y * moving, yaw_rate * moving]);
+        super::start::drawn_steps(self.command_seconds, moment.control_dt, rng)
+    }
+
+    fn commanded(&self, moment: &Moment<'_>, memory: &mut [f64]) {
+        memory[SINCE] = 0.0;
+        if [memory[COS], memory[SIN]] == [0.0; 2] {
+            let (position, velocity) = (moment.state.ball_position, moment.state.ball_velocity);
+            let heading = Heading::new(moment.state.body_quaternion);
+            memory[POSITION..].copy_from_slice(&[
+                position.x,
+                position.y,
+                velocity.x,
+                velocity.y,
+                0.0,
+                0.0,
+                heading.cos,
+                heading.sin,
+            ]);
+        }
+    }
+
+    /// The motion that the command asks for, smoothed.
+    fn setpoint(&self, memory: &[f64]) -> Setpoint {
+        let two = |first: usize| Vector2::new(memory[first], memory[first + 1]);
+        Setpoint {
+            position: two(POSITION),
+            velocity: two(MOTION),
+            acceleration: two(ACCELERATION),
+            yaw: memory[SIN].atan2(memory[COS]),
+            yaw_rate: memory[COMMAND + 2],
+            ..Setpoint::default()
+        }
+    }
+
+    #[inline(always)]
+    fn observe<L: Lane>(&self, sensed: &Sensed<'_, L>, memory: &Memory<'_, L>, rows: &mut impl Rows<L>) {
+        let heading = Heading::new(sensed.state.body_quaternion);
+        let velocity = sensed.state.ball_velocity;
+        let [vx, vy] = heading.of(velocity.x, velocity.y);
+        let [x, y, yaw_rate] = memory.get3(COMMAND);
+        body_rows(sensed, rows);
+        velocity_rows(sensed, &heading, rows);
+        rows.row(Self::COMMAND[0], x);
+        rows.row(Self::COMMAND[1], y);
+        rows.row(Self::COMMAND[2], yaw_rate);
+        rows.row(Row::new("error of the velocity, heading x", "m/s", 10.0, 0.1), x - vx);
+        rows.row(Row::new("error of the velocity, heading y", "m/s", 10.0, 0.1), y - vy);
+        action_rows(sensed, rows);
+    }
+
+    #[inline(always)]
+    fn advance<L: Lane>(&self, step: &Step<'_, L>, memory: &mut Memory<'_, L>) {
+        let dt = step.control_dt;
+        let since = memory.get(SINCE) + 1.0;
+        memory.set(SINCE, since);
+        let settled = since.splat(self.settling / dt).lt(since);
+        let (one, zero) = (since.splat(1.0), since.zero());
+        let [velocity, yaw_rate] = self.squared_errors(step, memory);
+        memory.set(VELOCITY_ERRORS, memory.get(VELOCITY_ERRORS) + L::select(settled, velocity, zero));
+        memory.set(YAW_RATE_ERRORS, memory.get(YAW_RATE_ERRORS) + L::select(settled, yaw_rate, zero));
+        memory.set(SETTLED, memory.get(SETTLED) + L::select(settled, one, zero));
+
+        let [x, y, rate] = memory.get3(COMMAND);
+        let (sin, cos) = sin_cos_of_step(rate * dt);
+        let (was_cos, was_sin) = (memory.get(COS), memory.get(SIN));
+        let (cos, sin) = (was_cos * cos - was_sin * sin, was_sin * cos + was_cos * sin);
+        // The length of what is turned again and again stays 1.
+        let length = (cos.squared() + sin.squared()).sqrt().max(one * 1e-300);
+        let (cos, sin) = (cos / length, sin / length);
+        memory.set(COS, cos);
+        memory.set(SIN, sin);
+        let wanted = [cos * x - sin * y, sin * x + cos * y];
+        for (axis, wanted) in wanted.into_iter().enumerate() {
+            let (velocity, acceleration) = (memory.get(MOTION + axis), memory.get(ACCELERATION + axis));
+            let jerk = (wanted - velocity) * (SMOOTHING * SMOOTHING) - acceleration * (2.0 * SMOOTHING);
+            let acceleration = acceleration + jerk * dt;
+            let velocity = velocity + acceleration * dt;
+            memory.set(ACCELERATION + axis, acceleration);
+            memory.set(MOTION + axis, velocity);
+            memory.set(POSITION + axis, memory.get(POSITION + axis) + velocity * dt);
+        }
+    }
+
+    #[inline(always)]
+    fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L {
+        fallen(step, self.fall_tilt)
+    }
+
+    #[inline(always)]
+    fn success<L: Lane>(&self, _: &Step<'_, L>, terminated: L::Mask, memory: &mut Memory<'_, L>) -> L::Mask {
+        let settled = memory.get(SETTLED);
+        let [velocity, yaw_rate] = [self.success_velocity, self.success_yaw_rate];
+        !terminated
+            & settled.zero().lt(settled)
+            & memory.get(VELOCITY_ERRORS).le(settled * (velocity * velocity))
+            & memory.get(YAW_RATE_ERRORS).le(settled * (yaw_rate * yaw_rate))
+    }
+
+    #[inline(always)]
+    fn reward<L: Lane>(
+        &self,
+        step: &Step<'_, L>,
+        terminated: L::Mask,
+        memory: &Memory<'_, L>,
+        terms: &mut impl Terms<L>,
+    ) {
+        let [velocity, yaw_rate] = self.squared_errors(step, memory);
+        alive(terminated, step.tilt.splat(1.0), terms);
+        terms.term(
+            Term::cost("velocity", 0.5, "e² / (e² + velocity_scale²), e the error of the velocity"),
+            bounded_error(velocity, self.velocity_scale),
+        );
+        terms.term(
+            Term::cost("yaw_rate", 0.25, "e² / (e² + yaw_rate_scale²), e the error of the heading's rate"),
+            bounded_error(yaw_rate, self.yaw_rate_scale),
+        );
+        effort(step, terms);
+    }
+
+    fn measure(&self, memory: &[f64], _: f64, metrics: &mut impl Metrics) {
+        let mean = |sum: usize| (memory[sum] / memory[SETTLED]).sqrt();
+        metrics.metric(
+            Metric::new("velocity_error", "m/s", "root mean square of the settled errors of the velocity"),
+            mean(VELOCITY_ERRORS),
+        );
+        metrics.metric(
+            Metric::new("yaw_rate_error", "rad/s", "root mean square of the settled errors of the heading's rate"),
+            mean(YAW_RATE_ERRORS),
+        );
+    }
+}
+
+impl Velocity {
+    /// Squared errors of velocity, (m/s)², and of the rate of the heading, (rad/s)².
+    #[inline(always)]
+    fn squared_errors<L: Lane>(&self, step: &Step<'_, L>, memory: &Memory<'_, L>) -> [L; 2] {
+        let velocity = step.state.ball_velocity;
+        let [vx, vy] = Heading::new(step.state.body_quaternion).of(velocity.x, velocity.y);
+        let [x, y, rate] = memory.get3(COMMAND);
+        let turning = step.up.dot(step.state.body_angular_velocity);
+        [squared_norm([vx - x, vy - y]), (turning - rate).squared()]
+    }
+}
