@@ -66,16 +66,28 @@ class _Term(TypedDict):
     cost: bool
     formula: str
 
+class _CommandPart(TypedDict):
+    name: str
+    unit: str
+    bound: float
+
+class _Metric(TypedDict):
+    name: str
+    unit: str
+    doc: str
+
 class _Task(TypedDict):
     id: str
     summary: str
     success: str
     max_episode_steps: int
-    reward_threshold: float
+    reward_threshold: float | None
     options: list[_Option]
     observation: list[_Row]
     rewards: list[_Term]
     terminations: list[tuple[str, str]]
+    command: list[_CommandPart]
+    metrics: list[_Metric]
 
 class _Controller(TypedDict):
     summary: str
@@ -1140,6 +1152,22 @@ class Batch:
         """
     def ending(self, index: int) -> tuple[bool, str | None]:
         """The same of environment `index`: whether it is a success, and the name of the reason or None."""
+    @overload
+    def metrics(self, index: None = None) -> _Array: ...
+    @overload
+    def metrics(self, index: int) -> dict[str, float]: ...
+    def setpoint(self, index: int) -> dict[str, Any]: ...
+    def command(self, index: int | None = None) -> _Array:
+        """The present command: of environment `index`, shape (k,), or of all, shape (num_envs, k), its parts as in
+        `TASKS[task]["command"]`.
+        """
+    def set_command(self, index: int, command: npt.ArrayLike) -> None:
+        """Gives environment `index` a command, shape (k,), which holds to the end of its episode. The next observation shows
+        it, and so does `observations`.
+
+        Raises:
+            ValueError: the task has no command, the command has the wrong shape, or a number is beyond its bound.
+        """
     @overload
     def reward_terms(self, index: None = None) -> _Array: ...
     @overload

@@ -5,6 +5,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from ballbot_rs._core import TASKS
 from ballbot_rs.analysis.conditions import differences, success_rule
 from ballbot_rs.analysis.episodes import Result
 
@@ -24,19 +25,50 @@ _COLUMNS: dict[str, Callable[[Result], str]] = {
 }
 
 
-LEGEND = """\
-Upright: to the end of the episode. Settling: median time from which the tilt stays within 1 deg.
-Tilt, torque: root mean square over all steps to the end or the fall. Reward: mean of a step.
-Ball: largest distance from the setpoint, mean over episodes."""
+LEGEND = (
+    "Upright: to the end of the episode. Settling: median time from which the tilt stays within 1 deg.",
+    "Tilt, torque: root mean square over all steps to the end or the fall. Reward: mean of a step.",
+)
+
+#: Of tasks with a setpoint.
+BALL_NOTE = "Ball: largest distance from the setpoint, mean over episodes."
 
 
 #: Why the PID rarely succeeds.
 PID_NOTE = "pid controls the tilt alone: its ball drifts off, so it seldom succeeds while it stays upright."
 
 
-def rows(results: Sequence[Result]) -> list[list[str]]:
+def _columns(task: str) -> dict[str, Callable[[Result], str]]:
+    """The columns of a task: metrics of its own in place of the distance from a setpoint, if it has any."""
+    metrics = TASKS[task]["metrics"]
+    columns = {name: cell for name, cell in _COLUMNS.items() if not (metrics and name == "ball (m)")}
+    for metric in metrics:
+        unit = f" ({metric['unit']})" if metric["unit"] else ""
+        columns[f"{metric['name'].replace('_', ' ')}{unit}"] = _metric(metric["name"])
+    return columns
+
+
+def _metric(name: str) -> Callable[[Result], str]:
+    def cell(result: Result) -> str:
+        value = result.metrics[name]
+        return "none" if value is None else f"{value:.3g}"
+
+    return cell
+
+
+def rows(results: Sequence[Result], task: str) -> list[list[str]]:
     """The header, and one row a controller."""
-    return [list(_COLUMNS), *([cell(result) for cell in _COLUMNS.values()] for result in results)]
+    columns = _columns(task)
+    return [list(columns), *([cell(result) for cell in columns.values()] for result in results)]
+
+
+def legend(task: str) -> list[str]:
+    """What the columns mean."""
+    metrics = TASKS[task]["metrics"]
+    if not metrics:
+        return [*LEGEND, BALL_NOTE]
+    own = [f"{metric['name'].replace('_', ' ').capitalize()}: {metric['doc']}" for metric in metrics]
+    return [*LEGEND, "; ".join(own) + "; means over the episodes that ran to their end."]
 
 
 def print_table(results: Sequence[Result], task: str, options: Mapping[str, Any]) -> None:
@@ -47,7 +79,7 @@ def print_table(results: Sequence[Result], task: str, options: Mapping[str, Any]
         task: name of the task.
         options: options of the environment that they share.
     """
-    header, *body = rows(results)
+    header, *body = rows(results, task)
     # Units have a line of their own, so that names of controllers have room.
     lines = [
         [name.partition(" (")[0] for name in header],
@@ -62,7 +94,7 @@ def print_table(results: Sequence[Result], task: str, options: Mapping[str, Any]
         cells += [cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True)]
         print("  ".join(cells).rstrip())
     conditions = [f"{results[0].episodes} episodes each", f"model {results[0].model}", *differences(task, options)]
-    notes = [", ".join(conditions) + ".", success_rule(task, options), *LEGEND.splitlines()]
+    notes = [", ".join(conditions) + ".", success_rule(task, options), *legend(task)]
     if any(result.controller == "pid" for result in results):
         notes.append(PID_NOTE)
     print()

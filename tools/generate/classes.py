@@ -200,12 +200,40 @@ Terminated, with the reason as `termination` in the info:
 
 {_paragraph(success)}
 
-## Options
+{_command(task)}{_metrics(task)}## Options
 Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
 
 {_list(options)}
 
 `reset(options={{"state": State(...)}})` starts an episode from a given state.
+"""
+
+
+def _command(task: str) -> str:
+    """The section on the command, if the task has one."""
+    if not TASKS[task]["command"]:
+        return ""
+    about = _paragraph(
+        "Drawn by the task. `env.command` has the present one, an array of these numbers; one that is set holds to the "
+        "end of the episode."
+    )
+    return f"""## Command
+{about}
+
+{tables.markdown(("part", "what", "unit", "bound"), tables.command_rows(task))}
+
+"""
+
+
+def _metrics(task: str) -> str:
+    """The section on the metrics, if the task has any."""
+    if not TASKS[task]["metrics"]:
+        return ""
+    return f"""## Metrics
+Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+
+{tables.markdown(("metric", "unit", "what"), tables.metric_rows(task))}
+
 """
 
 

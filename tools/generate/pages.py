@@ -30,6 +30,41 @@ def _with_options(page: str, rows: list[list[str]]) -> str:
     return f"{before}{_BEGIN}\n\n{table}\n\n{_END}{after}"
 
 
+def _length(task: str) -> str:
+    """How long an episode is, and which return counts as solved, if any does."""
+    described = TASKS[task]
+    threshold = described["reward_threshold"]
+    solved = "" if threshold is None else f"\nA mean return of {threshold:g} counts as solved."
+    return f"An episode has {described['max_episode_steps']} steps.{solved}"
+
+
+def _command(task: str) -> str:
+    """The section on the command, if the task has one."""
+    if not TASKS[task]["command"]:
+        return ""
+    return f"""## Command
+
+The task draws it. `env.command = [...]` sets one, which holds to the end of the episode.
+
+{tables.markdown(("part", "what", "unit", "bound"), tables.command_rows(task))}
+
+"""
+
+
+def _metrics(task: str) -> str:
+    """The section on the metrics, if the task has any."""
+    if not TASKS[task]["metrics"]:
+        return ""
+    return f"""## Metrics
+
+Of each episode: `metrics` in the info of its last step, `env.metrics()`, and a column of `ballbot evaluate`. NaN where
+the episode was too short for one.
+
+{tables.markdown(("metric", "unit", "what"), tables.metric_rows(task))}
+
+"""
+
+
 def _index() -> str:
     rows = [[f"[{task}]({task}.md)", f"`{described['id']}`", described["summary"]] for task, described in TASKS.items()]
     return f"""# Tasks
@@ -50,8 +85,7 @@ def _page(task: str) -> str:
 
 `gymnasium.make("{described["id"]}")`, `ballbot_rs.{name}Env`, `ballbot_rs.{name}VectorEnv`,
 `ballbot_rs.BallbotVecEnv(num_envs, task="{task}")` and `ballbot_rs.Batch(num_envs, "{task}")` are the same task.
-An episode has {described["max_episode_steps"]} steps.
-A mean return of {described["reward_threshold"]:g} counts as solved.
+{_length(task)}
 
 ## Actions
 
@@ -76,7 +110,7 @@ The sum of the terms, each times its scale. The option `reward` changes scales; 
 
 Success: {described["success"]}.
 
-## Options
+{_command(task)}{_metrics(task)}## Options
 
 {tables.markdown(("name", "unit", "default", "limit", "what"), tables.option_rows(task))}
 """

@@ -89,6 +89,18 @@ def observation_rows(task: str) -> list[list[str]]:
     ]
 
 
+def command_rows(task: str) -> list[list[str]]:
+    """Index, name, unit and bound of every part of a command."""
+    return [
+        [str(i), part["name"], part["unit"], number(part["bound"])] for i, part in enumerate(TASKS[task]["command"])
+    ]
+
+
+def metric_rows(task: str) -> list[list[str]]:
+    """Name, unit and meaning of every metric of an episode."""
+    return [[f"`{metric['name']}`", metric["unit"], metric["doc"]] for metric in TASKS[task]["metrics"]]
+
+
 def reward_rows(task: str) -> list[list[str]]:
     """Name, scale with its sign, and formula of every reward term."""
     return [

@@ -52,7 +52,7 @@ const LAYERS: [(&str, &[&str]); 11] = [
     ),
     ("planning", &["actuator", "control", "models::linear", "sim::contact::ContactLanes"]),
     ("robot", &["models", "sim"]),
-    ("task", &["models::fastest_move"]),
+    ("task", &["models::capture_impulse", "models::fastest_move"]),
     ("batch", &["actuator", "sensor", "sim", "control", "robot", "task"]),
 ];
 

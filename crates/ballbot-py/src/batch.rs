@@ -16,6 +16,7 @@ use crate::sensors::readings;
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
 use ballbot_core::batch::{Autoreset, Batch, Outcome, ResetRequest, StepBuffers, Under, task_kind};
+use ballbot_core::control::MOTION_PARTS;
 use ballbot_core::task::ACTION_LEN;
 use ballbot_core::{Contacts, State, require_memory};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
@@ -78,7 +79,7 @@ fn rows<'py, T: Element + Copy + Default>(
 ) -> PyResult<Array2<'py, T>> {
     require_memory("the array", n * width, size_of::<T>()).map_err(to_python)?;
     let array = PyArray2::<T>::zeros(py, [n, width], false);
-    {
+    if width > 0 {
         let mut writable = array.readwrite();
         for (i, row) in writable.as_slice_mut()?.chunks_exact_mut(width).enumerate() {
             if i % ROWS_PER_SIGNAL_CHECK == ROWS_PER_SIGNAL_CHECK - 1 {
@@ -88,6 +89,18 @@ fn rows<'py, T: Element + Copy + Default>(
         }
     }
     Ok(array)
+}
+
+/// Metrics of the last episode of one environment that ended, by name.
+fn metrics_of<'py>(py: Python<'py>, batch: &Batch, index: usize) -> PyResult<Bound<'py, PyDict>> {
+    let metrics = &batch.task().metrics;
+    let mut values = vec![0.0; metrics.len()];
+    batch.metrics(index, &mut values).map_err(to_python)?;
+    let dict = PyDict::new(py);
+    for (metric, value) in metrics.iter().zip(values) {
+        dict.set_item(metric.name, value)?;
+    }
+    Ok(dict)
 }
 
 #[pymethods]
@@ -337,6 +350,9 @@ impl PyBatch {
             if let Some(termination) = outcome.terminated {
                 info.set_item(intern!(py, "termination"), termination)?;
             }
+            if !batch.task().metrics.is_empty() {
+                info.set_item(intern!(py, "metrics"), metrics_of(py, batch, i)?)?;
+            }
             infos.set_item(i, info)?;
         }
         Ok(infos)
@@ -385,6 +401,72 @@ impl PyBatch {
             dict.set_item(term.name, value)?;
         }
         Ok(dict.into_any())
+    }
+
+    /// The present command: of environment `index`, shape (k,), or of all, shape (num_envs, k), its parts as in
+    /// `TASKS[task]["command"]`.
+    #[pyo3(signature = (index=None))]
+    fn command<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = optional_index)] index: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let inner = self.inner.read()?;
+        let batch = &inner.batch;
+        let width = batch.task().command.len();
+        let Some(index) = index else {
+            return Ok(rows(py, batch.len(), width, |i, row| batch.command(i, row).map_err(to_python))?.into_any());
+        };
+        let mut values = vec![0.0; width];
+        batch.command(index, &mut values).map_err(to_python)?;
+        Ok(PyArray1::from_vec(py, values).into_any())
+    }
+
+    /// Gives environment `index` a command, shape (k,), which holds to the end of its episode. The next observation shows
+    /// it, and so does `observations`.
+    ///
+    /// Raises:
+    ///     ValueError: the task has no command, the command has the wrong shape, or a number is beyond its bound.
+    fn set_command(&self, #[pyo3(from_py_with = index)] index: usize, command: &Bound<'_, PyAny>) -> PyResult<()> {
+        let mut inner = self.inner.write()?;
+        let len = inner.batch.task().command.len();
+        let command = finite_elements("command", command, &[(len > 0).then_some(len)])?;
+        inner.batch.set_command(index, &command).map_err(to_python)
+    }
+
+    /// What the task asks of a controller on the robot of environment `index`, now, by part: as `Controller` takes it.
+    fn setpoint<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = index)] index: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let setpoint = self.inner.write()?.batch.setpoint(index).map_err(to_python)?;
+        let dict = PyDict::new(py);
+        for name in MOTION_PARTS {
+            match setpoint.part(name) {
+                [number] => dict.set_item(name, number)?,
+                numbers => dict.set_item(name, PyArray1::from_slice(py, numbers))?,
+            }
+        }
+        Ok(dict)
+    }
+
+    /// Metrics of the last episode of environment `index` that ended, as a dict, or of all, shape (num_envs, metrics), in
+    /// the order of `TASKS[task]["metrics"]`. NaN before an episode has ended, and where it was too short.
+    #[pyo3(signature = (index=None))]
+    fn metrics<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = optional_index)] index: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let inner = self.inner.read()?;
+        let batch = &inner.batch;
+        let metrics = &batch.task().metrics;
+        let Some(index) = index else {
+            let read = |i, row: &mut [f64]| batch.metrics(i, row).map_err(to_python);
+            return Ok(rows(py, batch.len(), metrics.len(), read)?.into_any());
+        };
+        Ok(metrics_of(py, batch, index)?.into_any())
     }
 
     /// State of the robot of environment `index`.

@@ -28,7 +28,7 @@ fn options<'py>(py: Python<'py>, all: &[OptionDescription]) -> PyResult<Bound<'p
     PyList::new(py, all.iter().map(|o| option(py, o)).collect::<PyResult<Vec<_>>>()?)
 }
 
-/// Tasks by name: id, summary, options, observation rows, reward terms, reasons for termination.
+/// Tasks by name: id, summary, options, observation rows, reward terms, reasons for termination, command, metrics.
 pub(crate) fn tasks(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let tasks = PyDict::new(py);
     for kind in task_kinds() {
@@ -62,6 +62,24 @@ pub(crate) fn tasks(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         }
         task.set_item("rewards", terms)?;
         task.set_item("terminations", description.terminations)?;
+        let command = PyList::empty(py);
+        for part in description.command {
+            let dict = PyDict::new(py);
+            dict.set_item("name", part.name)?;
+            dict.set_item("unit", part.unit)?;
+            dict.set_item("bound", part.bound)?;
+            command.append(dict)?;
+        }
+        task.set_item("command", command)?;
+        let metrics = PyList::empty(py);
+        for metric in &description.metrics {
+            let dict = PyDict::new(py);
+            dict.set_item("name", metric.name)?;
+            dict.set_item("unit", metric.unit)?;
+            dict.set_item("doc", metric.doc)?;
+            metrics.append(dict)?;
+        }
+        task.set_item("metrics", metrics)?;
         tasks.set_item(description.name, task)?;
     }
     Ok(tasks)

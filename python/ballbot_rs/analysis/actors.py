@@ -90,7 +90,6 @@ class LawActor:
 
     def __init__(self, laws: Laws, batch: Batch) -> None:
         self._laws, self._batch = laws, batch
-        self._own = Setpoint(position=batch.options.get("setpoint", (0.0, 0.0)))
 
     def __call__(
         self,
@@ -99,10 +98,11 @@ class LawActor:
     ) -> Actions:
         """As `Actor`; a sequence has the parts of each robot."""
         batch, laws = self._batch, self._laws
-        setpoints = [self._own] * batch.num_envs
-        if isinstance(setpoint, Mapping):
+        if setpoint is None:
+            setpoints = [Setpoint(**batch.setpoint(i)) for i in range(batch.num_envs)]
+        elif isinstance(setpoint, Mapping):
             setpoints = [self._setpoint(setpoint)] * batch.num_envs
-        elif setpoint is not None:
+        else:
             setpoints = [self._setpoint(one) for one in setpoint]
         states: Any
         if laws.is_batched:

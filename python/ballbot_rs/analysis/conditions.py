@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ballbot_rs._core import ROBOTS, Params
+from ballbot_rs._core import ROBOTS, TASKS, Params
 from ballbot_rs.envs._batch_env import new_batch, resolved_options
 
 #: Parameters of a changed robot that are listed.
@@ -39,13 +39,19 @@ def differences(task: str, options: Mapping[str, Any]) -> list[str]:
     return found
 
 
+def beside(task: str) -> tuple[str, ...]:
+    """Controllers that a policy of the task is compared with: those that can do it."""
+    return ("lqr",) if TASKS[task]["command"] else ("lqr", "pid")
+
+
 def success_rule(task: str, options: Mapping[str, Any]) -> str:
-    """What an episode must be to count as a success; empty for a task that judges by other options."""
+    """What an episode must be to count as a success; empty for a task without successes."""
     resolved = _resolved(task, options)
     try:
         window, tilt, radius = (resolved[f"success_{name}"] for name in ("window", "tilt", "radius"))
     except KeyError:
-        return ""
+        rule = TASKS[task]["success"]
+        return f"Success: {rule}." if rule else ""
     return (
         f"Success: upright, and over the last {window:g} s tilt within {math.degrees(tilt):.3g} deg and ball within "
         f"{radius:g} m of the setpoint."

@@ -5,9 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ballbot_rs._checks import check_count, check_seed
-from ballbot_rs._core import Batch
+from ballbot_rs._core import TASKS, Batch
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._state_rows import BALL_POSITION, tilt_of
 from ballbot_rs.analysis.rollout import batch_for, rollout
@@ -49,6 +50,8 @@ class Result:
     torque_rms: float
     #: Mean reward of a step, a fallen robot's missing steps counted as zero.
     mean_reward: float
+    #: Metrics of the task by name, means over the episodes that ran to their end; None where there is none.
+    metrics: Mapping[str, float | None]
 
 
 def check_episodes(episodes: int) -> int:
@@ -128,6 +131,16 @@ def compare(
     return results
 
 
+def _metrics(batch: Batch, survived: npt.NDArray[np.bool_]) -> dict[str, float | None]:
+    # An episode that ran to its end is the last one that ended.
+    values = batch.metrics()[survived]
+    means: dict[str, float | None] = {}
+    for metric, column in zip(TASKS[batch.task]["metrics"], values.T, strict=True):
+        found = column[np.isfinite(column)]
+        means[metric["name"]] = float(found.mean()) if len(found) else None
+    return means
+
+
 def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], None]) -> Result:
     n, steps = batch.num_envs, batch.max_episode_steps
     if n * steps > MAX_STEPS:
@@ -172,4 +185,5 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
         ball_rms=float(np.sqrt(np.nanmean(distances**2))),
         torque_rms=float(np.sqrt(np.nanmean(squared_torques))),
         mean_reward=float(returns.mean()) / steps,
+        metrics=_metrics(batch, survived),
     )

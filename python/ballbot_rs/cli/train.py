@@ -28,7 +28,11 @@ def add_to(commands: Any) -> None:
     scenario.add_robot(command, otherwise="the configuration's, else")
     scenario.add_events(command)
     scenario.add_seed(command, "seed of the run (default 0)", None, MAX_RUN_SEED)
-    command.add_argument("--config", type=Path, help="TOML file to use instead of the task's own")
+    command.add_argument(
+        "--config",
+        type=Path,
+        help="TOML file to use instead of the task's own, or a variant of it, as recover of balance",
+    )
     command.add_argument(
         "--set",
         action="append",
@@ -63,8 +67,8 @@ def run(arguments: argparse.Namespace) -> None:
     started = time.perf_counter()
     progress_bar = not (arguments.quiet or arguments.json)
     if arguments.resume is not None:
-        beside = ("config", "run", "seed", "overwrite")
-        given = [name for name in beside if getattr(arguments, name) is not None]
+        fixed = ("config", "run", "seed", "overwrite")
+        given = [name for name in fixed if getattr(arguments, name) is not None]
         if given:
             raise ValueError(f"--resume continues a run as it was configured: --{given[0]} has no place beside it")
         if values:
@@ -99,8 +103,9 @@ def run(arguments: argparse.Namespace) -> None:
     results = []
     if arguments.episodes > 0:
         with bar("comparing", not progress_bar) as progress:
+            trained = task_of(config.env_id)
             results = compare(
-                [str(policy), "lqr", "pid"], task=task_of(config.env_id), episodes=arguments.episodes, progress=progress
+                [str(policy), *beside(trained)], task=trained, episodes=arguments.episodes, progress=progress
             )
     written = None if arguments.no_report else report.after_training(folder, results, not progress_bar)
     if arguments.json:

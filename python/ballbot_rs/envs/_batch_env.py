@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_count, check_options, check_seed
-from ballbot_rs._core import Batch, Params, State
+from ballbot_rs._core import TASKS, Batch, Params, State
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 
 #: More steps than an episode can have: 248 days at the default control rate.
@@ -124,6 +124,22 @@ class OneRobot(SharedAttributes):
         return self._batch.state(self._index)
 
     @property
+    def command(self) -> npt.NDArray[np.float64]:
+        """The present command, shape (k,), its parts as in `TASKS[task]["command"]`.
+
+        One that is set holds to the end of the episode, from the next observation on.
+        """
+        return self._batch.command(self._index)
+
+    @command.setter
+    def command(self, value: npt.ArrayLike) -> None:
+        self._batch.set_command(self._index, value)
+
+    def metrics(self) -> dict[str, float]:
+        """Metrics of the last episode that ended, by name; NaN before there is one. See `Batch.metrics`."""
+        return self._batch.metrics(self._index)
+
+    @property
     def is_success(self) -> bool:
         """Whether an episode that ended with the last step would be a success."""
         return self._batch.ending(self._index)[0]
@@ -165,6 +181,29 @@ class ManyRobots(SharedAttributes):
     def privileged_observations(self) -> npt.NDArray[np.float32]:
         """The rows of the observations from the true states; see `Batch.privileged_observations`."""
         return self._batch.privileged_observations()
+
+    @property
+    def command(self) -> npt.NDArray[np.float64]:
+        """The present commands, shape (num_envs, k), their parts as in `TASKS[task]["command"]`.
+
+        Commands that are set, one for all robots or one each, hold to the ends of the episodes, from the next
+        observations on.
+        """
+        return self._batch.command()
+
+    @command.setter
+    def command(self, value: npt.ArrayLike) -> None:
+        num_envs, parts = self._batch.num_envs, len(TASKS[self._batch.task]["command"])
+        given = np.asarray(value, dtype=np.float64)
+        if given.shape not in ((parts,), (num_envs, parts)):
+            raise ValueError(f"command has shape {given.shape}, expected ({parts},) or ({num_envs}, {parts})")
+        for i, command in enumerate(np.broadcast_to(given, (num_envs, parts))):
+            self._batch.set_command(i, command)
+
+    def metrics(self) -> dict[str, npt.NDArray[np.float64]]:
+        """Metrics of the last episodes that ended, by name, shape (num_envs,); see `Batch.metrics`."""
+        names = (metric["name"] for metric in TASKS[self._batch.task]["metrics"])
+        return dict(zip(names, self._batch.metrics().T, strict=True))
 
     def set_params(self, params: Params | str, index: int | None = None) -> None:
         """Replaces the parameters of robot `index`, or of every robot; see `Batch.set_params`."""

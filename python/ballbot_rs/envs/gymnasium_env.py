@@ -102,6 +102,8 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
             info["is_success"], termination = self._batch.ending(0)
             if termination is not None:
                 info["termination"] = termination
+            if TASKS[self.task]["metrics"]:
+                info["metrics"] = self.metrics()
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 
     def render(self) -> Frames | None:

@@ -126,6 +126,12 @@ class BalanceOptions(CommonOptions, total=False):
 
     #: Where the ball should be. (m, >= -10000 and <= 10000)
     setpoint: npt.ArrayLike
+    #: The end of the episode over which success is judged. (s, >= 0 and <= 1e9)
+    success_window: float
+    #: Largest tilt from the equilibrium in that window. (rad, > 0 and <= pi)
+    success_tilt: float
+    #: Largest distance of the ball from the setpoint in that window. (m, >= 1e-12 and <= 1e6)
+    success_radius: float
     #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
@@ -137,13 +143,121 @@ class BalanceOptions(CommonOptions, total=False):
     reset_tilt_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
-    #: The end of the episode over which success is judged. (s, >= 0 and <= 1e9)
-    success_window: float
-    #: Largest tilt from the equilibrium in that window. (rad, > 0 and <= pi)
-    success_tilt: float
-    #: Largest distance of the ball from the setpoint in that window. (m, >= 1e-12 and <= 1e6)
-    success_radius: float
 
 
-class TaskOptions(BalanceOptions, total=False):
+class VelocityOptions(CommonOptions, total=False):
+    """Options of the task `velocity`."""
+
+    #: Largest commanded speed; drawn evenly over the disc, in the heading frame. (m/s, >= 0 and <= 10)
+    speed: float
+    #: Largest commanded rate of the heading; drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    yaw_rate: float
+    #: Share of the commands that are to stand still. (>= 0 and <= 1)
+    standing: float
+    #: Shortest and longest time from one command to the next, drawn evenly. (s, > 0 and <= 1e9)
+    command_seconds: npt.ArrayLike
+    #: Time after a command from which its errors are counted. (s, >= 0 and <= 1e9)
+    settling: float
+    #: Error of the velocity that costs half. (m/s, >= 1e-6 and <= 10)
+    velocity_scale: float
+    #: Error of the heading's rate that costs half. (rad/s, >= 1e-6 and <= 10)
+    yaw_rate_scale: float
+    #: Largest root mean square of the settled errors of the velocity in a success. (m/s, > 0 and <= 10)
+    success_velocity: float
+    #: Largest root mean square of the settled errors of the heading's rate in a success. (rad/s, > 0 and <= 10)
+    success_yaw_rate: float
+    #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
+    #: `fall_tilt`. (rad, >= 0)
+    reset_tilt: float
+    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    reset_yaw: float
+    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    reset_ball_speed: float
+    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    reset_tilt_rate: float
+    #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
+    fall_tilt: float
+
+
+class GoalOptions(CommonOptions, total=False):
+    """Options of the task `goal`."""
+
+    #: Smallest and largest distance of a goal from the ball, drawn evenly, in any direction. (m, >= 0 and <= 100)
+    goal_distance: npt.ArrayLike
+    #: Shortest and longest time from one goal to the next, drawn evenly. (s, > 0 and <= 1e9)
+    goal_seconds: npt.ArrayLike
+    #: Distance within which the ball is at its goal. (m, >= 1e-6 and <= 10)
+    goal_radius: float
+    #: How long the ball must have been at its goal when the next one is given. (s, >= 0 and <= 1e9)
+    hold_seconds: float
+    #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
+    #: `fall_tilt`. (rad, >= 0)
+    reset_tilt: float
+    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    reset_yaw: float
+    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    reset_ball_speed: float
+    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    reset_tilt_rate: float
+    #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
+    fall_tilt: float
+
+
+class PathOptions(CommonOptions, total=False):
+    """Options of the task `path`."""
+
+    #: Smallest and largest speed along the path, drawn evenly. (m/s, >= 0 and <= 10)
+    path_speed: npt.ArrayLike
+    #: Smallest and largest half width of a path, drawn evenly. (m, >= 0.01 and <= 100)
+    path_size: npt.ArrayLike
+    #: Largest acceleration of the point: it starts with half of it, and its speed is lower where the curve asks for
+    #: more. (m/s², > 0 and <= 10)
+    path_acceleration: float
+    #: Relative frequencies of circles, lemniscates, rounded squares and random curves. (>= 0 and <= 1e6)
+    path_kinds: npt.ArrayLike
+    #: Time from the start of an episode from which errors are counted. (s, >= 0 and <= 1e9)
+    settling: float
+    #: Distance of the ball from the point that costs half. (m, >= 1e-6 and <= 10)
+    position_scale: float
+    #: Largest root mean square of the distance across the path in a success. (m, > 0 and <= 10)
+    success_error: float
+    #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
+    #: `fall_tilt`. (rad, >= 0)
+    reset_tilt: float
+    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    reset_yaw: float
+    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    reset_ball_speed: float
+    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    reset_tilt_rate: float
+    #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
+    fall_tilt: float
+
+
+class PushOptions(CommonOptions, total=False):
+    """Options of the task `push`."""
+
+    #: Smallest and largest impulse at the body's center of mass, drawn evenly, in any direction: as shares of the
+    #: largest one that traction lets the nominal robot bear. (>= 0 and <= 10)
+    push: npt.ArrayLike
+    #: Shortest and longest time from one push to the next, drawn evenly. (s, > 0 and <= 1e9)
+    push_seconds: npt.ArrayLike
+    #: Where the ball should be. (m, >= -10000 and <= 10000)
+    setpoint: npt.ArrayLike
+    #: Distance of the ball from the setpoint that costs half. (m, >= 1e-12 and <= 1e6)
+    position_scale: float
+    #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
+    #: `fall_tilt`. (rad, >= 0)
+    reset_tilt: float
+    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    reset_yaw: float
+    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    reset_ball_speed: float
+    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    reset_tilt_rate: float
+    #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
+    fall_tilt: float
+
+
+class TaskOptions(BalanceOptions, VelocityOptions, GoalOptions, PathOptions, PushOptions, total=False):
     """Options of any task."""

@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode
 from typing_extensions import Unpack
 
 from ballbot_rs.envs.gymnasium_env import BallbotEnv
-from ballbot_rs.envs.options import BalanceOptions
+from ballbot_rs.envs.options import BalanceOptions, GoalOptions, PathOptions, PushOptions, VelocityOptions
 from ballbot_rs.envs.vector_env import BallbotVectorEnv
 
 
@@ -93,6 +93,10 @@ class BalanceEnv(BallbotEnv):
     - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
     - `setpoint`: Where the ball should be. (default (0, 0) m; >= -10000 and <= 10000)
+    - `success_window`: The end of the episode over which success is judged. (default 2 s; >= 0 and <= 1e9)
+    - `success_tilt`: Largest tilt from the equilibrium in that window. (default 0.0174533 rad; > 0 and <= pi)
+    - `success_radius`: Largest distance of the ball from the setpoint in that window. (default 0.1 m; >= 1e-12 and <=
+      1e6)
     - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
     - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
@@ -100,10 +104,6 @@ class BalanceEnv(BallbotEnv):
     - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.349066 rad; > 0 and <=
       pi)
-    - `success_window`: The end of the episode over which success is judged. (default 2 s; >= 0 and <= 1e9)
-    - `success_tilt`: Largest tilt from the equilibrium in that window. (default 0.0174533 rad; > 0 and <= pi)
-    - `success_radius`: Largest distance of the ball from the setpoint in that window. (default 0.1 m; >= 1e-12 and <=
-      1e6)
 
     `reset(options={"state": State(...)})` starts an episode from a given state.
     """
@@ -149,6 +149,696 @@ class BalanceVectorEnv(BallbotVectorEnv):
         super().__init__(
             num_envs,
             task="balance",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            autoreset_mode=autoreset_mode,
+            num_threads=num_threads,
+            seed=seed,
+            **options,
+        )
+
+
+class VelocityEnv(BallbotEnv):
+    """Follow a commanded velocity of the ball and rate of the heading.
+
+    ## Action space
+    `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a share of `max_wheel_torque`; clipped.
+
+    ## Observation space
+    `Box(-10, 10, (19,), float32)`. The heading frame has the yaw of the
+    robot and a vertical z axis.
+
+    | row | what                             | unit  | bound | at rest | typical |
+    | --- | -------------------------------- | ----- | ----- | ------- | ------- |
+    | 0   | gravity direction, body x        |       | 1     | 0       | 0.1     |
+    | 1   | gravity direction, body y        |       | 1     | 0       | 0.1     |
+    | 2   | gravity direction, body z        |       | 1     | -1      | 0.1     |
+    | 3   | body rate about body x           | rad/s | 20    | 0       | 1       |
+    | 4   | body rate about body y           | rad/s | 20    | 0       | 1       |
+    | 5   | body rate about body z           | rad/s | 20    | 0       | 1       |
+    | 6   | wheel speed 0                    | rad/s | 200   | 0       | 5       |
+    | 7   | wheel speed 1                    | rad/s | 200   | 0       | 5       |
+    | 8   | wheel speed 2                    | rad/s | 200   | 0       | 5       |
+    | 9   | ball velocity, heading x         | m/s   | 10    | 0       | 0.2     |
+    | 10  | ball velocity, heading y         | m/s   | 10    | 0       | 0.2     |
+    | 11  | commanded velocity, heading x    | m/s   | 10    | 0       | 0.2     |
+    | 12  | commanded velocity, heading y    | m/s   | 10    | 0       | 0.2     |
+    | 13  | commanded rate of the heading    | rad/s | 10    | 0       | 0.5     |
+    | 14  | error of the velocity, heading x | m/s   | 10    | 0       | 0.1     |
+    | 15  | error of the velocity, heading y | m/s   | 10    | 0       | 0.1     |
+    | 16  | last action, wheel 0             |       | 1     | 0       | 0.5     |
+    | 17  | last action, wheel 1             |       | 1     | 0       | 0.5     |
+    | 18  | last action, wheel 2             |       | 1     | 0       | 0.5     |
+
+    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    `scale_observations=False` gives the rows in their units.
+
+    ## Rewards
+    The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
+    sign), `reward_terms()` has the last step's terms.
+
+    | term            | scale | formula                                                        |
+    | --------------- | ----- | -------------------------------------------------------------- |
+    | `alive`         | 1     | 1, unless the step ends in a fall                              |
+    | `velocity`      | -0.5  | e² / (e² + velocity_scale²), e the error of the velocity       |
+    | `yaw_rate`      | -0.25 | e² / (e² + yaw_rate_scale²), e the error of the heading's rate |
+    | `rate`          | -0.01 | squared body rate in rad/s, at most 100                        |
+    | `action`        | -0.02 | mean squared action                                            |
+    | `action_change` | -0.02 | mean squared change of the action                              |
+
+    ## Episode end
+    Terminated, with the reason as `termination` in the info:
+
+    - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
+    - "bot_on_floor": the body or a wheel touches the floor.
+    - "diverged": the state left the bounds of the simulation.
+
+    Truncated after `max_episode_steps` (2000). A success is: not terminated, and the settled errors within
+    `success_velocity` and `success_yaw_rate`; `is_success` in the info of the last step.
+
+    ## Command
+    Drawn by the task. `env.command` has the present one, an array of these numbers; one that is set holds to the end of
+    the episode.
+
+    | part | what                          | unit  | bound |
+    | ---- | ----------------------------- | ----- | ----- |
+    | 0    | commanded velocity, heading x | m/s   | 10    |
+    | 1    | commanded velocity, heading y | m/s   | 10    |
+    | 2    | commanded rate of the heading | rad/s | 10    |
+
+    ## Metrics
+    Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+
+    | metric           | unit  | what                                                         |
+    | ---------------- | ----- | ------------------------------------------------------------ |
+    | `velocity_error` | m/s   | root mean square of the settled errors of the velocity       |
+    | `yaw_rate_error` | rad/s | root mean square of the settled errors of the heading's rate |
+
+    ## Options
+    Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
+
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
+    - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
+    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
+    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
+    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
+      > 0 and <= `params.max_wheel_torque`)
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+      docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
+    - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
+      exact, kugle, or FILE.toml)
+    - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
+      sensors. (default ground_truth; ground_truth, sensors)
+    - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+      FILE.toml, or a list of dicts)
+    - `speed`: Largest commanded speed; drawn evenly over the disc, in the heading frame. (default 0.5 m/s; >= 0 and <=
+      10)
+    - `yaw_rate`: Largest commanded rate of the heading; drawn evenly within ± this. (default 1 rad/s; >= 0 and <= 10)
+    - `standing`: Share of the commands that are to stand still. (default 0.1; >= 0 and <= 1)
+    - `command_seconds`: Shortest and longest time from one command to the next, drawn evenly. (default (3, 8) s; > 0
+      and <= 1e9)
+    - `settling`: Time after a command from which its errors are counted. (default 2 s; >= 0 and <= 1e9)
+    - `velocity_scale`: Error of the velocity that costs half. (default 0.1 m/s; >= 1e-6 and <= 10)
+    - `yaw_rate_scale`: Error of the heading's rate that costs half. (default 0.2 rad/s; >= 1e-6 and <= 10)
+    - `success_velocity`: Largest root mean square of the settled errors of the velocity in a success. (default 0.02
+      m/s; > 0 and <= 10)
+    - `success_yaw_rate`: Largest root mean square of the settled errors of the heading's rate in a success. (default
+      0.05 rad/s; > 0 and <= 10)
+    - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
+      opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
+    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
+      pi)
+
+    `reset(options={"state": State(...)})` starts an episode from a given state.
+    """
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        **options: Unpack[VelocityOptions],
+    ) -> None:
+        super().__init__(
+            "velocity",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            **options,
+        )
+
+
+class VelocityVectorEnv(BallbotVectorEnv):
+    """`num_envs` environments of `VelocityEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        autoreset_mode: str | AutoresetMode = "next_step",
+        num_threads: int | None = None,
+        seed: int | None = None,
+        **options: Unpack[VelocityOptions],
+    ) -> None:
+        super().__init__(
+            num_envs,
+            task="velocity",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            autoreset_mode=autoreset_mode,
+            num_threads=num_threads,
+            seed=seed,
+            **options,
+        )
+
+
+class GoalEnv(BallbotEnv):
+    """Go to points on the floor, and stay there.
+
+    ## Action space
+    `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a share of `max_wheel_torque`; clipped.
+
+    ## Observation space
+    `Box(-10, 10, (17,), float32)`. The heading frame has the yaw of the
+    robot and a vertical z axis.
+
+    | row | what                                       | unit  | bound | at rest | typical |
+    | --- | ------------------------------------------ | ----- | ----- | ------- | ------- |
+    | 0   | gravity direction, body x                  |       | 1     | 0       | 0.1     |
+    | 1   | gravity direction, body y                  |       | 1     | 0       | 0.1     |
+    | 2   | gravity direction, body z                  |       | 1     | -1      | 0.1     |
+    | 3   | body rate about body x                     | rad/s | 20    | 0       | 1       |
+    | 4   | body rate about body y                     | rad/s | 20    | 0       | 1       |
+    | 5   | body rate about body z                     | rad/s | 20    | 0       | 1       |
+    | 6   | wheel speed 0                              | rad/s | 200   | 0       | 5       |
+    | 7   | wheel speed 1                              | rad/s | 200   | 0       | 5       |
+    | 8   | wheel speed 2                              | rad/s | 200   | 0       | 5       |
+    | 9   | goal from the ball, at most 1 m, heading x | m     | 1     | 0       | 0.1     |
+    | 10  | goal from the ball, at most 1 m, heading y | m     | 1     | 0       | 0.1     |
+    | 11  | distance of the goal                       | m     | 10    | 0       | 1       |
+    | 12  | ball velocity, heading x                   | m/s   | 10    | 0       | 0.2     |
+    | 13  | ball velocity, heading y                   | m/s   | 10    | 0       | 0.2     |
+    | 14  | last action, wheel 0                       |       | 1     | 0       | 0.5     |
+    | 15  | last action, wheel 1                       |       | 1     | 0       | 0.5     |
+    | 16  | last action, wheel 2                       |       | 1     | 0       | 0.5     |
+
+    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    `scale_observations=False` gives the rows in their units.
+
+    ## Rewards
+    The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
+    sign), `reward_terms()` has the last step's terms.
+
+    | term            | scale | formula                                                   |
+    | --------------- | ----- | --------------------------------------------------------- |
+    | `alive`         | 1     | 1, unless the step ends in a fall                         |
+    | `distance`      | -0.5  | d / (d + 0.5 m), d the distance of the ball from the goal |
+    | `position`      | -0.3  | n = d² / (d² + (0.1 m)²)                                  |
+    | `speed_at_goal` | -0.5  | (1 − n) times the squared ball speed in m/s, at most 1    |
+    | `rate`          | -0.01 | squared body rate in rad/s, at most 100                   |
+    | `action`        | -0.02 | mean squared action                                       |
+    | `action_change` | -0.02 | mean squared change of the action                         |
+
+    ## Episode end
+    Terminated, with the reason as `termination` in the info:
+
+    - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
+    - "bot_on_floor": the body or a wheel touches the floor.
+    - "diverged": the state left the bounds of the simulation.
+
+    Truncated after `max_episode_steps` (2000). A success is: not terminated, and every goal held within `goal_radius`
+    for the last `hold_seconds` of its time; `is_success` in the info of the last step.
+
+    ## Command
+    Drawn by the task. `env.command` has the present one, an array of these numbers; one that is set holds to the end of
+    the episode.
+
+    | part | what             | unit | bound |
+    | ---- | ---------------- | ---- | ----- |
+    | 0    | goal, inertial x | m    | 10000 |
+    | 1    | goal, inertial y | m    | 10000 |
+
+    ## Metrics
+    Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+
+    | metric       | unit | what                                                                 |
+    | ------------ | ---- | -------------------------------------------------------------------- |
+    | `goals_held` |      | share of the goals at which the ball was when the next one was given |
+    | `time_ratio` |      | mean time to these goals, in times of the fastest flat move there    |
+
+    ## Options
+    Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
+
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
+    - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
+    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
+    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
+    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
+      > 0 and <= `params.max_wheel_torque`)
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+      docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
+    - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
+      exact, kugle, or FILE.toml)
+    - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
+      sensors. (default ground_truth; ground_truth, sensors)
+    - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+      FILE.toml, or a list of dicts)
+    - `goal_distance`: Smallest and largest distance of a goal from the ball, drawn evenly, in any direction. (default
+      (0.5, 2) m; >= 0 and <= 100)
+    - `goal_seconds`: Shortest and longest time from one goal to the next, drawn evenly. (default (6, 10) s; > 0 and <=
+      1e9)
+    - `goal_radius`: Distance within which the ball is at its goal. (default 0.02 m; >= 1e-6 and <= 10)
+    - `hold_seconds`: How long the ball must have been at its goal when the next one is given. (default 1 s; >= 0 and <=
+      1e9)
+    - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
+      opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
+    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
+      pi)
+
+    `reset(options={"state": State(...)})` starts an episode from a given state.
+    """
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        **options: Unpack[GoalOptions],
+    ) -> None:
+        super().__init__(
+            "goal",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            **options,
+        )
+
+
+class GoalVectorEnv(BallbotVectorEnv):
+    """`num_envs` environments of `GoalEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        autoreset_mode: str | AutoresetMode = "next_step",
+        num_threads: int | None = None,
+        seed: int | None = None,
+        **options: Unpack[GoalOptions],
+    ) -> None:
+        super().__init__(
+            num_envs,
+            task="goal",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            autoreset_mode=autoreset_mode,
+            num_threads=num_threads,
+            seed=seed,
+            **options,
+        )
+
+
+class PathEnv(BallbotEnv):
+    """Follow a point that moves along a closed curve, with a preview of one second.
+
+    ## Action space
+    `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a share of `max_wheel_torque`; clipped.
+
+    ## Observation space
+    `Box(-10, 10, (26,), float32)`. The heading frame has the yaw of the
+    robot and a vertical z axis.
+
+    | row | what                        | unit  | bound | at rest | typical |
+    | --- | --------------------------- | ----- | ----- | ------- | ------- |
+    | 0   | gravity direction, body x   |       | 1     | 0       | 0.1     |
+    | 1   | gravity direction, body y   |       | 1     | 0       | 0.1     |
+    | 2   | gravity direction, body z   |       | 1     | -1      | 0.1     |
+    | 3   | body rate about body x      | rad/s | 20    | 0       | 1       |
+    | 4   | body rate about body y      | rad/s | 20    | 0       | 1       |
+    | 5   | body rate about body z      | rad/s | 20    | 0       | 1       |
+    | 6   | wheel speed 0               | rad/s | 200   | 0       | 5       |
+    | 7   | wheel speed 1               | rad/s | 200   | 0       | 5       |
+    | 8   | wheel speed 2               | rad/s | 200   | 0       | 5       |
+    | 9   | ball velocity, heading x    | m/s   | 10    | 0       | 0.2     |
+    | 10  | ball velocity, heading y    | m/s   | 10    | 0       | 0.2     |
+    | 11  | path now, heading x         | m     | 10    | 0       | 0.1     |
+    | 12  | path now, heading y         | m     | 10    | 0       | 0.1     |
+    | 13  | path 0.2 s ahead, heading x | m     | 10    | 0       | 0.2     |
+    | 14  | path 0.2 s ahead, heading y | m     | 10    | 0       | 0.2     |
+    | 15  | path 0.4 s ahead, heading x | m     | 10    | 0       | 0.2     |
+    | 16  | path 0.4 s ahead, heading y | m     | 10    | 0       | 0.2     |
+    | 17  | path 0.6 s ahead, heading x | m     | 10    | 0       | 0.2     |
+    | 18  | path 0.6 s ahead, heading y | m     | 10    | 0       | 0.2     |
+    | 19  | path 0.8 s ahead, heading x | m     | 10    | 0       | 0.2     |
+    | 20  | path 0.8 s ahead, heading y | m     | 10    | 0       | 0.2     |
+    | 21  | path 1.0 s ahead, heading x | m     | 10    | 0       | 0.2     |
+    | 22  | path 1.0 s ahead, heading y | m     | 10    | 0       | 0.2     |
+    | 23  | last action, wheel 0        |       | 1     | 0       | 0.5     |
+    | 24  | last action, wheel 1        |       | 1     | 0       | 0.5     |
+    | 25  | last action, wheel 2        |       | 1     | 0       | 0.5     |
+
+    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    `scale_observations=False` gives the rows in their units.
+
+    ## Rewards
+    The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
+    sign), `reward_terms()` has the last step's terms.
+
+    | term            | scale | formula                                                                |
+    | --------------- | ----- | ---------------------------------------------------------------------- |
+    | `alive`         | 1     | 1, unless the step ends in a fall                                      |
+    | `position`      | -0.5  | d² / (d² + position_scale²), d the distance of the ball from the point |
+    | `distance`      | -0.3  | d / (d + 0.3 m)                                                        |
+    | `rate`          | -0.01 | squared body rate in rad/s, at most 100                                |
+    | `action`        | -0.02 | mean squared action                                                    |
+    | `action_change` | -0.02 | mean squared change of the action                                      |
+
+    ## Episode end
+    Terminated, with the reason as `termination` in the info:
+
+    - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
+    - "bot_on_floor": the body or a wheel touches the floor.
+    - "diverged": the state left the bounds of the simulation.
+
+    Truncated after `max_episode_steps` (2000). A success is: not terminated, and the error across the path within
+    `success_error`; `is_success` in the info of the last step.
+
+    ## Command
+    Drawn by the task. `env.command` has the present one, an array of these numbers; one that is set holds to the end of
+    the episode.
+
+    | part | what                 | unit | bound |
+    | ---- | -------------------- | ---- | ----- |
+    | 0    | speed along the path | m/s  | 10    |
+    | 1    | cosine of x          | m    | 100   |
+    | 2    | sine of x            | m    | 100   |
+    | 3    | second cosine of x   | m    | 100   |
+    | 4    | second sine of x     | m    | 100   |
+    | 5    | third cosine of x    | m    | 100   |
+    | 6    | third sine of x      | m    | 100   |
+    | 7    | cosine of y          | m    | 100   |
+    | 8    | sine of y            | m    | 100   |
+    | 9    | second cosine of y   | m    | 100   |
+    | 10   | second sine of y     | m    | 100   |
+    | 11   | third cosine of y    | m    | 100   |
+    | 12   | third sine of y      | m    | 100   |
+
+    ## Metrics
+    Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+
+    | metric              | unit | what                                                               |
+    | ------------------- | ---- | ------------------------------------------------------------------ |
+    | `cross_track_error` | m    | root mean square of the distance of the ball across the path       |
+    | `tracking_error`    | m    | root mean square of the distance of the ball from the moving point |
+
+    ## Options
+    Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
+
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
+    - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
+    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
+    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
+    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
+      > 0 and <= `params.max_wheel_torque`)
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+      docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
+    - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
+      exact, kugle, or FILE.toml)
+    - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
+      sensors. (default ground_truth; ground_truth, sensors)
+    - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+      FILE.toml, or a list of dicts)
+    - `path_speed`: Smallest and largest speed along the path, drawn evenly. (default (0.2, 0.5) m/s; >= 0 and <= 10)
+    - `path_size`: Smallest and largest half width of a path, drawn evenly. (default (0.5, 1) m; >= 0.01 and <= 100)
+    - `path_acceleration`: Largest acceleration of the point: it starts with half of it, and its speed is lower where
+      the curve asks for more. (default 0.6 m/s²; > 0 and <= 10)
+    - `path_kinds`: Relative frequencies of circles, lemniscates, rounded squares and random curves. (default (1, 1, 1,
+      1); >= 0 and <= 1e6)
+    - `settling`: Time from the start of an episode from which errors are counted. (default 3 s; >= 0 and <= 1e9)
+    - `position_scale`: Distance of the ball from the point that costs half. (default 0.05 m; >= 1e-6 and <= 10)
+    - `success_error`: Largest root mean square of the distance across the path in a success. (default 0.02 m; > 0 and
+      <= 10)
+    - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
+      opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
+    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
+      pi)
+
+    `reset(options={"state": State(...)})` starts an episode from a given state.
+    """
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        **options: Unpack[PathOptions],
+    ) -> None:
+        super().__init__(
+            "path",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            **options,
+        )
+
+
+class PathVectorEnv(BallbotVectorEnv):
+    """`num_envs` environments of `PathEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        autoreset_mode: str | AutoresetMode = "next_step",
+        num_threads: int | None = None,
+        seed: int | None = None,
+        **options: Unpack[PathOptions],
+    ) -> None:
+        super().__init__(
+            num_envs,
+            task="path",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            autoreset_mode=autoreset_mode,
+            num_threads=num_threads,
+            seed=seed,
+            **options,
+        )
+
+
+class PushEnv(BallbotEnv):
+    """Keep a ballbot upright with its ball at the setpoint while it is pushed.
+
+    ## Action space
+    `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a share of `max_wheel_torque`; clipped.
+
+    ## Observation space
+    `Box(-10, 10, (16,), float32)`. The heading frame has the yaw of the
+    robot and a vertical z axis.
+
+    | row | what                                       | unit  | bound | at rest | typical |
+    | --- | ------------------------------------------ | ----- | ----- | ------- | ------- |
+    | 0   | gravity direction, body x                  |       | 1     | 0       | 0.1     |
+    | 1   | gravity direction, body y                  |       | 1     | 0       | 0.1     |
+    | 2   | gravity direction, body z                  |       | 1     | -1      | 0.1     |
+    | 3   | body rate about body x                     | rad/s | 20    | 0       | 1       |
+    | 4   | body rate about body y                     | rad/s | 20    | 0       | 1       |
+    | 5   | body rate about body z                     | rad/s | 20    | 0       | 1       |
+    | 6   | wheel speed 0                              | rad/s | 200   | 0       | 5       |
+    | 7   | wheel speed 1                              | rad/s | 200   | 0       | 5       |
+    | 8   | wheel speed 2                              | rad/s | 200   | 0       | 5       |
+    | 9   | ball position from the setpoint, heading x | m     | 10    | 0       | 0.1     |
+    | 10  | ball position from the setpoint, heading y | m     | 10    | 0       | 0.1     |
+    | 11  | ball velocity, heading x                   | m/s   | 10    | 0       | 0.2     |
+    | 12  | ball velocity, heading y                   | m/s   | 10    | 0       | 0.2     |
+    | 13  | last action, wheel 0                       |       | 1     | 0       | 0.5     |
+    | 14  | last action, wheel 1                       |       | 1     | 0       | 0.5     |
+    | 15  | last action, wheel 2                       |       | 1     | 0       | 0.5     |
+
+    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    `scale_observations=False` gives the rows in their units.
+
+    ## Rewards
+    The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
+    sign), `reward_terms()` has the last step's terms.
+
+    | term            | scale | formula                                                                   |
+    | --------------- | ----- | ------------------------------------------------------------------------- |
+    | `alive`         | 1     | 1, unless the step ends in a fall                                         |
+    | `tilt`          | -1    | (tilt / fall_tilt)², at most 1                                            |
+    | `position`      | -0.5  | d² / (d² + success_radius²), d the distance of the ball from the setpoint |
+    | `velocity`      | -0.2  | squared ball speed in m/s, at most 1                                      |
+    | `rate`          | -0.01 | squared body rate in rad/s, at most 100                                   |
+    | `action`        | -0.02 | mean squared action                                                       |
+    | `action_change` | -0.02 | mean squared change of the action                                         |
+
+    ## Episode end
+    Terminated, with the reason as `termination` in the info:
+
+    - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
+    - "bot_on_floor": the body or a wheel touches the floor.
+    - "diverged": the state left the bounds of the simulation.
+
+    Truncated after `max_episode_steps` (1000). A success is: not terminated; `is_success` in the info of the last step.
+
+    ## Metrics
+    Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+
+    | metric     | unit | what                                                           |
+    | ---------- | ---- | -------------------------------------------------------------- |
+    | `survived` | s    | time without a fall                                            |
+    | `distance` | m    | root mean square of the distance of the ball from the setpoint |
+
+    ## Options
+    Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
+
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
+    - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
+    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
+    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
+    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
+      > 0 and <= `params.max_wheel_torque`)
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+      docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
+    - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
+      exact, kugle, or FILE.toml)
+    - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
+      sensors. (default ground_truth; ground_truth, sensors)
+    - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+      FILE.toml, or a list of dicts)
+    - `push`: Smallest and largest impulse at the body's center of mass, drawn evenly, in any direction: as shares of
+      the largest one that traction lets the nominal robot bear. (default (0, 1); >= 0 and <= 10)
+    - `push_seconds`: Shortest and longest time from one push to the next, drawn evenly. (default (2, 5) s; > 0 and <=
+      1e9)
+    - `setpoint`: Where the ball should be. (default (0, 0) m; >= -10000 and <= 10000)
+    - `position_scale`: Distance of the ball from the setpoint that costs half. (default 0.1 m; >= 1e-12 and <= 1e6)
+    - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
+      opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
+    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.872665 rad; > 0 and <=
+      pi)
+
+    `reset(options={"state": State(...)})` starts an episode from a given state.
+    """
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        **options: Unpack[PushOptions],
+    ) -> None:
+        super().__init__(
+            "push",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            **options,
+        )
+
+
+class PushVectorEnv(BallbotVectorEnv):
+    """`num_envs` environments of `PushEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        autoreset_mode: str | AutoresetMode = "next_step",
+        num_threads: int | None = None,
+        seed: int | None = None,
+        **options: Unpack[PushOptions],
+    ) -> None:
+        super().__init__(
+            num_envs,
+            task="push",
             render_mode=render_mode,
             width=width,
             height=height,

@@ -173,6 +173,11 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         failed = reasons > 0
         if failed.any():
             info |= {"termination": self._terminations[reasons], "_termination": failed}
+        if TASKS[self.task]["metrics"]:
+            metrics: dict[str, Any] = {}
+            for metric, values in zip(TASKS[self.task]["metrics"], self._batch.metrics().T, strict=True):
+                metrics |= {metric["name"]: np.where(ended, values, 0.0), f"_{metric['name']}": ended.copy()}
+            info |= {"metrics": metrics, "_metrics": ended.copy()}
         return info
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
@@ -207,6 +212,9 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         """
         if (reason := fixed_option(self.task, name)) is not None:
             raise AttributeError(reason)
+        if name == "command":
+            self.command = values
+            return
         if isinstance(values, (list, tuple)):
             if len(values) != self.num_envs:
                 raise ValueError(f"{name} has {len(values)} values for num_envs = {self.num_envs}")

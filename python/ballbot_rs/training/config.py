@@ -97,29 +97,48 @@ def _check_keys(source: str, table: dict[str, Any], kind: type) -> None:
             raise ValueError(f"{source}: unknown key '{key}': expected one of {', '.join(known)}")
 
 
-def default_text(task: str) -> str:
-    """The TOML text of a task's own configuration.
+def default_text(task: str, variant: str | None = None) -> str:
+    """The TOML text of a task's own configuration, or of a variant of it that comes with the package.
 
     Raises:
         ValueError: there is no such task, or no configuration of it comes with the package.
     """
     env_id_of(task)
-    path = resources.files(__package__) / "configs" / f"{task}.toml"
-    if not path.is_file():
+    name = task if variant is None else f"{task}-{variant}"
+    path = resources.files(__package__) / "configs" / f"{name}.toml"
+    if path.is_file():
+        return path.read_text(encoding="utf-8")
+    if variant is None:
         raise ValueError(f"no training configuration of the task '{task}' comes with the package: name one by --config")
-    return path.read_text(encoding="utf-8")
+    known = ", ".join(_variants(task)) or "none"
+    raise ValueError(f"--config {variant}: there is no such file, nor a variant of the task {task} (it has: {known})")
+
+
+def _variants(task: str) -> list[str]:
+    folder = resources.files(__package__) / "configs"
+    names = (path.name.removesuffix(".toml") for path in folder.iterdir())
+    return sorted(name.removeprefix(f"{task}-") for name in names if name.startswith(f"{task}-"))
 
 
 def load(task: str, path: Path | None = None) -> tuple[TrainConfig, str]:
-    """A task's configuration and its text, from `path` or the one that comes with the package.
+    """A task's configuration and its text, from `path` or one that comes with the package.
+
+    Args:
+        task: name of the task.
+        path: a file, or the name of a variant that comes with the package; None is the task's own configuration.
 
     Raises:
         ValueError: as `parse`, or a configuration of another task.
         OSError: the file cannot be read.
     """
     env_id = env_id_of(task)
-    text = default_text(task) if path is None else path.read_text(encoding="utf-8")
-    config = parse(text, f"{task}.toml" if path is None else str(path))
+    if path is not None and not path.suffix and len(path.parts) == 1 and not path.exists():
+        text, source = default_text(task, str(path)), f"{task}-{path}.toml"
+    elif path is not None:
+        text, source = path.read_text(encoding="utf-8"), str(path)
+    else:
+        text, source = default_text(task), f"{task}.toml"
+    config = parse(text, source)
     if config.env_id != env_id:
         raise ValueError(f"{path} is of {config.env_id}, but the task is {task} ({env_id})")
     return config, text

@@ -58,6 +58,9 @@ pub trait Chunk: Send + Sync {
     /// Gives a command that holds to the end of the episode, and observes the robot anew.
     fn set_command(&mut self, i: usize, command: &[f64]);
 
+    /// What the task asks of a controller.
+    fn setpoint(&mut self, i: usize) -> Setpoint;
+
     /// State of the robot.
     fn state(&self, i: usize) -> State;
 
@@ -373,10 +376,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         for i in 0..self.used {
             let setpoint = match setpoints.get(i) {
                 Some(setpoint) => *setpoint,
-                None => {
-                    R::Cell::take(&self.ledger, i, &mut self.one);
-                    self.step.task.setpoint(&self.one.task)
-                }
+                None => self.setpoint(i),
             };
             R::Cell::set_setpoint(&mut targets, i, &setpoint);
         }
@@ -435,6 +435,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn set_command(&mut self, i: usize, command: &[f64]) {
         self.hold_command(i, command);
+    }
+
+    fn setpoint(&mut self, i: usize) -> Setpoint {
+        self.one.task.iter_mut().zip(&self.ledger.task).for_each(|(number, cell)| *number = cell.get(i));
+        self.step.task.setpoint(&self.one.task)
     }
 
     fn state(&self, i: usize) -> State {

@@ -2,6 +2,7 @@
 
 use super::batch::Batch;
 use crate::error::{Error, Result, check};
+use crate::setpoint::Setpoint;
 
 impl Batch {
     /// The present command of one environment, in the order of [`crate::task::TaskDescription::command`].
@@ -33,6 +34,15 @@ impl Batch {
         }
         self.chunks[chunk].set_command(i, command);
         Ok(())
+    }
+
+    /// What the task asks of a controller on one robot, now: that of its command, if it has one.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn setpoint(&mut self, index: usize) -> Result<Setpoint> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].setpoint(i))
     }
 
     /// Metrics of the last episode of one environment that ended, in the order of

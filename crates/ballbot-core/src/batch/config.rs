@@ -1,6 +1,6 @@
 //! Everything that defines an environment.
 
-use super::events::{Event, Plan, Setup, Stages, Tests};
+use super::events::{Event, Plan, Setup, Stages, Tests, When};
 use super::observation::Observation;
 use crate::actuator::{Actuator, Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::control::default_max_torque;
@@ -14,6 +14,9 @@ use std::sync::Arc;
 
 /// Most observations that are given together.
 const MAX_HISTORY: usize = 1000;
+
+/// Key of the random numbers of a task's own pushes: no checksum, of 32 bits, is equal to it.
+const PUSHES_ID: u64 = 1 << 40;
 
 /// Least torque of an action of 1, N·m.
 const LEAST_TORQUE: f64 = 1e-9;
@@ -215,10 +218,16 @@ impl<T: Task> EnvConfig<T> {
     /// # Errors
     /// [`Error::Inconsistent`] for an event that cannot be, whatever the robot.
     pub(super) fn plan(&self) -> Result<Option<Arc<Plan>>> {
-        if self.events.is_empty() {
+        let pushes = self.task.pushes(&self.params).map(|pushes| Event {
+            when: When::Every(pushes.every),
+            id: Some(PUSHES_ID),
+            ..Event::new("push", pushes.impulse)
+        });
+        if self.events.is_empty() && pushes.is_none() {
             return Ok(None);
         }
-        Ok(Some(Arc::new(Plan::new(&self.events, self.sim_dt, self.control_dt)?)))
+        let events: Vec<_> = self.events.iter().cloned().chain(pushes).collect();
+        Ok(Some(Arc::new(Plan::new(&events, self.sim_dt, self.control_dt)?)))
     }
 
     /// Checks that every robot that the events may make of a valid one can be run.

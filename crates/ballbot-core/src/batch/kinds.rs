@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::params::Params;
 use crate::robot::ModelKind;
 use crate::sensor::SensorOptions;
-use crate::task::{Balance, Goal, Path, Task, TaskDescription, Velocity};
+use crate::task::{Balance, Goal, Path, Push, Task, TaskDescription, Velocity};
 use std::marker::PhantomData;
 use std::sync::{PoisonError, RwLock};
 
@@ -78,11 +78,12 @@ impl<T: Task> TaskKind for Kind<T> {
 }
 
 /// The tasks of this crate.
-static TASKS: [&dyn TaskKind; 4] = [
+static TASKS: [&dyn TaskKind; 5] = [
     &Kind::<Balance>(PhantomData),
     &Kind::<Velocity>(PhantomData),
     &Kind::<Goal>(PhantomData),
     &Kind::<Path>(PhantomData),
+    &Kind::<Push>(PhantomData),
 ];
 
 /// The tasks of other crates.

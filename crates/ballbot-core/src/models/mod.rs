@@ -1,5 +1,6 @@
 //! Closed-form models without slip of wheels and ball, and without contact solver.
 
+mod capture;
 mod fastest_move;
 mod friction_limit;
 mod inverse_dynamics;
@@ -13,6 +14,7 @@ mod rk4;
 pub mod spatial;
 mod spatial_motion;
 
+pub use capture::capture_impulse;
 pub use fastest_move::fastest_move;
 pub use friction_limit::traction_torque;
 pub use inverse_dynamics::{BodyMotion, InverseDynamics};

@@ -1,6 +1,6 @@
 //! The balance task: keep the robot upright and the ball at the setpoint.
 
-use super::shared::{FALLS, action_rows, alive, bounded_error, body_rows, effort, fallen, squared_norm, velocity_rows};
+use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
 use super::start::task_fields;
 use super::{Row, Rows, Sensed, Step, Task, Term, Terms};
 use crate::error::Result;
@@ -111,7 +111,7 @@ impl Task for Balance {
 impl Balance {
     /// Of the ball from the setpoint, m².
     #[inline(always)]
-    fn distance_squared<L: Lane>(&self, step: &Step<'_, L>) -> L {
+    pub(super) fn distance_squared<L: Lane>(&self, step: &Step<'_, L>) -> L {
         let position = step.state.ball_position;
         squared_norm([position.x - self.setpoint[0], position.y - self.setpoint[1]])
     }

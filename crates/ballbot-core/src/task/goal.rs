@@ -1,6 +1,6 @@
 //! The goal task: go to points on the floor, and stay there.
 
-use super::shared::{FALLS, action_rows, alive, bounded_error, body_rows, effort, fallen, squared_norm, velocity_rows};
+use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
 use super::start::{check_range, drawn_steps, in_range, task_fields};
 use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use crate::error::Result;
@@ -50,7 +50,8 @@ impl Task for Goal {
     const SUMMARY: &'static str = "Go to points on the floor, and stay there.";
     const MAX_EPISODE_STEPS: usize = 2000;
     const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
-    const SUCCESS: &'static str = "not terminated, and every goal held within `goal_radius` for the last `hold_seconds`";
+    const SUCCESS: &'static str =
+        "not terminated, and every goal held within `goal_radius` for the last `hold_seconds` of its time";
     const COMMAND: &'static [Row] =
         &[Row::new("goal, inertial x", "m", 1e4, 1.0), Row::new("goal, inertial y", "m", 1e4, 1.0)];
     const MEMORY: usize = 8;
@@ -123,8 +124,11 @@ impl Task for Goal {
 
     #[inline(always)]
     fn success<L: Lane>(&self, step: &Step<'_, L>, terminated: L::Mask, memory: &mut Memory<'_, L>) -> L::Mask {
-        let held = memory.get(HELD);
-        !terminated & held.splat(self.hold_steps(step.control_dt)).le(held) & memory.get(OVER).le(memory.get(REACHED))
+        let (held, since, over) = (memory.get(HELD), memory.get(SINCE), memory.get(OVER));
+        let is_held = held.splat(self.hold_steps(step.control_dt)).le(held);
+        // There was no time for a goal that was given shortly before the end.
+        let is_new = since.lt(since.splat(self.goal_seconds[0] / step.control_dt)) & over.zero().lt(over);
+        !terminated & (is_held | is_new) & over.le(memory.get(REACHED))
     }
 
     #[inline(always)]

@@ -9,6 +9,7 @@ mod description;
 mod goal;
 mod metrics;
 mod path;
+mod push;
 mod rows;
 mod shared;
 mod start;
@@ -19,9 +20,10 @@ pub use description::TaskDescription;
 pub use goal::Goal;
 pub use metrics::{Metric, Metrics};
 pub use path::Path;
-pub use velocity::Velocity;
+pub use push::Push;
 pub use rows::{RewardScales, Row, RowScaling, Rows, SCALED_BOUND, Term, Terms};
 pub(crate) use rows::{WriteRows, WriteTerms};
+pub use velocity::Velocity;
 
 use crate::error::Result;
 use crate::fields::Fields;
@@ -98,6 +100,12 @@ pub trait Task: Fields + Send + Sync + 'static {
         let _ = (memory, control_dt, metrics);
     }
 
+    /// The pushes that are part of the task, on a robot that is nominally `params`.
+    fn pushes(&self, params: &Params) -> Option<Pushes> {
+        let _ = params;
+        None
+    }
+
     /// What a classical controller is to bring about under the present command.
     fn setpoint(&self, memory: &[f64]) -> Setpoint {
         let _ = memory;
@@ -127,6 +135,15 @@ pub trait Task: Fields + Send + Sync + 'static {
         memory: &Memory<'_, L>,
         terms: &mut impl Terms<L>,
     );
+}
+
+/// Horizontal pushes at the body's center of mass, in any direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pushes {
+    /// Smallest and largest impulse, N·s.
+    pub impulse: [f64; 2],
+    /// Shortest and longest time between two of them, s.
+    pub every: [f64; 2],
 }
 
 /// When a command is given.

@@ -1,6 +1,6 @@
 //! The velocity task: follow a commanded velocity of the ball and rate of the heading.
 
-use super::shared::{FALLS, action_rows, alive, bounded_error, body_rows, effort, fallen, squared_norm, velocity_rows};
+use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
 use super::start::{in_disc, task_fields};
 use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use crate::error::Result;
@@ -40,7 +40,7 @@ task_fields! {
 }
 
 /// Memory: the command, the steps since it, sums of the squared settled errors with their count, and the motion that the
-/// command asks for, smoothed: position, velocity, acceleration, cosine and sine of the heading.
+/// command asks for, smoothed: position, velocity and its derivatives in the heading frame, cosine and sine of the heading.
 const COMMAND: usize = 0;
 const SINCE: usize = 3;
 const VELOCITY_ERRORS: usize = 4;
@@ -48,12 +48,13 @@ const YAW_RATE_ERRORS: usize = 5;
 const SETTLED: usize = 6;
 const POSITION: usize = 7;
 const MOTION: usize = 9;
-const ACCELERATION: usize = 11;
-const COS: usize = 13;
-const SIN: usize = 14;
+const FIRST: usize = 11;
+const SECOND: usize = 13;
+const COS: usize = 15;
+const SIN: usize = 16;
 
-/// Both poles of the motion that a controller is to follow, −1/s.
-const SMOOTHING: f64 = 3.0;
+/// The three poles of the motion that a controller is to follow are at minus this, 1/s.
+const SMOOTHING: f64 = 4.0;
 
 impl Task for Velocity {
     const NAME: &'static str = "velocity";
@@ -61,13 +62,14 @@ impl Task for Velocity {
     const SUMMARY: &'static str = "Follow a commanded velocity of the ball and rate of the heading.";
     const MAX_EPISODE_STEPS: usize = 2000;
     const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
-    const SUCCESS: &'static str = "not terminated, and the settled errors within `success_velocity` and `success_yaw_rate`";
+    const SUCCESS: &'static str =
+        "not terminated, and the settled errors within `success_velocity` and `success_yaw_rate`";
     const COMMAND: &'static [Row] = &[
         Row::new("commanded velocity, heading x", "m/s", 10.0, 0.2),
         Row::new("commanded velocity, heading y", "m/s", 10.0, 0.2),
         Row::new("commanded rate of the heading", "rad/s", 10.0, 0.5),
     ];
-    const MEMORY: usize = 15;
+    const MEMORY: usize = SIN + 1;
 
     fn validate(&self, params: &Params) -> Result<()> {
         super::start::check_range("command_seconds", self.command_seconds)?;
@@ -95,11 +97,14 @@ impl Task for Velocity {
         if [memory[COS], memory[SIN]] == [0.0; 2] {
             let (position, velocity) = (moment.state.ball_position, moment.state.ball_velocity);
             let heading = Heading::new(moment.state.body_quaternion);
+            let [forward, sideways] = heading.of(velocity.x, velocity.y);
             memory[POSITION..].copy_from_slice(&[
                 position.x,
                 position.y,
-                velocity.x,
-                velocity.y,
+                forward,
+                sideways,
+                0.0,
+                0.0,
                 0.0,
                 0.0,
                 heading.cos,
@@ -111,12 +116,23 @@ impl Task for Velocity {
     /// The motion that the command asks for, smoothed.
     fn setpoint(&self, memory: &[f64]) -> Setpoint {
         let two = |first: usize| Vector2::new(memory[first], memory[first + 1]);
+        let rate = memory[COMMAND + 2];
+        let across = |v: Vector2<f64>| rate * Vector2::new(-v.y, v.x);
+        let inertial = |v: Vector2<f64>| {
+            let (cos, sin) = (memory[COS], memory[SIN]);
+            Vector2::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y)
+        };
+        let (velocity, first, second) = (two(MOTION), two(FIRST), two(SECOND));
+        let third = Vector2::from_fn(|i, _| third_derivative(memory[COMMAND + i], velocity[i], first[i], second[i]));
+        let twice = |v: Vector2<f64>| -rate * rate * v;
         Setpoint {
             position: two(POSITION),
-            velocity: two(MOTION),
-            acceleration: two(ACCELERATION),
+            velocity: inertial(velocity),
+            acceleration: inertial(first + across(velocity)),
+            jerk: inertial(second + 2.0 * across(first) + twice(velocity)),
+            snap: inertial(third + 3.0 * across(second) + 3.0 * twice(first) + across(twice(velocity))),
             yaw: memory[SIN].atan2(memory[COS]),
-            yaw_rate: memory[COMMAND + 2],
+            yaw_rate: rate,
             ..Setpoint::default()
         }
     }
@@ -158,16 +174,9 @@ impl Task for Velocity {
         let (cos, sin) = (cos / length, sin / length);
         memory.set(COS, cos);
         memory.set(SIN, sin);
-        let wanted = [cos * x - sin * y, sin * x + cos * y];
-        for (axis, wanted) in wanted.into_iter().enumerate() {
-            let (velocity, acceleration) = (memory.get(MOTION + axis), memory.get(ACCELERATION + axis));
-            let jerk = (wanted - velocity) * (SMOOTHING * SMOOTHING) - acceleration * (2.0 * SMOOTHING);
-            let acceleration = acceleration + jerk * dt;
-            let velocity = velocity + acceleration * dt;
-            memory.set(ACCELERATION + axis, acceleration);
-            memory.set(MOTION + axis, velocity);
-            memory.set(POSITION + axis, memory.get(POSITION + axis) + velocity * dt);
-        }
+        let [vx, vy] = [follow(memory, 0, x, dt), follow(memory, 1, y, dt)];
+        memory.set(POSITION, memory.get(POSITION) + (cos * vx - sin * vy) * dt);
+        memory.set(POSITION + 1, memory.get(POSITION + 1) + (sin * vx + cos * vy) * dt);
     }
 
     #[inline(always)]
@@ -217,6 +226,26 @@ impl Task for Velocity {
             mean(YAW_RATE_ERRORS),
         );
     }
+}
+
+/// Third derivative of a velocity that follows a commanded one with three poles at −[`SMOOTHING`].
+#[inline(always)]
+fn third_derivative<L: Lane>(command: L, velocity: L, first: L, second: L) -> L {
+    const P: f64 = SMOOTHING;
+    (command - velocity) * (P * P * P) - first * (3.0 * P * P) - second * (3.0 * P)
+}
+
+/// Brings the velocity along an axis of the heading frame to the end of a step, m/s.
+#[inline(always)]
+fn follow<L: Lane>(memory: &mut Memory<'_, L>, axis: usize, command: L, dt: f64) -> L {
+    let (velocity, first, second) = (memory.get(MOTION + axis), memory.get(FIRST + axis), memory.get(SECOND + axis));
+    let second = second + third_derivative(command, velocity, first, second) * dt;
+    let first = first + second * dt;
+    let velocity = velocity + first * dt;
+    memory.set(SECOND + axis, second);
+    memory.set(FIRST + axis, first);
+    memory.set(MOTION + axis, velocity);
+    velocity
 }
 
 impl Velocity {

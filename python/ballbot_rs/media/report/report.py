@@ -6,20 +6,22 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs import _files
+from ballbot_rs._core import TASKS
 from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
-from ballbot_rs._text_table import LEGEND, rows
+from ballbot_rs._text_table import legend, rows
 from ballbot_rs.analysis import recovery_map as recovery
+from ballbot_rs.analysis.conditions import beside
 from ballbot_rs.analysis.episodes import Result, compare
 from ballbot_rs.analysis.pushes import Push
 from ballbot_rs.analysis.simulate import run
-from ballbot_rs.control.resolve import find
+from ballbot_rs.control.resolve import ResolvedController, find
+from ballbot_rs.envs.registration import task_of
 from ballbot_rs.media.report import page
 from ballbot_rs.media.video import renderer_for, write_video
+from ballbot_rs.training import config as config_module
 from ballbot_rs.training import curve, run_folder
 
-#: What a policy is compared with.
-BESIDE = ("lqr", "pid")
 #: What the video shows: a robot that is let go at a tilt (rad), then pushed (N·s, s).
 TILT, PUSH = (0.08, 0.05), Push((0.3, 0.1, 0.0), 1.5)
 
@@ -50,7 +52,7 @@ def write(
         ModuleNotFoundError: matplotlib or moviepy is not installed.
     """
     with require("a report", "plot", "video"):
-        from ballbot_rs.media.figures import learning_curve, recovery_map
+        from ballbot_rs.media.figures import learning_curve
         from ballbot_rs.media.figures.labels import short
     # Not `< 0`, which is false for NaN; the length itself is checked where it is simulated.
     if not video_seconds >= 0.0:
@@ -65,35 +67,50 @@ def write(
     # First, because this is what may turn out not to be installed.
     if video_seconds > 0:
         parts.append(page.section("The policy at work", *_video(policy, video_seconds, show("rendering"))))
-    names = [policy.name, *BESIDE]
+    task = task_of(config_module.parse(learned.config, str(folder)).env_id)
     if results is None and episodes > 0:
-        results = compare(names, episodes=episodes, progress=show("comparing"))
-    maps = [
-        recovery.collect(controller, env_options=policy.env_options, progress=show(f"recovery of {controller.name}"))
-        for controller in (policy, *map(find, BESIDE))
-    ]
+        names = [policy.name, *beside(task)]
+        results = compare(names, task=task, episodes=episodes, progress=show("comparing"))
     if results:
         named = [dataclasses.replace(result, controller=short(result.controller)) for result in results]
-        table = page.table(rows(named))
+        table = page.table(rows(named, task))
         count = f"{results[0].episodes} episodes each, the same starts for all, model {results[0].model}."
-        parts.append(page.section("Beside the classical controllers", table, page.note(f"{count} {LEGEND}")))
+        parts.append(
+            page.section("Beside the classical controllers", table, page.note(" ".join([count, *legend(task)])))
+        )
     parts += [
         page.section(
             "Learning curve",
             page.figure(learning_curve.draw([learned]), "Return and success over environment steps"),
             page.note(f"{learned.returns.shape[1]} episodes an evaluation; band: the best and the worst of them."),
-        ),
-        page.section(
-            "Recovery",
-            page.figure(recovery_map.draw(maps), "Polar maps of recovery for each controller"),
-            page.note("A robot at rest is let go, leaning by the radius towards the angle; 0° is the body's x axis."),
-        ),
+        )
+    ]
+    if not TASKS[task]["command"]:
+        parts.append(_recovery(policy, task, show))
+    parts += [
         page.section("Configuration", page.code(learned.config)),
         page.section("Versions", page.table([("what", "version"), *_versions(record)])),
     ]
     target = target or folder / "report.html"
     _files.write(target, page.page("Balancing on a ball: a training run", parts))
     return target
+
+
+def _recovery(policy: ResolvedController, task: str, show: Callable[[str], Progress]) -> str:
+    """The section on the tilts that robots recover from."""
+    from ballbot_rs.media.figures import recovery_map
+
+    maps = [
+        recovery.collect(
+            controller, task=task, env_options=policy.env_options, progress=show(f"recovery of {controller.name}")
+        )
+        for controller in (policy, *map(find, beside(task)))
+    ]
+    return page.section(
+        "Recovery",
+        page.figure(recovery_map.draw(maps), "Polar maps of recovery for each controller"),
+        page.note("A robot at rest is let go, leaning by the radius towards the angle; 0° is the body's x axis."),
+    )
 
 
 def _versions(record: dict[str, Any]) -> list[tuple[str, str]]:

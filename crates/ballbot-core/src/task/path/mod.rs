@@ -4,7 +4,7 @@ mod curve;
 mod kinds;
 
 use self::curve::{Curve, NUMBERS, Phase};
-use super::shared::{FALLS, action_rows, alive, bounded_error, body_rows, effort, fallen, squared_norm, velocity_rows};
+use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
 use super::start::{check_range, in_range, task_fields};
 use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use crate::error::{Result, check};

@@ -1,0 +1,62 @@
+//! The goal task.
+
+use crate::{at_rest, command, config, metrics, regulate, reset_to, run_of, standing};
+use ballbot_core::Params;
+use ballbot_core::models::fastest_move;
+use ballbot_core::task::{Goal, Task};
+
+#[test]
+fn fastest_move_agrees_with_the_table_of_flat_moves() {
+    // Moves of 0.5, 1 and 2 m at the torque at which a wheel of the upright robot slips, from a planar simulation.
+    let params = Params::paper();
+    for (distance, expected) in [(0.5, 2.19), (1.0, 2.91), (2.0, 3.96)] {
+        let found = fastest_move(&params, distance);
+        assert!((found / expected - 1.0).abs() < 0.03, "{distance} m: {found} s, {expected} s");
+    }
+    assert!(fastest_move(&params, 0.0) == 0.0);
+    for preset in Params::preset_names() {
+        let params = Params::preset(preset).unwrap();
+        let times = [0.01, 0.1, 1.0, 10.0].map(|distance| fastest_move(&params, distance));
+        assert!(times.is_sorted() && times[0] > 0.0 && times[3] < 100.0, "{preset}: {times:?}");
+    }
+}
+
+#[test]
+fn goals_are_held_and_timed() {
+    let task = Goal { goal_seconds: [8.0, 8.0], goal_distance: [1.0, 1.0], ..Goal::default() };
+    let config = config(task);
+    let mut run = run_of(&config, 8);
+    reset_to(&mut run, &vec![Some(standing(3.0, -2.0, 0.4)); 8]);
+    for i in 0..8 {
+        let goal = command(&run, i);
+        assert!(((goal[0] - 3.0).hypot(goal[1] + 2.0) - 1.0).abs() < 1e-12, "{goal:?}");
+        assert_eq!(config.task.setpoint(&[goal[0], goal[1]]), at_rest(goal[0], goal[1]));
+    }
+    let mut arrivals = vec![Vec::new(); 8];
+    let mut since = vec![None; 8];
+    regulate(&config, &mut run, config.max_episode_steps, |k, run| {
+        if k + 1 == config.max_episode_steps {
+            return;
+        }
+        for i in 0..8 {
+            // The goal before the one that the step may have ended with.
+            if (k + 1) % 800 == 0 {
+                arrivals[i].push(since[i].take());
+                continue;
+            }
+            let ball = run.batch.state(i).unwrap().ball_position;
+            let goal = command(run, i);
+            let near = (ball.x - goal[0]).hypot(ball.y - goal[1]) <= 0.02;
+            since[i] = near.then(|| since[i].unwrap_or(k % 800 + 1));
+        }
+    });
+    let fastest = fastest_move(&config.params, 1.0);
+    for i in 0..8 {
+        let [held, ratio] = metrics(&run, i)[..] else { unreachable!() };
+        assert_eq!(held, 1.0, "environment {i}");
+        let mean = arrivals[i].iter().map(|step| step.unwrap() as f64 * 0.01).sum::<f64>() / 2.0;
+        // The second goal is a meter from where the ball was, not from the first.
+        assert!((ratio - mean / fastest).abs() < 0.02, "environment {i}: {ratio}, {mean} s by {fastest} s");
+        assert!(ratio > 0.9 && ratio < 2.0 && run.outcomes[i].success, "environment {i}: {ratio}");
+    }
+}

@@ -1,0 +1,68 @@
+//! The tasks with commands: contracts that hold for every task ([`contract`]), and what each asks for.
+
+mod contract;
+mod goal;
+mod path;
+mod push;
+#[path = "../support/run.rs"]
+mod run;
+mod velocity;
+
+use ballbot_core::batch::{Autoreset, Batch, EnvConfig, Under};
+use ballbot_core::control::{Lqr, Setpoint};
+use ballbot_core::task::{ACTION_LEN, Task};
+use ballbot_core::{ModelKind, State};
+use run::Run;
+
+const SEED: u64 = 7;
+
+/// Robots of a task under the motors' full torque, rows in their units.
+fn config<T: Task>(task: T) -> EnvConfig<T> {
+    let config = EnvConfig { model: ModelKind::Contact, task, scale_observations: false, ..EnvConfig::default() };
+    EnvConfig { max_wheel_torque: Some(config.params.max_wheel_torque), ..config }
+}
+
+fn run_of<T: Task>(config: &EnvConfig<T>, n: usize) -> Run {
+    Run::new(Batch::new(config, n, Autoreset::SameStep, Some(1), SEED).unwrap())
+}
+
+/// Steps under the regulator with the setpoints of the task, and what came of each.
+fn regulate<T: Task>(config: &EnvConfig<T>, run: &mut Run, steps: usize, mut after: impl FnMut(usize, &mut Run)) {
+    let lqr = Lqr::new(&config.params, config.control_dt).unwrap();
+    let mut actions = vec![0.0; run.batch.len() * ACTION_LEN];
+    for k in 0..steps {
+        run.step_under(&Under::new(&lqr), &mut actions).unwrap();
+        after(k, run);
+    }
+}
+
+fn command(run: &Run, i: usize) -> Vec<f64> {
+    let mut command = vec![0.0; run.batch.task().command.len()];
+    run.batch.command(i, &mut command).unwrap();
+    command
+}
+
+fn metrics(run: &Run, i: usize) -> Vec<f64> {
+    let mut metrics = vec![0.0; run.batch.task().metrics.len()];
+    run.batch.metrics(i, &mut metrics).unwrap();
+    metrics
+}
+
+/// At rest, upright, at a place on the floor.
+fn standing(x: f64, y: f64, yaw: f64) -> State {
+    let params = ballbot_core::Params::paper();
+    let mut state = State::tilted(&params, nalgebra::Vector2::zeros(), yaw);
+    state.ball_position.x = x;
+    state.ball_position.y = y;
+    state
+}
+
+fn reset_to(run: &mut Run, starts: &[Option<State>]) {
+    let request = ballbot_core::batch::ResetRequest { starts: Some(starts), ..Default::default() };
+    run.batch.reset_with(&request, &mut run.observations).unwrap();
+}
+
+/// The setpoint of a task at rest.
+fn at_rest(x: f64, y: f64) -> Setpoint {
+    Setpoint { position: nalgebra::Vector2::new(x, y), ..Setpoint::default() }
+}
