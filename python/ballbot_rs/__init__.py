@@ -43,8 +43,20 @@ from ballbot_rs.control.catalog import ControllerInfo, controllers, make_control
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.envs.gymnasium_env import BallbotEnv
-from ballbot_rs.envs.registration import register_environments
-from ballbot_rs.envs.tasks import BalanceEnv, BalanceVectorEnv
+from ballbot_rs.envs.own import Robots, Task
+from ballbot_rs.envs.registration import register, register_environments
+from ballbot_rs.envs.tasks import (
+    BalanceEnv,
+    BalanceVectorEnv,
+    GoalEnv,
+    GoalVectorEnv,
+    PathEnv,
+    PathVectorEnv,
+    PushEnv,
+    PushVectorEnv,
+    VelocityEnv,
+    VelocityVectorEnv,
+)
 from ballbot_rs.envs.vector_env import BallbotVectorEnv
 from ballbot_rs.identification.excitation import record_log
 from ballbot_rs.identification.fit import identify
@@ -76,6 +88,8 @@ __all__ = [
     "ControllerInfo",
     "DivergedError",
     "Force",
+    "GoalEnv",
+    "GoalVectorEnv",
     "IdentifiedParams",
     "InvalidInputError",
     "LinearModel",
@@ -84,21 +98,29 @@ __all__ = [
     "OnnxPolicy",
     "Outcome",
     "Params",
+    "PathEnv",
+    "PathVectorEnv",
     "Pid",
     "PlanarModel",
     "Push",
+    "PushEnv",
+    "PushVectorEnv",
     "Reference",
     "Renderer",
     "Result",
+    "Robots",
     "Scale",
     "Scenario",
     "SensorLog",
     "Setpoint",
     "SpatialModel",
     "State",
+    "Task",
     "Trajectory",
     "Tuned",
     "UrdfError",
+    "VelocityEnv",
+    "VelocityVectorEnv",
     "__version__",
     "compare",
     "controllers",
@@ -110,6 +132,7 @@ __all__ = [
     "load_sensors",
     "make_controller",
     "record_log",
+    "register",
     "run",
     "run_scenarios",
     "save",

@@ -5,9 +5,9 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from ballbot_rs._core import TASKS
 from ballbot_rs.analysis.conditions import differences, success_rule
 from ballbot_rs.analysis.episodes import Result
+from ballbot_rs.envs.registration import description_of
 
 #: Columns of a printed line.
 WIDTH = 100
@@ -40,7 +40,7 @@ PID_NOTE = "pid controls the tilt alone: its ball drifts off, so it seldom succe
 
 def _columns(task: str) -> dict[str, Callable[[Result], str]]:
     """The columns of a task: metrics of its own in place of the distance from a setpoint, if it has any."""
-    metrics = TASKS[task]["metrics"]
+    metrics = description_of(task)["metrics"]
     columns = {name: cell for name, cell in _COLUMNS.items() if not (metrics and name == "ball (m)")}
     for metric in metrics:
         unit = f" ({metric['unit']})" if metric["unit"] else ""
@@ -64,7 +64,7 @@ def rows(results: Sequence[Result], task: str) -> list[list[str]]:
 
 def legend(task: str) -> list[str]:
     """What the columns mean."""
-    metrics = TASKS[task]["metrics"]
+    metrics = description_of(task)["metrics"]
     if not metrics:
         return [*LEGEND, BALL_NOTE]
     own = [f"{metric['name'].replace('_', ' ').capitalize()}: {metric['doc']}" for metric in metrics]

@@ -91,7 +91,7 @@ fn rows<'py, T: Element + Copy + Default>(
     Ok(array)
 }
 
-/// Metrics of the last episode of one environment that ended, by name.
+/// Metrics of one environment by name.
 fn metrics_of<'py>(py: Python<'py>, batch: &Batch, index: usize) -> PyResult<Bound<'py, PyDict>> {
     let metrics = &batch.task().metrics;
     let mut values = vec![0.0; metrics.len()];
@@ -451,8 +451,9 @@ impl PyBatch {
         Ok(dict)
     }
 
-    /// Metrics of the last episode of environment `index` that ended, as a dict, or of all, shape (num_envs, metrics), in
-    /// the order of `TASKS[task]["metrics"]`. NaN before an episode has ended, and where it was too short.
+    /// Metrics of the present episode of environment `index` so far, as a dict, or of all, shape (num_envs, metrics), in
+    /// the order of `TASKS[task]["metrics"]`; before its first step those of the last episode. NaN where there is none, and
+    /// where an episode is too short for one.
     #[pyo3(signature = (index=None))]
     fn metrics<'py>(
         &self,

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ballbot_rs._core import ROBOTS, TASKS, Params
+from ballbot_rs._core import ROBOTS, Params
 from ballbot_rs.envs._batch_env import new_batch, resolved_options
+from ballbot_rs.envs.registration import description_of
 
 #: Parameters of a changed robot that are listed.
 _MOST_LISTED = 4
@@ -41,7 +42,7 @@ def differences(task: str, options: Mapping[str, Any]) -> list[str]:
 
 def beside(task: str) -> tuple[str, ...]:
     """Controllers that a policy of the task is compared with: those that can do it."""
-    return ("lqr",) if TASKS[task]["command"] else ("lqr", "pid")
+    return ("lqr",) if description_of(task)["command"] else ("lqr", "pid")
 
 
 def success_rule(task: str, options: Mapping[str, Any]) -> str:
@@ -50,7 +51,7 @@ def success_rule(task: str, options: Mapping[str, Any]) -> str:
     try:
         window, tilt, radius = (resolved[f"success_{name}"] for name in ("window", "tilt", "radius"))
     except KeyError:
-        rule = TASKS[task]["success"]
+        rule = description_of(task)["success"]
         return f"Success: {rule}." if rule else ""
     return (
         f"Success: upright, and over the last {window:g} s tilt within {math.degrees(tilt):.3g} deg and ball within "

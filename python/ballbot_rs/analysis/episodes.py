@@ -8,13 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_count, check_seed
-from ballbot_rs._core import TASKS, Batch
+from ballbot_rs._core import Batch
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._state_rows import BALL_POSITION, tilt_of
 from ballbot_rs.analysis.rollout import batch_for, rollout
 from ballbot_rs.analysis.settling import settling_times
 from ballbot_rs.control.resolve import ResolvedController, Source, common_options, find, options_of
-from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.envs.registration import DEFAULT_TASK, description_of
 
 #: Tilt within which a robot has settled, rad.
 SETTLED_TILT = np.deg2rad(1.0)
@@ -135,7 +135,7 @@ def _metrics(batch: Batch, survived: npt.NDArray[np.bool_]) -> dict[str, float |
     # An episode that ran to its end is the last one that ended.
     values = batch.metrics()[survived]
     means: dict[str, float | None] = {}
-    for metric, column in zip(TASKS[batch.task]["metrics"], values.T, strict=True):
+    for metric, column in zip(description_of(batch.task)["metrics"], values.T, strict=True):
         found = column[np.isfinite(column)]
         means[metric["name"]] = float(found.mean()) if len(found) else None
     return means

@@ -11,6 +11,7 @@ from typing import Any
 from ballbot_rs import _interrupts
 from ballbot_rs._extras import require
 from ballbot_rs._text_table import print_table
+from ballbot_rs.analysis.conditions import beside
 from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
 from ballbot_rs.cli import report, scenario
 from ballbot_rs.cli.numbers import MAX_RUN_SEED, whole

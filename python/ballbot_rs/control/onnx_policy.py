@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import TASKS
 from ballbot_rs._extras import require
 from ballbot_rs.control import deadline, policy_file
-from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
+from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of
 
 #: What an exported policy says of itself, each a JSON text; the keys of its file begin with `PREFIX`.
 FIELDS = {
@@ -54,7 +53,7 @@ class OnnxPolicy:
         ends = (*self._session.get_inputs(), *self._session.get_outputs())
         shapes = [(end.name, end.shape[1:]) for end in ends]
         self._env_options = policy_file.completed(task, self.metadata["env_options"])
-        self._rows = len(TASKS[task]["observation"]) * self._env_options["history"]
+        self._rows = len(description_of(task)["observation"]) * self._env_options["history"]
         if shapes != [("observation", [self._rows]), ("action", [3])]:
             raise ValueError(f"{file} maps {shapes}, expected an observation of {self._rows} to an action of 3")
         self._run: Any = None

@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from ballbot_rs._core import ACTUATORS, ROBOTS, SENSORS, TASKS
+from ballbot_rs._core import ACTUATORS, ROBOTS, SENSORS
 from ballbot_rs.envs._batch_env import new_batch, resolved_options
+from ballbot_rs.envs.registration import description_of
 
 #: Options of policies from before 0.2.0: these had no scaling, and their actions this torque.
 BEFORE_SCALING: Final = {"scale_observations": False, "max_wheel_torque": 1.0}
@@ -13,7 +14,7 @@ BEFORE_SCALING: Final = {"scale_observations": False, "max_wheel_torque": 1.0}
 def observation_layout(task: str) -> list[list[Any]]:
     """Name, unit, bound, value at rest and typical magnitude of each row of an observation, as JSON has it."""
     fields = ("name", "unit", "bound", "rest", "typical")
-    return [[row[field] for field in fields] for row in TASKS[task]["observation"]]  # type: ignore[literal-required]
+    return [[row[field] for field in fields] for row in description_of(task)["observation"]]
 
 
 def fits(layout: Any, task: str) -> bool:

@@ -15,9 +15,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import unwrap_vec_normalize
 
 from ballbot_rs import __version__, _files, _interrupts
-from ballbot_rs._core import TASKS
 from ballbot_rs.control import policy_file, policy_size, sb3_archive
-from ballbot_rs.envs.registration import env_id_of
+from ballbot_rs.envs.registration import description_of, env_id_of
 from ballbot_rs.envs.spaces import action_space, observation_space
 
 #: Modules with algorithms for continuous actions, and their names; policies with a memory of their own are left out.
@@ -233,7 +232,7 @@ def _check_class(path: Path, described: Mapping[str, Any], algorithm: str) -> No
 def _check_size(path: Path, policy_arguments: Any, task: str, history: int) -> None:
     if isinstance(policy_arguments, dict):
         try:
-            policy_size.check_net_arch(policy_arguments, len(TASKS[task]["observation"]) * history)
+            policy_size.check_net_arch(policy_arguments, len(description_of(task)["observation"]) * history)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 

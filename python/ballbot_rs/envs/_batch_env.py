@@ -3,14 +3,16 @@
 import functools
 import secrets
 from collections.abc import Iterable, Mapping
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_count, check_options, check_seed
-from ballbot_rs._core import TASKS, Batch, Params, State
-from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
+from ballbot_rs._core import Batch, Params, State
+from ballbot_rs.envs.own import registry
+from ballbot_rs.envs.own.batch import BARE, OwnBatch
+from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of, name_of
 
 #: More steps than an episode can have: 248 days at the default control rate.
 NO_TIME_LIMIT: Final = 2**31
@@ -37,13 +39,24 @@ def new_batch(
         options["params"] = Params(**options["params"])
     if "max_episode_steps" in options and options["max_episode_steps"] is None:
         options["max_episode_steps"] = NO_TIME_LIMIT
+    if (own := registry.find(task)) is not None:
+        made = registry.new_batch(
+            own, num_envs, task, autoreset=autoreset, num_threads=num_threads, seed=seed, options=options
+        )
+        # It has what a `Batch` has.
+        return cast("Batch", made)
     return Batch(num_envs, task, autoreset=autoreset, num_threads=num_threads, seed=seed, **options)
 
 
-@functools.cache
 def option_names(task: str) -> tuple[str, ...]:
     """Names of the options of a task and of its environments."""
-    return ("params", "model", *new_batch(1, task=task, num_threads=1).options)
+    own = registry.find(task)
+    return _option_names(task) if own is None else (*_option_names(BARE), *own.parameters())
+
+
+@functools.cache
+def _option_names(task: str) -> tuple[str, ...]:
+    return ("params", "model", *Batch(1, task, num_threads=1).options)
 
 
 def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -136,7 +149,7 @@ class OneRobot(SharedAttributes):
         self._batch.set_command(self._index, value)
 
     def metrics(self) -> dict[str, float]:
-        """Metrics of the last episode that ended, by name; NaN before there is one. See `Batch.metrics`."""
+        """Metrics of the episode so far, by name; before its first step those of the last. See `Batch.metrics`."""
         return self._batch.metrics(self._index)
 
     @property
@@ -193,7 +206,7 @@ class ManyRobots(SharedAttributes):
 
     @command.setter
     def command(self, value: npt.ArrayLike) -> None:
-        num_envs, parts = self._batch.num_envs, len(TASKS[self._batch.task]["command"])
+        num_envs, parts = self._batch.num_envs, len(description_of(self._batch.task)["command"])
         given = np.asarray(value, dtype=np.float64)
         if given.shape not in ((parts,), (num_envs, parts)):
             raise ValueError(f"command has shape {given.shape}, expected ({parts},) or ({num_envs}, {parts})")
@@ -201,8 +214,8 @@ class ManyRobots(SharedAttributes):
             self._batch.set_command(i, command)
 
     def metrics(self) -> dict[str, npt.NDArray[np.float64]]:
-        """Metrics of the last episodes that ended, by name, shape (num_envs,); see `Batch.metrics`."""
-        names = (metric["name"] for metric in TASKS[self._batch.task]["metrics"])
+        """Metrics of the episodes so far, by name, shape (num_envs,); see `Batch.metrics`."""
+        names = (metric["name"] for metric in description_of(self._batch.task)["metrics"])
         return dict(zip(names, self._batch.metrics().T, strict=True))
 
     def set_params(self, params: Params | str, index: int | None = None) -> None:
@@ -244,7 +257,7 @@ class BatchEnv(SharedAttributes):
         num_threads: int | None,
         seed: int | None,
     ) -> None:
-        env_id_of(task)
+        task = name_of(task)
         self.task = task
         check_count("num_envs", num_envs)
         self._check_names(options)
@@ -274,12 +287,15 @@ class BatchEnv(SharedAttributes):
         batch = state.pop("_batch")
         state.pop("_renderer", None)
         state["_snapshots"] = [batch.snapshot(i) for i in range(batch.num_envs)]
+        state["_memory"] = batch.memory() if isinstance(batch, OwnBatch) else None
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        snapshots = state.pop("_snapshots")
+        snapshots, memory = state.pop("_snapshots"), state.pop("_memory")
         self.__dict__.update(state)
         num_envs, task, autoreset, num_threads, options = self._batch_arguments
         self._batch = new_batch(num_envs, task=task, autoreset=autoreset, num_threads=num_threads, options=options)
+        if isinstance(self._batch, OwnBatch):
+            self._batch.remember(memory)
         for i, snapshot in enumerate(snapshots):
             self._batch.restore(i, snapshot)

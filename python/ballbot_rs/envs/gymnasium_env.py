@@ -7,10 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_reset_options, check_seed
-from ballbot_rs._core import TASKS
 from ballbot_rs.envs._batch_env import BatchEnv, OneRobot
 from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
-from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.envs.registration import DEFAULT_TASK, description_of
 from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space_of
 
 
@@ -98,11 +97,11 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         self._steps += 1
         ended = bool(terminated[0] or truncated[0])
         info: dict[str, Any] = {}
-        if ended or self._steps == TASKS[self.task]["max_episode_steps"]:
+        if ended or self._steps == description_of(self.task)["max_episode_steps"]:
             info["is_success"], termination = self._batch.ending(0)
             if termination is not None:
                 info["termination"] = termination
-            if TASKS[self.task]["metrics"]:
+            if description_of(self.task)["metrics"]:
                 info["metrics"] = self.metrics()
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 

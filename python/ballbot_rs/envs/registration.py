@@ -1,11 +1,14 @@
 """The tasks, the ids of their environments, and their registration with Gymnasium."""
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 import gymnasium
 
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import TASKS
+from ballbot_rs.envs.own import registry
+from ballbot_rs.envs.own.task import Task
 
 DEFAULT_TASK: Final = "balance"
 
@@ -14,14 +17,59 @@ def register_environments() -> None:
     """Registers the environment of every task of the core, once."""
     for name, task in TASKS.items():
         if task["id"] not in gymnasium.registry:
-            gymnasium.register(
-                task["id"],
-                entry_point="ballbot_rs.envs.gymnasium_env:without_own_limit",
-                vector_entry_point="ballbot_rs.envs.vector_env:BallbotVectorEnv",
-                max_episode_steps=task["max_episode_steps"],
-                reward_threshold=task["reward_threshold"],
-                kwargs={"task": name},
-            )
+            _register(name, task["id"], task)
+
+
+def _register(name: str, env_id: str, task: Mapping[str, Any]) -> None:
+    gymnasium.register(
+        env_id,
+        entry_point="ballbot_rs.envs.gymnasium_env:without_own_limit",
+        vector_entry_point="ballbot_rs.envs.vector_env:BallbotVectorEnv",
+        max_episode_steps=task["max_episode_steps"],
+        reward_threshold=task["reward_threshold"],
+        kwargs={"task": name},
+    )
+
+
+def register(env_id: str, task: type[Task], **options: Any) -> None:
+    """Makes a task in Python known: to Gymnasium by its id, and to every front end and command as a task.
+
+    Registering an id again replaces its task, in notebooks for example.
+
+    Args:
+        env_id: for example "me/Spin-v0".
+        task: a subclass of `Task`.
+        options: of its environments and of the constructor of `task`, in place of their defaults.
+
+    Raises:
+        TypeError: `task` is no subclass of `Task`.
+        ValueError: the id is that of a task of the core, or none that Gymnasium takes.
+    """
+    registry.add(env_id, task, options)
+    gymnasium.registry.pop(env_id, None)
+    try:
+        _register(env_id, env_id, registry.description_of(env_id))
+    except gymnasium.error.Error as error:
+        registry.remove(env_id)
+        raise ValueError(f"'{env_id}' is no id of an environment: {error}") from error
+
+
+def description_of(task: str) -> Mapping[str, Any]:
+    """What `TASKS` has of a task of the core, or the same of one in Python."""
+    return TASKS[task] if task in TASKS else registry.description_of(task)
+
+
+def name_of(task: str) -> str:
+    """The name of a task from its name or its id.
+
+    Raises:
+        ValueError: there is no such task.
+    """
+    for name, known in TASKS.items():
+        if task == known["id"]:
+            return name
+    env_id_of(task)
+    return task
 
 
 def env_id_of(task: str) -> str:
@@ -30,8 +78,11 @@ def env_id_of(task: str) -> str:
     Raises:
         ValueError: there is no such task.
     """
+    if registry.find(task) is not None:
+        return task
     if task not in TASKS:
-        raise ValueError(f"unknown task '{task}': expected one of {', '.join(TASKS)}{did_you_mean(task, TASKS)}")
+        known = (*TASKS, *registry.ids())
+        raise ValueError(f"unknown task '{task}': expected one of {', '.join(known)}{did_you_mean(task, known)}")
     return TASKS[task]["id"]
 
 
@@ -41,6 +92,8 @@ def task_of(env_id: str) -> str:
     Raises:
         ValueError: it is no environment of this package.
     """
+    if registry.find(env_id) is not None:
+        return env_id
     ids = {task["id"]: name for name, task in TASKS.items()}
     if env_id not in ids:
         raise ValueError(f"unknown environment '{env_id}': expected {', '.join(ids)}")

@@ -110,8 +110,9 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
     `terminal_observation`, `TimeLimit.truncated`, `is_success` and, where terminated, `termination`.
 
     Args:
+        first: number of robots, or name or id of the task, in place of `num_envs` or `task`.
         num_envs: number of robots.
-        task: name of the task.
+        task: name or id of the task.
         num_threads: threads that step the robots; None takes all cores. Results do not depend on it.
         seed: environment i is seeded with seed + i; None takes one from the operating system.
         stagger: whether the first episodes are shortened by different amounts, so that robots that never fall are
@@ -133,9 +134,11 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
 
     def __init__(
         self,
-        num_envs: int = 1,
+        first: int | str | None = None,
+        /,
         *,
-        task: str = DEFAULT_TASK,
+        num_envs: int | None = None,
+        task: str | None = None,
         num_threads: int | None = None,
         seed: int | None = None,
         stagger: bool = False,
@@ -147,11 +150,21 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         render_options: dict[str, Any] | None = None,
         **options: Unpack[TaskOptions],
     ) -> None:
-        if isinstance(num_envs, (list, tuple)):
+        if isinstance(first, (list, tuple)):
             raise TypeError(
-                f"BallbotVecEnv makes its robots itself, not from {len(num_envs)} functions: "
-                f"call BallbotVecEnv(num_envs={len(num_envs)}, ...) in place of make_vec_env"
+                f"BallbotVecEnv makes its robots itself, not from {len(first)} functions: "
+                f"call BallbotVecEnv(num_envs={len(first)}, ...) in place of make_vec_env"
             )
+        if first is not None:
+            name, other = ("task", task) if isinstance(first, str) else ("num_envs", num_envs)
+            if other is not None:
+                raise TypeError(f"BallbotVecEnv got {first!r} and {name}={other!r}: give one of the two")
+            if isinstance(first, str):
+                task = first
+            else:
+                num_envs = first
+        num_envs = 1 if num_envs is None else num_envs
+        task = DEFAULT_TASK if task is None else task
         self._make_batch(num_envs, dict(options), task=task, autoreset="same_step", num_threads=num_threads, seed=seed)
         if torch_threads is not None and "OMP_NUM_THREADS" not in os.environ:
             torch.set_num_threads(torch_threads)

@@ -7,6 +7,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 
 from ballbot_rs._core import SCALED_BOUND, TASKS, Batch
+from ballbot_rs.envs.own.batch import OwnBatch
 
 FloatArray = npt.NDArray[np.float32]
 
@@ -20,6 +21,8 @@ def observation_space(task: str, scaled: bool = True, history: int = 1) -> space
 
 def observation_space_of(batch: Batch) -> spaces.Space[FloatArray]:
     """Space of one observation of a batch."""
+    if isinstance(batch, OwnBatch):
+        return cast("spaces.Space[FloatArray]", spaces.Box(-batch.bound, batch.bound, dtype=np.float32))
     return observation_space(batch.task, batch.scale_observations, batch.history)
 
 

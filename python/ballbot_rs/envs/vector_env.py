@@ -9,10 +9,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from ballbot_rs._checks import check_reset_options, check_seed
-from ballbot_rs._core import TASKS, State
+from ballbot_rs._core import State
 from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, fixed_option
 from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
-from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.envs.registration import DEFAULT_TASK, description_of
 from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space_of
 
 BoolArray = npt.NDArray[np.bool_]
@@ -76,7 +76,9 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         self._make_batch(num_envs, options, task=task, autoreset=autoreset, num_threads=num_threads, seed=seed)
         self.num_envs = num_envs
         # By the numbers of `Batch.endings`.
-        self._terminations = np.array([None, *(name for name, _ in TASKS[task]["terminations"])], dtype=object)
+        self._terminations = np.array(
+            [None, *(name for name, _ in description_of(self.task)["terminations"])], dtype=object
+        )
         self._env_seeds = tuple((self._first_seed + i) % 2**64 for i in range(num_envs))
         self.autoreset_mode = AutoresetMode[autoreset.upper()]
         self._set_render(
@@ -173,9 +175,9 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         failed = reasons > 0
         if failed.any():
             info |= {"termination": self._terminations[reasons], "_termination": failed}
-        if TASKS[self.task]["metrics"]:
+        if description_of(self.task)["metrics"]:
             metrics: dict[str, Any] = {}
-            for metric, values in zip(TASKS[self.task]["metrics"], self._batch.metrics().T, strict=True):
+            for metric, values in zip(description_of(self.task)["metrics"], self._batch.metrics().T, strict=True):
                 metrics |= {metric["name"]: np.where(ended, values, 0.0), f"_{metric['name']}": ended.copy()}
             info |= {"metrics": metrics, "_metrics": ended.copy()}
         return info

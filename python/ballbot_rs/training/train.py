@@ -15,10 +15,9 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 import ballbot_rs
 from ballbot_rs import _files
-from ballbot_rs._core import TASKS
 from ballbot_rs.control import policy_size, sb3_policy
 from ballbot_rs.control.sb3_policy import METADATA, algorithms, metadata
-from ballbot_rs.envs.registration import task_of
+from ballbot_rs.envs.registration import description_of, task_of
 from ballbot_rs.envs.sb3 import BallbotVecEnv
 from ballbot_rs.training import config as config_module
 from ballbot_rs.training import run_folder
@@ -189,7 +188,7 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
         arguments[name] = _linear(float(arguments[name]))
     try:
         environment = _environment(config)
-        policy_size.check_net_arch(config.policy, len(TASKS[task_of(config.env_id)]["observation"]))
+        policy_size.check_net_arch(config.policy, len(description_of(task_of(config.env_id))["observation"]))
         model: BaseAlgorithm = algorithms()[config.algorithm](
             "MlpPolicy",
             environment,

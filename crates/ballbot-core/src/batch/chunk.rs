@@ -49,7 +49,7 @@ pub trait Chunk: Send + Sync {
     /// Writes the terms of the last reward.
     fn reward_terms(&self, i: usize, out: &mut [f64]);
 
-    /// Writes the metrics of the last episode that ended; NaN before there is one.
+    /// Writes the metrics of the present episode so far; before its first step those of the last one, or NaN.
     fn metrics(&self, i: usize, out: &mut [f64]);
 
     /// Writes the present command.
@@ -426,7 +426,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
     }
 
     fn metrics(&self, i: usize, out: &mut [f64]) {
-        out.copy_from_slice(&self.metrics[i * out.len()..][..out.len()]);
+        if self.ledger.episode.steps.get(i) == 0.0 {
+            out.copy_from_slice(&self.metrics[i * out.len()..][..out.len()]);
+            return;
+        }
+        let memory: Vec<_> = self.ledger.task.iter().map(|cell| cell.get(i)).collect();
+        let mut measured = Vec::with_capacity(out.len());
+        self.step.task.measure(&memory, self.config.control_dt, &mut measured);
+        out.copy_from_slice(&measured);
     }
 
     fn command(&self, i: usize, out: &mut [f64]) {

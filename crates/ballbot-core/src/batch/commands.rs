@@ -45,8 +45,9 @@ impl Batch {
         Ok(self.chunks[chunk].setpoint(i))
     }
 
-    /// Metrics of the last episode of one environment that ended, in the order of
-    /// [`crate::task::TaskDescription::metrics`]; NaN before there is one, and where it was too short for one.
+    /// Metrics of the present episode of one environment so far, in the order of
+    /// [`crate::task::TaskDescription::metrics`]; before its first step those of the last episode. NaN where there is none,
+    /// and where an episode is too short for one.
     ///
     /// # Errors
     /// As [`Batch::state`]; [`Error::Length`] unless `out` has one element a metric.

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::params::Params;
 use crate::robot::ModelKind;
 use crate::sensor::SensorOptions;
-use crate::task::{Balance, Goal, Path, Push, Task, TaskDescription, Velocity};
+use crate::task::{Balance, Bare, Goal, Path, Push, Task, TaskDescription, Velocity};
 use std::marker::PhantomData;
 use std::sync::{PoisonError, RwLock};
 
@@ -86,6 +86,9 @@ static TASKS: [&dyn TaskKind; 5] = [
     &Kind::<Push>(PhantomData),
 ];
 
+/// Robots for tasks that are defined outside of the core: no task by itself, so it is in no list.
+static BARE: &dyn TaskKind = &Kind::<Bare>(PhantomData);
+
 /// The tasks of other crates.
 static REGISTERED: RwLock<Vec<&'static dyn TaskKind>> = RwLock::new(Vec::new());
 
@@ -108,11 +111,14 @@ pub fn task_kinds() -> Vec<&'static dyn TaskKind> {
     TASKS.into_iter().chain(registered.iter().copied()).collect()
 }
 
-/// A task by its name.
+/// A task by its name; `bare` is that of [`Bare`].
 ///
 /// # Errors
 /// [`Error::UnknownName`] if there is none.
 pub fn task_kind(name: &str) -> Result<&'static dyn TaskKind> {
+    if name == Bare::NAME {
+        return Ok(BARE);
+    }
     let kinds = task_kinds();
     let names: Vec<_> = kinds.iter().map(|kind| kind.description().name).collect();
     let found = names.iter().position(|known| *known == name);

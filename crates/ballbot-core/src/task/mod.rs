@@ -5,6 +5,7 @@
 //! and documentation follow from the same line.
 
 mod balance;
+mod bare;
 mod description;
 mod goal;
 mod metrics;
@@ -16,6 +17,7 @@ mod start;
 mod velocity;
 
 pub use balance::Balance;
+pub use bare::Bare;
 pub use description::TaskDescription;
 pub use goal::Goal;
 pub use metrics::{Metric, Metrics};

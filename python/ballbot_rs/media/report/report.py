@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs import _files
-from ballbot_rs._core import TASKS
 from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._text_table import legend, rows
@@ -16,7 +15,7 @@ from ballbot_rs.analysis.episodes import Result, compare
 from ballbot_rs.analysis.pushes import Push
 from ballbot_rs.analysis.simulate import run
 from ballbot_rs.control.resolve import ResolvedController, find
-from ballbot_rs.envs.registration import task_of
+from ballbot_rs.envs.registration import description_of, task_of
 from ballbot_rs.media.report import page
 from ballbot_rs.media.video import renderer_for, write_video
 from ballbot_rs.training import config as config_module
@@ -85,7 +84,7 @@ def write(
             page.note(f"{learned.returns.shape[1]} episodes an evaluation; band: the best and the worst of them."),
         )
     ]
-    if not TASKS[task]["command"]:
+    if not description_of(task)["command"]:
         parts.append(_recovery(policy, task, show))
     parts += [
         page.section("Configuration", page.code(learned.config)),

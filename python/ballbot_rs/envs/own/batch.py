@@ -1,0 +1,265 @@
+"""A batch of robots with a task in Python; to the front ends it is a `Batch`."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._core import Batch, State
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.envs.own.robots import Robots
+from ballbot_rs.envs.own.task import Task, checked
+
+FloatArray = npt.NDArray[np.float32]
+BoolArray = npt.NDArray[np.bool_]
+
+#: The task of the core that observes everything and asks for nothing.
+BARE: Final = "bare"
+
+#: Reason for the end of an episode that the task gives.
+TERMINATED: Final = ("task", "the method `terminated` of the task says so")
+
+
+class OwnBatch:
+    """`num_envs` robots with a `Task`.
+
+    What is not here is that of the robots' `Batch`: states, contacts, readings, parameters, draws, pushes.
+    """
+
+    def __init__(
+        self,
+        num_envs: int,
+        task: str,
+        made: Task,
+        *,
+        autoreset: str,
+        num_threads: int | None,
+        seed: int,
+        options: Mapping[str, Any],
+    ) -> None:
+        options = {"max_episode_steps": made.max_episode_steps, **options, "scale_observations": False}
+        if options.get("history", 1) != 1:
+            raise InvalidInputError("history of a task in Python must be 1: its `observe` keeps what it needs")
+        inner_reset = "next_step" if autoreset == "next_step" else "disabled"
+        self._inner: Any = Batch(num_envs, BARE, autoreset=inner_reset, num_threads=num_threads, seed=seed, **options)
+        self.task = task
+        self.made = made
+        self.autoreset = autoreset
+        self.num_envs = num_envs
+        self.history = 1
+        self.scale_observations = False
+        self._sensed = self._inner.options["observation"] == "sensors"
+        self._drawn = bool(self._inner.options.get("events"))
+        self._has_reset = type(made).reset is not Task.reset
+        self._seeds: list[int] = [(seed + i) % 2**64 for i in range(num_envs)]
+        self._rngs: list[np.random.Generator | None] = [None] * num_envs
+        self._steps = np.zeros(num_envs, dtype=np.int64)
+        self._over = np.ones(num_envs, dtype=bool)
+        self._stopped = np.zeros(num_envs, dtype=bool)
+        self._com = self._com_of(range(num_envs))
+        self._rewards = np.zeros(num_envs)
+        self._success = np.zeros(num_envs, dtype=bool)
+        self._reasons = np.zeros(num_envs, dtype=np.uint8)
+        self._truncated = np.zeros(num_envs, dtype=bool)
+        self._task_reason = len(_inner_reasons()) + 1
+        rows = self._inner.reset()
+        self._seed_again(self._seeds)
+        width = np.asarray(made.observe(self._robots(rows)))
+        if width.ndim != 2 or width.shape[0] != num_envs or width.shape[1] == 0:
+            raise InvalidInputError(
+                f"{type(made).__name__}.observe returned shape {width.shape}, expected ({num_envs}, k): a row a robot"
+            )
+        self.observation_len = width.shape[1]
+        self._observations: FloatArray = np.zeros((num_envs, self.observation_len), dtype=np.float32)
+        self._final: FloatArray = self._observations.copy()
+        try:
+            bound = np.broadcast_to(np.asarray(made.observation_bound, dtype=np.float32), (self.observation_len,))
+        except ValueError:
+            shape, wanted = np.shape(made.observation_bound), (self.observation_len,)
+            raise InvalidInputError(
+                f"observation_bound of {type(made).__name__} has shape {shape}, expected () or {wanted}"
+            ) from None
+        if not (np.isfinite(bound) & (bound > 0.0)).all():
+            raise InvalidInputError(f"observation_bound of {type(made).__name__} must be finite and above 0")
+        #: Bounds of the columns of observations.
+        self.bound: FloatArray = bound
+
+    def __getattr__(self, name: str) -> Any:
+        # Not while it is being made or unpickled.
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._inner, name)
+
+    def __repr__(self) -> str:
+        return f"OwnBatch({self.num_envs}, '{self.task}', {type(self.made).__name__})"
+
+    def _seed_again(self, seeds: Sequence[int | None]) -> None:
+        for i, seed in enumerate(seeds):
+            if seed is not None:
+                self._seeds[i], self._rngs[i] = int(seed), None
+
+    def _rng(self, i: int) -> np.random.Generator:
+        found = self._rngs[i]
+        if found is None:
+            found = self._rngs[i] = np.random.default_rng(self._seeds[i])
+        return found
+
+    def _com_of(self, chosen: Sequence[int] | range) -> npt.NDArray[np.float64]:
+        return np.array([self._inner.params(i).body_com for i in chosen], dtype=np.float64).reshape(len(chosen), 3)
+
+    def _robots(self, rows: FloatArray) -> Robots:
+        return Robots(rows, self._com, self._steps, self._inner.control_dt)
+
+    def _observe(self, robots: Robots) -> FloatArray:
+        shape = (len(robots), self.observation_len)
+        seen = checked(self.made, "observe", self.made.observe(robots), shape, np.float32)
+        clipped: FloatArray = np.clip(seen, -self.bound, self.bound)
+        return clipped
+
+    def _begin(self, rows: FloatArray, chosen: npt.NDArray[np.intp], seen: FloatArray) -> None:
+        """Begins the episodes of robots that are placed, whose observations are written into `seen`."""
+        self._steps = self._steps.copy()
+        self._steps[chosen] = 0
+        self._over[chosen] = False
+        if self._drawn:
+            self._com[chosen] = self._com_of(chosen.tolist())
+        robots = self._robots(rows)[chosen]
+        if self._has_reset:
+            self.made.reset(robots, chosen, [self._rng(i) for i in chosen.tolist()])
+        seen[chosen] = self._observe(robots)
+
+    def reset(
+        self,
+        mask: BoolArray | None = None,
+        seeds: Sequence[int | None] | None = None,
+        starts: Sequence[State | None] | None = None,
+    ) -> FloatArray:
+        """As `Batch.reset`."""
+        rows = self._inner.reset(mask, seeds, starts)
+        if seeds is not None:
+            self._seed_again(seeds)
+        chosen = np.flatnonzero(np.ones(self.num_envs, dtype=bool) if mask is None else mask)
+        self._rewards[chosen] = 0.0
+        self._success[chosen] = False
+        self._reasons[chosen] = 0
+        self._truncated[chosen] = False
+        seen: FloatArray = self._observations.copy()
+        self._begin(rows, chosen, seen)
+        self._observations = seen
+        return seen
+
+    def step(self, actions: npt.ArrayLike) -> tuple[FloatArray, npt.NDArray[np.float64], BoolArray, BoolArray]:
+        """As `Batch.step`."""
+        before = self._over
+        if self.autoreset != "next_step" and before.any():
+            i = int(np.argmax(before))
+            raise InvalidInputError(
+                f"the episode of environment {i} is over (or has not begun): reset it before it is stepped"
+            )
+        rows, _, fallen, truncated = self._inner.step(actions)
+        self._steps = self._steps + 1
+        robots = self._robots(rows)
+        true = self._robots(self._inner.privileged_observations()) if self._sensed else robots
+        shape = (self.num_envs,)
+        rewards = checked(self.made, "reward", self.made.reward(true), shape, np.float64)
+        ended_by_task = checked(self.made, "terminated", self.made.terminated(true), shape, np.bool_)
+        seen = self._observe(robots)
+        # Of the others the core knows that they are over.
+        stopped = ended_by_task & ~fallen & ~truncated
+        terminated = fallen | ended_by_task
+        truncated = truncated & ~terminated
+        if self.autoreset == "next_step" and before.any():
+            # In place of a step these began an episode: the robots that the task had stopped are placed now.
+            terminated, truncated, rewards = terminated & ~before, truncated & ~before, np.where(before, 0.0, rewards)
+            if (late := before & self._stopped).any():
+                rows = self._inner.reset(late)
+            self._begin(rows, np.flatnonzero(before), seen)
+        ended = terminated | truncated
+        self._rewards = rewards
+        self._truncated = truncated
+        self._success = np.zeros(shape, dtype=bool)
+        self._reasons = np.zeros(shape, dtype=np.uint8)
+        if ended.any():
+            won = checked(self.made, "success", self.made.success(true), shape, np.bool_)
+            self._success = won & ended & ~fallen
+            self._reasons = np.where(fallen, self._inner.endings()[1], np.where(terminated, self._task_reason, 0))
+            self._reasons = self._reasons.astype(np.uint8)
+            if self.autoreset == "same_step":
+                self._final = seen.copy()
+                self._begin(self._inner.reset(ended), np.flatnonzero(ended), seen)
+            else:
+                self._over = self._over | ended
+                self._stopped = stopped & ended
+        self._observations = seen
+        return seen, rewards, terminated, truncated
+
+    def observations(self) -> FloatArray:
+        """As `Batch.observations`."""
+        seen: FloatArray = self._observations.copy()
+        return seen
+
+    def privileged_observations(self, index: int | None = None) -> FloatArray:
+        """As `Batch.privileged_observations`."""
+        seen = self._observe(self._robots(self._inner.privileged_observations()))
+        row: FloatArray = seen if index is None else seen[index]
+        return row
+
+    def final_observations(self) -> FloatArray:
+        """As `Batch.final_observations`."""
+        last: FloatArray = self._final.copy()
+        return last
+
+    def endings(self) -> tuple[BoolArray, npt.NDArray[np.uint8]]:
+        """As `Batch.endings`."""
+        return self._success.copy(), self._reasons.copy()
+
+    def ending(self, index: int) -> tuple[bool, str | None]:
+        """As `Batch.ending`."""
+        reason = int(self._reasons[index])
+        names = (None, *_inner_reasons(), TERMINATED[0])
+        return bool(self._success[index]), names[reason]
+
+    def reward_terms(self, index: int | None = None) -> Any:
+        """The reward, as its only term."""
+        return self._rewards[:, np.newaxis].copy() if index is None else {"reward": float(self._rewards[index])}
+
+    def infos(self) -> list[dict[str, Any]]:
+        """As `Batch.infos`."""
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for i in np.flatnonzero((self._reasons > 0) | self._truncated).tolist():
+            success, reason = self.ending(i)
+            info = infos[i]
+            info["terminal_observation"] = self._final[i].copy()
+            info["TimeLimit.truncated"] = bool(self._truncated[i])
+            info["is_success"] = success
+            if reason is not None:
+                info["termination"] = reason
+        return infos
+
+    def snapshot(self, index: int) -> bytes:
+        """As `Batch.snapshot`; what the task itself keeps is not part of it."""
+        inner: bytes = self._inner.snapshot(index)
+        return int(self._steps[index]).to_bytes(8, "little") + bytes([bool(self._over[index])]) + inner
+
+    def restore(self, index: int, snapshot: bytes) -> None:
+        """As `Batch.restore`."""
+        self._inner.restore(index, snapshot[9:])
+        self._steps = self._steps.copy()
+        self._steps[index] = int.from_bytes(snapshot[:8], "little")
+        self._over[index] = bool(snapshot[8])
+        self._com[index] = self._inner.params(index).body_com
+        rows = self._inner.observations()
+        self._observations[index] = self._observe(self._robots(rows)[np.array([index])])[0]
+
+    def memory(self) -> tuple[Any, ...]:
+        """What the task and its random numbers are like, to go on from after `restore`."""
+        return self.made, list(self._seeds), list(self._rngs), self._stopped.copy()
+
+    def remember(self, memory: tuple[Any, ...]) -> None:
+        """Goes on from what `memory` gave."""
+        self.made, self._seeds, self._rngs, self._stopped = memory
+
+
+def _inner_reasons() -> tuple[str, ...]:
+    return ("tilt", "bot_on_floor", "diverged")

@@ -1,0 +1,104 @@
+"""Tasks in Python by their ids."""
+
+import dataclasses
+import inspect
+from collections.abc import Mapping
+from typing import Any, Final
+
+from ballbot_rs._core import TASKS
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.envs.own.batch import TERMINATED, OwnBatch
+from ballbot_rs.envs.own.task import Task
+
+
+@dataclasses.dataclass(frozen=True)
+class Registered:
+    """A task in Python with the options that its environments have by default."""
+
+    made_by: type[Task]
+    options: Mapping[str, Any]
+
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the arguments of its constructor."""
+        given = inspect.signature(self.made_by).parameters.values()
+        return tuple(p.name for p in given if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
+
+    def description(self, env_id: str) -> dict[str, Any]:
+        """As those of the core in `TASKS`."""
+        batch = new_batch(self, 1, env_id, autoreset="disabled", num_threads=1, seed=0, options={})
+        rows = [
+            {"name": f"observation {i}", "unit": "", "bound": bound, "rest": 0.0, "typical": 1.0}
+            for i, bound in enumerate(batch.bound.tolist())
+        ]
+        summary = inspect.getdoc(self.made_by) or self.made_by.__name__
+        reasons = [("tilt", "never"), ("bot_on_floor", "the body or a wheel touches the floor")]
+        return {
+            "id": env_id,
+            "summary": summary.splitlines()[0],
+            "success": "the method `success` of the task says so",
+            "max_episode_steps": int(self.options.get("max_episode_steps") or self.made_by.max_episode_steps),
+            "reward_threshold": None,
+            "options": [],
+            "observation": rows,
+            "rewards": [{"name": "reward", "scale": 1.0, "cost": False, "formula": "that of the task"}],
+            "terminations": [*reasons, ("diverged", "the state left the bounds of the simulation"), TERMINATED],
+            "command": [],
+            "metrics": [],
+        }
+
+
+_REGISTERED: Final[dict[str, Registered]] = {}
+
+
+def add(env_id: str, made_by: type[Task], options: Mapping[str, Any]) -> None:
+    """Makes a task known by an id.
+
+    Raises:
+        TypeError: it is no subclass of `Task`.
+        ValueError: the id is that of a task of the core.
+    """
+    if not (isinstance(made_by, type) and issubclass(made_by, Task)):
+        raise TypeError(f"register takes a subclass of Task, not {made_by!r}")
+    if any(env_id in (name, task["id"]) for name, task in TASKS.items()):
+        raise InvalidInputError(
+            f"'{env_id}' is a task of ballbot_rs: choose another id, as \"me/{made_by.__name__}-v0\""
+        )
+    _REGISTERED[env_id] = Registered(made_by, dict(options))
+
+
+def remove(env_id: str) -> None:
+    """Forgets a task."""
+    _REGISTERED.pop(env_id, None)
+
+
+def description_of(env_id: str) -> Mapping[str, Any]:
+    """What `TASKS` has of tasks of the core."""
+    return _REGISTERED[env_id].description(env_id)
+
+
+def find(task: str) -> Registered | None:
+    """The task of an id, if it is one in Python."""
+    return _REGISTERED.get(task)
+
+
+def ids() -> tuple[str, ...]:
+    """Ids of the tasks in Python."""
+    return tuple(_REGISTERED)
+
+
+def new_batch(
+    found: Registered,
+    num_envs: int,
+    task: str,
+    *,
+    autoreset: str,
+    num_threads: int | None,
+    seed: int,
+    options: Mapping[str, Any],
+) -> OwnBatch:
+    """Robots with a task in Python."""
+    own = found.parameters()
+    given = {**found.options, **options}
+    made = found.made_by(**{name: value for name, value in given.items() if name in own})
+    rest = {name: value for name, value in given.items() if name not in own}
+    return OwnBatch(num_envs, task, made, autoreset=autoreset, num_threads=num_threads, seed=seed, options=rest)

@@ -1,0 +1,132 @@
+"""All robots of a batch as arrays: what a task in Python computes from."""
+
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float32]
+
+#: Columns of the observations of `bare` robots by name.
+COLUMNS: Final = {
+    "gravity": slice(0, 3),
+    "body_rate": slice(3, 6),
+    "wheel_speeds": slice(6, 9),
+    "wheel_angles": slice(9, 12),
+    "ball_position": slice(12, 15),
+    "ball_velocity": slice(15, 18),
+    "ball_rate": slice(18, 21),
+    "body_quaternion": slice(21, 25),
+    "last_action": slice(25, 28),
+}
+
+
+class Robots:
+    """All robots after a control step, float32, the first axis that of the robots.
+
+    Arrays are read-only views into one array of the batch, without copies; those that are computed are computed once a
+    step. With `observation="sensors"` those that `observe` gets follow from the readings of the sensors; `reward` and
+    `terminated` get the true ones.
+    """
+
+    def __init__(self, rows: FloatArray, com: npt.NDArray[np.float64], steps: npt.NDArray[np.int64], dt: float) -> None:
+        rows.flags.writeable = False
+        self._rows = rows
+        self._com = com
+        #: Control steps since the start of the episode, shape (n,), int64.
+        self.steps = steps
+        #: Duration of a control step, s.
+        self.control_dt = dt
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __getitem__(self, chosen: npt.NDArray[np.intp]) -> "Robots":
+        """Some of the robots, by their numbers."""
+        return Robots(self._rows[chosen], self._com[chosen], self.steps[chosen], self.control_dt)
+
+    def __repr__(self) -> str:
+        return f"Robots({len(self)}: {', '.join(COLUMNS)}, tilt, yaw, yaw_rate, velocity, time)"
+
+    @property
+    def gravity(self) -> FloatArray:
+        """Direction of gravity, body frame, shape (n, 3)."""
+        return self._rows[:, COLUMNS["gravity"]]
+
+    @property
+    def body_rate(self) -> FloatArray:
+        """Angular velocity of the body, body frame, shape (n, 3), rad/s."""
+        return self._rows[:, COLUMNS["body_rate"]]
+
+    @property
+    def wheel_speeds(self) -> FloatArray:
+        """Rates of the wheels' encoders, shape (n, 3), rad/s."""
+        return self._rows[:, COLUMNS["wheel_speeds"]]
+
+    @property
+    def wheel_angles(self) -> FloatArray:
+        """Angles of the wheels' encoders, shape (n, 3), rad."""
+        return self._rows[:, COLUMNS["wheel_angles"]]
+
+    @property
+    def ball_position(self) -> FloatArray:
+        """Center of the ball, inertial frame, shape (n, 3), m."""
+        return self._rows[:, COLUMNS["ball_position"]]
+
+    @property
+    def ball_velocity(self) -> FloatArray:
+        """Velocity of the ball's center, inertial frame, shape (n, 3), m/s."""
+        return self._rows[:, COLUMNS["ball_velocity"]]
+
+    @property
+    def ball_rate(self) -> FloatArray:
+        """Angular velocity of the ball, inertial frame, shape (n, 3), rad/s."""
+        return self._rows[:, COLUMNS["ball_rate"]]
+
+    @property
+    def body_quaternion(self) -> FloatArray:
+        """Attitude of the body, [w, x, y, z], body to inertial, shape (n, 4)."""
+        return self._rows[:, COLUMNS["body_quaternion"]]
+
+    @property
+    def last_action(self) -> FloatArray:
+        """The last action, clipped to ±1, shape (n, 3); zeros at the start of an episode."""
+        return self._rows[:, COLUMNS["last_action"]]
+
+    @cached_property
+    def tilt(self) -> FloatArray:
+        """Tilt from the equilibrium, shape (n,), rad: of the line from the ball's center to the CoM."""
+        cosine = -np.einsum("ij,ij->i", self.gravity, self._com)
+        across = np.linalg.norm(np.cross(self.gravity, self._com), axis=1)
+        tilt: FloatArray = np.arctan2(across, cosine).astype(np.float32)
+        return tilt
+
+    @cached_property
+    def yaw(self) -> FloatArray:
+        """Heading, shape (n,), rad, in ±π."""
+        w, _, _, z = self.body_quaternion.T
+        yaw: FloatArray = 2.0 * np.arctan2(z, w)
+        wrapped: FloatArray = (yaw + np.float32(np.pi)) % np.float32(2.0 * np.pi) - np.float32(np.pi)
+        return wrapped
+
+    @cached_property
+    def yaw_rate(self) -> FloatArray:
+        """Angular velocity of the body about the vertical, shape (n,), rad/s."""
+        rate: FloatArray = -np.einsum("ij,ij->i", self.gravity, self.body_rate)
+        return rate
+
+    @cached_property
+    def velocity(self) -> FloatArray:
+        """Velocity of the ball, heading frame, shape (n, 2), m/s."""
+        w, _, _, z = self.body_quaternion.T
+        norm = np.maximum(w * w + z * z, np.float32(1e-30))
+        cos, sin = (w * w - z * z) / norm, 2.0 * w * z / norm
+        x, y, _ = self.ball_velocity.T
+        turned: FloatArray = np.stack([cos * x + sin * y, cos * y - sin * x], axis=1)
+        return turned
+
+    @property
+    def time(self) -> npt.NDArray[np.float64]:
+        """Time since the start of the episode, shape (n,), s."""
+        return np.multiply(self.steps, self.control_dt, dtype=np.float64)

@@ -1,0 +1,86 @@
+"""The base class of tasks in Python."""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.envs.own.robots import Robots
+
+
+class Task:
+    """A task in Python: three functions of arrays over all robots, called once a control step.
+
+    Episodes start as those of `ballbot/Balance-v0` do (options `reset_tilt` and so on). They end in `terminated`, when
+    the body or a wheel touches the floor, when the simulation diverges, and after `max_episode_steps`. Keyword
+    arguments of an environment that are none of its own are those of the constructor.
+
+    ```python
+    class Spin(bb.Task):
+        def observe(self, robots):
+            return np.column_stack([robots.gravity, robots.body_rate, robots.wheel_speeds])
+
+        def reward(self, robots):
+            return 1.0 - np.abs(robots.yaw_rate - 2.0)
+
+        def terminated(self, robots):
+            return robots.tilt > 0.4
+
+    bb.register("me/Spin-v0", Spin)
+    env = bb.BallbotVecEnv("me/Spin-v0", num_envs=1024, model="contact")
+    ```
+    """
+
+    #: Length of an episode unless it is configured, in control steps.
+    max_episode_steps: ClassVar[int] = 1000
+    #: Bound of the observations' magnitudes: a number, or one for each column. What exceeds it is clipped.
+    observation_bound: ClassVar[float | npt.ArrayLike] = 1e3
+
+    def observe(self, robots: Robots) -> npt.ArrayLike:
+        """Observations, shape (n, k); k is the same for any robots, which may be some of the batch."""
+        raise NotImplementedError(f"{type(self).__name__} has no method observe(self, robots)")
+
+    def reward(self, robots: Robots) -> npt.ArrayLike:
+        """Rewards of the last step, shape (n,)."""
+        raise NotImplementedError(f"{type(self).__name__} has no method reward(self, robots)")
+
+    def terminated(self, robots: Robots) -> npt.ArrayLike:
+        """Whether episodes end with the last step, bool, shape (n,)."""
+        return np.zeros(len(robots), dtype=bool)
+
+    def success(self, robots: Robots) -> npt.ArrayLike:
+        """Whether episodes that end with the last step are a success, bool, shape (n,)."""
+        return np.zeros(len(robots), dtype=bool)
+
+    def reset(self, robots: Robots, chosen: npt.NDArray[np.intp], rngs: Sequence[np.random.Generator]) -> None:
+        """Called when episodes begin: `robots` are those that do, `chosen` their numbers in the batch.
+
+        What a task keeps of each robot (commands, counters) is renewed here. `rngs` are generators of random numbers,
+        one for each of them, which follow from the seeds of the environments.
+        """
+
+
+def checked(task: Task, method: str, value: npt.ArrayLike, shape: tuple[int, ...], kind: type) -> npt.NDArray[Any]:
+    """What a method of a task has returned, as an array of `kind`.
+
+    Raises:
+        ValueError: another shape than expected, or numbers that are not finite; the message names class and method.
+        TypeError: something of another kind.
+    """
+    array = np.asarray(value)
+    name = f"{type(task).__name__}.{method}"
+    allowed = "b" if kind is np.bool_ else "biuf"
+    if array.dtype.kind not in allowed:
+        wanted = "bool" if kind is np.bool_ else "numbers"
+        raise TypeError(f"{name} returned an array of dtype {array.dtype}, expected {wanted}")
+    if array.shape != shape:
+        raise InvalidInputError(f"{name} returned shape {array.shape}, expected {shape} for {shape[0]} robots")
+    array = array.astype(kind, copy=False)
+    if kind is not np.bool_ and not np.isfinite(array).all():
+        bad = np.argwhere(~np.isfinite(array))[0]
+        raise InvalidInputError(
+            f"{name} returned {array[tuple(bad)]} at {tuple(bad.tolist())}, expected finite numbers"
+        )
+    return array
