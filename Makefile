@@ -35,7 +35,7 @@ help:
 	@echo "make paper   repeat the paper's experiments, report in docs/paper.md"
 	@echo "make verify  check closed forms and other engines, report in docs/verification.md (ALLOW_MISSING=1 without all engines)"
 	@echo "make robots  change the robot and its motors more and more, report in docs/robots.md"
-	@echo "make controllers  measure what controllers stand, report in docs/controllers.md"
+	@echo "make controllers  measure what controllers stand, report in docs/controllers.md, figures of the laws in docs/laws"
 	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
 	@echo "make instructions  compare each model's instruction counts with the kept ones (needs valgrind); ACCEPT=1 keeps new ones"
 	@echo "make fuzz    feed the readers of URDFs, visuals and STLs with broken files, each for MINUTES=$(MINUTES) (needs cargo-fuzz and a nightly compiler)"
@@ -96,6 +96,7 @@ robots: $(PLOT_INSTALLED)
 
 controllers: $(PLOT_INSTALLED)
 	$(BIN)/python -m validation.controllers
+	$(BIN)/python -m validation.controllers.laws
 
 bench: $(BENCH_INSTALLED)
 	$(BIN)/python -m validation.benchmarks

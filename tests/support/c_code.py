@@ -323,6 +323,7 @@ static ballbot_estimator estimator;
 
 void begin(const double *start);
 void update(const double *readings, double *out, double *balanced);
+void covariance(double *out);
 
 {read_state}
 
@@ -360,6 +361,14 @@ void update(const double *readings, double *out, double *balanced)
         balanced[i] = (double)state.quaternion[i];
     }}
 }}
+
+void covariance(double *out)
+{{
+    int i;
+    for (i = 0; i < 81; i++) {{
+        out[i] = (double)estimator.covariance[i / 9][i % 9];
+    }}
+}}
 """
 
 
@@ -382,3 +391,9 @@ class CEstimator:
         read, out, balanced = np.concatenate(parts).astype(float), np.zeros(22), np.zeros(4)
         self._library.update(pointer(read), pointer(out), pointer(balanced))
         return out[:17], out[17:20], out[20:], balanced
+
+    def covariance(self):
+        """The covariance of its nine errors, shape (9, 9)."""
+        out = np.zeros(81)
+        self._library.covariance(pointer(out))
+        return out.reshape(9, 9)

@@ -1,9 +1,11 @@
 """What the page on controllers measures is what it says."""
 
 import numpy as np
+import pytest
 
 import ballbot_rs as bb
-from validation.controllers import TOPICS, limits, trials
+from tests.support.paths import ROOT
+from validation.controllers import TOPICS, law_figure, laws, limits, responses, trials
 
 
 def test_trials_end_at_the_first_failure():
@@ -17,3 +19,34 @@ def test_the_default_regulator_is_the_one_of_the_page():
     expected = limits.BASIN
     assert abs(tilt.min() - expected) <= trials.RING
     assert tilt.min() > trials.basin(limits.VARIANTS["a largest torque alone"]).min() + 9.0
+
+
+@pytest.mark.parametrize("law", bb.controllers())
+def test_a_law_has_a_section_with_its_diagram_and_figure(law: str):
+    page = (ROOT / "docs/laws.md").read_text(encoding="utf-8")
+    (section,) = [part for part in page.split("\n## ") if part.startswith(f"`{law}`\n")]
+    assert section.count("```mermaid\nflowchart LR\n") == 1
+    assert section.count(f"](laws/{law}.svg)") == 1
+    figure = (laws.FIGURES / f"{law}.svg").read_text(encoding="utf-8")
+    assert len(figure.encode()) < 60_000
+    assert "<image" not in figure
+    assert "<text" in figure
+
+
+def test_the_basin_of_a_figure_is_that_of_the_tables():
+    found = responses.measure("lqr").recovered
+    edges = responses.RING * trials._first_failures(found)
+    assert abs(edges.min() - limits.BASIN) <= responses.RING
+    assert not found[responses.TILTS > 52.0].any()
+
+
+def test_a_searched_basin_is_that_of_the_map(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(responses, "TILTS", np.arange(13.5, 24.0))
+    map_ = responses._basin("pid")
+    assert 0 < map_.sum(axis=0).min() < map_.sum(axis=0).max() < len(map_)
+    monkeypatch.setattr(responses, "SEARCHED", ("pid",))
+    np.testing.assert_array_equal(responses._basin("pid"), map_)
+
+
+def test_ranges_of_tilts():
+    assert law_figure._runs(np.array([True, True, False, True])) == [(0.0, 2.0), (3.0, 4.0)]

@@ -13,7 +13,8 @@ _HEAD = """# Controllers
 `ballbot evaluate`, `compare`, `record`, `plot` and `view` take a controller by its name, a policy's file, or
 `file.py:NAME`. `Controller(name, params, control_dt)` makes one: called with a state and a setpoint it gives the wheel
 torques; a `Batch` runs it on all its robots in Rust. With `observation="sensors"` it gets the state that the
-[estimator](estimator.md) makes of the readings. [Laws](laws.md) has the law of each.
+[estimator](estimator.md) makes of the readings. [Laws](laws.md) has of each the law, a block diagram, responses and a
+basin.
 
 Everything below, text apart, is made by `make controllers`, which fails if a claim does not hold: model `contact`, the
 paper's robot, 100 Hz.
