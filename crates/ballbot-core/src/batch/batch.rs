@@ -2,8 +2,9 @@
 
 use super::autoreset::Autoreset;
 use super::buffers::StepBuffers;
-use super::chunk::{Chunk, Environments};
+use super::chunk::Chunk;
 use super::config::{Drive, EnvConfig};
+use super::environments::Environments;
 use super::events::{Plan, Stages};
 use super::pieces::pieces;
 use super::robots::Single;

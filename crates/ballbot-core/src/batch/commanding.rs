@@ -1,6 +1,6 @@
 //! Commands of the robots of a chunk: drawn by the task, or set by hand.
 
-use super::chunk::Environments;
+use super::environments::Environments;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
 use crate::actuator::Actuator;

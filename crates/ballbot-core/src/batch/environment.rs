@@ -2,8 +2,9 @@
 
 use super::Autoreset;
 use super::buffers::{Outcome, StepBuffers};
-use super::chunk::{Chunk, Environments};
+use super::chunk::Chunk;
 use super::config::{Drive, EnvConfig};
+use super::environments::Environments;
 use super::robots::Single;
 use super::task_step::TaskStep;
 use crate::actuator::{Actuator, MotorOptions};

@@ -1,6 +1,6 @@
 //! Environments: tasks on robots, many of them in step.
 //!
-//! A control step is: action → actuator → model steps → sensor → task. It is written once (`chunk`), for one robot of
+//! A control step is: action → actuator → model steps → sensor → task. It is written once (`environments`), for one robot of
 //! any model and for eight robots of the contact model in lanes.
 
 mod autoreset;
@@ -14,6 +14,7 @@ mod commands;
 mod config;
 mod drawn;
 mod environment;
+mod environments;
 mod events;
 mod kinds;
 mod ledger;

@@ -1,6 +1,6 @@
 //! What is observed of the robots of a chunk.
 
-use super::chunk::Environments;
+use super::environments::Environments;
 use super::events::Randomized;
 use super::ledger::{Ledger, Ledgers};
 use super::measured::Measured;

@@ -1,7 +1,7 @@
 //! What events make of the robots of a chunk.
 
 use super::autoreset::Autoreset;
-use super::chunk::Environments;
+use super::environments::Environments;
 use super::events::{Source, key_of};
 use super::robots::Robots;
 use crate::actuator::Actuator;

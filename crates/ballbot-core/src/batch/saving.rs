@@ -1,6 +1,6 @@
 //! Environments as bytes.
 
-use super::chunk::Environments;
+use super::environments::Environments;
 use super::events::Saved;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::{Robots, refused};

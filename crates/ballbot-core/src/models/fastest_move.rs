@@ -1,6 +1,7 @@
 //! The fastest move from rest to rest along a flat polynomial.
 
-use super::{LinearModel, traction_torque};
+use super::LinearModel;
+use super::friction_limit::traction_torque;
 use crate::params::Params;
 use nalgebra::Matrix3;
 

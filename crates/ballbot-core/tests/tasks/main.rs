@@ -52,8 +52,10 @@ fn metrics(run: &Run, i: usize) -> Vec<f64> {
 fn standing(x: f64, y: f64, yaw: f64) -> State {
     let params = ballbot_core::Params::paper();
     let mut state = State::tilted(&params, nalgebra::Vector2::zeros(), yaw);
-    state.ball_position.x = x;
-    state.ball_position.y = y;
+    for position in [&mut state.ball_position, &mut state.body_position] {
+        position.x += x;
+        position.y += y;
+    }
     state
 }
 

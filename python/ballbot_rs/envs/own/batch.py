@@ -57,6 +57,7 @@ class OwnBatch:
         self._steps = np.zeros(num_envs, dtype=np.int64)
         self._over = np.ones(num_envs, dtype=bool)
         self._stopped = np.zeros(num_envs, dtype=bool)
+        self._numbers = np.arange(num_envs)
         self._com = self._com_of(range(num_envs))
         self._rewards = np.zeros(num_envs)
         self._success = np.zeros(num_envs, dtype=bool)
@@ -109,7 +110,7 @@ class OwnBatch:
         return np.array([self._inner.params(i).body_com for i in chosen], dtype=np.float64).reshape(len(chosen), 3)
 
     def _robots(self, rows: FloatArray) -> Robots:
-        return Robots(rows, self._com, self._steps, self._inner.control_dt)
+        return Robots(rows, self._com, self._steps, self._numbers, self._inner.control_dt)
 
     def _observe(self, robots: Robots) -> FloatArray:
         shape = (len(robots), self.observation_len)

@@ -30,21 +30,31 @@ class Robots:
     `terminated` get the true ones.
     """
 
-    def __init__(self, rows: FloatArray, com: npt.NDArray[np.float64], steps: npt.NDArray[np.int64], dt: float) -> None:
+    def __init__(
+        self,
+        rows: FloatArray,
+        com: npt.NDArray[np.float64],
+        steps: npt.NDArray[np.int64],
+        numbers: npt.NDArray[np.intp],
+        control_dt: float,
+    ) -> None:
         rows.flags.writeable = False
         self._rows = rows
         self._com = com
+        #: Numbers of the robots in the batch, shape (n,).
+        self.numbers = numbers
         #: Control steps since the start of the episode, shape (n,), int64.
         self.steps = steps
         #: Duration of a control step, s.
-        self.control_dt = dt
+        self.control_dt = control_dt
 
     def __len__(self) -> int:
         return len(self._rows)
 
     def __getitem__(self, chosen: npt.NDArray[np.intp]) -> "Robots":
         """Some of the robots, by their numbers."""
-        return Robots(self._rows[chosen], self._com[chosen], self.steps[chosen], self.control_dt)
+        parts = (array[chosen] for array in (self._rows, self._com, self.steps, self.numbers))
+        return Robots(*parts, self.control_dt)
 
     def __repr__(self) -> str:
         return f"Robots({len(self)}: {', '.join(COLUMNS)}, tilt, yaw, yaw_rate, velocity, time)"

@@ -1,0 +1,435 @@
+//! Environments that are stepped as one: a single one of any model, or eight of the contact model in lanes.
+
+use super::autoreset::Autoreset;
+use super::buffers::{Outcome, StepBuffers};
+use super::chunk::Chunk;
+use super::config::EnvConfig;
+use super::events::{Plan, Randomized, Setup, Source, Stages, key_of};
+use super::ledger::{Ledger, Ledgers};
+use super::robots::Robots;
+use super::task_step::TaskStep;
+use crate::actuator::Actuator;
+use crate::control::{Controller, LaneWidth};
+use crate::error::{Error, Result};
+use crate::lane_state::StateCells;
+use crate::lanes::Cell;
+use crate::params::Params;
+use crate::sensor::{Readings, Sensor};
+use crate::setpoint::{Setpoint, SetpointCells};
+use crate::state::{Contacts, State};
+use crate::task::{ACTION_LEN, DIVERGED, Task};
+use nalgebra::Vector3;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use std::sync::Arc;
+
+/// Numbers that a controller keeps of each robot.
+pub(super) struct ControlMemory<C> {
+    /// [`Controller::id`] of the controller that the numbers belong to.
+    owner: u64,
+    pub(super) cells: Vec<C>,
+}
+
+/// Environments whose robots are `R`, with task `T`, actuator `A` and sensor `S`.
+pub struct Environments<R: Robots, T, A, S> {
+    pub(super) config: Arc<EnvConfig<T>>,
+    pub(super) step: Arc<TaskStep<T, S>>,
+    pub(super) actuator: A,
+    substeps: usize,
+    action_torque: f64,
+    /// How many robots are environments; the others stand still.
+    pub(super) used: usize,
+    pub(super) robots: R,
+    /// As in [`TaskStep::run`].
+    com_directions: [R::Cell; 3],
+    pub(super) ledger: Ledger<R::Cell>,
+    /// Room for the ledger of one robot.
+    pub(super) one: Ledger<f64>,
+    pub(super) control: ControlMemory<R::Cell>,
+    /// Whether there has been a reset at all.
+    pub(super) begun: bool,
+    pub(super) over: Vec<bool>,
+    pub(super) rngs: Vec<ChaCha8Rng>,
+    /// Seeds that the next episodes begin with; the present ones keep their random numbers.
+    pub(super) next_seeds: Vec<Option<u64>>,
+    /// Episodes begun since the last seed.
+    pub(super) episodes: Vec<u32>,
+    /// Metrics of the last episode that ended, environment after environment.
+    metrics: Vec<f64>,
+    /// Room for those of one.
+    measured: Vec<f64>,
+    /// What is drawn at random of the robots, if anything is.
+    pub(super) events: Option<Box<Randomized>>,
+}
+
+impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
+    /// Environments with seeds `seed`, `seed + 1`, ...; each must be reset before its first step.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] if the model does not accept every start that the task may draw, and for events on motors that
+    /// the actuator does not take.
+    pub fn new(
+        config: &Arc<EnvConfig<T>>,
+        step: &Arc<TaskStep<T, S>>,
+        actuator: A,
+        robots: R,
+        plan: Option<&Arc<Plan>>,
+        used: usize,
+        seed: u64,
+    ) -> Result<Self> {
+        let nominal = Arc::new(Setup { params: robots.params(0).clone(), stages: config.stages() });
+        if !A::INDIVIDUAL && plan.is_some_and(|plan| plan.individual_motors) {
+            return Err(Error::Inconsistent(
+                "events change options of the actuators or max_wheel_torque, but the motors are a stage of the caller's \
+                 own, alike on all robots"
+                    .into(),
+            ));
+        }
+        if !step.sensor.is_individual() && plan.is_some_and(|plan| plan.individual_sensors) {
+            return Err(Error::Inconsistent(
+                "events change options of the sensors, but these are a stage of the caller's own, alike on all robots"
+                    .into(),
+            ));
+        }
+        let metrics = step.metrics();
+        let mut environments = Self {
+            step: Arc::clone(step),
+            com_directions: [R::Cell::default(); 3],
+            actuator,
+            substeps: config.substeps()?,
+            action_torque: config.action_torque(),
+            used,
+            ledger: Ledger::new(step.sizes()),
+            one: Ledger::new(step.sizes()),
+            control: ControlMemory { owner: 0, cells: Vec::new() },
+            begun: false,
+            over: vec![true; used],
+            rngs: (0..used).map(|i| ChaCha8Rng::seed_from_u64(seed.wrapping_add(i as u64))).collect(),
+            next_seeds: vec![None; used],
+            episodes: vec![0; used],
+            metrics: vec![f64::NAN; used * metrics],
+            measured: Vec::with_capacity(metrics),
+            events: plan.map(|plan| Box::new(Randomized::new(plan, &nominal, used))),
+            robots,
+            config: Arc::clone(config),
+        };
+        environments.check_starts(0)?;
+        if let Some(events) = &mut environments.events {
+            let judge = config.judge(&environments.actuator);
+            for (i, rng) in environments.rngs.iter().enumerate() {
+                let source = Source { key: key_of(rng.get_seed()), episode: 0 };
+                events.start(&mut environments.robots, i, source, &judge);
+            }
+        }
+        (0..R::Cell::WIDTH).for_each(|i| environments.note_com(i));
+        Ok(environments)
+    }
+
+    /// Takes the direction of the center of mass from the parameters of robot `i`.
+    pub(super) fn note_com(&mut self, i: usize) {
+        let direction = self.robots.params(i).com_direction();
+        for (cells, component) in self.com_directions.iter_mut().zip(direction.iter()) {
+            cells.set(i, *component);
+        }
+    }
+
+    fn check_starts(&self, i: usize) -> Result<()> {
+        for start in self.step.task.extreme_starts(self.robots.params(i)) {
+            self.robots.accepts(i, &start).map_err(|error| {
+                Error::Inconsistent(format!("the robot cannot start where the task may place it: {error}"))
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Replaces the parameters of robot `i` as they are.
+    pub(super) fn replace_robot(&mut self, i: usize, params: &Params) -> Result<()> {
+        params.validate()?;
+        // A robot that events made may have weaker motors than an action asks for.
+        if !self.has_own_motors() {
+            self.config.validate_robot(params)?;
+        }
+        self.config.task.validate(params)?;
+        let (old, motion) = (self.robots.params(i).clone(), self.robots.save(i));
+        let goes_on = self.robots.set_params(i, params)?;
+        if let Err(error) = self.check_starts(i) {
+            self.robots.set_params(i, &old)?;
+            self.robots.load(i, &motion)?;
+            return Err(error);
+        }
+        self.note_com(i);
+        self.over[i] |= !goes_on;
+        Ok(())
+    }
+
+    /// Places robot `i` in an accepted state and begins an episode.
+    fn begin(&mut self, i: usize, start: &State, observation: &mut [f32]) {
+        self.robots.place(i, start);
+        self.one.begin(self.config.max_episode_steps as f64);
+        let key = key_of(self.rngs[i].get_seed());
+        self.actuator.begin(key, self.episodes[i], &mut self.one.actuator);
+        if let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) {
+            self.actuator.equip(&events.stages(i).actuators, self.robots.params(i), &mut self.one.actuator);
+        }
+        self.one.episode.next_command = self.draw_command(i);
+        self.over[i] = false;
+        self.begun = true;
+        self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
+        self.begin_readings(i);
+        self.observe(i, observation);
+        self.repeat_observation(i, observation);
+    }
+
+    fn begin_at_random(&mut self, i: usize, observation: &mut [f32]) {
+        self.renew(i);
+        let (params, wheels) = (self.robots.params(i), self.robots.wheels(i));
+        let start = self.step.task.start(params, wheels, &mut self.rngs[i]);
+        // The extreme starts were accepted, and bound this one.
+        self.begin(i, &start, observation);
+    }
+
+    /// Keeps the metrics of the episode of robot `i`, which ends.
+    fn keep_metrics(&mut self, i: usize) {
+        let len = self.step.metrics();
+        if len == 0 {
+            return;
+        }
+        R::Cell::take(&self.ledger, i, &mut self.one);
+        self.measured.clear();
+        self.step.task.measure(&self.one.task, self.config.control_dt, &mut self.measured);
+        self.metrics[i * len..][..len].copy_from_slice(&self.measured);
+    }
+
+    fn outcome(&self, i: usize) -> Outcome {
+        let episode = &self.ledger.episode;
+        let terminated = match episode.termination.get(i) as usize {
+            0 => None,
+            reason => Some(T::TERMINATIONS.get(reason - 1).map_or(DIVERGED, |(name, _)| *name)),
+        };
+        Outcome {
+            reward: episode.reward.get(i),
+            terminated,
+            truncated: episode.truncated.get(i) > 0.0,
+            success: episode.success.get(i) > 0.0,
+        }
+    }
+}
+
+impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A, S> {
+    fn step(&mut self, autoreset: Autoreset, actions: &[f32], mut buffers: StepBuffers<'_>) {
+        let width = self.ledger.observation.len();
+        let reset_instead = |over: bool| autoreset == Autoreset::NextStep && over;
+        self.fire_events(autoreset);
+        // A single robot whose episode is over is not simulated; in lanes its neighbors are.
+        if R::Cell::WIDTH > 1 || !reset_instead(self.over[0]) {
+            self.robots.park(self.used);
+            let mut commands = [R::Cell::default(); ACTION_LEN];
+            for (i, action) in actions.chunks_exact(ACTION_LEN).enumerate() {
+                for (cell, value) in commands.iter_mut().zip(action) {
+                    cell.set(i, f64::from(*value).clamp(-1.0, 1.0));
+                }
+            }
+            let (ledger, one) = (&mut self.ledger, &mut self.one);
+            self.robots.drive(&self.actuator, &commands, &mut ledger.actuator, &mut one.actuator, self.substeps);
+            self.robots.conclude(&self.step, &commands, &self.com_directions, ledger, one);
+        }
+        for i in 0..self.used {
+            let row = i * width..(i + 1) * width;
+            if reset_instead(self.over[i]) {
+                self.begin_at_random(i, &mut buffers.observations[row]);
+                buffers.write(i, Outcome::default());
+                continue;
+            }
+            let observation = &mut buffers.observations[row.clone()];
+            self.write_observation(i, observation);
+            let outcome = self.outcome(i);
+            self.over[i] = outcome.done();
+            if outcome.done() {
+                self.keep_metrics(i);
+            }
+            if !outcome.done() {
+                self.renew_commands(i, observation);
+            } else if autoreset == Autoreset::SameStep {
+                buffers.final_observations[row].copy_from_slice(observation);
+                self.begin_at_random(i, observation);
+            }
+            buffers.write(i, outcome);
+        }
+    }
+
+    fn control(&mut self, controller: &dyn Controller, setpoints: &[Setpoint], privileged: bool, actions: &mut [f32]) {
+        let len = controller.memory_len();
+        if self.control.owner != controller.id() || self.control.cells.len() != len {
+            self.control.owner = controller.id();
+            self.control.cells.clear();
+            self.control.cells.resize(len, R::Cell::default());
+        }
+        let mut states = StateCells::<R::Cell>::default();
+        if privileged {
+            self.robots.read(&mut states);
+        } else {
+            self.read_measured(&mut states);
+        }
+        let mut targets = SetpointCells::<R::Cell>::default();
+        for i in 0..self.used {
+            let setpoint = match setpoints.get(i) {
+                Some(setpoint) => *setpoint,
+                None => self.setpoint(i),
+            };
+            R::Cell::set_setpoint(&mut targets, i, &setpoint);
+        }
+        let torques = R::Cell::torques(controller, &states, &targets, self.action_torque, &mut self.control.cells);
+        for (i, action) in actions.chunks_exact_mut(ACTION_LEN).enumerate() {
+            for (value, torque) in action.iter_mut().zip(&torques) {
+                *value = (torque.get(i) / self.action_torque) as f32;
+            }
+        }
+    }
+
+    fn reset(&mut self, i: usize, start: Option<&State>, observation: &mut [f32]) -> Result<()> {
+        match start {
+            Some(start) => {
+                self.accepts(i, start, None)?;
+                self.renew(i);
+                self.begin(i, start, observation);
+            }
+            None => self.begin_at_random(i, observation),
+        }
+        Ok(())
+    }
+
+    fn accepts(&self, i: usize, start: &State, seed: Option<u64>) -> Result<()> {
+        let Some(events) = &self.events else { return self.robots.accepts(i, start) };
+        let seed = seed.or(self.next_seeds[i]);
+        let source = match seed {
+            Some(seed) => Source { key: key_of(ChaCha8Rng::seed_from_u64(seed).get_seed()), episode: 1 },
+            None => Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i].wrapping_add(1) },
+        };
+        let judge = self.config.judge(&self.actuator);
+        let params = events.of_next_episode(&self.robots, i, source, seed.is_some(), &judge);
+        if params == *self.robots.params(i) {
+            return self.robots.accepts(i, start);
+        }
+        self.robots.accepts_as(&params, start)
+    }
+
+    fn observation(&self, i: usize, out: &mut [f32]) {
+        self.write_observation(i, out);
+    }
+
+    fn reward_terms(&self, i: usize, out: &mut [f64]) {
+        for (out, cell) in out.iter_mut().zip(&self.ledger.terms) {
+            *out = cell.get(i);
+        }
+    }
+
+    fn metrics(&self, i: usize, out: &mut [f64]) {
+        if self.ledger.episode.steps.get(i) == 0.0 {
+            out.copy_from_slice(&self.metrics[i * out.len()..][..out.len()]);
+            return;
+        }
+        let memory: Vec<_> = self.ledger.task.iter().map(|cell| cell.get(i)).collect();
+        let mut measured = Vec::with_capacity(out.len());
+        self.step.task.measure(&memory, self.config.control_dt, &mut measured);
+        out.copy_from_slice(&measured);
+    }
+
+    fn command(&self, i: usize, out: &mut [f64]) {
+        out.iter_mut().zip(&self.ledger.task).for_each(|(out, cell)| *out = cell.get(i));
+    }
+
+    fn set_command(&mut self, i: usize, command: &[f64]) {
+        self.hold_command(i, command);
+    }
+
+    fn setpoint(&mut self, i: usize) -> Setpoint {
+        self.one.task.iter_mut().zip(&self.ledger.task).for_each(|(number, cell)| *number = cell.get(i));
+        self.step.task.setpoint(&self.one.task)
+    }
+
+    fn state(&self, i: usize) -> State {
+        self.robots.state(i)
+    }
+
+    fn contacts(&self, i: usize) -> Contacts {
+        self.robots.contacts(i)
+    }
+
+    fn readings(&self, i: usize) -> Option<Readings<f64>> {
+        self.step.sensor.readings(self.sensor_numbers(i))
+    }
+
+    fn estimate(&self, i: usize) -> Option<State> {
+        self.step.sensor.estimate(self.sensor_numbers(i))
+    }
+
+    fn privileged_observation(&mut self, i: usize, out: &mut [f32]) {
+        self.observe_truth(i, out);
+    }
+
+    fn params(&self, i: usize) -> &Params {
+        self.robots.params(i)
+    }
+
+    fn nominal_params(&self, i: usize) -> &Params {
+        self.events.as_ref().map_or_else(|| self.robots.params(i), |events| events.nominal(i))
+    }
+
+    fn draws(&self, i: usize) -> &[f64] {
+        self.events.as_ref().map_or(&[], |events| events.draws(i))
+    }
+
+    fn drawn_stages(&self, i: usize) -> Option<&Stages> {
+        self.events.as_ref().map(|events| events.stages(i))
+    }
+
+    fn repeated_draws(&self, i: usize) -> u32 {
+        self.events.as_ref().map_or(0, |events| events.repeated(i))
+    }
+
+    fn set_params(&mut self, i: usize, params: &Params) -> Result<()> {
+        let Some(events) = &self.events else {
+            self.replace_robot(i, params)?;
+            self.inform(i);
+            return Ok(());
+        };
+        params.validate()?;
+        self.config.check_events(&events.plan, params)?;
+        let robot = events.made_of(i, params);
+        self.config.judge(&self.actuator)(&robot)?;
+        self.replace_robot(i, &robot.params)?;
+        if let Some(events) = &mut self.events {
+            events.set_nominal(i, params);
+        }
+        self.inform(i);
+        Ok(())
+    }
+
+    fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
+        self.robots.push(i, impulse, point)
+    }
+
+    fn seed(&mut self, i: usize, seed: u64) {
+        self.next_seeds[i] = Some(seed);
+    }
+
+    fn shorten(&mut self, i: usize, steps: usize) {
+        self.ledger.episode.limit.set(i, steps.clamp(1, self.config.max_episode_steps) as f64);
+    }
+
+    fn first_over(&self) -> Option<usize> {
+        self.over.iter().position(|&over| over)
+    }
+
+    fn begun(&self) -> bool {
+        self.begun
+    }
+
+    fn save(&self, i: usize) -> Vec<u8> {
+        self.save_one(i)
+    }
+
+    fn load(&mut self, i: usize, bytes: &[u8]) -> Result<()> {
+        self.load_one(i, bytes)
+    }
+}

@@ -1,0 +1,268 @@
+"""Tasks in Python: through all front ends, with their seeds, resets, ends, and errors."""
+
+import pickle
+import re
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import ballbot_rs as bb
+from ballbot_rs._core import TASKS
+from tests.support.paths import ROOT
+
+
+class Spin(bb.Task):
+    """Turn at 2 rad/s."""
+
+    max_episode_steps = 60
+
+    def observe(self, robots):
+        return np.column_stack([robots.gravity, robots.body_rate, robots.wheel_speeds])
+
+    def reward(self, robots):
+        return 1.0 - np.abs(robots.yaw_rate - 2.0)
+
+    def terminated(self, robots):
+        return robots.tilt > 0.15
+
+
+class Chase(bb.Task):
+    """Go to a point that is drawn for each episode; with a memory and an argument of its own."""
+
+    def __init__(self, distance=1.0):
+        self.distance = distance
+        self.goals = np.zeros((0, 2))
+
+    def reset(self, robots, chosen, rngs):  # noqa: ARG002
+        if chosen.max() >= len(self.goals):
+            self.goals = np.vstack([self.goals, np.zeros((chosen.max() + 1 - len(self.goals), 2))])
+        self.goals[chosen] = [rng.uniform(-self.distance, self.distance, 2) for rng in rngs]
+
+    def observe(self, robots):
+        # The robots have no goal yet when an environment is made.
+        goals = self.goals[robots.numbers] if len(self.goals) else np.zeros((len(robots), 2))
+        return np.column_stack([robots.gravity, goals, robots.ball_position[:, :2], robots.time])
+
+    def reward(self, robots):
+        return -np.linalg.norm(robots.ball_position[:, :2] - self.goals[robots.numbers], axis=1)
+
+    def success(self, robots):
+        return robots.steps >= 10
+
+
+@pytest.fixture(autouse=True)
+def registered():
+    bb.register("me/Spin-v0", Spin)
+    bb.register("me/Chase-v0", Chase, distance=0.5)
+
+
+def actions(step, n):
+    return 0.4 * np.sin(np.arange(3 * n).reshape(n, 3) * 7 + 3 * step).astype(np.float32)
+
+
+def test_gymnasium_checks_the_environment():
+    env = gymnasium.make("me/Spin-v0", model="contact")
+    check_env(env.unwrapped, skip_render_check=True)
+    assert env.observation_space.shape == (9,)
+    assert env.spec.max_episode_steps == 60
+
+
+@pytest.mark.parametrize("mode", ["same_step", "next_step", "disabled"])
+def test_many_robots_do_what_each_does_alone(mode):
+    n = 6
+    vector = gymnasium.make_vec("me/Spin-v0", num_envs=n, autoreset_mode=mode, model="contact").unwrapped
+    singles = [bb.BallbotEnv("me/Spin-v0", model="contact") for _ in range(n)]
+    seen, _ = vector.reset(seed=4)
+    for i, single in enumerate(singles):
+        np.testing.assert_array_equal(single.reset(seed=4 + i)[0], seen[i])
+    over = np.zeros(n, dtype=bool)
+    reasons = set()
+    for step in range(150):
+        if step == 40:
+            vector = pickle.loads(pickle.dumps(vector))
+        if mode == "disabled" and over.any():
+            observations, _ = vector.reset(options={"reset_mask": over})
+            for i in np.flatnonzero(over):
+                np.testing.assert_array_equal(singles[i].reset()[0], observations[i])
+            over[:] = False
+        observations, rewards, terminated, truncated, infos = vector.step(actions(step, n))
+        for i, single in enumerate(singles):
+            if over[i]:
+                np.testing.assert_array_equal(single.reset()[0], observations[i])
+                over[i] = False
+                assert rewards[i] == 0.0
+                continue
+            expected, reward, is_terminated, is_truncated, info = single.step(actions(step, n)[i])
+            assert (rewards[i], terminated[i], truncated[i]) == (reward, is_terminated, is_truncated), (step, i)
+            if is_terminated or is_truncated:
+                reasons.add(info.get("termination", "time"))
+                final = infos["final_info"] if mode == "same_step" else infos
+                if is_terminated:
+                    assert final["termination"][i] == info["termination"]
+                if mode == "same_step":
+                    np.testing.assert_array_equal(infos["final_obs"][i], expected)
+                    expected = single.reset()[0]
+                else:
+                    over[i] = True
+            np.testing.assert_array_equal(expected, observations[i])
+    assert reasons == {"task", "time"}
+
+
+def test_rewards_and_ends_follow_from_the_states():
+    env = bb.BallbotVectorEnv(7, task="me/Spin-v0", autoreset_mode="disabled", model="contact")
+    env.reset(seed=0)
+    for step in range(20):
+        observations, rewards, terminated, _, _ = env.step(actions(step, 7))
+        for i, state in enumerate(env.state):
+            up = state.body_quaternion
+            w, x, y, z = up
+            gravity = -np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+            np.testing.assert_allclose(observations[i, :3], gravity, atol=1e-6)
+            np.testing.assert_allclose(observations[i, 3:6], state.body_angular_velocity, rtol=1e-5, atol=1e-6)
+            rate = -gravity @ state.body_angular_velocity
+            assert rewards[i] == pytest.approx(1.0 - abs(rate - 2.0), abs=1e-5)
+            assert terminated[i] == (state.tilt > 0.15)
+        if terminated.any():
+            env.reset(options={"reset_mask": terminated})
+
+
+def test_stable_baselines3_trains_on_it():
+    sb3 = pytest.importorskip("stable_baselines3")
+    env = bb.BallbotVecEnv("me/Spin-v0", num_envs=16, model="contact", seed=1)
+    model = sb3.PPO("MlpPolicy", env, n_steps=32, batch_size=128, n_epochs=1, device="cpu", seed=0).learn(1024)
+    assert model.num_timesteps == 1024
+    assert env.env_method("reward_terms", indices=[0])[0].keys() == {"reward"}
+    copied = pickle.loads(pickle.dumps(env))
+    np.testing.assert_array_equal(copied.step(actions(0, 16))[0], env.step(actions(0, 16))[0])
+
+
+def test_memory_arguments_and_seeds():
+    options = {"model": "contact", "max_episode_steps": 20}
+    env = bb.BallbotVectorEnv(3, task="me/Chase-v0", autoreset_mode="disabled", **options)
+    first, _ = env.reset(seed=8)
+    assert np.abs(first[:, 3:5]).max() <= 0.5
+    assert len(np.unique(first[:, 3])) == 3
+    again, _ = env.reset(seed=8)
+    np.testing.assert_array_equal(again, first)
+    wide, _ = bb.BallbotVectorEnv(3, task="me/Chase-v0", distance=5.0, **options).reset(seed=8)
+    np.testing.assert_allclose(wide[:, 3:5], 10.0 * first[:, 3:5], rtol=1e-6)
+    for _ in range(20):
+        observations, _, _, truncated, info = env.step(np.zeros((3, 3)))
+    assert truncated.all()
+    assert info["is_success"].all()
+    np.testing.assert_allclose(observations[:, -1], 0.2, rtol=1e-6)
+
+
+def test_sensors_are_observed_and_the_truth_is_rewarded():
+    seen = {}
+
+    class Watch(bb.Task):
+        def observe(self, robots):
+            seen["observed"] = robots.body_rate.copy()
+            return robots.body_rate
+
+        def reward(self, robots):
+            seen["true"] = robots.body_rate.copy()
+            return np.zeros(len(robots))
+
+    bb.register("me/Watch-v0", Watch)
+    options = {"sensors": {"gyro_noise": 0.01}, "observation": "sensors", "model": "contact"}
+    env = bb.BallbotVectorEnv(2, task="me/Watch-v0", **options)
+    env.reset(seed=0)
+    env.step(np.zeros((2, 3)))
+    true = np.array([state.body_angular_velocity for state in env.state])
+    np.testing.assert_allclose(seen["true"], true, atol=1e-6)
+    assert np.abs(seen["observed"] - true).max() > 1e-3
+
+
+def test_controllers_run_and_are_compared_on_it():
+    class Stand(Spin):
+        def terminated(self, robots):
+            return robots.tilt > 0.5
+
+    bb.register("me/Stand-v0", Stand)
+    result = bb.evaluate("lqr", task="me/Stand-v0", episodes=5, seed=3, env_options={"model": "contact"})
+    assert result.survival_rate == 1.0
+    assert result.mean_reward == pytest.approx(-1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("method", "value", "message"),
+    [
+        ("observe", lambda robots: np.zeros(len(robots)), r"observe returned shape \(2,\), expected \(2, k\)"),
+        ("reward", lambda _: 1.0, r"reward returned shape \(\), expected \(2,\)"),
+        ("reward", lambda robots: np.full(len(robots), np.nan), r"reward returned nan at \(0,\), expected finite"),
+        ("reward", lambda _: np.array(["a", "b"]), "expected numbers"),
+        ("terminated", lambda robots: np.zeros(len(robots)), "dtype float64, expected bool"),
+        ("terminated", lambda robots: np.zeros((len(robots), 1), dtype=bool), r"expected \(2,\) for 2 robots"),
+        ("observation_bound", -1.0, "must be finite and above 0"),
+        ("observation_bound", [1.0, 2.0], r"has shape \(2,\), expected \(\) or \(9,\)"),
+    ],
+)
+def test_errors_name_class_method_and_shape(method, value, message):
+    wrong = type("Wrong", (Spin,), {method: (lambda _, robots: value(robots)) if callable(value) else value})
+
+    def use():
+        bb.register("me/Wrong-v0", wrong)
+        env = bb.BallbotVectorEnv(2, task="me/Wrong-v0", model="contact")
+        env.reset(seed=0)
+        env.step(np.zeros((2, 3)))
+
+    with pytest.raises((ValueError, TypeError), match=message):
+        use()
+
+
+def test_registration_is_checked():
+    with pytest.raises(TypeError, match="subclass of Task"):
+        bb.register("me/Odd-v0", object)
+    with pytest.raises(ValueError, match="choose another id"):
+        bb.register("ballbot/Balance-v0", Spin)
+    with pytest.raises(ValueError, match="id of an environment"):
+        bb.register("no id at all!", Spin)
+    with pytest.raises(ValueError, match=r"did you mean 'me/Spin-v0'"):
+        bb.BallbotVectorEnv(2, task="me/Spn-v0")
+    with pytest.raises(TypeError, match="distanse"):
+        bb.BallbotVectorEnv(2, task="me/Chase-v0", distanse=1.0)
+    with pytest.raises(ValueError, match="history"):
+        bb.BallbotVectorEnv(2, task="me/Spin-v0", history=2)
+    pytest.importorskip("stable_baselines3")
+    with pytest.raises(TypeError, match="give one of the two"):
+        bb.BallbotVecEnv("me/Spin-v0", task="balance")
+    assert "me/Spin-v0" not in TASKS
+
+
+def test_arrays_are_views_and_read_only():
+    held = {}
+
+    class Keep(Spin):
+        def observe(self, robots):
+            held["robots"] = robots
+            return super().observe(robots)
+
+    bb.register("me/Keep-v0", Keep)
+    env = bb.BallbotVectorEnv(4, task="me/Keep-v0", model="contact", autoreset_mode="disabled")
+    env.reset(seed=0)
+    env.step(np.zeros((4, 3)))
+    robots = held["robots"]
+    assert robots.gravity.base is robots.wheel_speeds.base is not None
+    assert (robots.gravity.shape, robots.body_quaternion.shape, len(robots)) == ((4, 3), (4, 4), 4)
+    with pytest.raises(ValueError, match="read-only"):
+        robots.gravity[0] = 0.0
+    expected = [state.yaw for state in env.state]
+    np.testing.assert_allclose(robots.yaw, expected, atol=1e-5)
+    np.testing.assert_allclose(robots.tilt, [state.tilt for state in env.state], atol=1e-4)
+
+
+def test_the_tutorial_runs():
+    pytest.importorskip("stable_baselines3")
+    text = (ROOT / "docs" / "own_tasks.md").read_text(encoding="utf-8")
+    space = {}
+    for block in re.findall(r"^```python\n(.+?)^```$", text, flags=re.DOTALL | re.MULTILINE):
+        exec(compile(block.replace("10_000", "2_048"), "own_tasks.md", "exec"), space)
+        env = space["env"]
+        env.reset()
+    assert space["model"].num_timesteps == 2048
+    observations, *_ = space["env"].step(np.zeros((64, 3)))
+    assert observations.shape == (64, 9)
