@@ -1156,7 +1156,8 @@ class Batch:
     def metrics(self, index: None = None) -> _Array: ...
     @overload
     def metrics(self, index: int) -> dict[str, float]: ...
-    def setpoint(self, index: int) -> dict[str, Any]: ...
+    def setpoint(self, index: int) -> dict[str, Any]:
+        """What the task asks of a controller on the robot of environment `index`, now, by part: as `Controller` takes it."""
     def command(self, index: int | None = None) -> _Array:
         """The present command: of environment `index`, shape (k,), or of all, shape (num_envs, k), its parts as in
         `TASKS[task]["command"]`.

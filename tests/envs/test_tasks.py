@@ -105,7 +105,7 @@ def test_stable_baselines3_gets_the_same(task):
 @pytest.mark.parametrize("task", COMMANDED)
 def test_commands_are_set_by_hand_on_every_front_end(task):
     parts = len(TASKS[task]["command"])
-    command = np.full(parts, 0.1) + 0.02 * np.arange(parts)
+    command = np.full(parts, 0.01) + 0.02 * np.arange(parts)
     single = bb.BallbotEnv(task, model="contact")
     single.reset(seed=0)
     before, _ = single.reset(seed=0)

@@ -225,6 +225,14 @@ class OwnBatch:
         """The reward, as its only term."""
         return self._rewards[:, np.newaxis].copy() if index is None else {"reward": float(self._rewards[index])}
 
+    def rollout(self, *_: Any, **__: Any) -> None:
+        """Not there: the rewards and ends of a task in Python are not known to the core.
+
+        Raises:
+            TypeError: always.
+        """
+        raise TypeError(f"the task {self.task} is in Python: step its robots one step at a time")
+
     def infos(self) -> list[dict[str, Any]]:
         """As `Batch.infos`."""
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
