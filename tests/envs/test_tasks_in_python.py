@@ -12,7 +12,6 @@ import ballbot_rs as bb
 from ballbot_rs._core import TASKS
 from tests.support.paths import ROOT
 
-
 #: Some fall, others do not.
 SHORT = {"max_episode_steps": 25}
 

@@ -53,8 +53,7 @@ class Robots:
 
     def __getitem__(self, chosen: npt.NDArray[np.intp]) -> "Robots":
         """Some of the robots, by their numbers."""
-        parts = (array[chosen] for array in (self._rows, self._com, self.steps, self.numbers))
-        return Robots(*parts, self.control_dt)
+        return Robots(self._rows[chosen], self._com[chosen], self.steps[chosen], self.numbers[chosen], self.control_dt)
 
     def __repr__(self) -> str:
         return f"Robots({len(self)}: {', '.join(COLUMNS)}, tilt, yaw, yaw_rate, velocity, time)"
