@@ -26,12 +26,15 @@ _COLUMNS: dict[str, Callable[[Result], str]] = {
 
 
 LEGEND = (
-    "Upright: to the end of the episode. Settling: median time from which the tilt stays within 1 deg.",
+    "Upright: to the end of the episode.",
     "Tilt, torque: root mean square over all steps to the end or the fall. Reward: mean of a step.",
 )
 
 #: Of tasks with a setpoint.
-BALL_NOTE = "Ball: largest distance from the setpoint, mean over episodes."
+STANDING = (
+    "Settling: median time from which the tilt stays within 1 deg.",
+    "Ball: largest distance from the setpoint, mean over episodes.",
+)
 
 
 #: Why the PID rarely succeeds.
@@ -39,9 +42,9 @@ PID_NOTE = "pid controls the tilt alone: its ball drifts off, so it seldom succe
 
 
 def _columns(task: str) -> dict[str, Callable[[Result], str]]:
-    """The columns of a task: metrics of its own in place of the distance from a setpoint, if it has any."""
+    """The columns of a task: metrics of its own in place of those of standing at a setpoint, if it has any."""
     metrics = description_of(task)["metrics"]
-    columns = {name: cell for name, cell in _COLUMNS.items() if not (metrics and name == "ball (m)")}
+    columns = {name: cell for name, cell in _COLUMNS.items() if not (metrics and name in ("settling (s)", "ball (m)"))}
     for metric in metrics:
         unit = f" ({metric['unit']})" if metric["unit"] else ""
         columns[f"{metric['name'].replace('_', ' ')}{unit}"] = _metric(metric["name"])
@@ -66,7 +69,7 @@ def legend(task: str) -> list[str]:
     """What the columns mean."""
     metrics = description_of(task)["metrics"]
     if not metrics:
-        return [*LEGEND, BALL_NOTE]
+        return [*LEGEND, *STANDING]
     own = [f"{metric['name'].replace('_', ' ').capitalize()}: {metric['doc']}" for metric in metrics]
     return [*LEGEND, "; ".join(own) + "; means over the episodes that ran to their end."]
 

@@ -115,8 +115,7 @@ impl Task for Push {
         self.balance().reward(step, terminated, memory, terms);
     }
 
-    fn measure(&self, memory: &[f64], control_dt: f64, metrics: &mut impl Metrics) {
-        metrics.metric(Metric::new("survived", "s", "time without a fall"), memory[STEPS] * control_dt);
+    fn measure(&self, memory: &[f64], _: f64, metrics: &mut impl Metrics) {
         metrics.metric(
             Metric::new("distance", "m", "root mean square of the distance of the ball from the setpoint"),
             (memory[DISTANCES] / memory[STEPS]).sqrt(),

@@ -60,13 +60,13 @@ def write(
         raise ValueError(f"episodes = {episodes} is out of range: it must be at least 0")
     learned = curve.read(folder)
     record = run_folder.read_record(folder)
-    policy = find(str(folder / run_folder.BEST))
+    task = task_of(config_module.parse(learned.config, str(folder)).env_id)
+    policy = find(str(folder / run_folder.BEST), task=task)
     show = progress or (lambda _: no_progress)
     parts = [page.note(f"Training run {folder.resolve().name}, seed {record['seed']}.")]
     # First, because this is what may turn out not to be installed.
     if video_seconds > 0:
         parts.append(page.section("The policy at work", *_video(policy, video_seconds, show("rendering"))))
-    task = task_of(config_module.parse(learned.config, str(folder)).env_id)
     if results is None and episodes > 0:
         names = [policy.name, *beside(task)]
         results = compare(names, task=task, episodes=episodes, progress=show("comparing"))
