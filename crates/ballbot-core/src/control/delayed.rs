@@ -90,6 +90,12 @@ impl Delayed {
         predicted
     }
 
+    /// The torques that act in this sample, of which these were asked for now.
+    #[inline(always)]
+    pub(super) fn acting<L: Lane>(&self, torques: [L; 3], memory: &Memory<'_, L>) -> [L; 3] {
+        if self.driven.is_empty() { torques } else { memory.get3(0) }
+    }
+
     /// Keeps the torques of this sample.
     #[inline(always)]
     pub(super) fn keep<L: Lane>(&self, torques: [L; 3], memory: &mut Memory<'_, L>) {

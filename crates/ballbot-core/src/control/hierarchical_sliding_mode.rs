@@ -1,9 +1,12 @@
 //! Hierarchical sliding mode of position and lean.
 
+use super::lean_observer::{self, LeanObserver};
 use super::lean_planes::{LeanPlane, Leaning, require_stable};
 use super::outer::Outer;
 use super::tracking::{Deviation, Tracking};
-use super::{Constants, LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
+use super::{
+    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt,
+};
 use crate::error::{Error, Result};
 use crate::fields::{Fields, Limit};
 use crate::lane_state::LaneState;
@@ -38,6 +41,8 @@ crate::fields! {
         pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
         /// The largest speed that a deviation of the position may ask for.
         pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
+        /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass change; 0 for no estimate.
+        pub lean_observer: f64 = 0.0, "1/s", lean_observer::LIMIT;
     }
 }
 
@@ -126,6 +131,7 @@ pub struct HierarchicalSlidingMode {
     /// k of the acceleration −k (ψ, ψ̇) of the heading.
     yaw: [f64; 2],
     outer: Outer,
+    observer: LeanObserver,
     sampling: Sampling,
     limits: TorqueLimits,
 }
@@ -185,6 +191,8 @@ impl HierarchicalSlidingMode {
     ) -> Result<Self> {
         check_control_dt(control_dt)?;
         let limits = TorqueLimits::new(params, limits)?;
+        let max_torque = limits.max_torque();
+        let observer = LeanObserver::new(params, &tracking, control_dt, options.lean_observer, max_torque)?;
         let planes = &tracking.planes;
         for (surface, plane) in surfaces.iter().zip(&planes.planes) {
             surface.check(plane)?;
@@ -207,7 +215,8 @@ impl HierarchicalSlidingMode {
             layer: options.layer,
             yaw,
             tracking,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY + observer.kept()),
+            observer,
             limits,
         })
     }
@@ -231,6 +240,9 @@ impl Law for HierarchicalSlidingMode {
     }
 
     fn constants(&self) -> Option<Constants> {
+        if self.observer.kept() > 0 {
+            return None;
+        }
         let [x, y] = &self.gains;
         let constants = self
             .tracking
@@ -249,15 +261,20 @@ impl Law for HierarchicalSlidingMode {
         Some(self.limits.add_to(self.outer.add_to(constants)))
     }
 
+    fn kept(&self) -> usize {
+        Self::MEMORY + self.observer.kept()
+    }
+
     #[inline(always)]
     fn torques<L: Lane>(
         &self,
         state: &LaneState<L>,
         setpoint: &LaneSetpoint<L>,
         largest: f64,
-        _: &mut Memory<'_, L>,
+        memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
+        let equilibrium = self.observer.equilibrium(&self.tracking, state, &mut memory.after(Self::MEMORY));
+        let Deviation { mut x, forward } = equilibrium.deviation(self.tracking.deviation(state, setpoint));
         self.outer.clip(&mut x);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
         let (mut s, mut accelerations) = ([x[0]; 2], [x[0]; 2]);
@@ -278,6 +295,9 @@ impl Law for HierarchicalSlidingMode {
                 (s[axis] * decay).mul_add_all(-self.gains[axis].per_rate, accelerations[axis] + forward[axis]);
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        self.limits.apply(self.tracking.planes.wheel_torques(accelerations, turning), state, largest).torques
+        let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
+        let Limited { torques, share, .. } = self.limits.apply(wanted, state, largest);
+        self.observer.predict(&self.tracking, state, torques, share, &mut memory.after(Self::MEMORY));
+        torques
     }
 }

@@ -60,9 +60,10 @@ static CONTROLLERS: [ControllerKind; 11] = [
         limits: LimitOptions::TRACTION,
         options: describe_options::<LqrOptions>,
         make: |params, control_dt, limits, options| {
-            let LqrOptions { weights, delay } = fields_with(options)?;
+            let LqrOptions { weights, delay, observer } = fields_with(options)?;
             let lqr = Lqr::with_weights(params, control_dt, &weights, limits)?;
-            Ok(Box::new(lqr.with_delay(params, delay.delay)?))
+            let lqr = lqr.with_delay(params, delay.delay)?;
+            Ok(Box::new(lqr.with_lean_observer(params, observer.lean_observer)?))
         },
     },
     ControllerKind {

@@ -29,4 +29,10 @@ impl<L: Lane> Heading<L> {
     pub fn of(&self, x: L, y: L) -> [L; 2] {
         [self.cos.mul_add(x, self.sin * y), self.cos.mul_add(y, -(self.sin * x))]
     }
+
+    /// Components in the inertial frame of a horizontal vector of the heading frame.
+    #[inline(always)]
+    pub fn to_inertial(&self, x: L, y: L) -> [L; 2] {
+        [self.cos.mul_add(x, -(self.sin * y)), self.cos.mul_add(y, self.sin * x)]
+    }
 }

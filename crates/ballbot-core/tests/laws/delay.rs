@@ -1,7 +1,7 @@
 //! Motors whose torque acts later than it is asked for.
 
 use super::{CONTROL_DT, SIM_DT, STEPS, around, gain_of, made, position, robot, run, uneven};
-use ballbot_core::control::{Lqr, LqrWeights, controller_kind, riccati};
+use ballbot_core::control::{Controller, Lqr, LqrWeights, controller_kind, riccati};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State};
@@ -84,13 +84,18 @@ fn delays_are_checked() {
 }
 
 /// Whether the robot stands after a start and an impulse, with motors whose torque acts `delay` later, in `contact`.
-fn stands(params: &Params, known: f64, delay: f64, start: &State, impulse: Vector3<f64>) -> bool {
+pub fn stands(
+    params: &Params,
+    controller: &mut dyn Controller,
+    delay: f64,
+    start: &State,
+    impulse: Vector3<f64>,
+) -> bool {
     let steps = (delay / SIM_DT).round() as usize;
     let on_their_way = RefCell::new(VecDeque::from(vec![[0.0; 3]; steps]));
     let mut robot = robot(params, ModelKind::Contact, start);
     robot.push(&impulse, None).unwrap();
-    let mut controller = made("lqr", params, &[("delay", &[known])]);
-    let end = run(&mut robot, controller.as_mut(), 6.0, position(0.0, 0.0), |_, torques| {
+    let end = run(&mut robot, controller, 6.0, position(0.0, 0.0), |_, torques| {
         let mut waiting = on_their_way.borrow_mut();
         waiting.push_back(*torques);
         *torques = waiting.pop_front().unwrap();
@@ -108,7 +113,13 @@ fn a_delay_that_is_predicted_costs_less() {
             let holds = |tilt: f64, push: f64| {
                 around(12).all(|way| {
                     let start = State::tilted(&params, way * tilt.to_radians(), 0.0);
-                    stands(&params, known, delay, &start, way.push(0.0) * push)
+                    stands(
+                        &params,
+                        made("lqr", &params, &[("delay", &[known])]).as_mut(),
+                        delay,
+                        &start,
+                        way.push(0.0) * push,
+                    )
                 })
             };
             let tilt = (0..30).map(f64::from).take_while(|&tilt| holds(tilt, 0.0)).last().unwrap_or(-1.0);

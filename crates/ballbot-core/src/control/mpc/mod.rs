@@ -3,14 +3,15 @@
 mod plane;
 mod prediction;
 
+use super::lean_observer::{self, LeanObserver};
 use super::lean_planes::{Leaning, product};
 use super::limits::ROWS;
 use super::outer::Outer;
 use super::riccati;
 use super::tracking::{Deviation, Tracking};
 use super::{
-    LaneSetpoint, Law, LimitOptions, LqrWeights, MOTION_PARTS, Sampling, Setpoint, SetpointCells, TorqueLimits,
-    check_control_dt,
+    LaneSetpoint, Law, LimitOptions, Limited, LqrWeights, MOTION_PARTS, Sampling, Setpoint, SetpointCells,
+    TorqueLimits, check_control_dt,
 };
 use crate::error::Result;
 use crate::fields::{Fields, Limit};
@@ -54,6 +55,8 @@ crate::fields! {
         pub horizon: f64 = 3.0, "", Limit::from(1e-3).to(10.0);
         /// Iterations a call, rounded.
         pub iterations: f64 = 10.0, "", Limit::from(1.0).to(10_000.0);
+        /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass change; 0 for no estimate.
+        pub lean_observer: f64 = 0.0, "1/s", lean_observer::LIMIT;
     }
 }
 
@@ -79,6 +82,7 @@ pub struct Mpc {
     prediction: Prediction,
     tracking: Tracking,
     outer: Outer,
+    observer: LeanObserver,
     sampling: Sampling,
     limits: TorqueLimits,
     /// Time between two stages, s.
@@ -105,6 +109,8 @@ impl Mpc {
         let limits = TorqueLimits::new(params, limits)?;
         let weights = options.weights();
         let tracking = Tracking::new(params);
+        let max_torque = limits.max_torque();
+        let observer = LeanObserver::new(params, &tracking, control_dt, options.lean_observer, max_torque)?;
         let planes = &tracking.planes;
         let toppling = planes.planes[0].toppling.max(planes.planes[1].toppling);
         let samples = (options.horizon / (toppling * STAGES as f64 * control_dt)).round().max(1.0);
@@ -126,7 +132,8 @@ impl Mpc {
             outer: Outer::new(&gain, [weights.max_lean, weights.max_speed]),
             gain: std::array::from_fn(|i| std::array::from_fn(|j| gain[(i, j)])),
             prediction,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY + observer.kept()),
+            observer,
             tracking,
             limits,
             stage,
@@ -142,7 +149,7 @@ impl Mpc {
     pub fn wanted(&self, state: &State, setpoint: &Setpoint) -> [f64; 3] {
         let mut cells = StateCells::default();
         LaneState::from(state).store(&mut cells);
-        let mut plan = vec![0.0; <Self as Law>::MEMORY];
+        let mut plan = vec![0.0; self.kept()];
         let mut memory = Memory::<f64>::new(Scalar, &mut plan);
         self.torques_wanted(
             &cells.load(Scalar),
@@ -160,7 +167,8 @@ impl Mpc {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
+        let equilibrium = self.observer.equilibrium(&self.tracking, state, &mut memory.after(Self::MEMORY));
+        let Deviation { mut x, forward } = equilibrium.deviation(self.tracking.deviation(state, setpoint));
         self.outer.clip(&mut x);
         let planes = &self.tracking.planes;
         let zero = x[0].zero();
@@ -229,6 +237,10 @@ impl Law for Mpc {
         &mut self.sampling
     }
 
+    fn kept(&self) -> usize {
+        Self::MEMORY + self.observer.kept()
+    }
+
     #[inline(always)]
     fn torques<L: Lane>(
         &self,
@@ -238,6 +250,8 @@ impl Law for Mpc {
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
         let wanted = self.torques_wanted(state, setpoint, largest, memory);
-        self.limits.apply(wanted, state, largest).torques
+        let Limited { torques, share, .. } = self.limits.apply(wanted, state, largest);
+        self.observer.predict(&self.tracking, state, torques, share, &mut memory.after(Self::MEMORY));
+        torques
     }
 }
