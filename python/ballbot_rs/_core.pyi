@@ -827,7 +827,9 @@ class Lqr(Controller):
         weights: deviations of equal cost (Bryson's rule): `position` (0.15 m), `velocity` (0.4 m/s), `tilt` (0.1 rad),
             `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m); and `max_lean` (0.175 rad), the
             largest lean that deviations of position and velocity may ask for, and `max_speed` (1 m/s), the largest speed that
-            those of position may.
+            those of position may. Besides, `delay` (0 s), the time between a torque and its effect, a multiple of
+            `control_dt` that is predicted over, and `lean_observer` (0 1/s), the rate at which the lean in equilibrium is
+            estimated, which a slope, a force or a wrong center of mass change.
 
     Raises:
         ValueError: a number out of range, or a cost that is not symmetric and positive.

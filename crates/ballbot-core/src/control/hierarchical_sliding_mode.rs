@@ -3,6 +3,7 @@
 use super::lean_observer::{self, LeanObserver};
 use super::lean_planes::{LeanPlane, Leaning, require_stable};
 use super::outer::Outer;
+use super::switching_gain::SwitchingGain;
 use super::tracking::{Deviation, Tracking};
 use super::{
     Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt,
@@ -33,6 +34,12 @@ crate::fields! {
         pub switching: f64 = 1.0, "rad/s²", Limit::from(0.0).to(1e6);
         /// φ, the width of the boundary layer.
         pub layer: f64 = 0.2, "rad/s", Limit::from(1e-6).to(1e6);
+        /// γ, by which η grows with the distance from the boundary layer; 0 for a fixed η.
+        pub adaptation: f64 = 0.0, "1/s²", Limit::from(0.0).to(1e6);
+        /// σ, the rate at which what η has grown by decays.
+        pub leakage: f64 = 1.0, "1/s", Limit::from(0.0).to(1e3);
+        /// The largest η that is adapted, at least that without.
+        pub max_switching: f64 = 5.0, "rad/s²", Limit::from(0.0).to(1e6);
         /// Natural frequency of the heading.
         pub yaw_bandwidth: f64 = 4.0, "rad/s", Limit::from(1e-3).to(1e3);
         /// Damping ratio of the heading.
@@ -119,14 +126,14 @@ impl Gains {
 /// With y the deviation of the position and θ the lean towards it, S = α (c₁ y + ẏ) + c₂ θ + θ̇. The equivalent control
 /// of the linear model holds S; the rest makes Ṡ = −K_S S − η S / max(|S|, φ), S being the vector of both planes. That
 /// S decays says nothing of y and θ, which obey a cubic on S = 0: its poles are the options, and α, c₁, c₂ follow from
-/// them (derived in `docs/laws.md`). Speed and lean that the position asks for are cut as vectors.
+/// them (derived in `docs/laws.md`). With `adaptation` η grows outside of the layer, up to `max_switching`, and leaks. Speed and lean that the position asks for are cut as vectors.
 #[derive(Clone, Debug)]
 pub struct HierarchicalSlidingMode {
     tracking: Tracking,
     gains: [Gains; 2],
     /// K_S, 1/s.
     reaching: f64,
-    switching: f64,
+    switching: SwitchingGain,
     layer: f64,
     /// k of the acceleration −k (ψ, ψ̇) of the heading.
     yaw: [f64; 2],
@@ -202,20 +209,24 @@ impl HierarchicalSlidingMode {
         let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
         let reaching = options.reaching * 0.5 * (x.toppling + y.toppling);
         let gain_of = |rate: f64| planes.gain([gains[0].feedback(rate), gains[1].feedback(rate)], yaw);
-        let within_layer = gain_of(reaching + options.switching / options.layer);
+        let gains_of = [options.switching, options.max_switching];
+        let switching = SwitchingGain::new(gains_of, options.adaptation, options.leakage, control_dt);
+        let within_layer = gain_of(reaching + switching.fixed() / options.layer);
         let (a, b) = LinearModel::new(params).discretize(control_dt);
-        let closed = a - b * &within_layer;
-        require_stable(DMatrix::from_column_slice(STATES, STATES, closed.as_slice()), control_dt)?;
+        for largest in [switching.fixed(), switching.largest()] {
+            let closed = a - b * gain_of(reaching + largest / options.layer);
+            require_stable(DMatrix::from_column_slice(STATES, STATES, closed.as_slice()), control_dt)?;
+        }
         Ok(Self {
-            // By the gains within the layer, which are the largest.
+            // By the gains within the layer, where they are largest.
             outer: Outer::new(&within_layer, [options.max_lean, options.max_speed]),
             gains,
             reaching,
-            switching: options.switching,
+            switching,
             layer: options.layer,
             yaw,
             tracking,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY + observer.kept()),
+            sampling: Sampling::new(control_dt, switching.kept() + observer.kept()),
             observer,
             limits,
         })
@@ -240,7 +251,7 @@ impl Law for HierarchicalSlidingMode {
     }
 
     fn constants(&self) -> Option<Constants> {
-        if self.observer.kept() > 0 {
+        if self.kept() > 0 {
             return None;
         }
         let [x, y] = &self.gains;
@@ -255,14 +266,14 @@ impl Law for HierarchicalSlidingMode {
             .vector("rate_gains", &[x.equivalent[2], y.equivalent[2]])
             .vector("per_rate", &[x.per_rate, y.per_rate])
             .number("reaching", self.reaching)
-            .number("switching", self.switching)
+            .number("switching", self.switching.fixed())
             .number("layer", self.layer)
             .vector("yaw_gains", &self.yaw);
         Some(self.limits.add_to(self.outer.add_to(constants)))
     }
 
     fn kept(&self) -> usize {
-        Self::MEMORY + self.observer.kept()
+        self.switching.kept() + self.observer.kept()
     }
 
     #[inline(always)]
@@ -273,7 +284,8 @@ impl Law for HierarchicalSlidingMode {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let equilibrium = self.observer.equilibrium(&self.tracking, state, &mut memory.after(Self::MEMORY));
+        let adapted = self.switching.kept();
+        let equilibrium = self.observer.equilibrium(&self.tracking, state, &mut memory.after(adapted));
         let Deviation { mut x, forward } = equilibrium.deviation(self.tracking.deviation(state, setpoint));
         self.outer.clip(&mut x);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
@@ -289,7 +301,7 @@ impl Law for HierarchicalSlidingMode {
         }
         let length = s[0].mul_add(s[0], s[1].squared()).sqrt();
         let layer = length.splat(self.layer);
-        let decay = length.splat(self.switching) / length.max(layer) + self.reaching;
+        let decay = self.switching.now(length, memory) / length.max(layer) + self.reaching;
         for axis in 0..2 {
             accelerations[axis] =
                 (s[axis] * decay).mul_add_all(-self.gains[axis].per_rate, accelerations[axis] + forward[axis]);
@@ -297,7 +309,8 @@ impl Law for HierarchicalSlidingMode {
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
         let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
         let Limited { torques, share, .. } = self.limits.apply(wanted, state, largest);
-        self.observer.predict(&self.tracking, state, torques, share, &mut memory.after(Self::MEMORY));
+        self.switching.adapt(length - layer, share, memory);
+        self.observer.predict(&self.tracking, state, torques, share, &mut memory.after(adapted));
         torques
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{
     AttitudeSlidingOptions, CascadePid, CascadePidOptions, Controller, FuzzyMamdani, FuzzyOptions,
-    HierarchicalSlidingMode, InverseDynamicsOptions, Law, LimitOptions, Lqi, LqiWeights, Lqr, LqrOptions, LqrPi,
+    HierarchicalSlidingMode, InverseDynamicsOptions, Law, LimitOptions, Lqi, LqiOptions, Lqr, LqrOptions, LqrPi,
     LqrPiOptions, LqrWeights, Mpc, MpcOptions, PdInverseDynamics, Pid, PidGains, SETPOINT_PARTS, SlidingMode,
     SlidingModeOptions, TakagiSugeno,
 };
@@ -84,9 +84,10 @@ static CONTROLLERS: [ControllerKind; 11] = [
         control_dt: None,
         parts: <Lqi as Law>::PARTS,
         limits: LimitOptions::TRACTION,
-        options: describe_options::<LqiWeights>,
+        options: describe_options::<LqiOptions>,
         make: |params, control_dt, limits, options| {
-            Ok(Box::new(Lqi::with_weights(params, control_dt, &fields_with(options)?, limits)?))
+            let LqiOptions { weights, delay } = fields_with(options)?;
+            Ok(Box::new(Lqi::with_weights(params, control_dt, &weights, limits)?.with_delay(params, delay.delay)?))
         },
     },
     ControllerKind {

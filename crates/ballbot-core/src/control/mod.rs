@@ -26,6 +26,7 @@ pub mod reference;
 pub mod riccati;
 mod rule_table;
 mod sliding_mode;
+mod switching_gain;
 mod takagi_sugeno;
 mod tracking;
 
@@ -36,7 +37,7 @@ pub use hierarchical_sliding_mode::{HierarchicalSlidingMode, SlidingModeOptions,
 pub use kinds::{ControllerKind, MakeController, controller_kind, controller_kinds, fields_with, register_controller};
 pub use lean_observer::ObserverOptions;
 pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
-pub use lqi::{IntegralWeights, Lqi, LqiWeights};
+pub use lqi::{IntegralWeights, Lqi, LqiOptions, LqiWeights};
 pub use lqr::{Lqr, LqrOptions, LqrWeights};
 pub use lqr_pi::{LqrPi, LqrPiOptions};
 pub use mpc::{Mpc, MpcOptions};

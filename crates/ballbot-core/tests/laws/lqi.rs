@@ -123,13 +123,13 @@ fn the_integral_is_cut_and_held() {
 }
 
 #[test]
-fn options_are_those_of_the_regulator_and_two_more() {
+fn options_are_those_of_the_regulator_and_of_the_integral() {
     let names = |name: &str| {
         (controller_kind(name).unwrap().options)().into_iter().map(|option| option.name).collect::<Vec<_>>()
     };
     let further = ["delay", "lean_observer"];
     let weights: Vec<_> = names("lqr").into_iter().filter(|name| !further.contains(name)).collect();
-    assert_eq!(names("lqi"), [weights, vec!["integral", "max_integral_lean"]].concat());
+    assert_eq!(names("lqi"), [weights, vec!["integral", "max_integral_lean", "delay"]].concat());
     let mut weights = LqiWeights::default();
     weights.set("yaw", &[0.3]).unwrap();
     weights.set("max_integral_lean", &[0.01]).unwrap();
