@@ -221,8 +221,9 @@ impl Law for CascadePid {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let equilibrium = self.observer.equilibrium(&self.tracking, state, &mut memory.after(Self::MEMORY));
-        let Deviation { x, forward } = equilibrium.deviation(self.tracking.deviation(state, setpoint));
+        let deviation = self.tracking.deviation(state, setpoint);
+        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(Self::MEMORY));
+        let Deviation { x, forward, pose } = equilibrium.deviation(deviation);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
         let [gx, gy] = &self.gains;
         let speeds = [position[0] * (gx.position / gx.velocity), position[1] * (gy.position / gy.velocity)];
@@ -242,7 +243,8 @@ impl Law for CascadePid {
             accelerations[axis] = driven + held + forward[axis];
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let limited = self.limits.apply(self.tracking.planes.wheel_torques(accelerations, turning), state, largest);
+        let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
+        let limited = self.limits.apply_at(wanted, state, &pose, largest);
         // A torque that is limited cannot act on the integral: hold it.
         let held = limited.share.lt(less.splat(1.0));
         for (axis, error) in errors.into_iter().enumerate() {
@@ -250,7 +252,7 @@ impl Law for CascadePid {
             let next = error.mul_add_all(self.sampling.control_dt, integral);
             memory.set(axis, L::select(held, integral, next));
         }
-        self.observer.predict(&self.tracking, state, limited.torques, limited.share, &mut memory.after(Self::MEMORY));
+        self.observer.predict(state, &pose, limited.torques, limited.share, &mut memory.after(Self::MEMORY));
         limited.torques
     }
 }

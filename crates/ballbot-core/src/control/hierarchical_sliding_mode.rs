@@ -285,8 +285,9 @@ impl Law for HierarchicalSlidingMode {
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
         let adapted = self.switching.kept();
-        let equilibrium = self.observer.equilibrium(&self.tracking, state, &mut memory.after(adapted));
-        let Deviation { mut x, forward } = equilibrium.deviation(self.tracking.deviation(state, setpoint));
+        let deviation = self.tracking.deviation(state, setpoint);
+        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(adapted));
+        let Deviation { mut x, forward, pose } = equilibrium.deviation(deviation);
         self.outer.clip(&mut x);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
         let (mut s, mut accelerations) = ([x[0]; 2], [x[0]; 2]);
@@ -308,9 +309,9 @@ impl Law for HierarchicalSlidingMode {
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
         let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
-        let Limited { torques, share, .. } = self.limits.apply(wanted, state, largest);
+        let Limited { torques, share, .. } = self.limits.apply_at(wanted, state, &pose, largest);
         self.switching.adapt(length - layer, share, memory);
-        self.observer.predict(&self.tracking, state, torques, share, &mut memory.after(adapted));
+        self.observer.predict(state, &pose, torques, share, &mut memory.after(adapted));
         torques
     }
 }

@@ -1,5 +1,6 @@
 //! The lean and the torque at which a robot is in equilibrium, observed: on a slope, under a force, with a wrong center of mass.
 
+use super::balance_frame::Pose;
 use super::lean_planes::PLACES;
 use super::outer::share_within;
 use super::tracking::{Deviation, Tracking};
@@ -72,13 +73,13 @@ pub(super) struct Equilibrium<L>(Option<[[L; 2]; 2]>);
 impl<L: Lane> Equilibrium<L> {
     /// A deviation from the motion about this equilibrium.
     #[inline(always)]
-    pub(super) fn deviation(&self, Deviation { mut x, forward }: Deviation<L>) -> Deviation<L> {
+    pub(super) fn deviation(&self, Deviation { mut x, forward, pose }: Deviation<L>) -> Deviation<L> {
         if let Self(Some([[lean_x, lean_y], _])) = *self {
             // Leaning towards y turns about −x.
             x[2] += lean_y;
-            x[3] = x[3] - lean_x;
+            x[3] -= lean_x;
         }
-        Deviation { x, forward: self.forward(forward) }
+        Deviation { x, forward: self.forward(forward), pose }
     }
 
     /// What the motors add to the accelerations of the leans in a motion, with what they add in equilibrium.
@@ -148,12 +149,12 @@ impl LeanObserver {
     #[inline(always)]
     pub(super) fn equilibrium<L: Lane>(
         &self,
-        tracking: &Tracking,
         state: &LaneState<L>,
+        heading: &Heading<L>,
         memory: &mut Memory<'_, L>,
     ) -> Equilibrium<L> {
         match &self.observed {
-            Some(observed) => Equilibrium(Some(observed.correct(tracking, state, memory))),
+            Some(observed) => Equilibrium(Some(observed.correct(state, heading, memory))),
             None => Equilibrium(None),
         }
     }
@@ -162,14 +163,14 @@ impl LeanObserver {
     #[inline(always)]
     pub(super) fn predict<L: Lane>(
         &self,
-        tracking: &Tracking,
         state: &LaneState<L>,
+        pose: &Pose<L>,
         torques: [L; 3],
         share: L,
         memory: &mut Memory<'_, L>,
     ) {
         if let Some(observed) = &self.observed {
-            observed.predict(tracking, state, torques, share, memory);
+            observed.predict(state, pose, torques, share, memory);
         }
     }
 }
@@ -177,8 +178,7 @@ impl LeanObserver {
 impl Observed {
     /// θ̂₀ and û₀ in the planes of the heading frame.
     #[inline(always)]
-    fn correct<L: Lane>(&self, tracking: &Tracking, state: &LaneState<L>, memory: &mut Memory<'_, L>) -> [[L; 2]; 2] {
-        let heading = Heading::new(tracking.frame.attitude(state.body_quaternion));
+    fn correct<L: Lane>(&self, state: &LaneState<L>, heading: &Heading<L>, memory: &mut Memory<'_, L>) -> [[L; 2]; 2] {
         let (velocity, rate) = (state.ball_velocity, rates(state));
         let [vx, vy] = heading.of(velocity.x - memory.get(VELOCITY), velocity.y - memory.get(VELOCITY + 1));
         let [rx, ry] = heading.of(rate[0] - memory.get(RATE), rate[1] - memory.get(RATE + 1));
@@ -189,24 +189,23 @@ impl Observed {
         let zero = vx.zero();
         let part = L::select(zero.lt(memory.get(COUNTS)), within * self.gain, zero);
         [
-            corrected(&heading, memory, LEAN, leans, part, MAX_LEAN),
-            corrected(&heading, memory, ACCELERATION, accelerations, part, self.max_acceleration),
+            corrected(heading, memory, LEAN, leans, part, MAX_LEAN),
+            corrected(heading, memory, ACCELERATION, accelerations, part, self.max_acceleration),
         ]
     }
 
     #[inline(always)]
     fn predict<L: Lane>(
         &self,
-        tracking: &Tracking,
         state: &LaneState<L>,
+        pose: &Pose<L>,
         torques: [L; 3],
         share: L,
         memory: &mut Memory<'_, L>,
     ) {
-        let attitude = tracking.frame.attitude(state.body_quaternion);
-        let heading = Heading::new(attitude);
-        let [tilt_x, tilt_y] = attitude.tilt_components();
-        let lean = heading.of(tilt_y - memory.get(LEAN), -tilt_x - memory.get(LEAN + 1));
+        let Pose { heading, tilt: [tilt_x, tilt_y], .. } = pose;
+        let [lean_x, lean_y] = heading.of(memory.get(LEAN), memory.get(LEAN + 1));
+        let lean = [*tilt_y - lean_x, -*tilt_x - lean_y];
         let velocity = heading.of(state.ball_velocity.x, state.ball_velocity.y);
         let [rate_x, rate_y] = rates(state);
         let rate = heading.of(rate_x, rate_y);
@@ -220,8 +219,8 @@ impl Observed {
             velocities[axis] = predicted(moving, x);
             turning[axis] = predicted(leaning, x);
         }
-        keep(&heading, memory, VELOCITY, velocities);
-        keep(&heading, memory, RATE, turning);
+        keep(heading, memory, VELOCITY, velocities);
+        keep(heading, memory, RATE, turning);
         let one = share.splat(1.0);
         memory.set(COUNTS, L::select(share.lt(one), share.zero(), one));
     }

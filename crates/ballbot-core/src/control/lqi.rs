@@ -12,7 +12,7 @@ use super::{
 use crate::error::Result;
 use crate::fields::{Fields, Limit};
 use crate::lane_state::LaneState;
-use crate::lanes::{Heading, Lane, Memory};
+use crate::lanes::{Lane, Memory};
 use crate::models::LinearModel;
 use crate::models::linear::{INPUTS, STATES};
 use crate::params::Params;
@@ -203,8 +203,8 @@ impl Law for Lqi {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
-        let heading = Heading::new(self.tracking.frame.attitude(state.body_quaternion));
+        let Deviation { mut x, forward, pose } = self.tracking.deviation(state, setpoint);
+        let heading = pose.heading;
         let integral = [memory.get(0), memory.get(1)];
         let z = heading.of(integral[0], integral[1]);
         let (zero, one) = (x[0].zero(), x[0].splat(1.0));
@@ -217,7 +217,7 @@ impl Law for Lqi {
             let both = self.delayed.state(both, &memory.after(Self::MEMORY));
             x.copy_from_slice(&both[..STATES]);
             later.copy_from_slice(&both[STATES..]);
-            forward = self.tracking.forward_after(state, setpoint, self.delayed.seconds());
+            forward = self.tracking.forward_after(&heading, setpoint, self.delayed.seconds());
         }
         let left = self.outer.clip(&mut x);
         let near = turned(&self.position_lean, [x[0], x[1]]);
@@ -232,7 +232,7 @@ impl Law for Lqi {
         for (wheel, torque) in wanted.iter_mut().enumerate() {
             *torque += self.torque(wheel, &x, &used);
         }
-        let limited = self.limits.apply(wanted, state, largest);
+        let limited = self.limits.apply_at(wanted, state, &pose, largest);
         let [a, b, c] = limited.torques;
         self.delayed.keep([a - reference[0], b - reference[1], c - reference[2]], &mut memory.after(Self::MEMORY));
         let held = far | limited.share.lt(one);

@@ -186,7 +186,7 @@ impl Lqr {
         state: &LaneState<L>,
         setpoint: &LaneSetpoint<L>,
     ) -> ([L; STATES], [L; INPUTS]) {
-        let Deviation { x, forward } = self.tracking.deviation(state, setpoint);
+        let Deviation { x, forward, .. } = self.tracking.deviation(state, setpoint);
         (x, self.tracking.planes.wheel_torques(forward, x[0].zero()))
     }
 
@@ -274,8 +274,8 @@ impl Law for Lqr {
     ) -> [L; 3] {
         let deviation = self.tracking.deviation(state, setpoint);
         let delays = self.delayed.kept();
-        let equilibrium = self.observer.equilibrium(&self.tracking, state, &mut memory.after(delays));
-        let Deviation { x, forward } = equilibrium.deviation(deviation);
+        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(delays));
+        let Deviation { x, forward, pose } = equilibrium.deviation(deviation);
         let mut x = self.delayed.state(x, memory);
         self.outer.clip(&mut x);
         let acting = self.tracking.planes.wheel_torques(forward, x[0].zero());
@@ -283,7 +283,7 @@ impl Law for Lqr {
             0 => acting,
             // A torque acts on the motion as it is after the delay.
             _ => {
-                let later = self.tracking.forward_after(state, setpoint, self.delayed.seconds());
+                let later = self.tracking.forward_after(&pose.heading, setpoint, self.delayed.seconds());
                 self.tracking.planes.wheel_torques(equilibrium.forward(later), x[0].zero())
             }
         };
@@ -291,12 +291,12 @@ impl Law for Lqr {
         for (row, torque) in self.gain.iter().zip(&mut wanted) {
             *torque += product(row, &x);
         }
-        let Limited { torques, share, .. } = self.limits.apply(wanted, state, largest);
+        let Limited { torques, share, .. } = self.limits.apply_at(wanted, state, &pose, largest);
         let [a, b, c] = torques;
         let added = [a - reference[0], b - reference[1], c - reference[2]];
         let [a, b, c] = self.delayed.acting(added, memory);
         let acting = [acting[0] + a, acting[1] + b, acting[2] + c];
-        self.observer.predict(&self.tracking, state, acting, share, &mut memory.after(delays));
+        self.observer.predict(state, &pose, acting, share, &mut memory.after(delays));
         self.delayed.keep(added, memory);
         torques
     }

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::fields::{Fields, Limit};
 use crate::kinematics::Omniwheels;
 use crate::lane_state::LaneState;
-use crate::lanes::{Heading, Lane, Memory};
+use crate::lanes::{Lane, Memory};
 use crate::params::Params;
 use nalgebra::{DMatrix, Vector3};
 
@@ -197,14 +197,13 @@ impl Law for LqrPi {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let equilibrium = self.observer.equilibrium(&self.tracking, state, &mut memory.after(Self::MEMORY));
-        let Deviation { mut x, forward } = equilibrium.deviation(self.tracking.deviation(state, setpoint));
+        let deviation = self.tracking.deviation(state, setpoint);
+        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(Self::MEMORY));
+        let Deviation { mut x, forward, pose } = equilibrium.deviation(deviation);
         let Leaning { velocity, rate, .. } = Leaning::new(&x);
         // The motion of the setpoint, of which the wheels have a part.
-        let heading = Heading::new(self.tracking.frame.attitude(state.body_quaternion));
-        let moving = heading.of(state.ball_velocity.x, state.ball_velocity.y);
-        let turning = self.tracking.frame.of_body(state.body_angular_velocity);
-        let leaning = [turning.y, -turning.x];
+        let moving = pose.heading.of(state.ball_velocity.x, state.ball_velocity.y);
+        let leaning = [pose.rate.y, -pose.rate.x];
         self.outer.clip(&mut x);
         let asking = Leaning::new(&x);
         let zero = x[0].zero();
@@ -224,7 +223,8 @@ impl Law for LqrPi {
             accelerations[axis] += driven;
         }
         let yaw = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let limited = self.limits.apply(self.tracking.planes.wheel_torques(accelerations, yaw), state, largest);
+        let wanted = self.tracking.planes.wheel_torques(accelerations, yaw);
+        let limited = self.limits.apply_at(wanted, state, &pose, largest);
         // A torque that is limited cannot act on the integral: hold it.
         let held = limited.share.lt(zero.splat(1.0));
         for (axis, error) in errors.into_iter().enumerate() {
@@ -232,7 +232,7 @@ impl Law for LqrPi {
             let next = error.mul_add_all(self.sampling.control_dt, integral);
             memory.set(axis, L::select(held, integral, next));
         }
-        self.observer.predict(&self.tracking, state, limited.torques, limited.share, &mut memory.after(Self::MEMORY));
+        self.observer.predict(state, &pose, limited.torques, limited.share, &mut memory.after(Self::MEMORY));
         limited.torques
     }
 }

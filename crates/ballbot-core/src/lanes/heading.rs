@@ -3,6 +3,7 @@
 use super::{Lane, Quat};
 
 /// Cosine and sine of the yaw.
+#[derive(Clone, Copy, Debug)]
 pub struct Heading<L> {
     /// Cosine of the yaw.
     pub cos: L,

@@ -178,7 +178,9 @@ fn the_adapted_gain_is_the_closed_form_and_bounded() {
         assert!((found / expected - 1.0).abs() < 0.01, "S = {found}, expected {expected}");
         assert!((memory[0] - 50.0 * (expected - 0.05)).abs() < 0.02 * memory[0], "{memory:?}");
         // Without the adaptation the robot is farther off, at (d − η)/K_S.
-        let fixed = alpha * c1 * pushed(&ADAPTIVE[..2], torque).0.abs();
+        let off = pushed(&ADAPTIVE[..2], torque).0;
+        println!("without the adaptation {:.1} mm", off * 1e3);
+        let fixed = alpha * c1 * off.abs();
         assert!((fixed / ((pushing - 0.25) / reaching) - 1.0).abs() < 0.02 && fixed > 2.5 * found, "S = {fixed}");
     }
     let (_, memory) = pushed(&ADAPTIVE, 0.17);

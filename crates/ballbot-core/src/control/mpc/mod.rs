@@ -3,6 +3,7 @@
 mod plane;
 mod prediction;
 
+use super::balance_frame::Pose;
 use super::lean_observer::{self, LeanObserver};
 use super::lean_planes::{Leaning, product};
 use super::limits::ROWS;
@@ -157,6 +158,7 @@ impl Mpc {
             f64::INFINITY,
             &mut memory,
         )
+        .0
     }
 
     #[inline(always)]
@@ -166,14 +168,15 @@ impl Mpc {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         memory: &mut Memory<'_, L>,
-    ) -> [L; 3] {
-        let equilibrium = self.observer.equilibrium(&self.tracking, state, &mut memory.after(Self::MEMORY));
-        let Deviation { mut x, forward } = equilibrium.deviation(self.tracking.deviation(state, setpoint));
+    ) -> ([L; 3], Pose<L>) {
+        let deviation = self.tracking.deviation(state, setpoint);
+        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(Self::MEMORY));
+        let Deviation { mut x, forward, pose } = equilibrium.deviation(deviation);
         self.outer.clip(&mut x);
         let planes = &self.tracking.planes;
         let zero = x[0].zero();
         let mut wanted = planes.wheel_torques(forward, zero);
-        let start = self.start(state, &x, forward, wanted, largest);
+        let start = self.start(&pose, &x, forward, wanted, largest);
         for (row, torque) in self.gain.iter().zip(&mut wanted) {
             *torque += product(row, &x);
         }
@@ -190,25 +193,21 @@ impl Mpc {
         let [x, y] = &self.prediction.planes;
         let [first, ..] = plan;
         let added = planes.wheel_torques([first[0] * x.scale, first[1] * y.scale], zero);
-        [wanted[0] + added[0], wanted[1] + added[1], wanted[2] + added[2]]
+        ([wanted[0] + added[0], wanted[1] + added[1], wanted[2] + added[2]], pose)
     }
 
     /// What the prediction starts from; the lean of the setpoint is held and so is the tilt rate of the rows.
     #[inline(always)]
     fn start<L: Lane>(
         &self,
-        state: &LaneState<L>,
+        &Pose { tilt: [tilt_x, tilt_y], rate: turning, .. }: &Pose<L>,
         x: &[L; STATES],
         forward: [L; 2],
         torques: [L; 3],
         largest: f64,
     ) -> Start<L> {
         let Leaning { position, velocity, lean, rate } = Leaning::new(x);
-        let attitude = self.tracking.frame.attitude(state.body_quaternion);
-        let [inertial_x, inertial_y] = attitude.tilt_components();
-        let [tilt_x, tilt_y] = crate::lanes::Heading::new(attitude).of(inertial_x, inertial_y);
         let reference = [tilt_y - lean[0], -tilt_x - lean[1]];
-        let turning = self.tracking.frame.of_body(state.body_angular_velocity);
         let squared = turning.x.mul_add(turning.x, turning.y.squared());
         let mut rows = [squared; ROWS];
         for (row, constant) in self.prediction.rows.iter().zip(&mut rows) {
@@ -249,9 +248,9 @@ impl Law for Mpc {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let wanted = self.torques_wanted(state, setpoint, largest, memory);
-        let Limited { torques, share, .. } = self.limits.apply(wanted, state, largest);
-        self.observer.predict(&self.tracking, state, torques, share, &mut memory.after(Self::MEMORY));
+        let (wanted, pose) = self.torques_wanted(state, setpoint, largest, memory);
+        let Limited { torques, share, .. } = self.limits.apply_at(wanted, state, &pose, largest);
+        self.observer.predict(state, &pose, torques, share, &mut memory.after(Self::MEMORY));
         torques
     }
 }
