@@ -856,6 +856,7 @@ class Lqr(Controller):
         max_lean: float = 0.17453292519943295,  # rad, >= 1e-6 and <= 1e6
         max_speed: float = 1.0,  # m/s, >= 1e-6 and <= 1e6
         delay: float = 0.0,  # s, >= 0 and <= 10
+        lean_observer: float = 0.0,  # 1/s, >= 0 and <= 1000
     ) -> Self: ...
     # End of the generated part.
     def deviation(
