@@ -52,7 +52,8 @@ impl<const N: usize> Delayed<N> {
     /// The prediction of x⁺ = A x + B τ.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for more than ten samples, [`Error::Inconsistent`] for a delay that is no multiple of a sample.
+    /// [`Error::OutOfRange`] for more than ten samples, [`Error::Inconsistent`] for a delay that is no
+    /// multiple of a sample.
     pub(super) fn of(a: &SMatrix<f64, N, N>, b: &SMatrix<f64, N, INPUTS>, control_dt: f64, delay: f64) -> Result<Self> {
         let limit = format_args!("from 0 to {MAX_SAMPLES} control_dt = {} s", MAX_SAMPLES * control_dt);
         check("delay", delay, limit, |delay| (0.0..=(MAX_SAMPLES + ROUNDING) * control_dt).contains(&delay))?;

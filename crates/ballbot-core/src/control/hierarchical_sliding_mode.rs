@@ -48,7 +48,8 @@ crate::fields! {
         pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
         /// The largest speed that a deviation of the position may ask for.
         pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
-        /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass change; 0 for no estimate.
+        /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass
+        /// change; 0 for no estimate.
         pub lean_observer: f64 = 0.0, "1/s", lean_observer::LIMIT;
     }
 }
@@ -123,10 +124,11 @@ impl Gains {
 /// Aggregated hierarchical sliding mode (Pham, Lee, Bui, Truong, IntechOpen 2022, doi 10.5772/intechopen.101855) in
 /// each vertical plane of the heading frame, with a PD of the heading.
 ///
-/// With y the deviation of the position and θ the lean towards it, S = α (c₁ y + ẏ) + c₂ θ + θ̇. The equivalent control
-/// of the linear model holds S; the rest makes Ṡ = −K_S S − η S / max(|S|, φ), S being the vector of both planes. That
-/// S decays says nothing of y and θ, which obey a cubic on S = 0: its poles are the options, and α, c₁, c₂ follow from
-/// them (derived in `docs/laws.md`). With `adaptation` η grows outside of the layer, up to `max_switching`, and leaks. Speed and lean that the position asks for are cut as vectors.
+/// With y the deviation of the position and θ the lean towards it, S = α (c₁ y + ẏ) + c₂ θ + θ̇. The equivalent
+/// control of the linear model holds S; the rest makes Ṡ = −K_S S − η S / max(|S|, φ), S being the vector of both
+/// planes. That S decays says nothing of y and θ, which obey a cubic on S = 0: its poles are the options, and α, c₁,
+/// c₂ follow from them (derived in `docs/laws.md`). With `adaptation` η grows outside of the layer, up to
+/// `max_switching`, and leaks. Speed and lean that the position asks for are cut as vectors.
 #[derive(Clone, Debug)]
 pub struct HierarchicalSlidingMode {
     tracking: Tracking,

@@ -1,4 +1,5 @@
-//! The lean and the torque at which a robot is in equilibrium, observed: on a slope, under a force, with a wrong center of mass.
+//! The lean and the torque at which a robot is in equilibrium, observed: on a slope, under a force, with a wrong
+//! center of mass.
 
 use super::balance_frame::Pose;
 use super::lean_planes::PLACES;
@@ -35,14 +36,15 @@ const MEMORY: usize = 9;
 /// Largest lean in equilibrium, and largest error of one, rad: what is larger is an impulse or a slip.
 const MAX_LEAN: f64 = 0.3;
 
-/// An observer of the equilibrium (θ₀, u₀) in each vertical plane, the lean and what the motors add to its acceleration.
-/// A constant force, a slope and a center of mass off its place move the equilibrium of the linear model and change nothing else
-/// (Vaidya, Shomin, Hollis and Kantor, ICRA 2015): the sampled plane is x⁺ = A (x − x₀) + b (u − u₀), and the velocities ẏ and
-/// θ̇ after a sample are off their prediction by M (θ₀ − θ̂₀, u₀ − û₀). Their errors decay by e^(−L T) a sample (derived in
-/// `docs/laws.md`).
+/// An observer of the equilibrium (θ₀, u₀) in each vertical plane, the lean and what the motors add to its
+/// acceleration. A constant force, a slope and a center of mass off its place move the equilibrium of the linear model
+/// and change nothing else (Vaidya, Shomin, Hollis and Kantor, ICRA 2015): the sampled plane is x⁺ = A (x − x₀) +
+/// b (u − u₀), and the velocities ẏ and θ̇ after a sample are off their prediction by M (θ̂₀ − θ₀, û₀ − u₀). The errors of
+/// the estimates decay by e^(−L T) a sample (derived in `docs/laws.md`).
 ///
-/// Nothing is corrected after a sample in which the torques were limited. The error of θ̂₀ is cut as a vector to 0.3 rad, so that an
-/// impulse moves the estimate by little, and so is θ̂₀; error and û₀ are cut to what the motors can do.
+/// Nothing is corrected after a sample in which the torques were limited. The error of θ̂₀ is cut as a vector to 0.3
+/// rad, so that an impulse moves the estimate by little, and so is θ̂₀; error and û₀ are cut to what the motors can
+/// do.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LeanObserver {
     observed: Option<Observed>,
@@ -115,8 +117,8 @@ impl LeanObserver {
     /// An observer that converges at `rate` (1/s) under torques up to `max_torque` (N·m); none at the rate 0.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a rate out of range; [`Error::Inconsistent`] if a sample is so long that nothing can be
-    /// observed.
+    /// [`Error::OutOfRange`] for a rate out of range; [`Error::Inconsistent`] if a sample is so long that
+    /// nothing can be observed.
     pub(super) fn new(
         params: &Params,
         tracking: &Tracking,
@@ -243,7 +245,8 @@ fn predicted<L: Lane>(row: &[f64; 4], [lean, velocity, rate, u]: [L; 4]) -> L {
     u.mul_add_all(row[3], rate.mul_add_all(row[2], velocity.mul_add_all(row[1], lean * row[0])))
 }
 
-/// Moves the vector that is kept from `first` on by `part` of a correction, and cuts it to `longest`. Returns it in the heading frame.
+/// Moves the vector that is kept from `first` on by `part` of a correction, and cuts it to `longest`. Returns it in
+/// the heading frame.
 #[inline(always)]
 fn corrected<L: Lane>(
     heading: &Heading<L>,

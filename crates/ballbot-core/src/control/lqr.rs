@@ -160,12 +160,12 @@ impl Lqr {
         Ok(self)
     }
 
-    /// The same with the lean in equilibrium estimated, at a rate in 1/s, 0 for no estimate: a constant force, a slope or a
-    /// wrong center of mass then leave no offset. `params` are those of the regulator.
+    /// The same with the lean in equilibrium estimated, at a rate in 1/s, 0 for no estimate: a constant force, a slope
+    /// or a wrong center of mass then leave no offset. `params` are those of the regulator.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a rate out of range, [`crate::Error::Inconsistent`] if a sample is so long that nothing
-    /// can be observed.
+    /// [`crate::Error::OutOfRange`] for a rate out of range, [`crate::Error::Inconsistent`] if a sample is so
+    /// long that nothing can be observed.
     pub fn with_lean_observer(mut self, params: &Params, rate: f64) -> Result<Self> {
         let control_dt = self.sampling.control_dt;
         let max_torque = self.limits.max_torque();

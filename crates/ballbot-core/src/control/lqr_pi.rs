@@ -42,7 +42,8 @@ crate::fields! {
         pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
         /// No deviation: the largest speed that one of the position may ask for.
         pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
-        /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass change; 0 for no estimate.
+        /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass
+        /// change; 0 for no estimate.
         pub lean_observer: f64 = 0.0, "1/s", lean_observer::LIMIT;
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::lanes::{Lane, Memory};
 
-/// η + η̂, outside of a boundary layer what a surface S is reached by. η̂ grows outside of the layer (Plestan, Shtessel,
-/// Brégeault and Poznyak, Int. J. Control 83(9), 2010) and leaks (Ioannou and Kokotovic, Automatica 20(5), 1984):
-/// dη̂/dt = γ max(0, |S| − φ) − σ η̂, cut to what is allowed; it is zero at first.
+/// η + η̂, outside of a boundary layer what a surface S is reached by. η̂ grows outside of the layer (Plestan,
+/// Shtessel, Brégeault and Poznyak, Int. J. Control 83(9), 2010) and leaks (Ioannou and Kokotovic, Automatica 20(5),
+/// 1984): dη̂/dt = γ max(0, |S| − φ) − σ η̂, cut to what is allowed; it is zero at first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SwitchingGain {
     /// η.
@@ -47,8 +47,8 @@ impl SwitchingGain {
         if self.adapted.is_some() { memory.get(0) + fixed } else { fixed }
     }
 
-    /// Adapts the gain to a sample at the distance `distance` from the layer. Torques that are limited, of which `share` is left,
-    /// do not raise it: they cannot act.
+    /// Adapts the gain to a sample at the distance `distance` from the layer. Torques that are limited, of which
+    /// `share` is left, do not raise it: they cannot act.
     #[inline(always)]
     pub(super) fn adapt<L: Lane>(&self, distance: L, share: L, memory: &mut Memory<'_, L>) {
         let Some([left, added]) = self.adapted else { return };

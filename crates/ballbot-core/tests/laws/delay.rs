@@ -37,7 +37,8 @@ fn gains_are_those_of_an_independent_computation() {
     }
 }
 
-/// Beside the Riccati equation of the model with the torques on their way as states; `lqi` has the integral as two more.
+/// Beside the Riccati equation of the model with the torques on their way as states; `lqi` has the integral as two
+/// more.
 #[test]
 fn the_prediction_is_the_regulator_with_the_torques_as_states() {
     let params = uneven();

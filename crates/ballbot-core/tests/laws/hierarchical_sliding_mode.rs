@@ -140,7 +140,8 @@ const ADAPTIVE: [(&str, &[f64]); 5] = [
     ("max_switching", &[3.0]),
 ];
 
-/// Where a robot comes to rest with constant torques about an axis that its law knows nothing of, N·m, and what is kept.
+/// Where a robot comes to rest with constant torques about an axis that its law knows nothing of, N·m, and what is
+/// kept.
 fn pushed(options: &[(&str, &[f64])], torque: f64) -> (f64, Vec<f64>) {
     let params = Params::paper();
     let wheels = Omniwheels::new(&params).torques_on_body(&(Vector3::y() * torque), TorqueMap::Consistent);

@@ -56,7 +56,8 @@ crate::fields! {
         pub horizon: f64 = 3.0, "", Limit::from(1e-3).to(10.0);
         /// Iterations a call, rounded.
         pub iterations: f64 = 10.0, "", Limit::from(1.0).to(10_000.0);
-        /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass change; 0 for no estimate.
+        /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass
+        /// change; 0 for no estimate.
         pub lean_observer: f64 = 0.0, "1/s", lean_observer::LIMIT;
     }
 }
