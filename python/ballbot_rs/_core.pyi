@@ -839,7 +839,9 @@ class Lqr(Controller):
         weights: deviations of equal cost (Bryson's rule): `position` (0.15 m), `velocity` (0.4 m/s), `tilt` (0.1 rad),
             `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m); and `max_lean` (0.175 rad), the
             largest lean that deviations of position and velocity may ask for, and `max_speed` (1 m/s), the largest speed that
-            those of position may.
+            those of position may. Besides, `delay` (0 s), the time between a torque and its effect, a multiple of
+            `control_dt` that is predicted over, and `lean_observer` (0 1/s), the rate at which the lean in equilibrium is
+            estimated, which a slope, a force or a wrong center of mass change.
 
     Raises:
         ValueError: a number out of range, or a cost that is not symmetric and positive.
@@ -866,6 +868,7 @@ class Lqr(Controller):
         max_lean: float = 0.17453292519943295,  # rad, >= 1e-6 and <= 1e6
         max_speed: float = 1.0,  # m/s, >= 1e-6 and <= 1e6
         delay: float = 0.0,  # s, >= 0 and <= 10
+        lean_observer: float = 0.0,  # 1/s, >= 0 and <= 1000
     ) -> Self: ...
     # End of the generated part.
     def deviation(

@@ -401,6 +401,19 @@ def test_costs_may_be_given_as_matrices_or_diagonals():
         Lqr(Q=q, tilt=0.1)
 
 
+def test_the_regulator_takes_a_delay_and_an_observer_as_by_its_name(paper):
+    options = {"delay": 0.02, "lean_observer": 2.0}
+    laws = Lqr(paper, tilt=0.2, **options), Controller("lqr", paper, tilt=0.2, **options)
+    plain = Lqr(paper, tilt=0.2)
+    states = [State.at_rest(paper, tilt=(0.02 * k, -0.01)) for k in range(5)]
+    torques = np.array([[law(state) for state in states] for law in (*laws, plain)])
+    np.testing.assert_array_equal(torques[0], torques[1])
+    assert np.abs(torques[0, 2:] - torques[2, 2:]).max() > 1e-3
+    np.testing.assert_array_equal(Lqr(paper, Q=np.ones(10), **options).gain, Lqr(paper, Q=np.ones(10)).gain)
+    with pytest.raises(ValueError, match=r"delay = 0\.015 s is no multiple of control_dt"):
+        Lqr(paper, delay=0.015)
+
+
 def test_the_linear_model_names_what_it_is_in(paper):
     model = LinearModel(paper)
     assert model.A.shape == (len(model.STATES), len(model.STATES)) == (10, 10)

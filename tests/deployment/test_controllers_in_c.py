@@ -179,6 +179,10 @@ def test_two_controllers_in_one_file_are_an_error_and_one_twice_is_none(tmp_path
         ("lqr", {"max_wheel_torque": "much"}, "max_wheel_torque is 'much', expected a number"),
         ("lqr", {"max_wheel_torque": float("nan")}, "max_torque = NaN is out of range"),
         ("lqr", {"position": 0.0}, "position = 0 is out of range"),
+        ("lqr", {"delay": 0.03}, "delay = 0.03 of the controller 'lqr' cannot be written as C: it must be 0"),
+        ("lqi", {"delay": 0.01}, "delay = 0.01 of the controller 'lqi'"),
+        ("cascade_pid", {"lean_observer": 1.0, "max_wheel_torque": 0.2}, "lean_observer = 1.0 of the controller"),
+        ("hierarchical_sliding_mode", {"adaptation": 9}, "adaptation = 9 of the controller"),
     ],
 )
 def test_mistakes_are_named(name, options, message):

@@ -129,7 +129,12 @@ fn steps_under_a_controller_allocate_nothing() {
         assert_eq!(allocations(&config, Some(&lqr)), 0, "{model} under LQR");
         // The PID has a rate of its own.
         for kind in controller_kinds().iter().filter(|kind| kind.control_dt.is_none()) {
-            let options: &[(&str, &[f64])] = if kind.name == "lqr" { &[("delay", &[0.03])] } else { &[] };
+            let options: &[(&str, &[f64])] = match kind.name {
+                "lqr" => &[("delay", &[0.03]), ("lean_observer", &[1.0])],
+                "lqi" => &[("delay", &[0.03])],
+                "hierarchical_sliding_mode" => &[("adaptation", &[10.0]), ("lean_observer", &[1.0])],
+                _ => &[],
+            };
             let law = (kind.make)(&config.params, config.control_dt, &kind.limits, options).unwrap();
             assert_eq!(allocations(&config, Some(law.as_ref())), 0, "{model} under {}", kind.name);
         }

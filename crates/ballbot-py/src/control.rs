@@ -8,7 +8,7 @@ use crate::params::or_paper;
 use crate::state::PyState;
 use ballbot_core::Params;
 use ballbot_core::control::{
-    Constant, Constants, Controller, DEFAULT_TRACTION, LimitOptions, Lqr, LqrWeights, Pid, PidGains, SETPOINT_PARTS,
+    Constant, Constants, Controller, DEFAULT_TRACTION, LimitOptions, Lqr, LqrOptions, Pid, PidGains, SETPOINT_PARTS,
     Setpoint, controller_kind,
 };
 use ballbot_core::fields::Fields;
@@ -345,7 +345,9 @@ fn fields<F: Fields>(class: &str, keywords: Keywords<'_, '_>) -> PyResult<F> {
 ///     weights: deviations of equal cost (Bryson's rule): `position` (0.15 m), `velocity` (0.4 m/s), `tilt` (0.1 rad),
 ///         `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m); and `max_lean` (0.175 rad), the
 ///         largest lean that deviations of position and velocity may ask for, and `max_speed` (1 m/s), the largest speed that
-///         those of position may.
+///         those of position may. Besides, `delay` (0 s), the time between a torque and its effect, a multiple of
+///         `control_dt` that is predicted over, and `lean_observer` (0 1/s), the rate at which the lean in equilibrium is
+///         estimated, which a slope, a force or a wrong center of mass change.
 ///
 /// Raises:
 ///     ValueError: a number out of range, or a cost that is not symmetric and positive.
@@ -369,14 +371,15 @@ fn regulator(
     limits: &LimitOptions,
     weights: Keywords<'_, '_>,
 ) -> PyResult<Lqr> {
-    let weighted: LqrWeights = fields("Lqr", weights)?;
+    let LqrOptions { weights: weighted, delay, observer } = fields("Lqr", weights)?;
     let [q, r] = costs;
     for (name, _) in weights.into_iter().flatten() {
         let name: String = name.extract()?;
         if name == "torque" && r.is_some() {
             return Err(PyTypeError::new_err("Lqr takes R or the weight torque, not both"));
         }
-        if !["torque", "max_lean", "max_speed"].contains(&name.as_str()) && q.is_some() {
+        let own = ["torque", "max_lean", "max_speed", "delay", "lean_observer"];
+        if !own.contains(&name.as_str()) && q.is_some() {
             return Err(PyTypeError::new_err(format!("Lqr takes Q or the weight {name}, not both")));
         }
     }
@@ -389,7 +392,9 @@ fn regulator(
         r_matrix = cost("R", r, r_matrix.nrows())?;
     }
     call(|| {
-        Lqr::with_costs(params, control_dt, [&q_matrix, &r_matrix], [weighted.max_lean, weighted.max_speed], limits)
+        Lqr::with_costs(params, control_dt, [&q_matrix, &r_matrix], [weighted.max_lean, weighted.max_speed], limits)?
+            .with_delay(params, delay.delay)?
+            .with_lean_observer(params, observer.lean_observer)
     })
 }
 

@@ -23,6 +23,9 @@ _PIECES: Final = {
 #: The controllers that can be written as C.
 CONTROLLERS_IN_C: Final = tuple(_PIECES)
 
+#: Options with which a law keeps of the past what the C does not have.
+NOT_IN_C: Final = ("delay", "lean_observer", "adaptation")
+
 #: The parts of a setpoint that the C has.
 SETPOINT_PARTS: Final = ("position", "velocity", "acceleration", "jerk", "snap", "yaw", "yaw_rate", "tilt")
 
@@ -54,6 +57,11 @@ def controller_header(
         raise ValueError(f"the controller '{name}' cannot be written as C: expected one of {known}{hint}")
     robot = Params.preset(params or "paper") if params is None or isinstance(params, str) else params
     law = Controller(name, robot, control_dt, **options)
+    for option in NOT_IN_C:
+        if np.any(options.get(option, 0.0)):
+            raise ValueError(
+                f"{option} = {options[option]} of the controller '{name}' cannot be written as C: it must be 0"
+            )
     if max_wheel_torque is not None:
         # That of the environment comes on top, as in a batch.
         options["max_torque"] = _least(law.constants()["max_torque"], max_wheel_torque)

@@ -1,7 +1,8 @@
 //! The balance frame of a robot, in which controllers see its tilt.
 
 use super::Constants;
-use crate::lanes::{Lane, Quat, Rotation, Vec3};
+use crate::lane_state::LaneState;
+use crate::lanes::{Heading, Lane, Quat, Rotation, Vec3};
 use crate::params::Params;
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -12,6 +13,18 @@ pub(super) struct BalanceFrame {
     rotation: UnitQuaternion<f64>,
     /// Whether both frames are one.
     is_body_frame: bool,
+}
+
+/// How a robot stands, which a law and its limits see alike.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pose<L> {
+    /// Attitude of the balance frame.
+    pub(super) attitude: Quat<L>,
+    pub(super) heading: Heading<L>,
+    /// Tilt of the balance frame about the axes of the heading frame, rad.
+    pub(super) tilt: [L; 2],
+    /// Angular velocity of the body in the balance frame, rad/s.
+    pub(super) rate: Vec3<L>,
 }
 
 impl BalanceFrame {
@@ -48,6 +61,16 @@ impl BalanceFrame {
         }
         let rotation: Rotation<L> = self.constant(v.x).rotation();
         rotation.apply(v)
+    }
+
+    /// How a robot stands.
+    #[inline(always)]
+    pub(super) fn pose<L: Lane>(&self, state: &LaneState<L>) -> Pose<L> {
+        let attitude = self.attitude(state.body_quaternion);
+        let heading = Heading::new(attitude);
+        let [inertial_x, inertial_y] = attitude.tilt_components();
+        let tilt = heading.of(inertial_x, inertial_y);
+        Pose { attitude, heading, tilt, rate: self.of_body(state.body_angular_velocity) }
     }
 
     #[inline(always)]

@@ -1,5 +1,6 @@
 //! A PD of the position that asks for a lean, above a PID of the lean.
 
+use super::lean_observer::{self, LeanObserver};
 use super::lean_planes::{LeanPlane, Leaning, require_stable};
 use super::outer::share_within;
 use super::tracking::{Deviation, Tracking};
@@ -36,6 +37,9 @@ crate::fields! {
         pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
         /// The largest speed that a deviation of the position may ask for.
         pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
+        /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass
+        /// change; 0 for no estimate.
+        pub lean_observer: f64 = 0.0, "1/s", lean_observer::LIMIT;
     }
 }
 
@@ -97,6 +101,7 @@ pub struct CascadePid {
     max_lean: f64,
     max_speed: f64,
     tracking: Tracking,
+    observer: LeanObserver,
     sampling: Sampling,
     limits: TorqueLimits,
 }
@@ -126,6 +131,8 @@ impl CascadePid {
         options.check_limits()?;
         let limits = TorqueLimits::new(params, limits)?;
         let tracking = Tracking::new(params);
+        let max_torque = limits.max_torque();
+        let observer = LeanObserver::new(params, &tracking, control_dt, options.lean_observer, max_torque)?;
         let planes = &tracking.planes.planes;
         let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
         let law = Self {
@@ -134,7 +141,8 @@ impl CascadePid {
             max_lean: options.max_lean,
             max_speed: options.max_speed,
             tracking,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY + observer.kept()),
+            observer,
             limits,
         };
         require_stable(law.closed_loop(params), control_dt)?;
@@ -183,6 +191,9 @@ impl Law for CascadePid {
     }
 
     fn constants(&self) -> Option<Constants> {
+        if self.observer.kept() > 0 {
+            return None;
+        }
         let [x, y] = &self.gains;
         let constants = self
             .tracking
@@ -199,6 +210,10 @@ impl Law for CascadePid {
         Some(self.limits.add_to(constants))
     }
 
+    fn kept(&self) -> usize {
+        Self::MEMORY + self.observer.kept()
+    }
+
     #[inline(always)]
     fn torques<L: Lane>(
         &self,
@@ -207,7 +222,9 @@ impl Law for CascadePid {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let Deviation { x, forward } = self.tracking.deviation(state, setpoint);
+        let deviation = self.tracking.deviation(state, setpoint);
+        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(Self::MEMORY));
+        let Deviation { x, forward, pose } = equilibrium.deviation(deviation);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
         let [gx, gy] = &self.gains;
         let speeds = [position[0] * (gx.position / gx.velocity), position[1] * (gy.position / gy.velocity)];
@@ -227,7 +244,8 @@ impl Law for CascadePid {
             accelerations[axis] = driven + held + forward[axis];
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let limited = self.limits.apply(self.tracking.planes.wheel_torques(accelerations, turning), state, largest);
+        let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
+        let limited = self.limits.apply_at(wanted, state, &pose, largest);
         // A torque that is limited cannot act on the integral: hold it.
         let held = limited.share.lt(less.splat(1.0));
         for (axis, error) in errors.into_iter().enumerate() {
@@ -235,6 +253,7 @@ impl Law for CascadePid {
             let next = error.mul_add_all(self.sampling.control_dt, integral);
             memory.set(axis, L::select(held, integral, next));
         }
+        self.observer.predict(state, &pose, limited.torques, limited.share, &mut memory.after(Self::MEMORY));
         limited.torques
     }
 }

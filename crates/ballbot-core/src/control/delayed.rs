@@ -26,21 +26,35 @@ const MAX_SAMPLES: f64 = 10.0;
 const ROUNDING: f64 = 1e-6;
 
 /// The state after the delay, x̂ = Aᵈ x + Σ Aⁱ B τ₋₁₋ᵢ, from the torques of the last d samples: deviations from those of
-/// the setpoint's motion.
+/// the setpoint's motion. The states are those of the linear model, or `N` with those that a law adds.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Delayed {
+pub(super) struct Delayed<const N: usize = STATES> {
     /// −Aᵈ, row by row.
-    free: Vec<[f64; STATES]>,
+    free: Vec<[f64; N]>,
     /// −Aⁱ B for each sample, the oldest first.
-    driven: Vec<[[f64; INPUTS]; STATES]>,
+    driven: Vec<[[f64; INPUTS]; N]>,
     /// s.
     delay: f64,
 }
 
 impl Delayed {
+    /// The prediction of the linear model.
+    ///
     /// # Errors
-    /// [`Error::OutOfRange`] for more than ten samples, [`Error::Inconsistent`] for a delay that is no multiple of a sample.
+    /// As [`Delayed::of`].
     pub(super) fn new(params: &Params, control_dt: f64, delay: f64) -> Result<Self> {
+        let (a, b) = LinearModel::new(params).discretize(control_dt);
+        Self::of(&a, &b, control_dt, delay)
+    }
+}
+
+impl<const N: usize> Delayed<N> {
+    /// The prediction of x⁺ = A x + B τ.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for more than ten samples, [`Error::Inconsistent`] for a delay that is no
+    /// multiple of a sample.
+    pub(super) fn of(a: &SMatrix<f64, N, N>, b: &SMatrix<f64, N, INPUTS>, control_dt: f64, delay: f64) -> Result<Self> {
         let limit = format_args!("from 0 to {MAX_SAMPLES} control_dt = {} s", MAX_SAMPLES * control_dt);
         check("delay", delay, limit, |delay| (0.0..=(MAX_SAMPLES + ROUNDING) * control_dt).contains(&delay))?;
         let samples = (delay / control_dt).round();
@@ -49,15 +63,14 @@ impl Delayed {
                 "delay = {delay} s is no multiple of control_dt = {control_dt} s"
             )));
         }
-        let (a, b) = LinearModel::new(params).discretize(control_dt);
-        let mut power = SMatrix::<f64, STATES, STATES>::identity();
+        let mut power = SMatrix::<f64, N, N>::identity();
         let mut driven = Vec::new();
         for _ in 0..samples as usize {
             let response = power * b;
             driven.insert(0, std::array::from_fn(|i| std::array::from_fn(|j| -response[(i, j)])));
             power = a * power;
         }
-        let free = (0..STATES).map(|i| std::array::from_fn(|j| -power[(i, j)])).collect();
+        let free = (0..N).map(|i| std::array::from_fn(|j| -power[(i, j)])).collect();
         Ok(Self { free, driven, delay: samples * control_dt })
     }
 
@@ -73,7 +86,7 @@ impl Delayed {
 
     /// The state after the delay.
     #[inline(always)]
-    pub(super) fn state<L: Lane>(&self, x: [L; STATES], memory: &Memory<'_, L>) -> [L; STATES] {
+    pub(super) fn state<L: Lane>(&self, x: [L; N], memory: &Memory<'_, L>) -> [L; N] {
         if self.driven.is_empty() {
             return x;
         }
@@ -88,6 +101,12 @@ impl Delayed {
             }
         }
         predicted
+    }
+
+    /// The torques that act in this sample, of which these were asked for now.
+    #[inline(always)]
+    pub(super) fn acting<L: Lane>(&self, torques: [L; 3], memory: &Memory<'_, L>) -> [L; 3] {
+        if self.driven.is_empty() { torques } else { memory.get3(0) }
     }
 
     /// Keeps the torques of this sample.

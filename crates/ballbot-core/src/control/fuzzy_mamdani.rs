@@ -175,7 +175,7 @@ impl Law for FuzzyMamdani {
         largest: f64,
         _: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let Deviation { x, forward } = self.tracking.deviation(state, setpoint);
+        let Deviation { x, forward, pose } = self.tracking.deviation(state, setpoint);
         let leaning = Leaning::new(&x);
         let asked = self.position.lean(&leaning);
         let mut accelerations = forward;
@@ -187,6 +187,7 @@ impl Law for FuzzyMamdani {
             accelerations[axis] += driven.mul_add_all(output, asked[axis] * -toppling);
         }
         let turning = x[4].mul_add_all(-self.yaw.stiffness, x[9] * -self.yaw.damping);
-        self.limits.apply(self.tracking.planes.wheel_torques(accelerations, turning), state, largest).torques
+        let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
+        self.limits.apply_at(wanted, state, &pose, largest).torques
     }
 }

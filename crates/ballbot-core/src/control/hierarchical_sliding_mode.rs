@@ -1,9 +1,13 @@
 //! Hierarchical sliding mode of position and lean.
 
+use super::lean_observer::{self, LeanObserver};
 use super::lean_planes::{LeanPlane, Leaning, require_stable};
 use super::outer::Outer;
+use super::switching_gain::SwitchingGain;
 use super::tracking::{Deviation, Tracking};
-use super::{Constants, LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
+use super::{
+    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt,
+};
 use crate::error::{Error, Result};
 use crate::fields::{Fields, Limit};
 use crate::lane_state::LaneState;
@@ -30,6 +34,12 @@ crate::fields! {
         pub switching: f64 = 1.0, "rad/s²", Limit::from(0.0).to(1e6);
         /// φ, the width of the boundary layer.
         pub layer: f64 = 0.2, "rad/s", Limit::from(1e-6).to(1e6);
+        /// γ, by which η grows with the distance from the boundary layer; 0 for a fixed η.
+        pub adaptation: f64 = 0.0, "1/s²", Limit::from(0.0).to(1e6);
+        /// σ, the rate at which what η has grown by decays.
+        pub leakage: f64 = 1.0, "1/s", Limit::from(0.0).to(1e3);
+        /// The largest η that is adapted, at least that without.
+        pub max_switching: f64 = 5.0, "rad/s²", Limit::from(0.0).to(1e6);
         /// Natural frequency of the heading.
         pub yaw_bandwidth: f64 = 4.0, "rad/s", Limit::from(1e-3).to(1e3);
         /// Damping ratio of the heading.
@@ -38,6 +48,9 @@ crate::fields! {
         pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
         /// The largest speed that a deviation of the position may ask for.
         pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
+        /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass
+        /// change; 0 for no estimate.
+        pub lean_observer: f64 = 0.0, "1/s", lean_observer::LIMIT;
     }
 }
 
@@ -111,21 +124,23 @@ impl Gains {
 /// Aggregated hierarchical sliding mode (Pham, Lee, Bui, Truong, IntechOpen 2022, doi 10.5772/intechopen.101855) in
 /// each vertical plane of the heading frame, with a PD of the heading.
 ///
-/// With y the deviation of the position and θ the lean towards it, S = α (c₁ y + ẏ) + c₂ θ + θ̇. The equivalent control
-/// of the linear model holds S; the rest makes Ṡ = −K_S S − η S / max(|S|, φ), S being the vector of both planes. That
-/// S decays says nothing of y and θ, which obey a cubic on S = 0: its poles are the options, and α, c₁, c₂ follow from
-/// them (derived in `docs/laws.md`). Speed and lean that the position asks for are cut as vectors.
+/// With y the deviation of the position and θ the lean towards it, S = α (c₁ y + ẏ) + c₂ θ + θ̇. The equivalent
+/// control of the linear model holds S; the rest makes Ṡ = −K_S S − η S / max(|S|, φ), S being the vector of both
+/// planes. That S decays says nothing of y and θ, which obey a cubic on S = 0: its poles are the options, and α, c₁,
+/// c₂ follow from them (derived in `docs/laws.md`). With `adaptation` η grows outside of the layer, up to
+/// `max_switching`, and leaks. Speed and lean that the position asks for are cut as vectors.
 #[derive(Clone, Debug)]
 pub struct HierarchicalSlidingMode {
     tracking: Tracking,
     gains: [Gains; 2],
     /// K_S, 1/s.
     reaching: f64,
-    switching: f64,
+    switching: SwitchingGain,
     layer: f64,
     /// k of the acceleration −k (ψ, ψ̇) of the heading.
     yaw: [f64; 2],
     outer: Outer,
+    observer: LeanObserver,
     sampling: Sampling,
     limits: TorqueLimits,
 }
@@ -185,6 +200,8 @@ impl HierarchicalSlidingMode {
     ) -> Result<Self> {
         check_control_dt(control_dt)?;
         let limits = TorqueLimits::new(params, limits)?;
+        let max_torque = limits.max_torque();
+        let observer = LeanObserver::new(params, &tracking, control_dt, options.lean_observer, max_torque)?;
         let planes = &tracking.planes;
         for (surface, plane) in surfaces.iter().zip(&planes.planes) {
             surface.check(plane)?;
@@ -194,20 +211,25 @@ impl HierarchicalSlidingMode {
         let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
         let reaching = options.reaching * 0.5 * (x.toppling + y.toppling);
         let gain_of = |rate: f64| planes.gain([gains[0].feedback(rate), gains[1].feedback(rate)], yaw);
-        let within_layer = gain_of(reaching + options.switching / options.layer);
+        let gains_of = [options.switching, options.max_switching];
+        let switching = SwitchingGain::new(gains_of, options.adaptation, options.leakage, control_dt);
+        let within_layer = gain_of(reaching + switching.fixed() / options.layer);
         let (a, b) = LinearModel::new(params).discretize(control_dt);
-        let closed = a - b * &within_layer;
-        require_stable(DMatrix::from_column_slice(STATES, STATES, closed.as_slice()), control_dt)?;
+        for largest in [switching.fixed(), switching.largest()] {
+            let closed = a - b * gain_of(reaching + largest / options.layer);
+            require_stable(DMatrix::from_column_slice(STATES, STATES, closed.as_slice()), control_dt)?;
+        }
         Ok(Self {
-            // By the gains within the layer, which are the largest.
+            // By the gains within the layer, where they are largest.
             outer: Outer::new(&within_layer, [options.max_lean, options.max_speed]),
             gains,
             reaching,
-            switching: options.switching,
+            switching,
             layer: options.layer,
             yaw,
             tracking,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            sampling: Sampling::new(control_dt, switching.kept() + observer.kept()),
+            observer,
             limits,
         })
     }
@@ -231,6 +253,9 @@ impl Law for HierarchicalSlidingMode {
     }
 
     fn constants(&self) -> Option<Constants> {
+        if self.kept() > 0 {
+            return None;
+        }
         let [x, y] = &self.gains;
         let constants = self
             .tracking
@@ -243,10 +268,14 @@ impl Law for HierarchicalSlidingMode {
             .vector("rate_gains", &[x.equivalent[2], y.equivalent[2]])
             .vector("per_rate", &[x.per_rate, y.per_rate])
             .number("reaching", self.reaching)
-            .number("switching", self.switching)
+            .number("switching", self.switching.fixed())
             .number("layer", self.layer)
             .vector("yaw_gains", &self.yaw);
         Some(self.limits.add_to(self.outer.add_to(constants)))
+    }
+
+    fn kept(&self) -> usize {
+        self.switching.kept() + self.observer.kept()
     }
 
     #[inline(always)]
@@ -255,9 +284,12 @@ impl Law for HierarchicalSlidingMode {
         state: &LaneState<L>,
         setpoint: &LaneSetpoint<L>,
         largest: f64,
-        _: &mut Memory<'_, L>,
+        memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
+        let adapted = self.switching.kept();
+        let deviation = self.tracking.deviation(state, setpoint);
+        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(adapted));
+        let Deviation { mut x, forward, pose } = equilibrium.deviation(deviation);
         self.outer.clip(&mut x);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
         let (mut s, mut accelerations) = ([x[0]; 2], [x[0]; 2]);
@@ -272,12 +304,16 @@ impl Law for HierarchicalSlidingMode {
         }
         let length = s[0].mul_add(s[0], s[1].squared()).sqrt();
         let layer = length.splat(self.layer);
-        let decay = length.splat(self.switching) / length.max(layer) + self.reaching;
+        let decay = self.switching.now(length, memory) / length.max(layer) + self.reaching;
         for axis in 0..2 {
             accelerations[axis] =
                 (s[axis] * decay).mul_add_all(-self.gains[axis].per_rate, accelerations[axis] + forward[axis]);
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        self.limits.apply(self.tracking.planes.wheel_torques(accelerations, turning), state, largest).torques
+        let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
+        let Limited { torques, share, .. } = self.limits.apply_at(wanted, state, &pose, largest);
+        self.switching.adapt(length - layer, share, memory);
+        self.observer.predict(state, &pose, torques, share, &mut memory.after(adapted));
+        torques
     }
 }

@@ -1,34 +1,46 @@
-//! Options of a law that has those of another.
+//! Options of a law that has those of others.
 
-/// Makes a struct of two structs of fields one: first the fields of one, then those of the other.
+/// Makes a struct of structs of fields one: the fields of the first, then those of the next.
 macro_rules! joined_fields {
-    ($both:ty: $first:ident $First:ty, $second:ident $Second:ty) => {
-        impl $crate::fields::Fields for $both {
+    ($joined:ty: $($part:ident $Part:ty),+) => {
+        impl $crate::fields::Fields for $joined {
             const FIELDS: &'static [$crate::fields::Field] = &{
                 use $crate::fields::{Field, Fields};
-                const FIRST: &[Field] = <$First as Fields>::FIELDS;
-                const SECOND: &[Field] = <$Second as Fields>::FIELDS;
-                let mut fields = [FIRST[0]; FIRST.len() + SECOND.len()];
-                let mut i = 1;
+                const PARTS: &[&[Field]] = &[$(<$Part as Fields>::FIELDS),+];
+                let mut fields = [PARTS[0][0]; 0 $(+ <$Part as Fields>::FIELDS.len())+];
+                let (mut part, mut first, mut i) = (0, 0, 0);
                 while i < fields.len() {
-                    fields[i] = if i < FIRST.len() { FIRST[i] } else { SECOND[i - FIRST.len()] };
+                    if i == first + PARTS[part].len() {
+                        (first, part) = (i, part + 1);
+                    }
+                    fields[i] = PARTS[part][i - first];
                     i += 1;
                 }
                 fields
             };
 
             fn values(&self, index: usize) -> &[f64] {
-                match index.checked_sub(<$First as $crate::fields::Fields>::FIELDS.len()) {
-                    None => self.$first.values(index),
-                    Some(index) => self.$second.values(index),
-                }
+                let mut first = 0;
+                $(
+                    let index_in_part = index - first;
+                    first += <$Part as $crate::fields::Fields>::FIELDS.len();
+                    if index < first {
+                        return self.$part.values(index_in_part);
+                    }
+                )+
+                panic!("{index} is not below {first}, the number of fields")
             }
 
             fn values_mut(&mut self, index: usize) -> &mut [f64] {
-                match index.checked_sub(<$First as $crate::fields::Fields>::FIELDS.len()) {
-                    None => self.$first.values_mut(index),
-                    Some(index) => self.$second.values_mut(index),
-                }
+                let mut first = 0;
+                $(
+                    let index_in_part = index - first;
+                    first += <$Part as $crate::fields::Fields>::FIELDS.len();
+                    if index < first {
+                        return self.$part.values_mut(index_in_part);
+                    }
+                )+
+                panic!("{index} is not below {first}, the number of fields")
             }
         }
     };

@@ -2,7 +2,7 @@
 
 use super::{
     AttitudeSlidingOptions, CascadePid, CascadePidOptions, Controller, FuzzyMamdani, FuzzyOptions,
-    HierarchicalSlidingMode, InverseDynamicsOptions, Law, LimitOptions, Lqi, LqiWeights, Lqr, LqrOptions, LqrPi,
+    HierarchicalSlidingMode, InverseDynamicsOptions, Law, LimitOptions, Lqi, LqiOptions, Lqr, LqrOptions, LqrPi,
     LqrPiOptions, LqrWeights, Mpc, MpcOptions, PdInverseDynamics, Pid, PidGains, SETPOINT_PARTS, SlidingMode,
     SlidingModeOptions, TakagiSugeno,
 };
@@ -60,9 +60,10 @@ static CONTROLLERS: [ControllerKind; 11] = [
         limits: LimitOptions::TRACTION,
         options: describe_options::<LqrOptions>,
         make: |params, control_dt, limits, options| {
-            let LqrOptions { weights, delay } = fields_with(options)?;
+            let LqrOptions { weights, delay, observer } = fields_with(options)?;
             let lqr = Lqr::with_weights(params, control_dt, &weights, limits)?;
-            Ok(Box::new(lqr.with_delay(params, delay.delay)?))
+            let lqr = lqr.with_delay(params, delay.delay)?;
+            Ok(Box::new(lqr.with_lean_observer(params, observer.lean_observer)?))
         },
     },
     ControllerKind {
@@ -83,9 +84,10 @@ static CONTROLLERS: [ControllerKind; 11] = [
         control_dt: None,
         parts: <Lqi as Law>::PARTS,
         limits: LimitOptions::TRACTION,
-        options: describe_options::<LqiWeights>,
+        options: describe_options::<LqiOptions>,
         make: |params, control_dt, limits, options| {
-            Ok(Box::new(Lqi::with_weights(params, control_dt, &fields_with(options)?, limits)?))
+            let LqiOptions { weights, delay } = fields_with(options)?;
+            Ok(Box::new(Lqi::with_weights(params, control_dt, &weights, limits)?.with_delay(params, delay.delay)?))
         },
     },
     ControllerKind {

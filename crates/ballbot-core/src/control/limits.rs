@@ -1,12 +1,12 @@
 //! The last stage of every law: the torques that the wheels can pass on.
 
-use super::balance_frame::BalanceFrame;
+use super::balance_frame::{BalanceFrame, Pose};
 use super::lean_planes::LeanPlanes;
 use super::{Constants, check_max_torque, default_max_torque};
 use crate::error::{Result, check};
 use crate::kinematics::Omniwheels;
 use crate::lane_state::LaneState;
-use crate::lanes::{Heading, Lane};
+use crate::lanes::Lane;
 use crate::models::{LoadMap, WheelLoad};
 use crate::params::Params;
 use nalgebra::Vector3;
@@ -184,11 +184,7 @@ impl Traction {
 
     /// c of each row.
     #[inline(always)]
-    fn constants<L: Lane>(&self, state: &LaneState<L>) -> [L; ROWS] {
-        let attitude = self.frame.attitude(state.body_quaternion);
-        let [inertial_x, inertial_y] = attitude.tilt_components();
-        let tilt = Heading::new(attitude).of(inertial_x, inertial_y);
-        let rate = self.frame.of_body(state.body_angular_velocity);
+    fn constants<L: Lane>(&self, &Pose { tilt, rate, .. }: &Pose<L>) -> [L; ROWS] {
         let squared = rate.x.mul_add(rate.x, rate.y.squared());
         let mut constants = [squared; ROWS];
         for (row, c) in self.rows.iter().zip(&mut constants) {
@@ -259,9 +255,24 @@ impl TorqueLimits {
     /// the last bit; NaN passes through.
     #[inline(always)]
     pub fn apply<L: Lane>(&self, wanted: [L; 3], state: &LaneState<L>, largest_torque: f64) -> Limited<L> {
+        match &self.traction {
+            Some(traction) => self.apply_at(wanted, state, &traction.frame.pose(state), largest_torque),
+            None => cap(wanted, self.max_torque.min(largest_torque)),
+        }
+    }
+
+    /// [`TorqueLimits::apply`] to a robot of which the pose is known.
+    #[inline(always)]
+    pub(super) fn apply_at<L: Lane>(
+        &self,
+        wanted: [L; 3],
+        state: &LaneState<L>,
+        pose: &Pose<L>,
+        largest_torque: f64,
+    ) -> Limited<L> {
         let max_torque = self.max_torque.min(largest_torque);
         let Some(traction) = &self.traction else { return cap(wanted, max_torque) };
-        let constants = traction.constants(state);
+        let constants = traction.constants(pose);
         let bound = wanted[0].splat(max_torque);
         let mut fits = largest(wanted).le(bound);
         for (row, c) in traction.rows.iter().zip(constants) {

@@ -1,5 +1,6 @@
 //! The regulator of position, tilt and heading with an integral of the position.
 
+use super::delayed::{DelayOptions, Delayed};
 use super::joined::joined_fields;
 use super::lean_planes::product;
 use super::outer::{Outer, equal_torques, share_within};
@@ -11,11 +12,11 @@ use super::{
 use crate::error::Result;
 use crate::fields::{Fields, Limit};
 use crate::lane_state::LaneState;
-use crate::lanes::{Heading, Lane, Memory};
+use crate::lanes::{Lane, Memory};
 use crate::models::LinearModel;
 use crate::models::linear::{INPUTS, STATES};
 use crate::params::Params;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, SMatrix};
 
 crate::fields! {
     /// What [`Lqi`] has beyond [`LqrWeights`].
@@ -39,6 +40,20 @@ pub struct LqiWeights {
 
 joined_fields!(LqiWeights: lqr LqrWeights, integral IntegralWeights);
 
+/// Options of [`Lqi`]: the weights, and the delay of the motors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LqiOptions {
+    /// Deviations of equal cost.
+    pub weights: LqiWeights,
+    /// The delay that is predicted over.
+    pub delay: DelayOptions,
+}
+
+joined_fields!(LqiOptions: weights LqiWeights, delay DelayOptions);
+
+/// Number of states with the integral.
+const SIZE: usize = STATES + 2;
+
 /// τ = −K (x, z) with the integral z of the position's deviation, by the Riccati equation of the linear model with two
 /// more states, z⁺ = z + T (x, y) (derived in `docs/laws.md`). A constant force, a slope or a wrong center of mass
 /// that ask for no more lean than the integral may leave no offset; a larger one leaves that of [`super::Lqr`], less what the
@@ -47,7 +62,8 @@ joined_fields!(LqiWeights: lqr LqrWeights, integral IntegralWeights);
 /// z is kept in the inertial frame, so that a robot that turns does not wind it up, and turned into the heading frame.
 /// It is cut as a vector to what asks for the lean `max_integral_lean`. It is held while the torques are limited, while
 /// speed or lean are cut as in [`super::Lqr`], and while the deviation of the position asks for a larger lean than z
-/// may: no disturbance that z can take over leaves such an offset.
+/// may: no disturbance that z can take over leaves such an offset. With a delay ([`Lqi::with_delay`]) x and z are those
+/// predicted for when the torque acts; where z is held it is not predicted.
 #[derive(Clone, Debug)]
 pub struct Lqi {
     regulator: Regulator,
@@ -61,6 +77,7 @@ pub struct Lqi {
     position_lean: [[f64; 2]; 2],
     max_integral_lean: f64,
     tracking: Tracking,
+    delayed: Delayed<SIZE>,
     outer: Outer,
     sampling: Sampling,
     limits: TorqueLimits,
@@ -84,19 +101,15 @@ impl Lqi {
         params.validate()?;
         check_control_dt(control_dt)?;
         let limits = TorqueLimits::new(params, limits)?;
-        let (model_a, model_b) = LinearModel::new(params).discretize(control_dt);
+        let (a, b) = model(params, control_dt);
         let (cost, r) = weights.lqr.matrices();
-        let size = STATES + 2;
-        let mut a = DMatrix::identity(size, size);
-        a.view_mut((0, 0), (STATES, STATES)).copy_from(&model_a);
-        let mut b = DMatrix::zeros(size, INPUTS);
-        b.view_mut((0, 0), (STATES, INPUTS)).copy_from(&model_b);
-        let mut q = DMatrix::zeros(size, size);
+        let mut q = DMatrix::zeros(SIZE, SIZE);
         q.view_mut((0, 0), (STATES, STATES)).copy_from(&cost);
         for axis in 0..2 {
-            a[(STATES + axis, axis)] = control_dt;
             q[(STATES + axis, STATES + axis)] = weights.integral.integral.powi(-2);
         }
+        let a = DMatrix::from_column_slice(SIZE, SIZE, a.as_slice());
+        let b = DMatrix::from_column_slice(SIZE, INPUTS, b.as_slice());
         let regulator = riccati::solve(&a, &b, &q, &r)?;
         let k = &regulator.gain;
         let lean_of = |first: usize| {
@@ -111,10 +124,23 @@ impl Lqi {
             max_integral_lean: weights.integral.max_integral_lean,
             outer: Outer::new(k, [weights.lqr.max_lean, weights.lqr.max_speed]),
             tracking: Tracking::new(params),
+            delayed: Delayed::default(),
             regulator,
             sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
             limits,
         })
+    }
+
+    /// The same for motors whose torque acts `delay` seconds after it is asked for, as [`super::Lqr::with_delay`].
+    ///
+    /// # Errors
+    /// As [`super::Lqr::with_delay`].
+    pub fn with_delay(mut self, params: &Params, delay: f64) -> Result<Self> {
+        let control_dt = self.sampling.control_dt;
+        let (a, b) = model(params, control_dt);
+        self.delayed = Delayed::of(&a, &b, control_dt, delay)?;
+        self.sampling = Sampling::new(control_dt, self.kept());
+        Ok(self)
     }
 
     /// The Riccati solution behind the gains; the last two columns of K are those of the integral.
@@ -129,6 +155,17 @@ impl Lqi {
     }
 }
 
+/// A and B of the sampled linear model with the integral of the position.
+fn model(params: &Params, control_dt: f64) -> (SMatrix<f64, SIZE, SIZE>, SMatrix<f64, SIZE, INPUTS>) {
+    let (model_a, model_b) = LinearModel::new(params).discretize(control_dt);
+    let mut a = SMatrix::<f64, SIZE, SIZE>::identity();
+    let mut b = SMatrix::<f64, SIZE, INPUTS>::zeros();
+    a.view_mut((0, 0), (STATES, STATES)).copy_from(&model_a);
+    b.view_mut((0, 0), (STATES, INPUTS)).copy_from(&model_b);
+    (a[(STATES, 0)], a[(STATES + 1, 1)]) = (control_dt, control_dt);
+    (a, b)
+}
+
 impl Law for Lqi {
     const MEMORY: usize = 2;
     const PARTS: &'static [&'static str] = MOTION_PARTS;
@@ -141,7 +178,14 @@ impl Law for Lqi {
         &mut self.sampling
     }
 
+    fn kept(&self) -> usize {
+        Self::MEMORY + self.delayed.kept()
+    }
+
     fn constants(&self) -> Option<Constants> {
+        if self.delayed.kept() > 0 {
+            return None;
+        }
         let constants = self.tracking.add_to(Constants::default()).matrix("gain", &self.gain);
         let constants = constants
             .matrix("integral_gain", &self.integral_gain)
@@ -159,20 +203,39 @@ impl Law for Lqi {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
-        let left = self.outer.clip(&mut x);
-        let heading = Heading::new(self.tracking.frame.attitude(state.body_quaternion));
+        let Deviation { mut x, forward, pose } = self.tracking.deviation(state, setpoint);
+        let heading = pose.heading;
         let integral = [memory.get(0), memory.get(1)];
         let z = heading.of(integral[0], integral[1]);
-        let mut wanted = self.tracking.planes.wheel_torques(forward, x[0].zero());
-        for (wheel, torque) in wanted.iter_mut().enumerate() {
-            *torque += self.torque(wheel, &x, &z);
+        let (zero, one) = (x[0].zero(), x[0].splat(1.0));
+        let delays = self.delayed.kept();
+        let (mut forward, mut later) = (forward, z);
+        if delays > 0 {
+            let mut both = [zero; SIZE];
+            both[..STATES].copy_from_slice(&x);
+            both[STATES..].copy_from_slice(&z);
+            let both = self.delayed.state(both, &memory.after(Self::MEMORY));
+            x.copy_from_slice(&both[..STATES]);
+            later.copy_from_slice(&both[STATES..]);
+            forward = self.tracking.forward_after(&heading, setpoint, self.delayed.seconds());
         }
-        let limited = self.limits.apply(wanted, state, largest);
-        let one = left.splat(1.0);
+        let left = self.outer.clip(&mut x);
         let near = turned(&self.position_lean, [x[0], x[1]]);
-        let far = share_within(near, self.max_integral_lean).lt(one);
-        let held = far | left.lt(one) | limited.share.lt(one);
+        let far = left.lt(one) | share_within(near, self.max_integral_lean).lt(one);
+        let mut used = z;
+        if delays > 0 {
+            let within = share_within(turned(&self.lean, later), self.max_integral_lean);
+            used = [L::select(far, z[0], later[0] * within), L::select(far, z[1], later[1] * within)];
+        }
+        let reference = self.tracking.planes.wheel_torques(forward, zero);
+        let mut wanted = reference;
+        for (wheel, torque) in wanted.iter_mut().enumerate() {
+            *torque += self.torque(wheel, &x, &used);
+        }
+        let limited = self.limits.apply_at(wanted, state, &pose, largest);
+        let [a, b, c] = limited.torques;
+        self.delayed.keep([a - reference[0], b - reference[1], c - reference[2]], &mut memory.after(Self::MEMORY));
+        let held = far | limited.share.lt(one);
         let (p, dt) = (state.ball_position, self.sampling.control_dt);
         let next = [
             (p.x - setpoint.position[0]).mul_add_all(dt, integral[0]),

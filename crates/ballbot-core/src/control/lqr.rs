@@ -2,12 +2,13 @@
 
 use super::delayed::{DelayOptions, Delayed};
 use super::joined::joined_fields;
+use super::lean_observer::{LeanObserver, ObserverOptions};
 use super::lean_planes::product;
 use super::outer::Outer;
 use super::riccati::{self, Regulator};
 use super::tracking::{Deviation, Tracking};
 use super::{
-    Constants, LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, Setpoint, SetpointCells, TorqueLimits,
+    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, Sampling, Setpoint, SetpointCells, TorqueLimits,
     check_control_dt,
 };
 use crate::error::{Error, Result, check};
@@ -58,20 +59,23 @@ impl LqrWeights {
     }
 }
 
-/// Options of [`Lqr`]: the weights, and the delay of the motors.
+/// Options of [`Lqr`]: the weights, the delay of the motors, and what is estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LqrOptions {
     /// Deviations of equal cost.
     pub weights: LqrWeights,
     /// The delay that is predicted over.
     pub delay: DelayOptions,
+    /// The lean in equilibrium that is estimated.
+    pub observer: ObserverOptions,
 }
 
-joined_fields!(LqrOptions: weights LqrWeights, delay DelayOptions);
+joined_fields!(LqrOptions: weights LqrWeights, delay DelayOptions, observer ObserverOptions);
 
 /// τ = τ_ref − K x in the heading frame, with the torques τ_ref of the setpoint's motion, scaled down together where a wheel would slip. The tilt is that from the equilibrium: of
 /// the line from the ball's center to the body's center of mass. It is made for a level floor: on a slope the ball comes to
-/// rest away from its setpoint. With a delay ([`Lqr::with_delay`]) x is the state predicted for when the torque acts.
+/// rest away from its setpoint, unless the lean in equilibrium is estimated ([`Lqr::with_lean_observer`]). With a delay
+/// ([`Lqr::with_delay`]) x is the state predicted for when the torque acts.
 #[derive(Clone, Debug)]
 pub struct Lqr {
     regulator: Regulator,
@@ -80,6 +84,7 @@ pub struct Lqr {
     tracking: Tracking,
     outer: Outer,
     delayed: Delayed,
+    observer: LeanObserver,
     sampling: Sampling,
     limits: TorqueLimits,
 }
@@ -135,6 +140,7 @@ impl Lqr {
             tracking: Tracking::new(params),
             regulator,
             delayed: Delayed::default(),
+            observer: LeanObserver::default(),
             sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
             limits,
         })
@@ -150,7 +156,21 @@ impl Lqr {
     pub fn with_delay(mut self, params: &Params, delay: f64) -> Result<Self> {
         let control_dt = self.sampling.control_dt;
         self.delayed = Delayed::new(params, control_dt, delay)?;
-        self.sampling = Sampling::new(control_dt, self.delayed.kept());
+        self.sampling = Sampling::new(control_dt, self.kept());
+        Ok(self)
+    }
+
+    /// The same with the lean in equilibrium estimated, at a rate in 1/s, 0 for no estimate: a constant force, a slope
+    /// or a wrong center of mass then leave no offset. `params` are those of the regulator.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] for a rate out of range, [`crate::Error::Inconsistent`] if a sample is so
+    /// long that nothing can be observed.
+    pub fn with_lean_observer(mut self, params: &Params, rate: f64) -> Result<Self> {
+        let control_dt = self.sampling.control_dt;
+        let max_torque = self.limits.max_torque();
+        self.observer = LeanObserver::new(params, &self.tracking, control_dt, rate, max_torque)?;
+        self.sampling = Sampling::new(control_dt, self.kept());
         Ok(self)
     }
 
@@ -166,7 +186,7 @@ impl Lqr {
         state: &LaneState<L>,
         setpoint: &LaneSetpoint<L>,
     ) -> ([L; STATES], [L; INPUTS]) {
-        let Deviation { x, forward } = self.tracking.deviation(state, setpoint);
+        let Deviation { x, forward, .. } = self.tracking.deviation(state, setpoint);
         (x, self.tracking.planes.wheel_torques(forward, x[0].zero()))
     }
 
@@ -241,7 +261,7 @@ impl Law for Lqr {
     }
 
     fn kept(&self) -> usize {
-        self.delayed.kept()
+        self.delayed.kept() + self.observer.kept()
     }
 
     #[inline(always)]
@@ -252,22 +272,32 @@ impl Law for Lqr {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let Deviation { x, forward } = self.tracking.deviation(state, setpoint);
+        let deviation = self.tracking.deviation(state, setpoint);
+        let delays = self.delayed.kept();
+        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(delays));
+        let Deviation { x, forward, pose } = equilibrium.deviation(deviation);
         let mut x = self.delayed.state(x, memory);
         self.outer.clip(&mut x);
-        let forward = match self.delayed.kept() {
-            0 => forward,
+        let acting = self.tracking.planes.wheel_torques(forward, x[0].zero());
+        let reference = match delays {
+            0 => acting,
             // A torque acts on the motion as it is after the delay.
-            _ => self.tracking.forward_after(state, setpoint, self.delayed.seconds()),
+            _ => {
+                let later = self.tracking.forward_after(&pose.heading, setpoint, self.delayed.seconds());
+                self.tracking.planes.wheel_torques(equilibrium.forward(later), x[0].zero())
+            }
         };
-        let reference = self.tracking.planes.wheel_torques(forward, x[0].zero());
         let mut wanted = reference;
         for (row, torque) in self.gain.iter().zip(&mut wanted) {
             *torque += product(row, &x);
         }
-        let torques = self.limits.apply(wanted, state, largest).torques;
+        let Limited { torques, share, .. } = self.limits.apply_at(wanted, state, &pose, largest);
         let [a, b, c] = torques;
-        self.delayed.keep([a - reference[0], b - reference[1], c - reference[2]], memory);
+        let added = [a - reference[0], b - reference[1], c - reference[2]];
+        let [a, b, c] = self.delayed.acting(added, memory);
+        let acting = [acting[0] + a, acting[1] + b, acting[2] + c];
+        self.observer.predict(state, &pose, acting, share, &mut memory.after(delays));
+        self.delayed.keep(added, memory);
         torques
     }
 }

@@ -1,6 +1,7 @@
 //! The double loop: a regulator that asks for rates of the wheels, above a PI of the measured ones.
 
 use super::balance_frame::BalanceFrame;
+use super::lean_observer::{self, LeanObserver};
 use super::lean_planes::{LeanPlanes, Leaning, require_stable};
 use super::outer::Outer;
 use super::riccati;
@@ -10,7 +11,7 @@ use crate::error::Result;
 use crate::fields::{Fields, Limit};
 use crate::kinematics::Omniwheels;
 use crate::lane_state::LaneState;
-use crate::lanes::{Heading, Lane, Memory};
+use crate::lanes::{Lane, Memory};
 use crate::params::Params;
 use nalgebra::{DMatrix, Vector3};
 
@@ -41,6 +42,9 @@ crate::fields! {
         pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
         /// No deviation: the largest speed that one of the position may ask for.
         pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
+        /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass
+        /// change; 0 for no estimate.
+        pub lean_observer: f64 = 0.0, "1/s", lean_observer::LIMIT;
     }
 }
 
@@ -100,6 +104,7 @@ pub struct LqrPi {
     yaw: [f64; 2],
     tracking: Tracking,
     outer: Outer,
+    observer: LeanObserver,
     sampling: Sampling,
     limits: TorqueLimits,
 }
@@ -133,6 +138,8 @@ impl LqrPi {
         let (dt, half) = (control_dt, 0.5 * control_dt * control_dt);
         let heading = [1.0 - half * yaw[0], dt - half * yaw[1], -dt * yaw[0], 1.0 - dt * yaw[1]];
         require_stable(DMatrix::from_row_slice(2, 2, &heading), control_dt)?;
+        let max_torque = limits.max_torque();
+        let observer = LeanObserver::new(params, &tracking, control_dt, options.lean_observer, max_torque)?;
         let planes = &tracking.planes;
         let loops =
             [Loops::new(0, params, planes, control_dt, options)?, Loops::new(1, params, planes, control_dt, options)?];
@@ -144,7 +151,8 @@ impl LqrPi {
             yaw,
             outer: Outer::new(&planes.gain(asked, yaw), [options.max_lean, options.max_speed]),
             tracking,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY + observer.kept()),
+            observer,
             limits,
         })
     }
@@ -178,6 +186,10 @@ impl Law for LqrPi {
         &mut self.sampling
     }
 
+    fn kept(&self) -> usize {
+        Self::MEMORY + self.observer.kept()
+    }
+
     #[inline(always)]
     fn torques<L: Lane>(
         &self,
@@ -186,13 +198,13 @@ impl Law for LqrPi {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
+        let deviation = self.tracking.deviation(state, setpoint);
+        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(Self::MEMORY));
+        let Deviation { mut x, forward, pose } = equilibrium.deviation(deviation);
         let Leaning { velocity, rate, .. } = Leaning::new(&x);
         // The motion of the setpoint, of which the wheels have a part.
-        let heading = Heading::new(self.tracking.frame.attitude(state.body_quaternion));
-        let moving = heading.of(state.ball_velocity.x, state.ball_velocity.y);
-        let turning = self.tracking.frame.of_body(state.body_angular_velocity);
-        let leaning = [turning.y, -turning.x];
+        let moving = pose.heading.of(state.ball_velocity.x, state.ball_velocity.y);
+        let leaning = [pose.rate.y, -pose.rate.x];
         self.outer.clip(&mut x);
         let asking = Leaning::new(&x);
         let zero = x[0].zero();
@@ -212,7 +224,8 @@ impl Law for LqrPi {
             accelerations[axis] += driven;
         }
         let yaw = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let limited = self.limits.apply(self.tracking.planes.wheel_torques(accelerations, yaw), state, largest);
+        let wanted = self.tracking.planes.wheel_torques(accelerations, yaw);
+        let limited = self.limits.apply_at(wanted, state, &pose, largest);
         // A torque that is limited cannot act on the integral: hold it.
         let held = limited.share.lt(zero.splat(1.0));
         for (axis, error) in errors.into_iter().enumerate() {
@@ -220,6 +233,7 @@ impl Law for LqrPi {
             let next = error.mul_add_all(self.sampling.control_dt, integral);
             memory.set(axis, L::select(held, integral, next));
         }
+        self.observer.predict(state, &pose, limited.torques, limited.share, &mut memory.after(Self::MEMORY));
         limited.torques
     }
 }

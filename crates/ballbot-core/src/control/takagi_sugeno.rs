@@ -220,7 +220,7 @@ impl Law for TakagiSugeno {
         largest: f64,
         _: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
+        let Deviation { mut x, forward, pose } = self.tracking.deviation(state, setpoint);
         self.outer.clip(&mut x);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
         let [tilt_x, tilt_y] = self.tracking.frame.attitude(state.body_quaternion).tilt_components();
@@ -233,6 +233,7 @@ impl Law for TakagiSugeno {
             }
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        self.limits.apply(self.tracking.planes.wheel_torques(accelerations, turning), state, largest).torques
+        let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
+        self.limits.apply_at(wanted, state, &pose, largest).torques
     }
 }

@@ -1,6 +1,6 @@
 //! What is wrong with a robot that follows a setpoint, in the coordinates of the linear model.
 
-use super::balance_frame::BalanceFrame;
+use super::balance_frame::{BalanceFrame, Pose};
 use super::lean_planes::LeanPlanes;
 use super::{Constants, LaneSetpoint};
 use crate::lane_state::LaneState;
@@ -31,6 +31,7 @@ pub(super) struct Deviation<L> {
     pub(super) x: [L; STATES],
     /// What the motors add to the angular accelerations of the leans in that motion, rad/s².
     pub(super) forward: [L; 2],
+    pub(super) pose: Pose<L>,
 }
 
 impl Tracking {
@@ -73,15 +74,12 @@ impl Tracking {
     /// What is between a robot and its setpoint.
     #[inline(always)]
     pub(super) fn deviation<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> Deviation<L> {
-        let attitude = self.frame.attitude(state.body_quaternion);
-        let heading = Heading::new(attitude);
+        let pose = self.frame.pose(state);
+        let Pose { attitude, heading, tilt: [tilt_x, tilt_y], rate } = pose;
         let (p, v) = (state.ball_position, state.ball_velocity);
         let [x, y] = heading.of(p.x - setpoint.position[0], p.y - setpoint.position[1]);
         let [vx, vy] = heading.of(v.x - setpoint.velocity[0], v.y - setpoint.velocity[1]);
-        let [inertial_x, inertial_y] = attitude.tilt_components();
-        let [tilt_x, tilt_y] = heading.of(inertial_x, inertial_y);
         let yaw = wrapped_angle(attitude.yaw() - setpoint.yaw);
-        let rate = self.frame.of_body(state.body_angular_velocity);
         let reference = self.lean(&heading, setpoint);
         let [lean_x, lean_y] = reference.lean;
         let [rate_x, rate_y] = reference.rate;
@@ -91,6 +89,7 @@ impl Tracking {
         Deviation {
             x: [x, y, tilt[0], tilt[1], yaw, vx, vy, turning[0], turning[1], turning[2]],
             forward: self.forward(&reference),
+            pose,
         }
     }
 
@@ -98,17 +97,16 @@ impl Tracking {
     #[inline(always)]
     pub(super) fn forward_after<L: Lane>(
         &self,
-        state: &LaneState<L>,
+        heading: &Heading<L>,
         setpoint: &LaneSetpoint<L>,
         delay: f64,
     ) -> [L; 2] {
-        let heading = Heading::new(self.frame.attitude(state.body_quaternion));
         let mut later = setpoint.acceleration;
         for (axis, later) in later.iter_mut().enumerate() {
             let changing = setpoint.snap[axis].mul_add_all(0.5 * delay, setpoint.jerk[axis]);
             *later = changing.mul_add_all(delay, *later);
         }
-        self.forward(&self.lean(&heading, &LaneSetpoint { acceleration: later, ..*setpoint }))
+        self.forward(&self.lean(heading, &LaneSetpoint { acceleration: later, ..*setpoint }))
     }
 }
 

@@ -3,6 +3,7 @@
 use super::{Lane, Quat};
 
 /// Cosine and sine of the yaw.
+#[derive(Clone, Copy, Debug)]
 pub struct Heading<L> {
     /// Cosine of the yaw.
     pub cos: L,
@@ -28,5 +29,11 @@ impl<L: Lane> Heading<L> {
     #[inline(always)]
     pub fn of(&self, x: L, y: L) -> [L; 2] {
         [self.cos.mul_add(x, self.sin * y), self.cos.mul_add(y, -(self.sin * x))]
+    }
+
+    /// Components in the inertial frame of a horizontal vector of the heading frame.
+    #[inline(always)]
+    pub fn to_inertial(&self, x: L, y: L) -> [L; 2] {
+        [self.cos.mul_add(x, -(self.sin * y)), self.cos.mul_add(y, self.sin * x)]
     }
 }

@@ -1,7 +1,7 @@
 //! Motors whose torque acts later than it is asked for.
 
 use super::{CONTROL_DT, SIM_DT, STEPS, around, gain_of, made, position, robot, run, uneven};
-use ballbot_core::control::{Lqr, LqrWeights, controller_kind, riccati};
+use ballbot_core::control::{Controller, IntegralWeights, Lqr, LqrWeights, controller_kind, riccati};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State};
@@ -37,29 +37,35 @@ fn gains_are_those_of_an_independent_computation() {
     }
 }
 
-/// Beside the Riccati equation of the model with the torques on their way as states.
+/// Beside the Riccati equation of the model with the torques on their way as states; `lqi` has the integral as two
+/// more.
 #[test]
 fn the_prediction_is_the_regulator_with_the_torques_as_states() {
     let params = uneven();
-    for samples in [1, 3, 10] {
-        let size = 10 + 3 * samples;
+    for (name, samples) in [("lqr", 1), ("lqr", 3), ("lqr", 10), ("lqi", 1), ("lqi", 5), ("lqi", 10)] {
+        let own = if name == "lqi" { 12 } else { 10 };
+        let size = own + 3 * samples;
         let (model_a, model_b) = LinearModel::new(&params).discretize(CONTROL_DT);
         let (mut a, mut b) = (DMatrix::zeros(size, size), DMatrix::zeros(size, 3));
         a.view_mut((0, 0), (10, 10)).copy_from(&model_a);
-        a.view_mut((0, 10), (10, 3)).copy_from(&model_b);
+        a.view_mut((0, own), (10, 3)).copy_from(&model_b);
         for sample in 1..samples {
-            a.view_mut((7 + 3 * sample, 10 + 3 * sample), (3, 3)).fill_with_identity();
+            a.view_mut((own - 3 + 3 * sample, own + 3 * sample), (3, 3)).fill_with_identity();
         }
         b.view_mut((size - 3, 0), (3, 3)).fill_with_identity();
         let (cost, r) = LqrWeights::default().matrices();
         let mut q = DMatrix::zeros(size, size);
         q.view_mut((0, 0), (10, 10)).copy_from(&cost);
+        for integral in 10..own {
+            (a[(integral, integral)], a[(integral, integral - 10)]) = (1.0, CONTROL_DT);
+            q[(integral, integral)] = IntegralWeights::default().integral.powi(-2);
+        }
         let expected = riccati::solve(&a, &b, &q, &r).unwrap().gain;
         let delay = samples as f64 * CONTROL_DT;
-        let found = gain_of(made("lqr", &params, &[("delay", &[delay])]).as_ref(), &params);
+        let found = gain_of(made(name, &params, &[("delay", &[delay])]).as_ref(), &params);
         let error = (&found - &expected).amax() / expected.amax();
-        println!("{samples} samples: {error:.1e}");
-        assert!(error < 1e-6, "{found}, expected {expected}");
+        println!("{name}, {samples} samples: {error:.1e}");
+        assert!(error < 1e-6, "{name}: {found}, expected {expected}");
     }
 }
 
@@ -84,13 +90,18 @@ fn delays_are_checked() {
 }
 
 /// Whether the robot stands after a start and an impulse, with motors whose torque acts `delay` later, in `contact`.
-fn stands(params: &Params, known: f64, delay: f64, start: &State, impulse: Vector3<f64>) -> bool {
+pub fn stands(
+    params: &Params,
+    controller: &mut dyn Controller,
+    delay: f64,
+    start: &State,
+    impulse: Vector3<f64>,
+) -> bool {
     let steps = (delay / SIM_DT).round() as usize;
     let on_their_way = RefCell::new(VecDeque::from(vec![[0.0; 3]; steps]));
     let mut robot = robot(params, ModelKind::Contact, start);
     robot.push(&impulse, None).unwrap();
-    let mut controller = made("lqr", params, &[("delay", &[known])]);
-    let end = run(&mut robot, controller.as_mut(), 6.0, position(0.0, 0.0), |_, torques| {
+    let end = run(&mut robot, controller, 6.0, position(0.0, 0.0), |_, torques| {
         let mut waiting = on_their_way.borrow_mut();
         waiting.push_back(*torques);
         *torques = waiting.pop_front().unwrap();
@@ -108,7 +119,8 @@ fn a_delay_that_is_predicted_costs_less() {
             let holds = |tilt: f64, push: f64| {
                 around(12).all(|way| {
                     let start = State::tilted(&params, way * tilt.to_radians(), 0.0);
-                    stands(&params, known, delay, &start, way.push(0.0) * push)
+                    let mut lqr = made("lqr", &params, &[("delay", &[known])]);
+                    stands(&params, lqr.as_mut(), delay, &start, way.push(0.0) * push)
                 })
             };
             let tilt = (0..30).map(f64::from).take_while(|&tilt| holds(tilt, 0.0)).last().unwrap_or(-1.0);
@@ -118,5 +130,47 @@ fn a_delay_that_is_predicted_costs_less() {
         println!("{delay} s: lqr {plain:?}, with the delay predicted {predicted:?} (deg, N·s)");
         assert!(predicted.0 >= least && predicted.0 >= plain.0 && predicted.1 >= plain.1, "{plain:?}, {predicted:?}");
         assert!(delay < 0.06 || plain.0 < 2.0, "beyond its margin of delay the regulator falls: {plain:?}");
+    }
+}
+
+/// The integral is predicted, too, and held where it may not grow.
+#[test]
+fn with_an_integral_a_delay_is_survived() {
+    let params = Params::paper();
+    let survives = |known: f64, delay: f64, tilt: f64, push: f64| {
+        around(12).all(|way| {
+            let start = State::tilted(&params, way * tilt.to_radians(), 0.0);
+            let mut lqi = made("lqi", &params, &[("delay", &[known])]);
+            stands(&params, lqi.as_mut(), delay, &start, way.push(0.0) * push)
+        })
+    };
+    assert!(survives(0.05, 0.05, 4.0, 0.0) && survives(0.05, 0.05, 18.0, 0.0) && survives(0.05, 0.05, 0.0, 1.4));
+    assert!(survives(0.07, 0.07, 14.0, 0.0) && !survives(0.0, 0.07, 4.0, 0.0));
+    for observed in [0.5, 1.0, 2.0] {
+        for direction in around(6) {
+            let start = State::tilted(&params, direction * f64::to_radians(18.0), 0.0);
+            let mut lqr = made("lqr", &params, &[("delay", &[0.05]), ("lean_observer", &[observed])]);
+            assert!(stands(&params, lqr.as_mut(), 0.05, &start, Vector3::zeros()), "{observed} 1/s");
+        }
+    }
+}
+
+/// A delay changes nothing in equilibrium: no disturbance leaves an offset that leaves none without it.
+#[test]
+fn behind_a_delay_no_offset_is_left() {
+    let params = Params { floor_tilt: [0.0, 1_f64.to_radians()], ..Params::paper() };
+    let delayed: (&str, &[f64]) = ("delay", &[0.05]);
+    for (name, options) in [("lqi", vec![delayed]), ("lqr", vec![delayed, ("lean_observer", &[1.0])])] {
+        let on_their_way = RefCell::new(VecDeque::from(vec![[0.0; 3]; 50]));
+        let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
+        let mut controller = made(name, &params, &options);
+        let end = run(&mut robot, controller.as_mut(), 25.0, position(0.0, 0.0), |_, torques| {
+            let mut waiting = on_their_way.borrow_mut();
+            waiting.push_back(*torques);
+            *torques = waiting.pop_front().unwrap();
+        });
+        let left = end.unwrap_or_else(|| panic!("{name} falls")).end.ball_position.xy().norm();
+        println!("{name}: {:.3} mm", left * 1e3);
+        assert!(left < 1e-3, "{name}: {left} m");
     }
 }

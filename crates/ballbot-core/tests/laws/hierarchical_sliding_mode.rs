@@ -1,12 +1,16 @@
 //! Hierarchical sliding mode.
 
-use super::{CONTROL_DT, assert_poles, closed_loop, gain_of, made, pair, presets, robot};
-use ballbot_core::control::{
-    Controller, HierarchicalSlidingMode, LimitOptions, Setpoint, SlidingModeOptions, SlidingSurface,
+use super::{
+    CONTROL_DT, assert_poles, cells, closed_loop, gain_of, lanes_equal_one_robot, made, pair, position, presets, robot,
+    run,
 };
+use ballbot_core::control::{
+    Controller, HierarchicalSlidingMode, LimitOptions, Setpoint, SetpointCells, SlidingModeOptions, SlidingSurface,
+};
+use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State};
-use nalgebra::{Complex, DMatrix, Vector2};
+use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 
 /// d and c of d ÿ + c θ̈ = K θ, and K, from the masses; wheels turn with the body, too, at k + 1 times its rate.
 fn unactuated(params: &Params) -> [f64; 3] {
@@ -125,4 +129,117 @@ fn the_surface_is_reached() {
         }
         assert!(expected < 0.1 * y.c2 * tilt);
     }
+}
+
+/// A thin layer, in which the gain of the default would be far below a disturbance.
+const ADAPTIVE: [(&str, &[f64]); 5] = [
+    ("switching", &[0.25]),
+    ("layer", &[0.05]),
+    ("adaptation", &[50.0]),
+    ("leakage", &[1.0]),
+    ("max_switching", &[3.0]),
+];
+
+/// Where a robot comes to rest with constant torques about an axis that its law knows nothing of, N·m, and what is
+/// kept.
+fn pushed(options: &[(&str, &[f64])], torque: f64) -> (f64, Vec<f64>) {
+    let params = Params::paper();
+    let wheels = Omniwheels::new(&params).torques_on_body(&(Vector3::y() * torque), TorqueMap::Consistent);
+    let law = made("hierarchical_sliding_mode", &params, options);
+    let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
+    let (setpoint, mut memory) = (SetpointCells::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
+    for _ in 0..2000 {
+        let torques = law.torques_one(&cells(&robot.state()), &setpoint, f64::INFINITY, &mut memory);
+        let all = Vector3::from(torques) + wheels;
+        robot.step(&all.into(), 10).unwrap();
+    }
+    assert!(robot.state().tilt() < 1e-3 && robot.state().ball_velocity.norm() < 1e-3);
+    (robot.state().ball_position.x, memory)
+}
+
+/// At rest S = α c₁ y, and Ṡ = 0 = −K_S S − η − η̂ + d outside of the layer, η̂ = (γ/σ)(|S| − φ).
+#[test]
+fn the_adapted_gain_is_the_closed_form_and_bounded() {
+    let params = Params::paper();
+    let [d, c, _] = unactuated(&params);
+    let linear = LinearModel::new(&params);
+    let reaching = 1.3 * linear.a[(8, 3)].sqrt();
+    let SlidingSurface { alpha, c1, .. } = surface(&params);
+    let surface_of = |torque: f64| {
+        let wheels = Omniwheels::new(&params).torques_on_body(&(Vector3::y() * torque), TorqueMap::Consistent);
+        ((linear.b * wheels)[8] * (1.0 - alpha * c / d)).abs()
+    };
+    for torque in [0.08, -0.1] {
+        let pushing = surface_of(torque);
+        let expected = (pushing - 0.25 + 50.0 * 0.05) / (reaching + 50.0);
+        assert!(expected > 0.06, "outside of the layer");
+        let (place, memory) = pushed(&ADAPTIVE, torque);
+        let found = alpha * c1 * place.abs();
+        println!("{torque} N·m: S = {found:.4}, expected {expected:.4}, {:.1} mm, {memory:?}", place * 1e3);
+        assert!((found / expected - 1.0).abs() < 0.01, "S = {found}, expected {expected}");
+        assert!((memory[0] - 50.0 * (expected - 0.05)).abs() < 0.02 * memory[0], "{memory:?}");
+        // Without the adaptation the robot is farther off, at (d − η)/K_S.
+        let off = pushed(&ADAPTIVE[..2], torque).0;
+        println!("without the adaptation {:.1} mm", off * 1e3);
+        let fixed = alpha * c1 * off.abs();
+        assert!((fixed / ((pushing - 0.25) / reaching) - 1.0).abs() < 0.02 && fixed > 2.5 * found, "S = {fixed}");
+    }
+    let (_, memory) = pushed(&ADAPTIVE, 0.17);
+    assert_eq!(memory, [2.75], "cut to `max_switching`");
+    lanes_equal_one_robot("hierarchical_sliding_mode", &ADAPTIVE);
+}
+
+/// A fixed gain that leaves the same offset has the torques of noise that the adapted one has only under a disturbance.
+#[test]
+fn an_adapted_gain_chatters_less_than_the_fixed_one_that_it_replaces() {
+    let params = Params::paper();
+    let (place, memory) = pushed(&ADAPTIVE, 0.1);
+    let needed = 0.25 + memory[0];
+    let fixed: [(&str, &[f64]); 2] = [("switching", &[needed]), ("layer", &[0.05])];
+    let same = pushed(&fixed, 0.1).0;
+    assert!((same / place - 1.0).abs() < 0.02, "{same} m, {place} m");
+    let chatter = |options: &[(&str, &[f64])]| {
+        let law = made("hierarchical_sliding_mode", &params, options);
+        let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
+        let (setpoint, mut memory) = (SetpointCells::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
+        let (mut last, mut sum) = (Vector3::zeros(), 0.0);
+        for k in 0..1000 {
+            let mut seen = robot.state();
+            let noise = |i: f64| 0.02 * ((1e4 * (0.7 + f64::from(k) * 1.3 + i).sin()).fract());
+            seen.body_angular_velocity += Vector3::new(noise(0.1), noise(0.2), 0.0);
+            let torques = Vector3::from(law.torques_one(&cells(&seen), &setpoint, f64::INFINITY, &mut memory));
+            robot.step(&torques.into(), 10).unwrap();
+            sum += (torques - last).norm_squared();
+            last = torques;
+        }
+        (sum / 1000.0).sqrt()
+    };
+    let (adapted, fixed) = (chatter(&ADAPTIVE), chatter(&fixed));
+    println!("η = {needed:.2} rad/s²: torque from sample to sample {adapted:.4} and {fixed:.4} N·m");
+    assert!(adapted < 0.6 * fixed, "{adapted} N·m, fixed {fixed} N·m");
+}
+
+#[test]
+fn torques_that_are_limited_raise_no_gain() {
+    let params = Params::paper();
+    let law = made("hierarchical_sliding_mode", &params, &ADAPTIVE);
+    let setpoint = SetpointCells::from(&Setpoint::default());
+    let tilted = cells(&State::tilted(&params, Vector2::new(0.1, 0.0), 0.0));
+    let mut memory = [0.0];
+    law.torques_one(&tilted, &setpoint, 1e-3, &mut memory);
+    assert_eq!(memory, [0.0]);
+    law.torques_one(&tilted, &setpoint, f64::INFINITY, &mut memory);
+    let raised = memory[0];
+    assert!(raised > 0.0);
+    law.torques_one(&cells(&State::upright(&params)), &setpoint, f64::INFINITY, &mut memory);
+    assert!((memory[0] / raised - (-CONTROL_DT).exp()).abs() < 1e-12, "it leaks");
+    // What the sampled loop does not stand is refused with the largest gain.
+    let kind = ballbot_core::control::controller_kind("hierarchical_sliding_mode").unwrap();
+    let most: [(&str, &[f64]); 2] = [("adaptation", &[1.0]), ("max_switching", &[100.0])];
+    assert!((kind.make)(&params, CONTROL_DT, &kind.limits, &most).is_err());
+    assert!((kind.make)(&params, CONTROL_DT, &kind.limits, &most[1..]).is_ok());
+    let start = State::tilted(&params, Vector2::new(0.4, 0.1), 0.0);
+    let mut robot = robot(&params, ModelKind::Contact, &start);
+    let mut law = made("hierarchical_sliding_mode", &params, &ADAPTIVE[2..]);
+    assert!(run(&mut robot, law.as_mut(), 6.0, position(0.0, 0.0), |_, _| ()).unwrap().end.tilt() < 0.01);
 }

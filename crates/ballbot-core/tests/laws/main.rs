@@ -4,6 +4,7 @@ mod cascade_pid;
 mod delay;
 mod fuzzy_mamdani;
 mod hierarchical_sliding_mode;
+mod lean_observer;
 mod lqi;
 mod lqr_pi;
 mod mpc;
@@ -379,31 +380,35 @@ fn scattered_states(params: &Params) -> Vec<State> {
 
 #[test]
 fn lanes_equal_the_scalar_law() {
-    let params = uneven();
     for name in LAWS {
-        let controller = law(name, &params);
-        let setpoint = |i: usize| Setpoint {
-            position: Vector2::new(0.1, -0.05) * i as f64,
-            velocity: Vector2::new(-0.02, 0.03) * i as f64,
-            yaw: i as f64 - 3.0,
-            ..Setpoint::default()
-        };
-        let mut targets = SetpointCells::<Eight>::default();
-        (0..EIGHT).for_each(|i| Eight::set_setpoint(&mut targets, i, &setpoint(i)));
-        let mut memory = vec![Eight::default(); controller.memory_len()];
-        let mut single = vec![vec![0.0; controller.memory_len()]; EIGHT];
-        for eight in scattered_states(&params).chunks_exact(EIGHT) {
-            let mut all = StateCells::<Eight>::default();
-            eight.iter().enumerate().for_each(|(i, state)| all.set_lane(i, &cells(state)));
-            let torques = controller.torques_eight(&all, &targets, f64::INFINITY, &mut memory);
-            for (i, kept) in single.iter_mut().enumerate() {
-                let expected = controller.torques_one(&cells(&eight[i]), &(&setpoint(i)).into(), f64::INFINITY, kept);
-                let found = torques.map(|cell| cell.0[i]);
-                assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "{name}, lane {i}");
-                assert!(found.iter().any(|torque| *torque != 0.0));
-                for (number, kept) in kept.iter().enumerate() {
-                    assert_eq!(memory[number].0[i].to_bits(), kept.to_bits(), "{name}, lane {i}, number {number}");
-                }
+        lanes_equal_one_robot(name, &[]);
+    }
+}
+
+fn lanes_equal_one_robot(name: &str, options: &[(&str, &[f64])]) {
+    let params = uneven();
+    let controller = made(name, &params, options);
+    let setpoint = |i: usize| Setpoint {
+        position: Vector2::new(0.1, -0.05) * i as f64,
+        velocity: Vector2::new(-0.02, 0.03) * i as f64,
+        yaw: i as f64 - 3.0,
+        ..Setpoint::default()
+    };
+    let mut targets = SetpointCells::<Eight>::default();
+    (0..EIGHT).for_each(|i| Eight::set_setpoint(&mut targets, i, &setpoint(i)));
+    let mut memory = vec![Eight::default(); controller.memory_len()];
+    let mut single = vec![vec![0.0; controller.memory_len()]; EIGHT];
+    for eight in scattered_states(&params).chunks_exact(EIGHT) {
+        let mut all = StateCells::<Eight>::default();
+        eight.iter().enumerate().for_each(|(i, state)| all.set_lane(i, &cells(state)));
+        let torques = controller.torques_eight(&all, &targets, f64::INFINITY, &mut memory);
+        for (i, kept) in single.iter_mut().enumerate() {
+            let expected = controller.torques_one(&cells(&eight[i]), &(&setpoint(i)).into(), f64::INFINITY, kept);
+            let found = torques.map(|cell| cell.0[i]);
+            assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "{name}, lane {i}");
+            assert!(found.iter().any(|torque| *torque != 0.0));
+            for (number, kept) in kept.iter().enumerate() {
+                assert_eq!(memory[number].0[i].to_bits(), kept.to_bits(), "{name}, lane {i}, number {number}");
             }
         }
     }

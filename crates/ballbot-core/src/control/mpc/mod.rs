@@ -3,14 +3,16 @@
 mod plane;
 mod prediction;
 
+use super::balance_frame::Pose;
+use super::lean_observer::{self, LeanObserver};
 use super::lean_planes::{Leaning, product};
 use super::limits::ROWS;
 use super::outer::Outer;
 use super::riccati;
 use super::tracking::{Deviation, Tracking};
 use super::{
-    LaneSetpoint, Law, LimitOptions, LqrWeights, MOTION_PARTS, Sampling, Setpoint, SetpointCells, TorqueLimits,
-    check_control_dt,
+    LaneSetpoint, Law, LimitOptions, Limited, LqrWeights, MOTION_PARTS, Sampling, Setpoint, SetpointCells,
+    TorqueLimits, check_control_dt,
 };
 use crate::error::Result;
 use crate::fields::{Fields, Limit};
@@ -54,6 +56,9 @@ crate::fields! {
         pub horizon: f64 = 3.0, "", Limit::from(1e-3).to(10.0);
         /// Iterations a call, rounded.
         pub iterations: f64 = 10.0, "", Limit::from(1.0).to(10_000.0);
+        /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass
+        /// change; 0 for no estimate.
+        pub lean_observer: f64 = 0.0, "1/s", lean_observer::LIMIT;
     }
 }
 
@@ -79,6 +84,7 @@ pub struct Mpc {
     prediction: Prediction,
     tracking: Tracking,
     outer: Outer,
+    observer: LeanObserver,
     sampling: Sampling,
     limits: TorqueLimits,
     /// Time between two stages, s.
@@ -105,6 +111,8 @@ impl Mpc {
         let limits = TorqueLimits::new(params, limits)?;
         let weights = options.weights();
         let tracking = Tracking::new(params);
+        let max_torque = limits.max_torque();
+        let observer = LeanObserver::new(params, &tracking, control_dt, options.lean_observer, max_torque)?;
         let planes = &tracking.planes;
         let toppling = planes.planes[0].toppling.max(planes.planes[1].toppling);
         let samples = (options.horizon / (toppling * STAGES as f64 * control_dt)).round().max(1.0);
@@ -126,7 +134,8 @@ impl Mpc {
             outer: Outer::new(&gain, [weights.max_lean, weights.max_speed]),
             gain: std::array::from_fn(|i| std::array::from_fn(|j| gain[(i, j)])),
             prediction,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY + observer.kept()),
+            observer,
             tracking,
             limits,
             stage,
@@ -142,7 +151,7 @@ impl Mpc {
     pub fn wanted(&self, state: &State, setpoint: &Setpoint) -> [f64; 3] {
         let mut cells = StateCells::default();
         LaneState::from(state).store(&mut cells);
-        let mut plan = vec![0.0; <Self as Law>::MEMORY];
+        let mut plan = vec![0.0; self.kept()];
         let mut memory = Memory::<f64>::new(Scalar, &mut plan);
         self.torques_wanted(
             &cells.load(Scalar),
@@ -150,6 +159,7 @@ impl Mpc {
             f64::INFINITY,
             &mut memory,
         )
+        .0
     }
 
     #[inline(always)]
@@ -159,13 +169,15 @@ impl Mpc {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         memory: &mut Memory<'_, L>,
-    ) -> [L; 3] {
-        let Deviation { mut x, forward } = self.tracking.deviation(state, setpoint);
+    ) -> ([L; 3], Pose<L>) {
+        let deviation = self.tracking.deviation(state, setpoint);
+        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(Self::MEMORY));
+        let Deviation { mut x, forward, pose } = equilibrium.deviation(deviation);
         self.outer.clip(&mut x);
         let planes = &self.tracking.planes;
         let zero = x[0].zero();
         let mut wanted = planes.wheel_torques(forward, zero);
-        let start = self.start(state, &x, forward, wanted, largest);
+        let start = self.start(&pose, &x, forward, wanted, largest);
         for (row, torque) in self.gain.iter().zip(&mut wanted) {
             *torque += product(row, &x);
         }
@@ -182,25 +194,21 @@ impl Mpc {
         let [x, y] = &self.prediction.planes;
         let [first, ..] = plan;
         let added = planes.wheel_torques([first[0] * x.scale, first[1] * y.scale], zero);
-        [wanted[0] + added[0], wanted[1] + added[1], wanted[2] + added[2]]
+        ([wanted[0] + added[0], wanted[1] + added[1], wanted[2] + added[2]], pose)
     }
 
     /// What the prediction starts from; the lean of the setpoint is held and so is the tilt rate of the rows.
     #[inline(always)]
     fn start<L: Lane>(
         &self,
-        state: &LaneState<L>,
+        &Pose { tilt: [tilt_x, tilt_y], rate: turning, .. }: &Pose<L>,
         x: &[L; STATES],
         forward: [L; 2],
         torques: [L; 3],
         largest: f64,
     ) -> Start<L> {
         let Leaning { position, velocity, lean, rate } = Leaning::new(x);
-        let attitude = self.tracking.frame.attitude(state.body_quaternion);
-        let [inertial_x, inertial_y] = attitude.tilt_components();
-        let [tilt_x, tilt_y] = crate::lanes::Heading::new(attitude).of(inertial_x, inertial_y);
         let reference = [tilt_y - lean[0], -tilt_x - lean[1]];
-        let turning = self.tracking.frame.of_body(state.body_angular_velocity);
         let squared = turning.x.mul_add(turning.x, turning.y.squared());
         let mut rows = [squared; ROWS];
         for (row, constant) in self.prediction.rows.iter().zip(&mut rows) {
@@ -229,6 +237,10 @@ impl Law for Mpc {
         &mut self.sampling
     }
 
+    fn kept(&self) -> usize {
+        Self::MEMORY + self.observer.kept()
+    }
+
     #[inline(always)]
     fn torques<L: Lane>(
         &self,
@@ -237,7 +249,9 @@ impl Law for Mpc {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
-        let wanted = self.torques_wanted(state, setpoint, largest, memory);
-        self.limits.apply(wanted, state, largest).torques
+        let (wanted, pose) = self.torques_wanted(state, setpoint, largest, memory);
+        let Limited { torques, share, .. } = self.limits.apply_at(wanted, state, &pose, largest);
+        self.observer.predict(state, &pose, torques, share, &mut memory.after(Self::MEMORY));
+        torques
     }
 }
