@@ -9,10 +9,12 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs.cli import main
+from ballbot_rs.control.resolve import find
 from ballbot_rs.scenarios.metrics import METRICS, Measures
-from ballbot_rs.scenarios.run import Outcome, run_scenarios
+from ballbot_rs.scenarios.run import Outcome, outcome_on, run_scenarios
 from ballbot_rs.scenarios.scale import Scale
 from ballbot_rs.scenarios.scenario import Scenario, load, select
+from ballbot_rs.scenarios.stage import Stage
 from ballbot_rs.scenarios.trial import trial
 
 OWN = '[[scenario]]\nid = "A"\ntitle = ""\nseconds = 1\nscore = "rms_tilt"\n'
@@ -75,6 +77,20 @@ def test_all_controllers_have_the_same_episodes():
     other = trial(scenario, bb.Params.paper(), 0.01, seed=4)
     assert other.robots[5].to_dict() != first.robots[5].to_dict()
     assert {score("lqr", "S12", seed=1), score("lqr", "S12", seed=1)} == {score("lqr", "S12", seed=1, num_threads=1)}
+
+
+@pytest.mark.parametrize("name", ["S20-push", "S22-6s"])
+def test_robots_made_once_have_the_same_episodes_again(name):
+    """Other robots than the nominal one; sensors, motors and events with random numbers."""
+    scenario = dataclasses.replace(load()[name], seeds=3, seconds=2.0, measure_from=0.0)
+    lqr, lqi = find("lqr"), find("lqi")
+    stage = Stage(lqr, scenario, bb.Params.paper(), seed=3)
+    found = [outcome_on(stage, law) for law in (lqr, lqi, lqr)]
+    (fresh,) = run_scenarios([lqr], [scenario], seed=3)
+    for metric, values in fresh.metrics.items():
+        np.testing.assert_array_equal(found[0].metrics[metric], values)
+        np.testing.assert_array_equal(found[2].metrics[metric], values)
+    assert (found[1].metrics["energy"] != fresh.metrics["energy"]).all()
 
 
 @pytest.mark.parametrize("name", list(load()))
