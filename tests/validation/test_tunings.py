@@ -1,10 +1,11 @@
-"""Tunings of the page on controllers: published ones have their poles on our robot, found ones the cost that is said."""
+"""Tunings of the page on controllers: published ones keep their poles, found ones have the cost that is said."""
 
 import numpy as np
 import pytest
 
 import ballbot_rs as bb
 from ballbot_rs._core import Controller, LinearModel
+from validation.controllers import tuning, tunings
 from validation.controllers.published import Plane, options, published
 
 PAPER = bb.Params.paper()
@@ -61,3 +62,14 @@ def test_tunings_on_their_own_time_scale():
     np.testing.assert_allclose(tuning.scaled(tuning.toppling), tuning.poles)
     np.testing.assert_allclose(sorted(tuning.poles.real), [-7.5896, -3.8712, -1.0884, -1.0884], atol=1e-3)
     assert all(np.all(one.poles.real < 0.0) for one in published().values())
+
+
+@pytest.mark.parametrize("law", [name for name in tuning.CONTROLLERS if name not in tuning.LEFT_OUT])
+def test_tuned_options_have_the_cost_of_the_file(law):
+    found = tuning.tuned()[law]
+    assert tuning.cost(law, found.options) == pytest.approx(found.cost, rel=1e-6)
+    assert found.cost < tuning.cost(law, {})
+
+
+def test_the_page_says_the_budget():
+    assert f"with {tuning.BUDGET} evaluations" in str(tunings.__doc__)

@@ -1,7 +1,7 @@
-"""Published tunings on other robots: their closed loops, in units of the rate at which the robot topples, in our options.
+"""Published tunings on other robots, mapped to our options by the poles of their closed loops.
 
-A tuning is brought to another robot by its poles: those of the published loop, times λ of ours by λ of its own. What a law
-has as options follows in closed form.
+Poles are brought to another robot by the rate at which it topples: those of the published loop, times λ of ours by λ of
+its own. What a law has as options follows in closed form.
 """
 
 import math
@@ -87,7 +87,8 @@ def _linearizing_gain(a: Array, b: Array, table: Mapping[str, Any]) -> Array:
     """Of the torque that gives the lean the acceleration -k (lean + k' ball): a PD of the lean that a PD asks for."""
     k, rate = table["lean_gains"]
     ball, ball_rate = table["ball_gains"]
-    return np.array([k * ball, a[3, 1] + k, k * ball_rate, rate]) / b[3]
+    gain: Array = np.array([k * ball, a[3, 1] + k, k * ball_rate, rate]) / b[3]
+    return gain
 
 
 def _regulator_poles(a: Array, b: Array, q: Array, r: float) -> Poles:

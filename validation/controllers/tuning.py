@@ -1,10 +1,5 @@
-"""Tunes the laws of the core with one budget for all, and writes validation/controllers/tuned.toml.
+"""Options that one search with one budget found for every law of the core, and what they cost."""
 
-`python -m validation.controllers.tuning` takes half an hour; with names of laws it tunes these and leaves the others.
-"""
-
-import argparse
-import sys
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -12,10 +7,11 @@ from typing import Any, Final, NamedTuple
 
 from ballbot_rs import _toml
 from ballbot_rs._core import CONTROLLERS
-from ballbot_rs.scenarios.tune import DEFAULT, tune
+from ballbot_rs.scenarios.run import run_scenarios
+from ballbot_rs.scenarios.tune import DEFAULT, mean_ratio, tune, with_options
 
 #: Evaluations of each law, the first of the default options among them.
-BUDGET: Final = 2000
+BUDGET: Final = 300
 SEED: Final = 0
 #: Its default options have the cost 1.
 BASELINE: Final = "lqr"
@@ -25,7 +21,7 @@ PATH: Final = Path(__file__).with_name("tuned.toml")
 
 _HEAD = f"""\
 # Options that `bb.tune` found for the paper's robot: {BUDGET} evaluations of its default scenarios a law, seed {SEED}.
-# Written by `python -m validation.controllers.tuning`. The cost of `{BASELINE}` with its default options is 1.
+# Written by `python -m validation.controllers.tune_all`. The cost of `{BASELINE}` with its default options is 1.
 """
 
 
@@ -43,6 +39,18 @@ def tuned() -> Mapping[str, TunedLaw]:
     return {name: TunedLaw(table["cost"], table["options"]) for name, table in tables.items()}
 
 
+@cache
+def _baseline() -> Mapping[str, float]:
+    """Scores that count as 1."""
+    outcomes = run_scenarios(with_options(BASELINE, {}), DEFAULT, seed=SEED)
+    return {outcome.scenario.id: outcome.score for outcome in outcomes}
+
+
+def cost(law: str, options: Mapping[str, float]) -> float:
+    """What the search makes least."""
+    return mean_ratio(run_scenarios(with_options(law, options), DEFAULT, seed=SEED), _baseline())
+
+
 def write(found: Mapping[str, TunedLaw]) -> None:
     """Writes the file, the laws in the order of the core."""
     parts = [_HEAD]
@@ -53,22 +61,7 @@ def write(found: Mapping[str, TunedLaw]) -> None:
     PATH.write_text("\n".join(parts), encoding="utf-8")
 
 
-def main() -> int:
-    """The command."""
-    laws = [name for name in CONTROLLERS if name not in LEFT_OUT]
-    parser = argparse.ArgumentParser(prog="python -m validation.controllers.tuning", description=__doc__)
-    parser.add_argument("laws", nargs="*", metavar="LAW", help=f"some of {', '.join(laws)}; all without")
-    parser.add_argument("--threads", type=int, default=1, help="that step the robots (%(default)s)")
-    asked = parser.parse_args()
-    if unknown := [name for name in asked.laws if name not in laws]:
-        parser.error(f"no law {', '.join(unknown)} to tune; there are: {', '.join(laws)}")
-    for name in asked.laws or laws:
-        found = tune(name, DEFAULT, BUDGET, baseline=BASELINE, seed=SEED, num_threads=asked.threads)
-        tuned.cache_clear()
-        write({**tuned(), name: TunedLaw(found.cost, found.options)})
-        print(f"{name}: cost {found.cost:.3f}", flush=True)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def search(law: str, num_threads: int | None = 1) -> TunedLaw:
+    """Searches the options of a law with the budget."""
+    found = tune(law, DEFAULT, BUDGET, baseline=BASELINE, seed=SEED, num_threads=num_threads)
+    return TunedLaw(found.cost, found.options)

@@ -184,10 +184,10 @@ def tune(
             [with_options(baseline, {})], [one.scenario for one in stages], robot=params, model=model, seed=seed
         )
         first = {name: score for name, score in scores(others).items() if name in own}
-    for name, of in ((controller, own), (baseline, first)):
+    for by, of in ((controller, own), (baseline, first)):
         bad = [one for one in own if not (math.isfinite(of.get(one, math.nan)) and of[one] > 0.0)]
         if bad or not own:
-            raise ValueError(f"{name} with its default options has no score in {bad or chosen} to improve on")
+            raise ValueError(f"{by} with its default options has no score in {bad or chosen} to improve on")
 
     def cost(found: Mapping[str, float]) -> float:
         try:
@@ -195,7 +195,7 @@ def tune(
         except ValueError:
             # Options out of range, or an unstable loop.
             return _WORST
-        return float(np.mean([_ratio(outcome, first[outcome.scenario.id]) for outcome in made]))
+        return mean_ratio(made, first)
 
     least = cost(default)
     best, history = default, [least]
@@ -216,6 +216,11 @@ def tune(
             progress(min(len(history), budget), budget)
         search.tell(solutions)
     return Tuned(controller, best, least, history[:budget])
+
+
+def mean_ratio(outcomes: Sequence[Outcome], first: Mapping[str, float]) -> float:
+    """Mean of the scores by those in `first`, less is better; a fall counts as 10."""
+    return float(np.mean([_ratio(outcome, first[outcome.scenario.id]) for outcome in outcomes]))
 
 
 def _ratio(outcome: Outcome, first: float) -> float:
