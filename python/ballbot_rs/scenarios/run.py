@@ -169,6 +169,7 @@ def outcome_on(stage: Stage, controller: ResolvedController) -> Outcome | None:
         & (metrics["final_tilt"] < _largest_final_tilt(scenario, episodes))
         & (metrics["final_error"] < scenario.final_distance)
         & (metrics["final_speed"] < scenario.final_speed)
+        & (metrics["final_yaw_error"] <= math.radians(scenario.final_yaw))
     )
     return Outcome(controller.name, scenario, metrics, success, _largest(episodes, success))
 

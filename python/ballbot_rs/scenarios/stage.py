@@ -100,15 +100,23 @@ class Stage:
             count = min(at_once, episodes.steps - first)
             impulses = None if episodes.impulses is None else episodes.impulses[first : first + count]
             times = np.asarray(batch.control_dt * np.arange(first, first + count + 1), dtype=np.float64)
-            position, velocity = _targets(episodes, times)
+            targets = _targets(episodes, times)
             if isinstance(law, Controller):
                 setpoints: Any = episodes.references
                 if setpoints is None and takes_position(law):
                     setpoints = {"position": episodes.positions}
-                rows = batch.rollout(law, count, setpoints, _RECORD, impulses=impulses, start_time=float(times[0]))
+                rows = batch.rollout(
+                    law,
+                    count,
+                    setpoints,
+                    _RECORD,
+                    impulses=impulses,
+                    points=episodes.points,
+                    start_time=float(times[0]),
+                )
             else:
                 rows = law.steps(count, impulses, episodes, times)
-            measures.add(rows, position, velocity)
+            measures.add(rows, **targets)
             if measures.fell.all():
                 break
         return measures
@@ -148,7 +156,7 @@ class _Python:
         for step in range(count):
             if impulses is not None:
                 for i in np.flatnonzero(impulses[step].any(axis=-1)).tolist():
-                    batch.push(i, impulses[step, i])
+                    batch.push(i, impulses[step, i], None if episodes.points is None else episodes.points[i])
             actions = self._act(self._observations, self._setpoint(episodes, float(times[step])))
             self._observations, _, terminated, _ = batch.step(actions)
             rows["torques"].append(actions.astype(np.float64) * batch.max_wheel_torque)
@@ -165,11 +173,11 @@ class _Python:
         return [found[id(one)] for one in episodes.references]
 
 
-def _targets(episodes: Trial, times: Array) -> tuple[Array, Array]:
-    """Where the balls should be and how fast, shape (len(times), n or 1, 2)."""
+def _targets(episodes: Trial, times: Array) -> dict[str, Array]:
+    """Where the balls should be and how fast, shape (len(times), n or 1, 2), and the heading, (len(times), n or 1)."""
     if episodes.references is None:
         still = np.zeros((len(times), 1, 2))
-        return still + episodes.positions, still
+        return {"position": still + episodes.positions, "velocity": still, "yaw": still[..., 0]}
     one_for_all = all(one is episodes.references[0] for one in episodes.references)
     samples = [one.sample(times) for one in (episodes.references[:1] if one_for_all else episodes.references)]
-    return tuple(np.stack([sample[name] for sample in samples], axis=1) for name in ("position", "velocity"))  # type: ignore[return-value]
+    return {name: np.stack([sample[name] for sample in samples], axis=1) for name in ("position", "velocity", "yaw")}
