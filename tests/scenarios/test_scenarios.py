@@ -121,6 +121,13 @@ def test_pushes_have_the_impulse_that_is_said():
     np.testing.assert_allclose(np.linalg.norm(kugle.impulses.sum(axis=0), axis=-1), 0.7 * ratio, rtol=1e-12)
 
 
+def test_slow_pushes_are_those_of_simulate():
+    push = bb.Push((1.0, 0.0, 0.0), time=0.3, duration=0.1)
+    shares = [push.share(0.3 + 0.01 * k, 0.31 + 0.01 * k) for k in range(10)]
+    scenario = Scenario("x", "", seconds=1.0, score="rms_tilt", push=1.0, push_time=0.3, push_duration=0.1)
+    np.testing.assert_allclose(trial(scenario, bb.Params.paper(), 0.01).impulses[30:40, 0, 0], shares, atol=1e-14)
+
+
 def test_pushes_beside_the_center_of_mass():
     high, arm = (trial(load()[name], bb.Params.paper(), 0.01) for name in ("S5-high", "S5-arm"))
     np.testing.assert_array_equal(high.points, [[0.0, 0.0, 0.25]] * 4)
