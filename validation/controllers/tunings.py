@@ -126,7 +126,8 @@ def draw(fig: "Figure", found: Found) -> None:
     left, right = fig.subplots(1, 2)
     for law in matrix.names():
         for name in (DEFAULT, PUBLISHED, TUNED):
-            if (law, name, "S13-4s") in found:
+            # `mppi` is not pushed.
+            if all((law, name, scenario) in found for scenario in ("S13-4s", "S3-at-once", "S1-sensors")):
                 _mark(left, right, found, law, name)
     left.set(xlabel="circle in 4 s, error (mm rms)", ylabel="worst push (N·s)", xscale="log")
     right.set(
