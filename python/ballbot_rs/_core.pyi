@@ -1282,6 +1282,7 @@ class Batch:
         *,
         privileged: bool = False,
         impulses: npt.ArrayLike | None = None,
+        points: npt.ArrayLike | None = None,
         start_time: float = 0.0,
     ) -> dict[str, Any]:
         """Runs `steps` control steps under a controller, without Python in the loop.
@@ -1295,7 +1296,8 @@ class Batch:
                 `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
                 step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
             privileged: as in `control`.
-            impulses: on the CoM of each body before each of the first k steps, shape (k, num_envs, 3), inertial frame, N·s.
+            impulses: on each body before each of the first k steps, shape (k, num_envs, 3), inertial frame, N·s.
+            points: where on each body, shape (num_envs, 3), body frame, m; None is its CoM.
             start_time: when the first step is, for references, s.
 
         Returns:

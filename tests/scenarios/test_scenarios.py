@@ -9,10 +9,12 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs.cli import main
+from ballbot_rs.control.resolve import find
 from ballbot_rs.scenarios.metrics import METRICS, Measures
-from ballbot_rs.scenarios.run import Outcome, run_scenarios
+from ballbot_rs.scenarios.run import Outcome, outcome_on, run_scenarios
 from ballbot_rs.scenarios.scale import Scale
 from ballbot_rs.scenarios.scenario import Scenario, load, select
+from ballbot_rs.scenarios.stage import Stage
 from ballbot_rs.scenarios.trial import trial
 
 OWN = '[[scenario]]\nid = "A"\ntitle = ""\nseconds = 1\nscore = "rms_tilt"\n'
@@ -77,6 +79,20 @@ def test_all_controllers_have_the_same_episodes():
     assert {score("lqr", "S12", seed=1), score("lqr", "S12", seed=1)} == {score("lqr", "S12", seed=1, num_threads=1)}
 
 
+@pytest.mark.parametrize("name", ["S20-push", "S22-6s"])
+def test_robots_made_once_have_the_same_episodes_again(name):
+    """Other robots than the nominal one; sensors, motors and events with random numbers."""
+    scenario = dataclasses.replace(load()[name], seeds=3, seconds=2.0, measure_from=0.0)
+    lqr, lqi = find("lqr"), find("lqi")
+    stage = Stage(lqr, scenario, bb.Params.paper(), seed=3)
+    found = [outcome_on(stage, law) for law in (lqr, lqi, lqr)]
+    (fresh,) = run_scenarios([lqr], [scenario], seed=3)
+    for metric, values in fresh.metrics.items():
+        np.testing.assert_array_equal(found[0].metrics[metric], values)
+        np.testing.assert_array_equal(found[2].metrics[metric], values)
+    assert (found[1].metrics["energy"] != fresh.metrics["energy"]).all()
+
+
 @pytest.mark.parametrize("name", list(load()))
 def test_episodes_of_every_preset(name):
     scenario = load()[name]
@@ -105,6 +121,38 @@ def test_pushes_have_the_impulse_that_is_said():
     np.testing.assert_allclose(np.linalg.norm(kugle.impulses.sum(axis=0), axis=-1), 0.7 * ratio, rtol=1e-12)
 
 
+def test_slow_pushes_are_those_of_simulate():
+    push = bb.Push((1.0, 0.0, 0.0), time=0.3, duration=0.1)
+    shares = [push.share(0.3 + 0.01 * k, 0.31 + 0.01 * k) for k in range(10)]
+    scenario = Scenario("x", "", seconds=1.0, score="rms_tilt", push=1.0, push_time=0.3, push_duration=0.1)
+    np.testing.assert_allclose(trial(scenario, bb.Params.paper(), 0.01).impulses[30:40, 0, 0], shares, atol=1e-14)
+
+
+def test_pushes_beside_the_center_of_mass():
+    high, arm = (trial(load()[name], bb.Params.paper(), 0.01) for name in ("S5-high", "S5-arm"))
+    np.testing.assert_array_equal(high.points, [[0.0, 0.0, 0.25]] * 4)
+    com = bb.Params.paper().body_com_height
+    # To the left of pushes along x, y, -x, -y.
+    np.testing.assert_allclose(
+        arm.points, [[0, 0.05, com], [-0.05, 0, com], [0, -0.05, com], [0.05, 0, com]], atol=1e-15
+    )
+    assert trial(load()["S4"], bb.Params.paper(), 0.01).points is None
+    kugle = bb.Params.preset("kugle")
+    np.testing.assert_allclose(
+        trial(load()["S5-high"], kugle, 0.01).points[:, 2], 0.25 * kugle.body_com_height / com, rtol=1e-12
+    )
+
+
+def test_pushes_with_an_arm_turn_the_robot_and_high_ones_tilt_it_more():
+    center = dataclasses.replace(load()["S5-high"], id="center", push_height=None)
+    arm, center, high = run_scenarios("lqr", [load()["S5-arm"], center, load()["S5-high"]])
+    assert arm.success_rate == 1.0
+    assert arm.score > np.radians(1.0)
+    np.testing.assert_array_less(arm.metrics["final_yaw_error"], np.radians(0.1))
+    assert center.metrics["largest_yaw_error"].max() < 0.05 * arm.score
+    assert high.metrics["largest_tilt"].min() > 1.2 * center.metrics["largest_tilt"].max()
+
+
 def test_a_constant_force_holds_the_lean_of_the_closed_form():
     (outcome,) = run_scenarios(["lqi"], ["S6-1N"])
     np.testing.assert_allclose(np.degrees(outcome.metrics["final_tilt"]), 4.69, atol=0.02)
@@ -118,14 +166,17 @@ def test_metrics_of_known_rows():
     measures = Measures(2, 0.5, 0.0, np.array([[0.0, 0.0, 0.1]] * 2), np.ones(2))
     terminated = np.array([[False, True], [False, False]])
     torques = np.array([[[1.0, 1.0, 1.0], [2.0, 0.0, 0.0]], [[1.0, 1.0, 0.0], [9.0, 9.0, 9.0]]])
-    still = np.zeros((3, 1, 2))
-    measures.add({"states": states, "torques": torques, "terminated": terminated}, still, still)
+    # Turned by 90 deg of which 60 were asked for.
+    states[2, 0, [16, 19]] = np.sqrt(0.5)
+    still, yaw = np.zeros((3, 1, 2)), np.array([[0.0], [0.0], [np.pi / 3.0]])
+    measures.add({"states": states, "torques": torques, "terminated": terminated}, still, still, yaw)
     found = measures.found()
     assert list(found) == list(METRICS)
     assert found["fell"].tolist() == [False, True]
     assert found["rms_error"][0] == pytest.approx(math.sqrt(12.5))
     assert found["largest_error"][0] == 4.0
     assert found["final_speed"][0] == 1.0
+    assert found["final_yaw_error"][0] == found["largest_yaw_error"][0] == pytest.approx(np.pi / 6.0)
     assert found["rms_torque"][0] == pytest.approx(math.sqrt((1.0 + 2.0 / 3.0) / 2.0))
     assert found["torque_variation"][0] == pytest.approx(1.0)
     # After a fall nothing counts.
@@ -206,6 +257,7 @@ def test_scenarios_of_ones_own(tmp_path):
         (OWN + "tilt = [1, 2]\n", r"tilt = \(1.0, 2.0\), expected \(first, last, step\)"),
         (OWN + "tilt = [1, 2, 0]\n", "a step above 0"),
         (OWN + "push = nan\n", "push = nan, expected finite"),
+        (OWN + "push_height = inf\n", "push_height = inf, expected a number within ±10 m"),
         (OWN + "measure_from = 1\n", "measure_from = 1, expected from 0 to before seconds = 1"),
         (OWN + 'reference = { kind = "spiral" }\n', "reference.kind = 'spiral'"),
         (OWN + "reference = { radius = 1 }\n", "reference.kind = None"),

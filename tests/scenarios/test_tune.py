@@ -27,17 +27,33 @@ def test_one_option_alone():
     assert tune("lqr", LINE, 10, options=["position"]).cost <= 1.0
 
 
+def test_costs_of_one_baseline_can_be_compared():
+    plain, by_lqr = (tune("lqi", LINE, 1, baseline=name) for name in (None, "lqr"))
+    first, second = run_scenarios(["lqr", "lqi"], [LINE])
+    assert plain.cost == 1.0
+    assert by_lqr.cost == pytest.approx(second.score / first.score, rel=1e-12)
+
+
+def test_default_scenarios_leave_the_heading_alone():
+    found = tune("sliding_mode", budget=2)
+    assert "surface" in found.options
+    assert not any(name.startswith("yaw") for name in found.options)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
         (("nothing",), "tune takes a controller of the core"),
         (("lqr", LINE, 0), "budget"),
         (("pid", LINE, 5), "no score"),
+        (("lqr", ["S4", "S4"], 5), "have the same id"),
     ],
 )
 def test_what_cannot_be_tuned_is_refused(arguments, says):
     with pytest.raises(ValueError, match=says):
         tune(*arguments)
+    with pytest.raises(ValueError, match="not 'nothing'"):
+        tune("lqr", LINE, 5, baseline="nothing")
     with pytest.raises(ValueError, match="no option"):
         tune("lqr", LINE, 5, options=["mass"])
 

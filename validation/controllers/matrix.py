@@ -1,6 +1,7 @@
 r"""The matrix.
 
-All controllers in all [scenarios](scenarios.md), by default options, with the same episodes and the same last stage. Of
+All controllers in all [scenarios](scenarios.md), by default options, with the same episodes and the same last stage;
+[other tunings](#default-published-and-tuned) are below. Of
 a map the number is the largest tilt or push up to which all robots recover, in the worst of 12 or 24 directions. Of
 the others it is the error of the worst direction, or, of random episodes, the mean of the worse half (CVaR 0.5). The
 policy is the one that comes with the package; it is asked for no motion, nor is `pid`. `mppi` is asked for what takes
@@ -12,11 +13,11 @@ below it the tilts from which the robot recovers by direction, and what delay an
 
 from collections.abc import Mapping
 from functools import cache
-from importlib import resources
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from ballbot_rs import _assets
 from ballbot_rs._core import CONTROLLERS
 from ballbot_rs.media.figures.labels import short
 from ballbot_rs.scenarios.matrix import cell, unit
@@ -43,16 +44,20 @@ def names() -> list[str]:
 
 
 @cache
+def outcome(name: str, scenario: str) -> Outcome | None:
+    """One outcome; None is what a controller is not asked for."""
+    if name == "mppi" and scenario not in _FEW:
+        return None
+    source = _assets.path("policies/balance.onnx") if name == POLICY else name
+    found = run_scenarios([source], [scenario])
+    return found[0] if found else None
+
+
+@cache
 def measured() -> dict[tuple[str, str], Outcome]:
     """Outcomes by controller and scenario."""
-    found: dict[tuple[str, str], Outcome] = {}
-    for name in names():
-        source = name
-        if name == POLICY:
-            source = str(resources.files("ballbot_rs") / "assets/policies/balance.onnx")
-        for outcome in run_scenarios([source], _FEW if name == "mppi" else ()):
-            found[name, outcome.scenario.id] = outcome
-    return found
+    found = {(name, scenario): outcome(name, scenario) for name in names() for scenario in load()}
+    return {place: one for place, one in found.items() if one is not None}
 
 
 def run() -> Findings:
@@ -140,14 +145,14 @@ def draw(fig: "Figure", found: Found) -> None:
     for axes, scenarios in ((left, delays), (right, frictions)):
         for name in shown:
             scores = [found[name, scenario].score for scenario in scenarios.values()]
-            axes.plot(list(scenarios), scores, label=short(name), **_style(name))
+            axes.plot(list(scenarios), scores, label=short(name), **style(name))
     left.set(xlabel="delay (ms)", ylabel="worst push (N·s)", ylim=(0, None))
     right.set(xlabel="friction of the wheels", ylabel="worst tilt (deg)", ylim=(0, None))
-    policy = right.plot([], [], label=POLICY, **_style(POLICY))
+    policy = right.plot([], [], label=POLICY, **style(POLICY))
     fig.legend(handles=[*left.get_lines(), *policy], loc="outside lower center", ncols=4)
 
 
-def _style(name: str) -> dict[str, Any]:
+def style(name: str) -> dict[str, Any]:
     """Color, marker and line of a controller, the same in all parts of the figure."""
     number = names().index(name)
     line = ("-", "--")[number // 7]
@@ -157,7 +162,7 @@ def _style(name: str) -> dict[str, Any]:
 
 def _pareto(axes: "Axes", found: Found, shown: list[str]) -> None:
     for name in shown:
-        axes.plot(1e3 * found[name, "S13-4s"].score, found[name, "S3-at-once"].score, **_style(name))
+        axes.plot(1e3 * found[name, "S13-4s"].score, found[name, "S3-at-once"].score, **style(name))
     axes.set(xlabel="circle in 4 s, error (mm rms)", ylabel="worst push (N·s)", xlim=(0, None))
 
 
@@ -165,5 +170,5 @@ def _basins(axes: "Axes", found: Found) -> None:
     for name in ("lqr", "cascade_pid", "lqr_pi", POLICY):
         largest = found[name, "S2-rest"].largest
         azimuths = np.degrees(np.arange(len(largest)) * 2.0 * np.pi / len(largest))
-        axes.plot(azimuths, largest, **_style(name))
+        axes.plot(azimuths, largest, **style(name))
     axes.set(xlabel="direction of the tilt (deg)", ylabel="largest tilt (deg)", ylim=(0, None))

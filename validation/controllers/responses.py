@@ -10,7 +10,6 @@ import numpy.typing as npt
 import ballbot_rs as bb
 from ballbot_rs._state_rows import tilt_of
 from validation.closed_forms import holdable_tilt
-from validation.controllers import trials
 
 #: The motion: from rest to rest, m, s. It takes 0.41 of the traction.
 DISTANCE: Final = 0.5
@@ -19,6 +18,9 @@ MOVING: Final = 2.5
 STEP: Final = 0.3
 #: Simulated time of both, s.
 SECONDS: Final = 4.0
+#: Simulated time of the basin, s, and the tilt of a robot that has recovered, rad.
+BASIN_SECONDS: Final = 6.0
+_UPRIGHT: Final = np.radians(2.0)
 #: Tilts of the basin, deg: the middles of rings.
 RING: Final = 1.0
 TILTS: Final = np.arange(0.5, 55.0, RING)
@@ -109,8 +111,8 @@ def recovers(name: str, tilts: Array, azimuths: Array) -> Mask:
     leaning = np.radians(tilts.ravel())[:, None] * np.stack([-np.sin(azimuths), np.cos(azimuths)], -1).reshape(-1, 2)
     batch.reset(starts=[bb.State.at_equilibrium(params, tilt=lean) for lean in leaning])
     controller = bb.make_controller(name, params, control_dt)
-    done = batch.rollout(controller, round(trials.SECONDS / control_dt), record=("terminated", "states"))
-    upright = tilt_of(done["states"][-1:], params.body_com)[0] < trials.UPRIGHT
+    done = batch.rollout(controller, round(BASIN_SECONDS / control_dt), record=("terminated", "states"))
+    upright = tilt_of(done["states"][-1:], params.body_com)[0] < _UPRIGHT
     recovered: Mask = (upright & ~done["terminated"].any(axis=0)).reshape(tilts.shape)
     return recovered
 

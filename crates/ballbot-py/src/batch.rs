@@ -728,7 +728,8 @@ impl PyBatch {
     ///         `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
     ///         step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
     ///     privileged: as in `control`.
-    ///     impulses: on the CoM of each body before each of the first k steps, shape (k, num_envs, 3), inertial frame, N·s.
+    ///     impulses: on each body before each of the first k steps, shape (k, num_envs, 3), inertial frame, N·s.
+    ///     points: where on each body, shape (num_envs, 3), body frame, m; None is its CoM.
     ///     start_time: when the first step is, for references, s.
     ///
     /// Returns:
@@ -744,10 +745,10 @@ impl PyBatch {
     #[pyo3(
         signature = (
             controller, steps, setpoints=None, record=vec!["states".to_owned()], *, privileged=false, impulses=None,
-            start_time=0.0
+            points=None, start_time=0.0
         ),
         text_signature =
-            "($self, controller, steps, setpoints=None, record=['states'], *, privileged=False, impulses=None, start_time=0.0)"
+            "($self, controller, steps, setpoints=None, record=['states'], *, privileged=False, impulses=None, points=None, start_time=0.0)"
     )]
     #[expect(clippy::needless_pass_by_value, reason = "extracted from a Python sequence")]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
@@ -760,6 +761,7 @@ impl PyBatch {
         record: Vec<String>,
         privileged: bool,
         impulses: Option<&Bound<'py, PyAny>>,
+        points: Option<&Bound<'py, PyAny>>,
         #[pyo3(from_py_with = real)] start_time: f64,
     ) -> PyResult<Bound<'py, PyDict>> {
         let steps = count("steps", steps, 0)?;
@@ -769,11 +771,13 @@ impl PyBatch {
         let law = law.as_ref();
         let targets = Targets::extracted(controller, law, batch.len(), setpoints)?;
         let impulses = impulses.map(|value| finite_elements("impulses", value, &[None, Some(batch.len()), Some(3)]));
+        let points = points.map(|value| finite_elements("points", value, &[Some(batch.len()), Some(3)]));
         let closed_loop = ClosedLoop {
             controller: law,
             targets,
             privileged,
             impulses: impulses.transpose()?.unwrap_or_default(),
+            points: points.transpose()?.unwrap_or_default(),
             start_time: ballbot_core::check_finite("start_time", &[start_time])
                 .map(|()| start_time)
                 .map_err(to_python)?,

@@ -206,6 +206,8 @@ pub(crate) struct ClosedLoop<'a> {
     pub(crate) privileged: bool,
     /// On each robot before each of the first steps, N·s.
     pub(crate) impulses: Vec<f64>,
+    /// Where on each body, body frame, m; without any its CoM.
+    pub(crate) points: Vec<f64>,
     pub(crate) start_time: f64,
 }
 
@@ -231,7 +233,8 @@ impl ClosedLoop<'_> {
         let impulses = self.impulses.get(step * width..(step + 1) * width).unwrap_or_default();
         for (i, impulse) in impulses.chunks_exact(3).enumerate() {
             if impulse.iter().any(|component| *component != 0.0) {
-                batch.push(i, &Vector3::from_column_slice(impulse), None)?;
+                let point = self.points.get(3 * i..3 * i + 3).map(Vector3::from_column_slice);
+                batch.push(i, &Vector3::from_column_slice(impulse), point.as_ref())?;
             }
         }
         Ok(())

@@ -6,12 +6,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from ballbot_rs._errors import InvalidInputError
 
 Vector: TypeAlias = tuple[float, float, float]
 #: An impulse, inertial frame, N·s, and its point, body frame, m, or None for the CoM.
 Impulse: TypeAlias = tuple[Vector, Vector | None]
+
+
+def half_sine(count: int) -> npt.NDArray[np.float64]:
+    """Shares of an impulse along half a sine in `count` equal parts of its time; they sum to one."""
+    shares: npt.NDArray[np.float64] = np.sin((np.arange(count) + 0.5) * np.pi / count) * np.sin(0.5 * np.pi / count)
+    return shares
 
 
 @dataclasses.dataclass(frozen=True)

@@ -20,6 +20,8 @@ _UNITS: Final = {
     "settling_time": (1.0, "s", 3),
     "rms_tilt": (math.degrees(1.0), "deg", 3),
     "largest_tilt": (math.degrees(1.0), "deg", 3),
+    "largest_yaw_error": (math.degrees(1.0), "deg", 3),
+    "final_yaw_error": (math.degrees(1.0), "deg", 3),
     "success": (100.0, "%", 3),
 }
 

@@ -10,24 +10,15 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_seed
-from ballbot_rs._core import Batch, Controller, Params
+from ballbot_rs._core import Params
 from ballbot_rs._progress import Progress, no_progress
-from ballbot_rs.analysis.actors import core_law, make_actor
-from ballbot_rs.analysis.rollout import CHUNK, batch_for
-from ballbot_rs.control.laws import takes_position
 from ballbot_rs.control.resolve import ResolvedController, Source, find
-from ballbot_rs.envs.registration import DEFAULT_TASK
-from ballbot_rs.scenarios.metrics import METRICS, Measures
+from ballbot_rs.scenarios.metrics import METRICS
 from ballbot_rs.scenarios.scenario import Scenario, load, select
-from ballbot_rs.scenarios.trial import Trial, trial
+from ballbot_rs.scenarios.stage import Stage
+from ballbot_rs.scenarios.trial import Trial
 
 Array = npt.NDArray[np.float64]
-
-#: What a rollout records for the metrics.
-_RECORD = ("states", "torques", "terminated", "wheel_normal_forces", "wheel_tractions", "wheel_slip_speeds")
-
-#: Longest episodes: nothing but a fall ends them.
-_ENDLESS = 10**9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -158,57 +149,27 @@ def run_scenarios(
     outcomes = []
     for count, (controller, scenario) in enumerate((c, s) for c in found for s in chosen):
         progress(count, len(found) * len(chosen))
-        outcome = _run(controller, scenario, params, model, seed, num_threads)
+        stage = Stage(controller, scenario, params, model=model, seed=seed, num_threads=num_threads)
+        outcome = outcome_on(stage, controller)
         if outcome is not None:
             outcomes.append(outcome)
     progress(len(found) * len(chosen), len(found) * len(chosen))
     return outcomes
 
 
-def _run(
-    controller: ResolvedController,
-    scenario: Scenario,
-    params: Params,
-    model: str,
-    seed: int,
-    num_threads: int | None,
-) -> Outcome | None:
-    options: dict[str, Any] = {
-        **controller.env_options,
-        "model": model,
-        "params": params.to_dict(),
-        "fall_tilt": math.radians(scenario.fall_tilt),
-        "max_episode_steps": _ENDLESS,
-        "actuators": dict(scenario.actuators) or None,
-        "events": scenario.events or [],
-    }
-    if scenario.sensors is not None:
-        options |= {"sensors": scenario.sensors, "observation": "sensors"}
-    if controller.policy is None:
-        options.pop("max_wheel_torque", None)
-    # The rate of the controller decides about the number of steps.
-    one = batch_for(controller, 1, task=DEFAULT_TASK, num_threads=1, seed=seed, options=options, given=())
-    episodes = trial(scenario, params, one.control_dt, seed=seed)
-    options["params"] = episodes.nominal.to_dict()
-    batch = batch_for(
-        controller, len(episodes), task=DEFAULT_TASK, num_threads=num_threads, seed=seed, options=options, given=()
-    )
-    made = None if controller.policy is not None else controller.law(episodes.nominal, batch.control_dt)
-    follows = made is not None and takes_position(made)
-    if scenario.moves and not follows:
+def outcome_on(stage: Stage, controller: ResolvedController) -> Outcome | None:
+    """A controller on the robots of a scenario; None if it cannot be asked for what they are to do."""
+    measures = stage.follow(controller)
+    if measures is None:
         return None
-    # Before the robots become others than those that the controller is made for.
-    law = core_law(controller, batch) or _Python(controller, batch, follows)
-    for i, robot in enumerate(episodes.robots):
-        if robot is not episodes.nominal:
-            batch.set_params(i, robot)
-    measures = _follow(law, batch, episodes)
+    scenario, episodes = stage.scenario, stage.episodes
     metrics = measures.found()
     success = (
         ~metrics["fell"]
         & (metrics["final_tilt"] < _largest_final_tilt(scenario, episodes))
         & (metrics["final_error"] < scenario.final_distance)
         & (metrics["final_speed"] < scenario.final_speed)
+        & (metrics["final_yaw_error"] <= math.radians(scenario.final_yaw))
     )
     return Outcome(controller.name, scenario, metrics, success, _largest(episodes, success))
 
@@ -218,86 +179,6 @@ def _largest_final_tilt(scenario: Scenario, episodes: Trial) -> float:
         return math.radians(scenario.final_tilt)
     endless = episodes.references is not None and episodes.references[0].duration is None
     return math.inf if endless else math.radians(2.0)
-
-
-def _follow(law: "Controller | _Python", batch: Batch, episodes: Trial) -> Measures:
-    observations = batch.reset(starts=episodes.starts)
-    if isinstance(law, _Python):
-        law.start(observations)
-    com = np.array([batch.params(i).body_com for i in range(batch.num_envs)])
-    friction = np.array([batch.params(i).wheel_dynamic_friction for i in range(batch.num_envs)])
-    measures = Measures(batch.num_envs, batch.control_dt, episodes.measure_from, com, friction)
-    for first in range(0, episodes.steps, CHUNK):
-        count = min(CHUNK, episodes.steps - first)
-        impulses = None if episodes.impulses is None else episodes.impulses[first : first + count]
-        times = np.asarray(batch.control_dt * np.arange(first, first + count + 1), dtype=np.float64)
-        position, velocity = _targets(episodes, times)
-        if isinstance(law, Controller):
-            setpoints: Any = episodes.references
-            if setpoints is None and takes_position(law):
-                setpoints = {"position": episodes.positions}
-            rows = batch.rollout(law, count, setpoints, _RECORD, impulses=impulses, start_time=first * batch.control_dt)
-        else:
-            rows = law.steps(count, impulses, episodes, times)
-        measures.add(rows, position, velocity)
-        if measures.fell.all():
-            break
-    return measures
-
-
-class _Python:
-    """A policy or a law in Python on a batch, step by step."""
-
-    def __init__(self, controller: ResolvedController, batch: Batch, follows: bool) -> None:
-        self._act = make_actor(controller, batch)
-        self._follows = follows
-        self._batch = batch
-        self._observations = np.empty((0, 0), dtype=np.float32)
-
-    def start(self, observations: npt.NDArray[np.float32]) -> None:
-        """Begins at the first observations."""
-        self._observations = observations
-
-    def steps(self, count: int, impulses: Array | None, episodes: Trial, times: Array) -> dict[str, Array]:
-        """The rows of a rollout, whose steps begin at `times`."""
-        batch = self._batch
-        rows: dict[str, list[Array]] = {name: [] for name in _RECORD}
-
-        def write() -> None:
-            rows["states"].append(batch.states())
-            contacts = batch.contacts()
-            for name in _RECORD[3:]:
-                rows[name].append(np.asarray(contacts[name]))
-
-        write()
-        for step in range(count):
-            if impulses is not None:
-                for i in np.flatnonzero(impulses[step].any(axis=-1)).tolist():
-                    batch.push(i, impulses[step, i])
-            actions = self._act(self._observations, self._setpoint(episodes, float(times[step])))
-            self._observations, _, terminated, _ = batch.step(actions)
-            rows["torques"].append(actions.astype(np.float64) * batch.max_wheel_torque)
-            rows["terminated"].append(np.asarray(terminated))
-            write()
-        return {name: np.array(values) for name, values in rows.items()}
-
-    def _setpoint(self, episodes: Trial, time: float) -> Any:
-        if not self._follows:
-            return None
-        if episodes.references is None:
-            return [{"position": position} for position in episodes.positions]
-        found = {id(one): one(time) for one in {id(one): one for one in episodes.references}.values()}
-        return [found[id(one)] for one in episodes.references]
-
-
-def _targets(episodes: Trial, times: Array) -> tuple[Array, Array]:
-    """Where the balls should be and how fast, shape (len(times), n or 1, 2)."""
-    if episodes.references is None:
-        still = np.zeros((len(times), 1, 2))
-        return still + episodes.positions, still
-    one_for_all = all(one is episodes.references[0] for one in episodes.references)
-    samples = [one.sample(times) for one in (episodes.references[:1] if one_for_all else episodes.references)]
-    return tuple(np.stack([sample[name] for sample in samples], axis=1) for name in ("position", "velocity"))  # type: ignore[return-value]
 
 
 def _largest(episodes: Trial, success: npt.NDArray[np.bool_]) -> Array:

@@ -33,6 +33,9 @@ KINDS: Final = (
 #: Metrics that may be a score: less of them is better.
 SCORES: Final = tuple(name for name in METRICS if name not in ("fell", "least_load"))
 
+#: Largest distance of the point of a push, m.
+_FARTHEST: Final = 10.0
+
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
@@ -54,8 +57,12 @@ class Scenario:
     tilt: Axis = 0.0
     #: First tilt rate in that direction, in units of the rate at which the robot topples from this tilt.
     tilt_rate: float = 0.0
-    #: Impulse at the center of mass, N·s.
+    #: Impulse, N·s.
     push: Axis = 0.0
+    #: Height of its point on the mast above the center of the ball, m; None is that of the center of mass.
+    push_height: float | None = None
+    #: How far to the left of the mast its point is, seen along the first push, m: the push turns the robot.
+    push_arm: float = 0.0
     #: When it begins, s.
     push_time: float = 0.0
     #: How long it lasts, along a half sine, s; 0 is at once.
@@ -93,6 +100,8 @@ class Scenario:
     #: Largest final distance (m) and speed (m/s) of a success.
     final_distance: float = 1e9
     final_speed: float = 1e9
+    #: Largest final deviation of the heading of a success, deg.
+    final_yaw: float = 180.0
     #: Tilt that counts as a fall, deg.
     fall_tilt: float = 57.3
 
@@ -109,6 +118,10 @@ class Scenario:
             raise ValueError(f"scenario {self.id}: measure_from = {self.measure_from}, {limit}")
         for name in ("tilt", "push"):
             self._check_axis(name)
+        for name in ("push_height", "push_arm"):
+            value = getattr(self, name)
+            if value is not None and not (isinstance(value, (int, float)) and abs(value) <= _FARTHEST):
+                raise ValueError(f"scenario {self.id}: {name} = {value}, expected a number within ±{_FARTHEST:g} m")
         if self.reference and self.reference.get("kind") not in KINDS:
             kind = self.reference.get("kind")
             raise ValueError(f"scenario {self.id}: reference.kind = {kind!r}, expected one of {', '.join(KINDS)}")

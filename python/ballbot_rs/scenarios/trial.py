@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Params, Reference, State
+from ballbot_rs.analysis.pushes import half_sine
 from ballbot_rs.scenarios.scale import Scale
 from ballbot_rs.scenarios.scenario import Axis, Scenario
 
@@ -30,6 +31,8 @@ class Trial:
     starts: list[State]
     #: Of each control step and episode, shape (steps, n, 3), N·s; None without any.
     impulses: Array | None
+    #: Where they act, body frame, m, shape (n, 3); None is the center of mass.
+    points: Array | None
     #: The motion of each episode, or None for a place.
     references: list[Reference] | None
     #: Where each ball should be, without references, m, shape (n, 2).
@@ -63,6 +66,7 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
         for k in range(scenario.seeds)
     ]
     robots, starts, impulses = [], [], np.zeros((steps, len(episodes), 3))
+    points = np.zeros((len(episodes), 3))
     references: list[Reference] = []
     positions = np.zeros((len(episodes), 2))
     for i, (number, angle, k) in enumerate(episodes):
@@ -83,6 +87,7 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
         push = pushes[min(number, len(pushes) - 1)] * harder
         if push != 0.0:
             _push(scenario, impulses[:, i], push, direction, time, control_dt, rng)
+        points[i] = _point(scenario, true, direction)
         if scenario.force != 0.0:
             force = scenario.force * scale.force_per_lean / _PAPER.force_per_lean * lean
             first, last = (
@@ -97,6 +102,7 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
         robots=robots,
         starts=starts,
         impulses=impulses if impulses.any() else None,
+        points=None if scenario.push_height is None and scenario.push_arm == 0.0 else points,
         references=references or None,
         positions=positions,
         numbers=numbers,
@@ -166,6 +172,16 @@ def _true(scenario: Scenario, nominal: Params, direction: Array, k: int, rng: np
     return nominal.replace(**changes) if changes else nominal
 
 
+def _point(scenario: Scenario, true: Params, direction: Array) -> Array:
+    """Where the pushes of an episode act, body frame, m; distances are in units of the height of the center of mass."""
+    size = true.body_com_height / Params.paper().body_com_height
+    x, y, z = true.body_com
+    if scenario.push_height is not None:
+        x, y, z = 0.0, 0.0, scenario.push_height * size
+    left = scenario.push_arm * size
+    return np.array([x - left * direction[1], y + left * direction[0], z])
+
+
 def _push(
     scenario: Scenario,
     impulses: Array,
@@ -187,9 +203,7 @@ def _push(
             impulses[min(int(at / control_dt), steps - 1), :2] += push * np.array([math.cos(angle), math.sin(angle)])
     first = min(round(scenario.push_time * time / control_dt), steps - 1)
     count = min(max(round(scenario.push_duration * time / control_dt), 1), steps - first)
-    # These shares of a half sine sum to one.
-    shares = np.sin((np.arange(count) + 0.5) * np.pi / count) * np.sin(0.5 * np.pi / count)
-    impulses[first : first + count, :2] += push * shares[:, None] * direction
+    impulses[first : first + count, :2] += push * half_sine(count)[:, None] * direction
 
 
 def _reference(

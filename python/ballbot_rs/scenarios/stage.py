@@ -1,0 +1,183 @@
+"""The robots of a scenario, and controllers that step them."""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._core import Batch, Controller, Params
+from ballbot_rs.analysis.actors import core_law, make_actor
+from ballbot_rs.analysis.rollout import batch_for
+from ballbot_rs.control.laws import takes_position
+from ballbot_rs.control.resolve import ResolvedController
+from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.scenarios.metrics import Measures
+from ballbot_rs.scenarios.scenario import Scenario
+from ballbot_rs.scenarios.trial import Trial, trial
+
+Array = npt.NDArray[np.float64]
+
+#: What a rollout records for the metrics.
+_RECORD: Final = ("states", "torques", "terminated", "wheel_normal_forces", "wheel_tractions", "wheel_slip_speeds")
+
+#: Longest episodes: nothing but a fall ends them.
+_ENDLESS: Final = 10**9
+
+#: Rows of states that are kept in memory at once, and the fewest control steps.
+_ROWS: Final = 8000
+_FEWEST: Final = 50
+
+
+class Stage:
+    """The robots of a scenario, made once: controllers like the first follow each other on the same episodes.
+
+    Args:
+        controller: decides about rate and options: a policy's, or those of a feedback law.
+        scenario: what happens to them.
+        params: the robot.
+        model: of it.
+        seed: of everything random.
+        num_threads: threads that step the robots; None takes all cores.
+    """
+
+    def __init__(
+        self,
+        controller: ResolvedController,
+        scenario: Scenario,
+        params: Params,
+        *,
+        model: str = "contact",
+        seed: int = 0,
+        num_threads: int | None = None,
+    ) -> None:
+        options: dict[str, Any] = {
+            **controller.env_options,
+            "model": model,
+            "params": params.to_dict(),
+            "fall_tilt": math.radians(scenario.fall_tilt),
+            "max_episode_steps": _ENDLESS,
+            "actuators": dict(scenario.actuators) or None,
+            "events": scenario.events or [],
+        }
+        if scenario.sensors is not None:
+            options |= {"sensors": scenario.sensors, "observation": "sensors"}
+        if controller.policy is None:
+            options.pop("max_wheel_torque", None)
+
+        def batch(count: int, threads: int | None) -> Batch:
+            return batch_for(
+                controller, count, task=DEFAULT_TASK, num_threads=threads, seed=seed, options=options, given=()
+            )
+
+        self.scenario = scenario
+        # The rate of the controller decides about the number of steps.
+        self.episodes: Final[Trial] = trial(scenario, params, batch(1, 1).control_dt, seed=seed)
+        options["params"] = self.episodes.nominal.to_dict()
+        self._batch: Final = batch(len(self.episodes), num_threads)
+        # Those with which the batch was made.
+        self._seeds = [(seed + i) % 2**64 for i in range(len(self.episodes))]
+
+    def follow(self, controller: ResolvedController) -> Measures | None:
+        """Runs the episodes under a controller; None if it cannot be asked for what they are to do."""
+        batch, episodes = self._batch, self.episodes
+        # Laws are made for the nominal robot.
+        self._set_robots([episodes.nominal] * len(episodes))
+        made = None if controller.policy is not None else controller.law(episodes.nominal, batch.control_dt)
+        follows = made is not None and takes_position(made)
+        if self.scenario.moves and not follows:
+            return None
+        law = core_law(controller, batch) or _Python(controller, batch, follows)
+        self._set_robots(episodes.robots)
+        observations = batch.reset(seeds=self._seeds, starts=episodes.starts)
+        if isinstance(law, _Python):
+            law.start(observations)
+        com = np.array([batch.params(i).body_com for i in range(batch.num_envs)])
+        friction = np.array([batch.params(i).wheel_dynamic_friction for i in range(batch.num_envs)])
+        measures = Measures(batch.num_envs, batch.control_dt, episodes.measure_from, com, friction)
+        at_once = max(_ROWS // len(episodes), _FEWEST)
+        for first in range(0, episodes.steps, at_once):
+            count = min(at_once, episodes.steps - first)
+            impulses = None if episodes.impulses is None else episodes.impulses[first : first + count]
+            times = np.asarray(batch.control_dt * np.arange(first, first + count + 1), dtype=np.float64)
+            targets = _targets(episodes, times)
+            if isinstance(law, Controller):
+                setpoints: Any = episodes.references
+                if setpoints is None and takes_position(law):
+                    setpoints = {"position": episodes.positions}
+                rows = batch.rollout(
+                    law,
+                    count,
+                    setpoints,
+                    _RECORD,
+                    impulses=impulses,
+                    points=episodes.points,
+                    start_time=float(times[0]),
+                )
+            else:
+                rows = law.steps(count, impulses, episodes, times)
+            measures.add(rows, **targets)
+            if measures.fell.all():
+                break
+        return measures
+
+    def _set_robots(self, robots: list[Params]) -> None:
+        if all(robot is self.episodes.nominal for robot in self.episodes.robots):
+            return
+        for i, robot in enumerate(robots):
+            self._batch.set_params(i, robot)
+
+
+class _Python:
+    """A policy or a law in Python on a batch, step by step."""
+
+    def __init__(self, controller: ResolvedController, batch: Batch, follows: bool) -> None:
+        self._act = make_actor(controller, batch)
+        self._follows = follows
+        self._batch = batch
+        self._observations = np.empty((0, 0), dtype=np.float32)
+
+    def start(self, observations: npt.NDArray[np.float32]) -> None:
+        """Begins at the first observations."""
+        self._observations = observations
+
+    def steps(self, count: int, impulses: Array | None, episodes: Trial, times: Array) -> dict[str, Array]:
+        """The rows of a rollout, whose steps begin at `times`."""
+        batch = self._batch
+        rows: dict[str, list[Array]] = {name: [] for name in _RECORD}
+
+        def write() -> None:
+            rows["states"].append(batch.states())
+            contacts = batch.contacts()
+            for name in _RECORD[3:]:
+                rows[name].append(np.asarray(contacts[name]))
+
+        write()
+        for step in range(count):
+            if impulses is not None:
+                for i in np.flatnonzero(impulses[step].any(axis=-1)).tolist():
+                    batch.push(i, impulses[step, i], None if episodes.points is None else episodes.points[i])
+            actions = self._act(self._observations, self._setpoint(episodes, float(times[step])))
+            self._observations, _, terminated, _ = batch.step(actions)
+            rows["torques"].append(actions.astype(np.float64) * batch.max_wheel_torque)
+            rows["terminated"].append(np.asarray(terminated))
+            write()
+        return {name: np.array(values) for name, values in rows.items()}
+
+    def _setpoint(self, episodes: Trial, time: float) -> Any:
+        if not self._follows:
+            return None
+        if episodes.references is None:
+            return [{"position": position} for position in episodes.positions]
+        found = {id(one): one(time) for one in {id(one): one for one in episodes.references}.values()}
+        return [found[id(one)] for one in episodes.references]
+
+
+def _targets(episodes: Trial, times: Array) -> dict[str, Array]:
+    """Where the balls should be and how fast, shape (len(times), n or 1, 2), and the heading, (len(times), n or 1)."""
+    if episodes.references is None:
+        still = np.zeros((len(times), 1, 2))
+        return {"position": still + episodes.positions, "velocity": still, "yaw": still[..., 0]}
+    one_for_all = all(one is episodes.references[0] for one in episodes.references)
+    samples = [one.sample(times) for one in (episodes.references[:1] if one_for_all else episodes.references)]
+    return {name: np.stack([sample[name] for sample in samples], axis=1) for name in ("position", "velocity", "yaw")}

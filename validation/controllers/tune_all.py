@@ -1,0 +1,32 @@
+"""Tunes the laws of the core with one budget for all, and writes validation/controllers/tuned.toml.
+
+`python -m validation.controllers.tune_all` takes five minutes; with names of laws it tunes these and leaves the others.
+"""
+
+import argparse
+import sys
+
+from ballbot_rs._core import CONTROLLERS
+from validation.controllers import tuning
+
+
+def main() -> int:
+    """The command."""
+    laws = [name for name in CONTROLLERS if name not in tuning.LEFT_OUT]
+    parser = argparse.ArgumentParser(prog="python -m validation.controllers.tune_all", description=__doc__)
+    parser.add_argument("laws", nargs="*", metavar="LAW", help=f"some of {', '.join(laws)}; all without")
+    parser.add_argument("--threads", type=int, default=1, help="that step the robots (%(default)s)")
+    asked = parser.parse_args()
+    if unknown := [name for name in asked.laws if name not in laws]:
+        parser.error(f"no law {', '.join(unknown)} to tune; there are: {', '.join(laws)}")
+    for name in asked.laws or laws:
+        found = tuning.search(name, asked.threads)
+        # Another process may have written the file meanwhile.
+        tuning.tuned.cache_clear()
+        tuning.write({**tuning.tuned(), name: found})
+        print(f"{name}: cost {found.cost:.3f}", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

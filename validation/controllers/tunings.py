@@ -1,0 +1,156 @@
+r"""Default, published and tuned.
+
+The same law with other numbers is another controller. Of each law there are the default options; where a source has all
+numbers of the law and of its robot, the published ones; and those that one search with one budget found.
+
+**Published** loops are brought to the paper's robot by their poles, times $\lambda$ of ours by $\lambda$ of theirs. The
+linear regulators `lqr` and `mpc` have weights that follow from poles in closed form: with $w = s^2$ and the
+[plane](laws.md#one-vertical-plane)
+
+```math
+p(s) p(-s) = w^2(w - \lambda^2)^2 + (q_y - q_{\dot y} w)(g_\theta - \ell w)^2 + q_\theta w^2 - q_{\dot\theta} w^3 ,
+```
+
+one weight more in each coefficient. The weight of the lean of OCS2 would be below zero and is taken as zero, which
+moves its poles by less than 5 %. The numbers are in [`published.toml`](../validation/controllers/published.toml): the
+LQR and the input-output linearization of CMU's ballbot, the weights of OCS2's NMPC, of which `mpc` has the regulator,
+and the calm sliding mode of Kugle, whose aggressive one its firmware forbids under a loop of the velocity; its position
+is held as by default. `pid` has the paper's gains by default.
+
+**Tuned** options are those that `bb.tune` found with 300 evaluations a law, the same seed for all, from the default
+options on; `mppi` takes too long for it. The cost is the mean of a push, a line, a circle and the torque of station
+keeping on noisy sensors, all with a delay of 10 ms, by those of `lqr`; `pid` has the first and the last alone. They are
+in [`tuned.toml`](../validation/controllers/tuned.toml), made by `python -m validation.controllers.tune_all`. No column
+but the cost was searched on: what a search does not see, it may lose. All tunings have the same last stage.
+
+The figure has default options as full marks, tuned ones as empty marks, published ones as crosses.
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final
+
+from ballbot_rs._core import CONTROLLERS, Params
+from ballbot_rs.media.figures.labels import short
+from ballbot_rs.scenarios.matrix import cell, unit
+from ballbot_rs.scenarios.run import Outcome, run_scenarios
+from ballbot_rs.scenarios.scenario import load
+from ballbot_rs.scenarios.tune import with_options
+from validation.claim import Claim
+from validation.controllers import matrix, published, tuning
+from validation.page import table
+from validation.topic import Findings
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Columns of the table and what they are called there.
+COLUMNS: Final = {
+    "S1-sensors": "noise",
+    "S2-rest": "tilt",
+    "S3-at-once": "push",
+    "S3-slow": "push in 0.1 s",
+    "S4": "push of 0.5 N·s",
+    "S10-3.1s": "line",
+    "S13-4s": "circle in 4 s",
+    "S15-6s": "lemniscate in 6 s",
+    "S18-30ms": "push, delay 30 ms",
+    "S18-circle": "circle in 6 s, delay 30 ms",
+    "S19-0.3": "tilt, friction 0.3",
+    "S20-circle": "circle in 6 s, model off",
+    "S22-6s": "circle in 6 s, all at once",
+}
+DEFAULT, PUBLISHED, TUNED = "default", "published", "tuned"
+
+#: Outcomes by law, tuning and scenario.
+Found = Mapping[tuple[str, str, str], Outcome]
+
+
+def options(law: str) -> dict[str, Mapping[str, float]]:
+    """Options of a law by tuning, but for the default ones."""
+    found: dict[str, Mapping[str, float]] = {}
+    if law in published.published():
+        found[PUBLISHED] = published.options(law, Params.paper())
+    if law in tuning.tuned():
+        found[TUNED] = tuning.tuned()[law].options
+    return found
+
+
+def measured() -> dict[tuple[str, str, str], Outcome]:
+    """What the table has; the default options and the policy are those of the matrix."""
+    found: dict[tuple[str, str, str], Outcome] = {}
+    for law in matrix.names():
+        for scenario in COLUMNS:
+            one = matrix.outcome(law, scenario)
+            if one is not None:
+                found[law, DEFAULT, scenario] = one
+        for name, chosen in options(law).items():
+            for one in run_scenarios(with_options(law, chosen), list(COLUMNS)):
+                found[law, name, one.scenario.id] = one
+    return found
+
+
+def run() -> Findings:
+    """All tunings beside each other."""
+    found = measured()
+    return Findings(claims(), lambda fig: draw(fig, found), _table(found), (8.0, 4.0))
+
+
+def claims() -> list[Claim]:
+    """What the search found is what it says."""
+    return [
+        Claim(f"cost of {law}, tuned", tuning.cost(law, one.options), one.cost, 1e-6, "", True)
+        for law, one in tuning.tuned().items()
+    ]
+
+
+def _table(found: Found) -> str:
+    scenarios = load()
+    head = ["law", "tuning", "cost", *(f"{title} ({unit(scenarios[name])})" for name, title in COLUMNS.items())]
+    rows = []
+    for law in matrix.names():
+        for name in (DEFAULT, *options(law)):
+            cells = [cell(found.get((law, name, scenario))) for scenario in COLUMNS]
+            rows.append([f"`{law}`", name, _cost(law, name), *cells])
+    return table(head, rows)
+
+
+def _cost(law: str, name: str) -> str:
+    if law not in CONTROLLERS or law in tuning.LEFT_OUT:
+        return "-"
+    return f"{tuning.cost(law, options(law).get(name, {})):.3g}"
+
+
+def draw(fig: "Figure", found: Found) -> None:
+    """Robustness against tracking, and the torque that noise costs against tracking."""
+    left, right = fig.subplots(1, 2)
+    for law in matrix.names():
+        for name in (DEFAULT, PUBLISHED, TUNED):
+            # `mppi` is not pushed.
+            if all((law, name, scenario) in found for scenario in ("S13-4s", "S3-at-once", "S1-sensors")):
+                _mark(left, right, found, law, name)
+    left.set(xlabel="circle in 4 s, error (mm rms)", ylabel="worst push (N·s)", xscale="log")
+    right.set(
+        xlabel="circle in 4 s, error (mm rms)", ylabel="torque on sensors (mN·m rms)", xscale="log", ylim=(0, None)
+    )
+    labelled = [line for line in left.get_lines() if not str(line.get_label()).startswith("_")]
+    fig.legend(handles=labelled, loc="outside lower center", ncols=4)
+
+
+def _mark(left: "Axes", right: "Axes", found: Found, law: str, name: str) -> None:
+    error = 1e3 * found[law, name, "S13-4s"].score
+    style = matrix.style(law) | {"linestyle": "none", "markersize": 6}
+    if name == PUBLISHED:
+        style |= {"marker": "x"}
+    style["markerfacecolor"] = style["color"] if name == DEFAULT else "none"
+    label = short(law) if name == DEFAULT else None
+    left.plot(error, found[law, name, "S3-at-once"].score, label=label, **style)
+    noise = 1e3 * float(found[law, name, "S1-sensors"].metrics["rms_torque"].mean())
+    right.plot(error, noise, **style)
+    if name != DEFAULT and (law, DEFAULT, "S13-4s") in found:
+        # From the default options to these.
+        first = 1e3 * found[law, DEFAULT, "S13-4s"].score
+        ends = [found[law, one, "S3-at-once"].score for one in (DEFAULT, name)]
+        torques = [1e3 * float(found[law, one, "S1-sensors"].metrics["rms_torque"].mean()) for one in (DEFAULT, name)]
+        for axes, values in ((left, ends), (right, torques)):
+            axes.plot([first, error], values, color=style["color"], linewidth=0.6)
