@@ -39,6 +39,10 @@ LEFT_OUT = {
     "load_scenarios": "reads files; tests/scenarios has its bad input",
     "run_scenarios": "thousands of steps a call; tests/scenarios has its bad input",
     "tune": "as run_scenarios",
+    "Task": "a base class; tests/envs has what its methods may return",
+    "Robots": "what tasks in Python get; made by the package alone",
+    "register": "changes what is registered; tests/envs has its bad input",
+    **{f"{name}VectorEnv": f"as {name}Env" for name in ("Velocity", "Goal", "Path", "Push")},
     "ControllerError": "an exception",
     "BallbotError": "an exception",
     "DivergedError": "an exception",
@@ -134,14 +138,14 @@ def _robot(model: str = "spatial") -> bb.Ballbot:
     return robot
 
 
-def _batch(model: str = "spatial") -> bb.Batch:
-    batch = bb.Batch(2, model=model, num_threads=1)
+def _batch(model: str = "spatial", task: str = "balance") -> bb.Batch:
+    batch = bb.Batch(2, task, model=model, num_threads=1)
     batch.reset()
     return batch
 
 
-def _environment() -> bb.BalanceEnv:
-    env = bb.BalanceEnv(model="contact")
+def _environment(task: str = "balance") -> bb.BallbotEnv:
+    env = bb.BallbotEnv(task, model="contact")
     env.reset(seed=0)
     return env
 
@@ -158,7 +162,10 @@ INSTANCES: dict[str, list[Callable[[], Any]]] = {
     "State": [lambda: bb.State.at_rest(bb.Params.paper(), tilt=(0.05, 0.0))],
     "Contacts": [lambda: _robot().contacts],
     "Ballbot": [functools.partial(_robot, model) for model in ("planar", "spatial", "contact", "rigid")],
-    "Batch": [functools.partial(_batch, model) for model in ("planar", "spatial", "contact", "rigid")],
+    "Batch": [
+        *(functools.partial(_batch, model) for model in ("planar", "spatial", "contact", "rigid")),
+        functools.partial(_batch, "contact", "goal"),
+    ],
     "SpatialModel": [lambda: bb.SpatialModel(bb.Params.paper())],
     "PlanarModel": [lambda: bb.PlanarModel(bb.Params.paper())],
     "LinearModel": [bb.LinearModel],
@@ -166,8 +173,8 @@ INSTANCES: dict[str, list[Callable[[], Any]]] = {
     "Pid": [bb.Pid],
     "Lqr": [bb.Lqr],
     "Renderer": [lambda: bb.Renderer(width=8, height=8, num_threads=1)],
-    "BalanceEnv": [_environment],
     "BallbotEnv": [_environment],
+    **{f"{task.capitalize()}Env": [functools.partial(_environment, task)] for task in bb._core.TASKS},
     "BalanceVectorEnv": [_vector_environment],
     "BallbotVectorEnv": [_vector_environment],
     "Push": [lambda: bb.Push((0.1, 0, 0), duration=0.1)],
@@ -243,7 +250,8 @@ RIGHT: dict[str, list[Any]] = {
     "tilt": [[0.01, 0.0]],
     "yaw": [0.3],
     "num_envs": [1, 2, 9],
-    "task": ["balance"],
+    "task": [*bb._core.TASKS],
+    "command": [[0.1, 0.2]],
     "autoreset": ["same_step", "next_step", "disabled"],
     "num_threads": [None, 1, 2],
     "seed": [0, 7],
@@ -309,9 +317,10 @@ RIGHT: dict[str, list[Any]] = {
     "duration": [0.0, 0.02],
     "time": [0.01],
 }
+RIGHT |= {"PushEnv.push": [(0.1, 0.5)], "BallbotEnv.push": [(0.1, 0.5)], "Batch.push": [(0.1, 0.5)]}
 #: Keyword arguments that a signature leaves open.
 _FLOATING = {option["name"]: [option["default"]] for task in bb._core.TASKS.values() for option in task["options"]}
-_ENVIRONMENT = [
+_COMMON = [
     "params",
     "model",
     "sim_dt",
@@ -324,8 +333,8 @@ _ENVIRONMENT = [
     "history",
     "reward",
     "events",
-    *_FLOATING,
 ]
+_ENVIRONMENT = [*_COMMON, *_FLOATING]
 _STATE = ["ball_velocity", "ball_angular_velocity", "body_quaternion", "body_position", "wheel_speeds"]
 OPEN: dict[str, list[str]] = {
     "Params": list(_PAPER),
@@ -338,7 +347,10 @@ OPEN: dict[str, list[str]] = {
     "Pid.__call__": ["tilt"],
     "Lqr.__call__": ["position", "velocity", "yaw"],
     "Batch": _ENVIRONMENT,
-    "BalanceEnv": _ENVIRONMENT,
+    **{
+        f"{name.capitalize()}Env": [*_COMMON, *(option["name"] for option in task["options"])]
+        for name, task in bb._core.TASKS.items()
+    },
     "BallbotEnv": _ENVIRONMENT,
     "BalanceVectorEnv": _ENVIRONMENT,
     "BallbotVectorEnv": _ENVIRONMENT,

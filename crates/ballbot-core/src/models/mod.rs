@@ -1,7 +1,7 @@
 //! Closed-form models without slip of wheels and ball, and without contact solver.
 
 mod capture;
-mod fastest_move;
+mod flat_move;
 mod friction_limit;
 mod inverse_dynamics;
 mod leaning_plane;
@@ -15,7 +15,7 @@ pub mod spatial;
 mod spatial_motion;
 
 pub use capture::capture_impulse;
-pub use fastest_move::fastest_move;
+pub use flat_move::fastest_move;
 pub use friction_limit::traction_torque;
 pub use inverse_dynamics::{BodyMotion, InverseDynamics};
 pub use leaning_plane::LeaningPlane;
