@@ -755,7 +755,6 @@ class PushEnv(BallbotEnv):
 
     | metric     | unit | what                                                           |
     | ---------- | ---- | -------------------------------------------------------------- |
-    | `survived` | s    | time without a fall                                            |
     | `distance` | m    | root mean square of the distance of the ball from the setpoint |
 
     ## Options
