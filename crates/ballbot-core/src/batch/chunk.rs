@@ -45,7 +45,10 @@ pub trait Chunk: Send + Sync {
     fn command(&self, i: usize, out: &mut [f64]);
 
     /// Gives a command that holds to the end of the episode, and observes the robot anew.
-    fn set_command(&mut self, i: usize, command: &[f64]);
+    ///
+    /// # Errors
+    /// [`crate::Error::Inconsistent`] before the first episode; what [`crate::task::Task::check_command`] finds.
+    fn set_command(&mut self, i: usize, command: &[f64]) -> Result<()>;
 
     /// What the task asks of a controller.
     fn setpoint(&mut self, i: usize) -> Setpoint;

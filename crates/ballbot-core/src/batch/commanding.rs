@@ -4,6 +4,7 @@ use super::environments::Environments;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
 use crate::actuator::Actuator;
+use crate::error::{Error, Result};
 use crate::lanes::Cell;
 use crate::sensor::Sensor;
 use crate::task::{Moment, Task};
@@ -33,14 +34,28 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Gives robot `i` a command that holds to the end of its episode.
-    pub(super) fn hold_command(&mut self, i: usize, command: &[f64]) {
+    ///
+    /// # Errors
+    /// As [`super::chunk::Chunk::set_command`].
+    pub(super) fn hold_command(&mut self, i: usize, command: &[f64]) -> Result<()> {
+        if self.episodes[i] == 0 {
+            return Err(Error::Inconsistent(
+                "a command before the first reset: an episode begins with one of its own".into(),
+            ));
+        }
+        self.step.task.check_command(command)?;
         self.take_before_reading(i);
         let state = self.robots.lane_state(i);
         let moment = Moment { state: &state, params: self.robots.params(i), control_dt: self.config.control_dt };
         self.one.task[..command.len()].copy_from_slice(command);
         self.step.task.commanded(&moment, &mut self.one.task);
         self.one.episode.next_command = f64::INFINITY;
+        let is_new = self.one.episode.steps == 0.0;
         self.observe_silently(i);
+        if is_new {
+            self.repeat_rows(i);
+        }
+        Ok(())
     }
 
     /// Takes the ledger of robot `i` as it was before its last reading, which is then repeated, not followed by another.

@@ -19,8 +19,8 @@ impl Batch {
     /// Gives one environment a command, which holds to the end of its episode; the next observation shows it.
     ///
     /// # Errors
-    /// As [`Batch::command`]; [`Error::Inconsistent`] for a task without commands; [`Error::OutOfRange`] for a number beyond
-    /// its bound.
+    /// As [`Batch::command`]; [`Error::Inconsistent`] for a task without commands, and before the first reset;
+    /// [`Error::OutOfRange`] for a number beyond its bound.
     pub fn set_command(&mut self, index: usize, command: &[f64]) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         let parts = self.description.command;
@@ -32,8 +32,7 @@ impl Batch {
             let bound = f64::from(part.bound);
             check(part.name, *value, format_args!("within ±{bound} {}", part.unit), |v| v.abs() <= bound)?;
         }
-        self.chunks[chunk].set_command(i, command);
-        Ok(())
+        self.chunks[chunk].set_command(i, command)
     }
 
     /// What the task asks of a controller on one robot, now: that of its command, if it has one.

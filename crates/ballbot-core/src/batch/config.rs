@@ -1,6 +1,6 @@
 //! Everything that defines an environment.
 
-use super::events::{Event, Plan, Setup, Stages, Tests, When};
+use super::events::{Event, Plan, Setup, Stages, TASK_ID, Tests, When};
 use super::observation::Observation;
 use crate::actuator::{Actuator, Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::control::default_max_torque;
@@ -14,9 +14,6 @@ use std::sync::Arc;
 
 /// Most observations that are given together.
 const MAX_HISTORY: usize = 1000;
-
-/// Key of the random numbers of a task's own pushes: no checksum, of 32 bits, is equal to it.
-const PUSHES_ID: u64 = 1 << 40;
 
 /// Least torque of an action of 1, N·m.
 const LEAST_TORQUE: f64 = 1e-9;
@@ -205,10 +202,10 @@ impl<T: Task> EnvConfig<T> {
         check("history", history, format_args!("a whole number from 1 to {MAX_HISTORY}"), |n| {
             (1.0..=MAX_HISTORY as f64).contains(&n)
         })?;
-        self.onboard()?;
-        self.validate_robot(&self.params)?;
         self.task.check_limits()?;
         self.task.validate(&self.params)?;
+        self.onboard()?;
+        self.validate_robot(&self.params)?;
         self.reward.validate()?;
         self.plan().and_then(|plan| plan.map_or(Ok(()), |plan| self.check_events(&plan, &self.params)))
     }
@@ -220,7 +217,7 @@ impl<T: Task> EnvConfig<T> {
     pub(super) fn plan(&self) -> Result<Option<Arc<Plan>>> {
         let pushes = self.task.pushes(&self.params).map(|pushes| Event {
             when: When::Every(pushes.every),
-            id: Some(PUSHES_ID),
+            id: Some(TASK_ID),
             ..Event::new("push", pushes.impulse)
         });
         if self.events.is_empty() && pushes.is_none() {

@@ -97,7 +97,7 @@ impl<T: Task> Environment<T> {
         self.inner.reset(0, None, observation).expect("a start that the task draws was accepted when it was made");
     }
 
-    /// Begins an episode from a given state, without drawing random numbers for it.
+    /// Begins an episode from a given state, without drawing it at random; a command of the task is drawn.
     ///
     /// # Errors
     /// What [`Ballbot::reset`] finds.

@@ -176,6 +176,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.begun = true;
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
         self.begin_readings(i);
+        // What is observed anew before the first step repeats the first reading.
+        let Ledger { sensor, last_sensor, .. } = &mut self.one;
+        last_sensor.copy_from_slice(sensor);
         self.observe(i, observation);
         self.repeat_observation(i, observation);
     }
@@ -198,6 +201,12 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.measured.clear();
         self.step.task.measure(&self.one.task, self.config.control_dt, &mut self.measured);
         self.metrics[i * len..][..len].copy_from_slice(&self.measured);
+    }
+
+    /// Forgets the metrics of the last episode of robot `i`.
+    pub(super) fn forget_metrics(&mut self, i: usize) {
+        let len = self.step.metrics();
+        self.metrics[i * len..][..len].fill(f64::NAN);
     }
 
     fn outcome(&self, i: usize) -> Outcome {
@@ -338,8 +347,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         out.iter_mut().zip(&self.ledger.task).for_each(|(out, cell)| *out = cell.get(i));
     }
 
-    fn set_command(&mut self, i: usize, command: &[f64]) {
-        self.hold_command(i, command);
+    fn set_command(&mut self, i: usize, command: &[f64]) -> Result<()> {
+        self.hold_command(i, command)
     }
 
     fn setpoint(&mut self, i: usize) -> Setpoint {

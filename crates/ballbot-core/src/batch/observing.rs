@@ -56,22 +56,31 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// Gives the sensors of robot `i` its present gravity, within an episode.
     pub(super) fn note_gravity(&mut self, i: usize) {
-        let (all, one) = (&mut self.ledger.sensor, &mut self.one.sensor);
-        one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
-        self.step.sensor.set_gravity(self.robots.params(i).gravity_vector().into(), one);
-        all.iter_mut().zip(&*one).for_each(|(cell, one)| cell.set(i, *one));
+        let gravity = self.robots.params(i).gravity_vector();
+        // A reading that is repeated starts from the numbers before it.
+        for all in [&mut self.ledger.sensor, &mut self.ledger.last_sensor] {
+            let one = &mut self.one.sensor;
+            one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
+            self.step.sensor.set_gravity(gravity.into(), one);
+            all.iter_mut().zip(&*one).for_each(|(cell, one)| cell.set(i, *one));
+        }
     }
 
     /// Gives the first observation of an episode in place of those that there are not yet.
     pub(super) fn repeat_observation(&mut self, i: usize, observation: &mut [f32]) {
+        if self.repeat_rows(i) {
+            self.write_observation(i, observation);
+        }
+    }
+
+    /// The same for an observation that is asked for later. Returns whether there are others.
+    pub(super) fn repeat_rows(&mut self, i: usize) -> bool {
         let rows = self.step.rows();
         let (newest, older) = self.ledger.observation.split_at_mut(rows);
         for observation in older.chunks_exact_mut(rows) {
             observation.iter_mut().zip(&*newest).for_each(|(cell, first)| cell.set(i, first.get(i)));
         }
-        if !older.is_empty() {
-            self.write_observation(i, observation);
-        }
+        !older.is_empty()
     }
 
     /// Observes robot `i` anew; `one` is its ledger.

@@ -40,7 +40,7 @@ impl Batch {
     }
 
     /// Seeds environments, resets them from given states or from ones drawn at random, and writes the observations of
-    /// all. An environment that starts from a given state draws no random numbers.
+    /// all. An environment that starts from a given state does not draw one.
     ///
     /// # Errors
     /// [`Error::Length`] for anything of the wrong length, [`Error::Inconsistent`] for the start of an environment that

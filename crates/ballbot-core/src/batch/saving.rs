@@ -109,6 +109,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.episodes[i] = snapshot.episode;
         self.next_seeds[i] = snapshot.next_seed;
         R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
+        self.forget_metrics(i);
         self.inform(i);
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
         self.over[i] = snapshot.over;

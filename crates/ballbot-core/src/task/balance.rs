@@ -89,15 +89,30 @@ impl Task for Balance {
 
     #[inline(always)]
     fn reward<L: Lane>(&self, step: &Step<'_, L>, terminated: L::Mask, _: &Memory<'_, L>, terms: &mut impl Terms<L>) {
+        let position = "d² / (d² + success_radius²), d the distance of the ball from the setpoint";
+        self.reward_of(step, terminated, position, terms);
+    }
+}
+
+impl Balance {
+    /// The reward, with the formula of its term for the position.
+    #[inline(always)]
+    pub(super) fn reward_of<L: Lane>(
+        &self,
+        step: &Step<'_, L>,
+        terminated: L::Mask,
+        position: &'static str,
+        terms: &mut impl Terms<L>,
+    ) {
         let one = step.tilt.splat(1.0);
         let velocity = step.state.ball_velocity;
-        alive(terminated, one, terms);
+        alive(terminated, 1.0, one, terms);
         terms.term(
             Term::cost("tilt", 1.0, "(tilt / fall_tilt)², at most 1"),
             (step.tilt / self.fall_tilt).squared().min(one),
         );
         terms.term(
-            Term::cost("position", 0.5, "d² / (d² + success_radius²), d the distance of the ball from the setpoint"),
+            Term::cost("position", 0.5, position),
             bounded_error(self.distance_squared(step), self.success_radius),
         );
         terms.term(
@@ -106,9 +121,7 @@ impl Task for Balance {
         );
         effort(step, terms);
     }
-}
 
-impl Balance {
     /// Of the ball from the setpoint, m².
     #[inline(always)]
     pub(super) fn distance_squared<L: Lane>(&self, step: &Step<'_, L>) -> L {

@@ -3,7 +3,7 @@
 use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
 use super::start::{check_range, drawn_steps, in_range, task_fields};
 use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
-use crate::error::Result;
+use crate::error::{Result, check};
 use crate::fields::Limit;
 use crate::kinematics::Omniwheels;
 use crate::lanes::{Heading, Lane, Memory};
@@ -59,6 +59,10 @@ impl Task for Goal {
     fn validate(&self, params: &Params) -> Result<()> {
         check_range("goal_distance", self.goal_distance)?;
         check_range("goal_seconds", self.goal_seconds)?;
+        let shortest = self.goal_seconds[0];
+        check("hold_seconds", self.hold_seconds, format_args!("at most goal_seconds[0] = {shortest}"), |s| {
+            s <= shortest
+        })?;
         self.starts().validate(params)
     }
 
@@ -71,9 +75,6 @@ impl Task for Goal {
     }
 
     fn command(&self, moment: &Moment<'_>, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
-        if memory[SINCE] > 0.0 {
-            self.conclude(memory, moment.control_dt);
-        }
         let distance = in_range(rng, self.goal_distance);
         let (sin, cos) = (TAU * rng.random::<f64>()).sin_cos();
         let ball = moment.state.ball_position;
@@ -83,6 +84,9 @@ impl Task for Goal {
     }
 
     fn commanded(&self, moment: &Moment<'_>, memory: &mut [f64]) {
+        if self.counts(memory, moment.control_dt) {
+            self.conclude(memory, moment.control_dt);
+        }
         let ball = moment.state.ball_position;
         let distance = (memory[GOAL[0]] - ball.x).hypot(memory[GOAL[1]] - ball.y);
         memory[SINCE] = 0.0;
@@ -144,7 +148,7 @@ impl Task for Goal {
         let near = bounded_error(squared, 0.1);
         let velocity = step.state.ball_velocity;
         let speed = squared_norm([velocity.x, velocity.y]).min(squared.splat(1.0));
-        alive(terminated, step.tilt.splat(1.0), terms);
+        alive(terminated, 1.0, step.tilt, terms);
         terms.term(
             Term::cost("distance", 0.5, "d / (d + 0.5 m), d the distance of the ball from the goal"),
             distance / (distance + 0.5),
@@ -160,8 +164,7 @@ impl Task for Goal {
     fn measure(&self, memory: &[f64], control_dt: f64, metrics: &mut impl Metrics) {
         let mut ended = [0.0; Self::MEMORY];
         ended.copy_from_slice(memory);
-        // The last goal counts if there was time for it.
-        if memory[SINCE] * control_dt >= self.goal_seconds[0] || memory[HELD] >= self.hold_steps(control_dt) {
+        if self.counts(memory, control_dt) {
             self.conclude(&mut ended, control_dt);
         }
         metrics.metric(
@@ -179,6 +182,11 @@ impl Goal {
     /// Control steps of `hold_seconds`.
     fn hold_steps(&self, control_dt: f64) -> f64 {
         (self.hold_seconds / control_dt).round().max(1.0)
+    }
+
+    /// Whether the present goal counts: it is held, or there was time for it.
+    fn counts(&self, memory: &[f64], control_dt: f64) -> bool {
+        memory[HELD] >= self.hold_steps(control_dt) || memory[SINCE] + 0.5 >= self.goal_seconds[0] / control_dt
     }
 
     /// Counts the present goal.

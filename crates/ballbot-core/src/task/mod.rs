@@ -92,6 +92,15 @@ pub trait Task: Fields + Send + Sync + 'static {
         f64::INFINITY
     }
 
+    /// Checks a command that is set by hand, besides the bounds of its parts.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] naming the part.
+    fn check_command(&self, command: &[f64]) -> Result<()> {
+        let _ = command;
+        Ok(())
+    }
+
     /// Takes note of a new command, drawn or set by hand, which is in the memory already.
     fn commanded(&self, moment: &Moment<'_>, memory: &mut [f64]) {
         let _ = (moment, memory);

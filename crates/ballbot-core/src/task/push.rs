@@ -22,7 +22,7 @@ task_fields! {
         /// one that traction lets the nominal robot bear.
         pub push: [f64; 2] = [0.0, 1.0], "", Limit::from(0.0).to(10.0);
         /// Shortest and longest time from one push to the next, drawn evenly.
-        pub push_seconds: [f64; 2] = [2.0, 5.0], "s", Limit::above(0.0).to(1e9);
+        pub push_seconds: [f64; 2] = [2.0, 5.0], "s", Limit::from(0.1).to(1e9);
         /// Where the ball should be.
         pub setpoint: [f64; 2] = [0.0; 2], "m", Limit::from(-1e4).to(1e4);
         /// Distance of the ball from the setpoint that costs half.
@@ -105,14 +105,9 @@ impl Task for Push {
     }
 
     #[inline(always)]
-    fn reward<L: Lane>(
-        &self,
-        step: &Step<'_, L>,
-        terminated: L::Mask,
-        memory: &Memory<'_, L>,
-        terms: &mut impl Terms<L>,
-    ) {
-        self.balance().reward(step, terminated, memory, terms);
+    fn reward<L: Lane>(&self, step: &Step<'_, L>, terminated: L::Mask, _: &Memory<'_, L>, terms: &mut impl Terms<L>) {
+        let position = "d² / (d² + position_scale²), d the distance of the ball from the setpoint";
+        self.balance().reward_of(step, terminated, position, terms);
     }
 
     fn measure(&self, memory: &[f64], _: f64, metrics: &mut impl Metrics) {

@@ -54,9 +54,9 @@ pub(super) fn action_rows<L: Lane>(sensed: &Sensed<'_, L>, rows: &mut impl Rows<
 
 /// The reward of a step without a fall.
 #[inline(always)]
-pub(super) fn alive<L: Lane>(terminated: L::Mask, like: L, terms: &mut impl Terms<L>) {
+pub(super) fn alive<L: Lane>(terminated: L::Mask, scale: f64, like: L, terms: &mut impl Terms<L>) {
     let value = L::select(terminated, like.zero(), like.splat(1.0));
-    terms.term(Term::reward("alive", 1.0, "1, unless the step ends in a fall"), value);
+    terms.term(Term::reward("alive", scale, "1, unless the step ends in a fall"), value);
 }
 
 /// The costs of motion of the body and of actions.

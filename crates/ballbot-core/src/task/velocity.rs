@@ -1,9 +1,9 @@
 //! The velocity task: follow a commanded velocity of the ball and rate of the heading.
 
 use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
-use super::start::{in_disc, task_fields};
+use super::start::{check_range, drawn_steps, in_disc, task_fields};
 use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
-use crate::error::Result;
+use crate::error::{Result, check};
 use crate::fields::Limit;
 use crate::kinematics::Omniwheels;
 use crate::lanes::{Heading, Lane, Memory, sin_cos_of_step};
@@ -28,10 +28,10 @@ task_fields! {
         pub command_seconds: [f64; 2] = [3.0, 8.0], "s", Limit::above(0.0).to(1e9);
         /// Time after a command from which its errors are counted.
         pub settling: f64 = 2.0, "s", Limit::from(0.0).to(1e9);
-        /// Error of the velocity that costs half.
-        pub velocity_scale: f64 = 0.1, "m/s", Limit::from(1e-6).to(10.0);
-        /// Error of the heading's rate that costs half.
-        pub yaw_rate_scale: f64 = 0.2, "rad/s", Limit::from(1e-6).to(10.0);
+        /// Error of the velocity that costs half of `velocity`, and of `velocity_precision`.
+        pub velocity_scales: [f64; 2] = [0.3, 0.05], "m/s", Limit::from(1e-6).to(10.0);
+        /// Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
+        pub yaw_rate_scales: [f64; 2] = [0.5, 0.1], "rad/s", Limit::from(1e-6).to(10.0);
         /// Largest root mean square of the settled errors of the velocity in a success.
         pub success_velocity: f64 = 0.02, "m/s", Limit::above(0.0).to(10.0);
         /// Largest root mean square of the settled errors of the heading's rate in a success.
@@ -72,7 +72,9 @@ impl Task for Velocity {
     const MEMORY: usize = SIN + 1;
 
     fn validate(&self, params: &Params) -> Result<()> {
-        super::start::check_range("command_seconds", self.command_seconds)?;
+        check_range("command_seconds", self.command_seconds)?;
+        let longest = self.command_seconds[1];
+        check("settling", self.settling, format_args!("below command_seconds[1] = {longest}"), |s| s < longest)?;
         self.starts().validate(params)
     }
 
@@ -89,7 +91,7 @@ impl Task for Velocity {
         let yaw_rate = self.yaw_rate * (2.0 * rng.random::<f64>() - 1.0);
         let moving = if rng.random::<f64>() < self.standing { 0.0 } else { 1.0 };
         memory[COMMAND..COMMAND + 3].copy_from_slice(&[velocity.x * moving, velocity.y * moving, yaw_rate * moving]);
-        super::start::drawn_steps(self.command_seconds, moment.control_dt, rng)
+        drawn_steps(self.command_seconds, moment.control_dt, rng)
     }
 
     fn commanded(&self, moment: &Moment<'_>, memory: &mut [f64]) {
@@ -143,6 +145,8 @@ impl Task for Velocity {
         let velocity = sensed.state.ball_velocity;
         let [vx, vy] = heading.of(velocity.x, velocity.y);
         let [x, y, yaw_rate] = memory.get3(COMMAND);
+        let up = sensed.state.body_quaternion.rotation().rows[2];
+        let turning = up.dot(sensed.state.body_angular_velocity);
         body_rows(sensed, rows);
         velocity_rows(sensed, &heading, rows);
         rows.row(Self::COMMAND[0], x);
@@ -150,6 +154,7 @@ impl Task for Velocity {
         rows.row(Self::COMMAND[2], yaw_rate);
         rows.row(Row::new("error of the velocity, heading x", "m/s", 10.0, 0.1), x - vx);
         rows.row(Row::new("error of the velocity, heading y", "m/s", 10.0, 0.1), y - vy);
+        rows.row(Row::new("error of the heading's rate", "rad/s", 10.0, 0.2), yaw_rate - turning);
         action_rows(sensed, rows);
     }
 
@@ -203,14 +208,23 @@ impl Task for Velocity {
         terms: &mut impl Terms<L>,
     ) {
         let [velocity, yaw_rate] = self.squared_errors(step, memory);
-        alive(terminated, step.tilt.splat(1.0), terms);
+        let ([coarse, fine], [slow, exact]) = (self.velocity_scales, self.yaw_rate_scales);
+        alive(terminated, 2.0, step.tilt, terms);
         terms.term(
-            Term::cost("velocity", 0.5, "e² / (e² + velocity_scale²), e the error of the velocity"),
-            bounded_error(velocity, self.velocity_scale),
+            Term::cost("velocity", 1.0, "e² / (e² + velocity_scales[0]²), e the error of the velocity"),
+            bounded_error(velocity, coarse),
         );
         terms.term(
-            Term::cost("yaw_rate", 0.25, "e² / (e² + yaw_rate_scale²), e the error of the heading's rate"),
-            bounded_error(yaw_rate, self.yaw_rate_scale),
+            Term::cost("velocity_precision", 0.3, "e² / (e² + velocity_scales[1]²)"),
+            bounded_error(velocity, fine),
+        );
+        terms.term(
+            Term::cost("yaw_rate", 0.3, "e² / (e² + yaw_rate_scales[0]²), e the error of the heading's rate"),
+            bounded_error(yaw_rate, slow),
+        );
+        terms.term(
+            Term::cost("yaw_rate_precision", 0.2, "e² / (e² + yaw_rate_scales[1]²)"),
+            bounded_error(yaw_rate, exact),
         );
         effort(step, terms);
     }

@@ -19,6 +19,7 @@ fn batch(kind: &dyn TaskKind, model: ModelKind, mode: Autoreset, threads: usize,
         ("goal_seconds", [0.1, 0.2]),
         ("push_seconds", [0.1, 0.3]),
         ("settling", [0.1, 0.1]),
+        ("hold_seconds", [0.05, 0.05]),
         ("reset_tilt", [0.2, 0.2]),
     ] {
         if let Some(option) = description.options.iter().find(|option| option.name == name) {

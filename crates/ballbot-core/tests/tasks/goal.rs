@@ -60,3 +60,28 @@ fn goals_are_held_and_timed() {
         assert!(ratio > 0.9 && ratio < 2.0 && run.outcomes[i].success, "environment {i}: {ratio}");
     }
 }
+
+#[test]
+fn goals_replaced_by_hand_count_if_there_was_time_for_them() {
+    let config = config(Goal::default());
+    let mut run = run_of(&config, 1);
+    reset_to(&mut run, &[Some(standing(0.0, 0.0, 0.0))]);
+    run.batch.set_command(0, &[50.0, 0.0]).unwrap();
+    regulate(&config, &mut run, 700, |_, _| ());
+    let ball = run.batch.state(0).unwrap().ball_position;
+    run.batch.set_command(0, &[ball.x + 0.3, ball.y]).unwrap();
+    regulate(&config, &mut run, 1300, |_, _| ());
+    assert_eq!(metrics(&run, 0)[0], 0.5);
+    assert!(!run.outcomes[0].success);
+}
+
+#[test]
+fn impossible_options_are_refused() {
+    for (task, name) in [
+        (Goal { hold_seconds: 20.0, ..Goal::default() }, "hold_seconds = 20"),
+        (Goal { goal_seconds: [3.0, 2.0], ..Goal::default() }, "goal_seconds[0] = 3"),
+    ] {
+        let message = config(task).validate().unwrap_err().to_string();
+        assert!(message.contains(name), "{message}");
+    }
+}

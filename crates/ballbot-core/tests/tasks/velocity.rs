@@ -1,6 +1,10 @@
 //! The velocity task.
 
-use crate::{config, metrics, regulate, run_of};
+use crate::run::actions;
+use crate::{command, config, metrics, regulate, run_of};
+use ballbot_core::Params;
+use ballbot_core::batch::{Autoreset, Batch, EnvConfig, Observation};
+use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::Velocity;
 
 #[test]
@@ -48,4 +52,62 @@ fn the_setpoint_of_the_task_brings_a_regulator_to_the_command() {
         assert!(velocity < 0.02 && yaw_rate < 0.02, "environment {i}: {velocity} m/s, {yaw_rate} rad/s");
         assert!(run.outcomes[i].success, "environment {i}");
     }
+}
+
+/// Robots that observe by sensors with noise and bias.
+fn sensed() -> EnvConfig<Velocity> {
+    let sensors = SensorOptions { gyro_noise: 0.01, gyro_bias: 0.05, ..SensorOptions::default() };
+    let mut config = config(Velocity::default());
+    (config.sensors, config.observation, config.history) = (Some(sensors), Observation::Sensors, 2);
+    config
+}
+
+#[test]
+fn a_command_repeats_the_last_reading_and_changes_no_other_number() {
+    let config = sensed();
+    let mut runs = [run_of(&config, 3), run_of(&config, 3)];
+    let params = Params { gravity: 5.0, ..config.params.clone() };
+    for k in 0..40 {
+        // At once after the reset, in an episode, and under another gravity.
+        if [0, 7, 20].contains(&k) {
+            let same = command(&runs[1], 1);
+            runs[1].batch.set_command(1, &same).unwrap();
+        }
+        if k == 12 {
+            runs.iter_mut().for_each(|run| run.batch.set_params(1, &params).unwrap());
+        }
+        for run in &mut runs {
+            run.step(&actions(0, 3, k, 0.02)).unwrap();
+        }
+        let [plain, commanded] = &runs;
+        for i in 0..3 {
+            assert_eq!(plain.batch.readings(i).unwrap(), commanded.batch.readings(i).unwrap(), "robot {i}, step {k}");
+            assert_eq!(plain.observation(i), commanded.observation(i), "robot {i}, step {k}");
+        }
+    }
+}
+
+#[test]
+fn a_command_is_shown_at_once_and_by_all_observations_of_an_episode_that_begins() {
+    let config = sensed();
+    let mut run = run_of(&config, 2);
+    let wanted = [0.1, 0.2, 0.3];
+    run.batch.set_command(1, &wanted).unwrap();
+    let width = run.batch.observation_len() / 2;
+    let mut rows = vec![0.0; 2 * width];
+    run.batch.observation(1, &mut rows).unwrap();
+    for observation in rows.chunks(width) {
+        assert_eq!(observation[11..14], wanted.map(|value| value as f32));
+    }
+    run.step(&[0.0; 6]).unwrap();
+    run.batch.set_command(1, &[0.4, 0.0, 0.0]).unwrap();
+    run.batch.observation(1, &mut rows).unwrap();
+    assert_eq!((rows[11], rows[width + 11]), (0.1, 0.4));
+}
+
+#[test]
+fn a_command_before_the_first_episode_is_refused() {
+    let mut batch = Batch::new(&config(Velocity::default()), 2, Autoreset::SameStep, Some(1), 0).unwrap();
+    let message = batch.set_command(0, &[0.0; 3]).unwrap_err().to_string();
+    assert!(message.contains("before the first reset"), "{message}");
 }

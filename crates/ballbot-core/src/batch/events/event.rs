@@ -8,6 +8,9 @@ use std::str::FromStr;
 /// The term that gives the body an impulse; all other terms are numbers of the robot.
 pub(super) const PUSH: &str = "push";
 
+/// Key of the random numbers of a task's own pushes: no checksum, of 32 bits, is equal to it.
+pub const TASK_ID: u64 = 1 << 40;
+
 /// When an event draws. All fire before the action of a control step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum When {
@@ -152,9 +155,13 @@ impl Event {
         }
     }
 
-    /// The term's name, with the id where one is given: `term:id`.
+    /// The term's name, with the id where one is given: `term:id`; `push:task` for those of a task itself.
     pub fn label(&self) -> String {
-        self.id.map_or_else(|| self.term.clone(), |id| format!("{}:{id}", self.term))
+        match self.id {
+            None => self.term.clone(),
+            Some(TASK_ID) => format!("{}:task", self.term),
+            Some(id) => format!("{}:{id}", self.term),
+        }
     }
 
     /// From its keys and values; `place` counts in the list of events, for messages.

@@ -23,7 +23,7 @@ task_fields! {
         /// Smallest and largest speed along the path, drawn evenly.
         pub path_speed: [f64; 2] = [0.2, 0.5], "m/s", Limit::from(0.0).to(10.0);
         /// Smallest and largest half width of a path, drawn evenly.
-        pub path_size: [f64; 2] = [0.5, 1.0], "m", Limit::from(0.01).to(100.0);
+        pub path_size: [f64; 2] = [0.5, 1.0], "m", Limit::from(0.1).to(100.0);
         /// Largest acceleration of the point: it starts with half of it, and its speed is lower where the curve asks for more.
         pub path_acceleration: f64 = 0.6, "m/s²", Limit::above(0.0).to(10.0);
         /// Relative frequencies of circles, lemniscates, rounded squares and random curves.
@@ -118,7 +118,12 @@ impl Task for Path {
         f64::INFINITY
     }
 
-    /// The curve begins at the ball.
+    fn check_command(&self, command: &[f64]) -> Result<()> {
+        check(Self::COMMAND[SPEED].name, command[SPEED], "from 0 on", |speed| speed >= 0.0)?;
+        Ok(())
+    }
+
+    /// The curve begins at the ball, at rest. Where it asks for more acceleration than there is, the speed is lower.
     fn commanded(&self, moment: &Moment<'_>, memory: &mut [f64]) {
         let curvature = kinds::largest_curvature(&memory[CURVE..]).max(1e-6);
         memory[SPEED] = memory[SPEED].clamp(0.0, (self.path_acceleration / curvature).sqrt());
@@ -220,7 +225,7 @@ impl Task for Path {
     ) {
         let error = squared_norm(Self::error(step, memory));
         let distance = error.sqrt();
-        alive(terminated, step.tilt.splat(1.0), terms);
+        alive(terminated, 1.0, step.tilt, terms);
         terms.term(
             Term::cost("position", 0.5, "d² / (d² + position_scale²), d the distance of the ball from the point"),
             bounded_error(error, self.position_scale),
