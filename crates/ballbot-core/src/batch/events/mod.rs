@@ -14,8 +14,8 @@ mod setup;
 mod value;
 
 pub(super) use check::Tests;
-pub use event::TASK_ID;
-pub use event::{Direction, Distribution, Event, Operation, TASK_ID, When};
+pub(super) use event::TASK_ID;
+pub use event::{Direction, Distribution, Event, Operation, When};
 pub(super) use plan::Plan;
 pub(super) use robots::{Randomized, Saved};
 pub(super) use sampler::{Source, key_of};
