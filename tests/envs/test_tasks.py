@@ -111,8 +111,10 @@ def test_commands_are_set_by_hand_on_every_front_end(task):
     before, _ = single.reset(seed=0)
     single.command = command
     np.testing.assert_allclose(single.command, command)
-    after, *_ = single.step(np.zeros(3))
-    assert not np.allclose(before, after)
+    shown = single._batch.observations()[0]
+    assert not np.allclose(before, shown)
+    np.testing.assert_array_equal(shown[:9], before[:9])
+    single.step(np.zeros(3))
     np.testing.assert_allclose(single.command, command)
 
     vector = bb.BallbotVectorEnv(3, task=task, model="contact")
@@ -121,7 +123,11 @@ def test_commands_are_set_by_hand_on_every_front_end(task):
     np.testing.assert_allclose(vector.command, np.tile(command, (3, 1)))
     vector.set_attr("command", command * np.array([[1.0], [2.0], [3.0]]))
     np.testing.assert_allclose(vector.command[2], 3.0 * command, rtol=1e-6)
-    np.testing.assert_allclose(vector.get_attr("command")[0], vector.command)
+    np.testing.assert_allclose(vector.get_attr("command"), vector.command)
+    before = vector.command
+    with pytest.raises(ValueError, match="within"):
+        vector.command = np.vstack([before[1:], np.full(parts, 1e6)])
+    np.testing.assert_allclose(vector.command, before)
 
     pytest.importorskip("stable_baselines3")
     sb3 = bb.BallbotVecEnv(task, num_envs=3, model="contact")
@@ -141,8 +147,11 @@ def test_wrong_commands_are_refused(task):
         env.command = np.full(parts, 1e6)
     with pytest.raises(ValueError, match="command"):
         env.command = np.full(parts, np.nan)
-    with pytest.raises(ValueError, match="has no command"):
-        bb.BallbotEnv("balance").command = [0.0]
+    for plain in (bb.BallbotEnv("balance"), bb.BallbotVectorEnv(2)):
+        with pytest.raises(ValueError, match="the task balance has no command"):
+            plain.command = [0.0]
+    with pytest.raises(ValueError, match="before the first reset"):
+        bb.BallbotEnv(task).command = np.zeros(parts)
     vector = bb.BallbotVectorEnv(2, task=task, model="contact")
     with pytest.raises(ValueError, match=rf"expected \({parts},\) or \(2, {parts}\)"):
         vector.command = np.zeros((3, parts))

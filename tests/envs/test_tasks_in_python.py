@@ -10,6 +10,7 @@ from gymnasium.utils.env_checker import check_env
 
 import ballbot_rs as bb
 from ballbot_rs._core import TASKS
+from ballbot_rs._state_rows import tilt_of
 from tests.support.paths import ROOT
 
 #: Some fall, others do not.
@@ -44,9 +45,7 @@ class Chase(bb.Task):
         self.goals[chosen] = [rng.uniform(-self.distance, self.distance, 2) for rng in rngs]
 
     def observe(self, robots):
-        # The robots have no goal yet when an environment is made.
-        goals = self.goals[robots.numbers] if len(self.goals) else np.zeros((len(robots), 2))
-        return np.column_stack([robots.gravity, goals, robots.ball_position[:, :2], robots.time])
+        return np.column_stack([robots.gravity, self.goals[robots.numbers], robots.ball_position[:, :2], robots.time])
 
     def reward(self, robots):
         return -np.linalg.norm(robots.ball_position[:, :2] - self.goals[robots.numbers], axis=1)
@@ -269,3 +268,90 @@ def test_the_tutorial_runs():
     assert space["model"].num_timesteps == 2048
     observations, *_ = space["env"].step(np.zeros((64, 3)))
     assert observations.shape == (64, 9)
+
+
+def test_seeds_of_the_constructor_and_of_reset_are_the_same():
+    first, _ = bb.BallbotVectorEnv(3, task="me/Chase-v0", model="contact", seed=7).reset()
+    again, _ = bb.BallbotVectorEnv(3, task="me/Chase-v0", model="contact").reset(seed=7)
+    np.testing.assert_array_equal(first, again)
+
+
+def test_snapshots_keep_that_the_task_has_ended_an_episode():
+    class Short(Spin):
+        def terminated(self, robots):
+            return robots.steps >= 3
+
+    bb.register("me/Short-v0", Short)
+    options = {"task": "me/Short-v0", "model": "contact", "autoreset_mode": "next_step"}
+    env, other = bb.BallbotVectorEnv(2, **options), bb.BallbotVectorEnv(2, **options)
+    for each in (env, other):
+        each.reset(seed=0)
+    for step in range(3):
+        env.step(actions(step, 2))
+    for i in range(2):
+        other._batch.restore(i, env._batch.snapshot(i))
+    np.testing.assert_array_equal(env.step(actions(3, 2))[0], other.step(actions(3, 2))[0])
+
+
+def test_the_tilt_is_that_of_the_present_robot():
+    env = bb.BallbotEnv("me/Spin-v0", model="contact")
+    params = bb.Params.paper().replace(body_com_offset=(0.02, 0.0))
+    env.set_params(params)
+    env.reset(seed=0)
+    same = bb.BallbotEnv("me/Spin-v0", model="contact", params=params)
+    same.reset(seed=0)
+    for each in (env, same):
+        each._batch.made.terminated = lambda robots: robots.tilt > 1e9
+        each.step(np.zeros(3))
+    tilts = [each._batch._robots(each._batch._inner.observations()).tilt[0] for each in (env, same)]
+    expected = tilt_of(env.state.to_array(), params.body_com)
+    assert tilts[0] == tilts[1] == pytest.approx(expected, abs=1e-4)
+    assert abs(expected - env.state.tilt) > 1e-3
+
+
+def test_policies_are_saved_and_compared(tmp_path):
+    sb3 = pytest.importorskip("stable_baselines3")
+    env = bb.BallbotVecEnv("me/Chase-v0", num_envs=4, model="contact", distance=0.25)
+    assert env.task_options["distance"] == 0.25
+    model = sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=32, n_epochs=1, device="cpu").learn(32)
+    file = bb.save(model, tmp_path / "chase")
+    result = bb.evaluate(str(file), task="me/Chase-v0", episodes=2)
+    assert result.episodes == 2
+
+
+def test_a_failed_registration_changes_nothing():
+    class Bad(Spin):
+        def observe(self, robots):  # noqa: ARG002
+            raise RuntimeError("not yet")
+
+    for env_id in ("me/Spin-v0", "me/Bad-v0"):
+        with pytest.raises(RuntimeError, match="not yet"):
+            bb.register(env_id, Bad)
+    assert gymnasium.make("me/Spin-v0").unwrapped.reset(seed=0)[0].shape == (9,)
+    with pytest.raises(gymnasium.error.NameNotFound):
+        gymnasium.make("me/Bad-v0")
+    with pytest.raises(ValueError, match="unknown task 'me/Bad-v0'"):
+        bb.BallbotEnv("me/Bad-v0")
+    bb.register("me/Long-v0", Spin, max_episode_steps=None, params=bb.Params.paper().to_dict())
+    assert bb.BallbotEnv("me/Long-v0").reset(seed=0)[0].shape == (9,)
+    with pytest.raises(TypeError, match="fool"):
+        bb.register("me/Odd-v0", Spin, fool=1)
+
+
+def test_arrays_of_a_step_are_fresh():
+    class Buffer(Spin):
+        def reward(self, robots):
+            if not hasattr(self, "kept"):
+                self.kept = np.zeros(len(robots))
+            self.kept[:] = robots.steps
+            return self.kept
+
+    bb.register("me/Buffer-v0", Buffer)
+    env = bb.BallbotVectorEnv(2, task="me/Buffer-v0", model="contact", autoreset_mode="disabled")
+    first, _ = env.reset(seed=0)
+    kept = first.copy()
+    first[:] = 9.0
+    rewards = [env.step(np.zeros((2, 3)))[1] for _ in range(2)]
+    np.testing.assert_array_equal(rewards, [[1.0, 1.0], [2.0, 2.0]])
+    again, _ = env.reset(seed=0)
+    np.testing.assert_array_equal(again, kept)

@@ -214,8 +214,8 @@ def _command(task: str) -> str:
     if not TASKS[task]["command"]:
         return ""
     about = _paragraph(
-        "Drawn by the task. `env.command` has the present one, an array of these numbers; one that is set holds to the "
-        "end of the episode."
+        "Drawn by the task. `env.unwrapped.command` has the present one, an array of these numbers; one that is set "
+        "after a reset holds to the end of the episode."
     )
     return f"""## Command
 {about}

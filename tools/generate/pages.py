@@ -44,7 +44,7 @@ def _command(task: str) -> str:
         return ""
     return f"""## Command
 
-The task draws it. `env.command = [...]` sets one, which holds to the end of the episode.
+The task draws it. After a reset `env.unwrapped.command = [...]` sets one, which holds to the end of the episode.
 
 {tables.markdown(("part", "what", "unit", "bound"), tables.command_rows(task))}
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from ballbot_rs._checks import check_count, check_options, check_seed
 from ballbot_rs._core import Batch, Params, State
+from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.envs.own import registry
 from ballbot_rs.envs.own.batch import BARE, OwnBatch
 from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of, name_of
@@ -32,20 +33,42 @@ def new_batch(
     `params` may also be a dict of parameters, and `max_episode_steps` None.
     """
     env_id_of(task)
+    if (own := registry.find(task)) is not None:
+        # It has what a `Batch` has.
+        made = new_own_batch(own, num_envs, task, autoreset, num_threads, seed, options or {})
+        return cast("Batch", made)
     options = dict(options or {})
     if options:
         check_options(f"the environment of {task}", options, option_names(task))
-    if isinstance(options.get("params"), Mapping):
-        options["params"] = Params(**options["params"])
-    if "max_episode_steps" in options and options["max_episode_steps"] is None:
-        options["max_episode_steps"] = NO_TIME_LIMIT
-    if (own := registry.find(task)) is not None:
-        made = registry.new_batch(
-            own, num_envs, task, autoreset=autoreset, num_threads=num_threads, seed=seed, options=options
-        )
-        # It has what a `Batch` has.
-        return cast("Batch", made)
+    options = _plain(options)
     return Batch(num_envs, task, autoreset=autoreset, num_threads=num_threads, seed=seed, **options)
+
+
+def new_own_batch(
+    own: registry.Registered,
+    num_envs: int,
+    task: str,
+    autoreset: str = "disabled",
+    num_threads: int | None = 1,
+    seed: int = 0,
+    options: Mapping[str, Any] | None = None,
+) -> OwnBatch:
+    """A batch of a task in Python."""
+    given = {**own.options, **(options or {})}
+    check_options(f"the environment of {task}", given, (*_option_names(BARE), *own.parameters()))
+    return registry.new_batch(
+        own, num_envs, task, autoreset=autoreset, num_threads=num_threads, seed=seed, options=_plain(given)
+    )
+
+
+def _plain(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as the core takes them."""
+    plain = dict(options)
+    if isinstance(plain.get("params"), Mapping):
+        plain["params"] = Params(**plain["params"])
+    if "max_episode_steps" in plain and plain["max_episode_steps"] is None:
+        plain["max_episode_steps"] = NO_TIME_LIMIT
+    return plain
 
 
 def option_names(task: str) -> tuple[str, ...]:
@@ -207,11 +230,21 @@ class ManyRobots(SharedAttributes):
     @command.setter
     def command(self, value: npt.ArrayLike) -> None:
         num_envs, parts = self._batch.num_envs, len(description_of(self._batch.task)["command"])
+        if parts == 0:
+            raise InvalidInputError(f"the task {self._batch.task} has no command")
         given = np.asarray(value, dtype=np.float64)
         if given.shape not in ((parts,), (num_envs, parts)):
-            raise ValueError(f"command has shape {given.shape}, expected ({parts},) or ({num_envs}, {parts})")
-        for i, command in enumerate(np.broadcast_to(given, (num_envs, parts))):
-            self._batch.set_command(i, command)
+            raise InvalidInputError(f"command has shape {given.shape}, expected ({parts},) or ({num_envs}, {parts})")
+        commands = np.broadcast_to(given, (num_envs, parts))
+        before, done = self._batch.command(), 0
+        try:
+            for done, command in enumerate(commands):
+                self._batch.set_command(done, command)
+        except ValueError:
+            # All or none.
+            for i in range(done):
+                self._batch.set_command(i, before[i])
+            raise
 
     def metrics(self) -> dict[str, npt.NDArray[np.float64]]:
         """Metrics of the episodes so far, by name, shape (num_envs,); see `Batch.metrics`."""

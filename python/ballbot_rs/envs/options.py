@@ -158,10 +158,11 @@ class VelocityOptions(CommonOptions, total=False):
     command_seconds: npt.ArrayLike
     #: Time after a command from which its errors are counted. (s, >= 0 and <= 1e9)
     settling: float
-    #: Error of the velocity that costs half. (m/s, >= 1e-6 and <= 10)
-    velocity_scale: float
-    #: Error of the heading's rate that costs half. (rad/s, >= 1e-6 and <= 10)
-    yaw_rate_scale: float
+    #: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (m/s, >= 1e-6 and <= 10)
+    velocity_scales: npt.ArrayLike
+    #: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`. (rad/s, >= 1e-6 and <=
+    #: 10)
+    yaw_rate_scales: npt.ArrayLike
     #: Largest root mean square of the settled errors of the velocity in a success. (m/s, > 0 and <= 10)
     success_velocity: float
     #: Largest root mean square of the settled errors of the heading's rate in a success. (rad/s, > 0 and <= 10)
@@ -208,7 +209,7 @@ class PathOptions(CommonOptions, total=False):
 
     #: Smallest and largest speed along the path, drawn evenly. (m/s, >= 0 and <= 10)
     path_speed: npt.ArrayLike
-    #: Smallest and largest half width of a path, drawn evenly. (m, >= 0.01 and <= 100)
+    #: Smallest and largest half width of a path, drawn evenly. (m, >= 0.1 and <= 100)
     path_size: npt.ArrayLike
     #: Largest acceleration of the point: it starts with half of it, and its speed is lower where the curve asks for
     #: more. (m/s², > 0 and <= 10)
@@ -240,7 +241,7 @@ class PushOptions(CommonOptions, total=False):
     #: Smallest and largest impulse at the body's center of mass, drawn evenly, in any direction: as shares of the
     #: largest one that traction lets the nominal robot bear. (>= 0 and <= 10)
     push: npt.ArrayLike
-    #: Shortest and longest time from one push to the next, drawn evenly. (s, > 0 and <= 1e9)
+    #: Shortest and longest time from one push to the next, drawn evenly. (s, >= 0.1 and <= 1e9)
     push_seconds: npt.ArrayLike
     #: Where the ball should be. (m, >= -10000 and <= 10000)
     setpoint: npt.ArrayLike

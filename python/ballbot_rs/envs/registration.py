@@ -45,13 +45,20 @@ def register(env_id: str, task: type[Task], **options: Any) -> None:
         TypeError: `task` is no subclass of `Task`.
         ValueError: the id is that of a task of the core, or none that Gymnasium takes.
     """
-    registry.add(env_id, task, options)
-    gymnasium.registry.pop(env_id, None)
+    from ballbot_rs.envs._batch_env import new_own_batch
+
+    before, spec = registry.find(env_id), gymnasium.registry.get(env_id)
     try:
+        registry.add(env_id, task, options, lambda found: new_own_batch(found, 1, env_id))
+        gymnasium.registry.pop(env_id, None)
         _register(env_id, env_id, registry.description_of(env_id))
-    except gymnasium.error.Error as error:
-        registry.remove(env_id)
-        raise ValueError(f"'{env_id}' is no id of an environment: {error}") from error
+    except BaseException as error:
+        registry.restore(env_id, before)
+        if spec is not None:
+            gymnasium.registry[env_id] = spec
+        if isinstance(error, gymnasium.error.Error):
+            raise ValueError(f"'{env_id}' is no id of an environment: {error}") from error
+        raise
 
 
 def description_of(task: str) -> Mapping[str, Any]:

@@ -8,13 +8,16 @@ from gymnasium import spaces
 
 from ballbot_rs._core import SCALED_BOUND, TASKS, Batch
 from ballbot_rs.envs.own.batch import OwnBatch
+from ballbot_rs.envs.registration import description_of
 
 FloatArray = npt.NDArray[np.float32]
 
 
 def observation_space(task: str, scaled: bool = True, history: int = 1) -> spaces.Space[FloatArray]:
     """Space of one observation of a task: float32, finite bounds; `scaled` as the option `scale_observations`."""
-    bounds = [SCALED_BOUND if scaled else row["bound"] for row in TASKS[task]["observation"]]
+    # Tasks in Python scale by themselves.
+    scaled = scaled and task in TASKS
+    bounds = [SCALED_BOUND if scaled else row["bound"] for row in description_of(task)["observation"]]
     high = np.array(bounds * history, dtype=np.float32)
     return cast("spaces.Space[FloatArray]", spaces.Box(-high, high, dtype=np.float32))
 

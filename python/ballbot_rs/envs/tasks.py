@@ -168,7 +168,7 @@ class VelocityEnv(BallbotEnv):
     `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a share of `max_wheel_torque`; clipped.
 
     ## Observation space
-    `Box(-10, 10, (19,), float32)`. The heading frame has the yaw of the
+    `Box(-10, 10, (20,), float32)`. The heading frame has the yaw of the
     robot and a vertical z axis.
 
     | row | what                             | unit  | bound | at rest | typical |
@@ -189,9 +189,10 @@ class VelocityEnv(BallbotEnv):
     | 13  | commanded rate of the heading    | rad/s | 10    | 0       | 0.5     |
     | 14  | error of the velocity, heading x | m/s   | 10    | 0       | 0.1     |
     | 15  | error of the velocity, heading y | m/s   | 10    | 0       | 0.1     |
-    | 16  | last action, wheel 0             |       | 1     | 0       | 0.5     |
-    | 17  | last action, wheel 1             |       | 1     | 0       | 0.5     |
-    | 18  | last action, wheel 2             |       | 1     | 0       | 0.5     |
+    | 16  | error of the heading's rate      | rad/s | 10    | 0       | 0.2     |
+    | 17  | last action, wheel 0             |       | 1     | 0       | 0.5     |
+    | 18  | last action, wheel 1             |       | 1     | 0       | 0.5     |
+    | 19  | last action, wheel 2             |       | 1     | 0       | 0.5     |
 
     Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
@@ -200,14 +201,16 @@ class VelocityEnv(BallbotEnv):
     The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
     sign), `reward_terms()` has the last step's terms.
 
-    | term            | scale | formula                                                        |
-    | --------------- | ----- | -------------------------------------------------------------- |
-    | `alive`         | 1     | 1, unless the step ends in a fall                              |
-    | `velocity`      | -0.5  | e² / (e² + velocity_scale²), e the error of the velocity       |
-    | `yaw_rate`      | -0.25 | e² / (e² + yaw_rate_scale²), e the error of the heading's rate |
-    | `rate`          | -0.01 | squared body rate in rad/s, at most 100                        |
-    | `action`        | -0.02 | mean squared action                                            |
-    | `action_change` | -0.02 | mean squared change of the action                              |
+    | term                 | scale | formula                                                            |
+    | -------------------- | ----- | ------------------------------------------------------------------ |
+    | `alive`              | 2     | 1, unless the step ends in a fall                                  |
+    | `velocity`           | -1    | e² / (e² + velocity_scales[0]²), e the error of the velocity       |
+    | `velocity_precision` | -0.3  | e² / (e² + velocity_scales[1]²)                                    |
+    | `yaw_rate`           | -0.3  | e² / (e² + yaw_rate_scales[0]²), e the error of the heading's rate |
+    | `yaw_rate_precision` | -0.2  | e² / (e² + yaw_rate_scales[1]²)                                    |
+    | `rate`               | -0.01 | squared body rate in rad/s, at most 100                            |
+    | `action`             | -0.02 | mean squared action                                                |
+    | `action_change`      | -0.02 | mean squared change of the action                                  |
 
     ## Episode end
     Terminated, with the reason as `termination` in the info:
@@ -220,8 +223,8 @@ class VelocityEnv(BallbotEnv):
     `success_velocity` and `success_yaw_rate`; `is_success` in the info of the last step.
 
     ## Command
-    Drawn by the task. `env.command` has the present one, an array of these numbers; one that is set holds to the end of
-    the episode.
+    Drawn by the task. `env.unwrapped.command` has the present one, an array of these numbers; one that is set after a
+    reset holds to the end of the episode.
 
     | part | what                          | unit  | bound |
     | ---- | ----------------------------- | ----- | ----- |
@@ -267,8 +270,10 @@ class VelocityEnv(BallbotEnv):
     - `command_seconds`: Shortest and longest time from one command to the next, drawn evenly. (default (3, 8) s; > 0
       and <= 1e9)
     - `settling`: Time after a command from which its errors are counted. (default 2 s; >= 0 and <= 1e9)
-    - `velocity_scale`: Error of the velocity that costs half. (default 0.1 m/s; >= 1e-6 and <= 10)
-    - `yaw_rate_scale`: Error of the heading's rate that costs half. (default 0.2 rad/s; >= 1e-6 and <= 10)
+    - `velocity_scales`: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (default
+      (0.3, 0.05) m/s; >= 1e-6 and <= 10)
+    - `yaw_rate_scales`: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
+      (default (0.5, 0.1) rad/s; >= 1e-6 and <= 10)
     - `success_velocity`: Largest root mean square of the settled errors of the velocity in a success. (default 0.02
       m/s; > 0 and <= 10)
     - `success_yaw_rate`: Largest root mean square of the settled errors of the heading's rate in a success. (default
@@ -395,8 +400,8 @@ class GoalEnv(BallbotEnv):
     for the last `hold_seconds` of its time; `is_success` in the info of the last step.
 
     ## Command
-    Drawn by the task. `env.command` has the present one, an array of these numbers; one that is set holds to the end of
-    the episode.
+    Drawn by the task. `env.unwrapped.command` has the present one, an array of these numbers; one that is set after a
+    reset holds to the end of the episode.
 
     | part | what             | unit | bound |
     | ---- | ---------------- | ---- | ----- |
@@ -571,8 +576,8 @@ class PathEnv(BallbotEnv):
     `success_error`; `is_success` in the info of the last step.
 
     ## Command
-    Drawn by the task. `env.command` has the present one, an array of these numbers; one that is set holds to the end of
-    the episode.
+    Drawn by the task. `env.unwrapped.command` has the present one, an array of these numbers; one that is set after a
+    reset holds to the end of the episode.
 
     | part | what                 | unit | bound |
     | ---- | -------------------- | ---- | ----- |
@@ -622,7 +627,7 @@ class PathEnv(BallbotEnv):
     - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
     - `path_speed`: Smallest and largest speed along the path, drawn evenly. (default (0.2, 0.5) m/s; >= 0 and <= 10)
-    - `path_size`: Smallest and largest half width of a path, drawn evenly. (default (0.5, 1) m; >= 0.01 and <= 100)
+    - `path_size`: Smallest and largest half width of a path, drawn evenly. (default (0.5, 1) m; >= 0.1 and <= 100)
     - `path_acceleration`: Largest acceleration of the point: it starts with half of it, and its speed is lower where
       the curve asks for more. (default 0.6 m/s²; > 0 and <= 10)
     - `path_kinds`: Relative frequencies of circles, lemniscates, rounded squares and random curves. (default (1, 1, 1,
@@ -735,7 +740,7 @@ class PushEnv(BallbotEnv):
     | --------------- | ----- | ------------------------------------------------------------------------- |
     | `alive`         | 1     | 1, unless the step ends in a fall                                         |
     | `tilt`          | -1    | (tilt / fall_tilt)², at most 1                                            |
-    | `position`      | -0.5  | d² / (d² + success_radius²), d the distance of the ball from the setpoint |
+    | `position`      | -0.5  | d² / (d² + position_scale²), d the distance of the ball from the setpoint |
     | `velocity`      | -0.2  | squared ball speed in m/s, at most 1                                      |
     | `rate`          | -0.01 | squared body rate in rad/s, at most 100                                   |
     | `action`        | -0.02 | mean squared action                                                       |
@@ -782,8 +787,8 @@ class PushEnv(BallbotEnv):
       FILE.toml, or a list of dicts)
     - `push`: Smallest and largest impulse at the body's center of mass, drawn evenly, in any direction: as shares of
       the largest one that traction lets the nominal robot bear. (default (0, 1); >= 0 and <= 10)
-    - `push_seconds`: Shortest and longest time from one push to the next, drawn evenly. (default (2, 5) s; > 0 and <=
-      1e9)
+    - `push_seconds`: Shortest and longest time from one push to the next, drawn evenly. (default (2, 5) s; >= 0.1 and
+      <= 1e9)
     - `setpoint`: Where the ball should be. (default (0, 0) m; >= -10000 and <= 10000)
     - `position_scale`: Distance of the ball from the setpoint that costs half. (default 0.1 m; >= 1e-12 and <= 1e6)
     - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its

@@ -49,7 +49,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
     """
 
     #: Attributes that each robot has its own of.
-    _OF_EACH: Final = ("state", "params", "nominal_params")
+    _OF_EACH: Final = ("state", "params", "nominal_params", "command")
 
     metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": list(RENDER_MODES),
@@ -145,7 +145,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
 
         Returns:
             Observations (num_envs, m) float32, rewards (num_envs,) float64, terminated and truncated (num_envs,) bool,
-            and infos.
+            and infos: where episodes ended `is_success`, `termination` and, if the task has them, `metrics`.
 
         Raises:
             ValueError: actions of the wrong shape or not finite; with "disabled", an episode that is over.
@@ -183,14 +183,14 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         return info
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Calls a method of every environment, one of `push`, `set_params`, `reward_terms`, `draws` and `readings`.
+        """Calls a method of every environment: `push`, `set_params`, `reward_terms`, `draws`, `readings` or `metrics`.
 
         A name that is not a method is read as `get_attr` reads it.
 
         Raises:
             AttributeError: there is no such method, or arguments came with an attribute.
         """
-        methods = ("push", "set_params", "reward_terms", "draws", "readings")
+        methods = ("push", "set_params", "reward_terms", "draws", "readings", "metrics")
         if name in methods:
             method = getattr(self._batch, name)
             return tuple(method(i, *args, **kwargs) for i in range(self.num_envs))

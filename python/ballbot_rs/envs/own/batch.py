@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import Batch, State
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.envs.own.robots import Robots
+from ballbot_rs.envs.own.robots import COLUMNS, Robots
 from ballbot_rs.envs.own.task import Task, checked
 
 FloatArray = npt.NDArray[np.float32]
@@ -37,12 +37,16 @@ class OwnBatch:
         num_threads: int | None,
         seed: int,
         options: Mapping[str, Any],
+        own_options: Mapping[str, Any],
     ) -> None:
-        options = {"max_episode_steps": made.max_episode_steps, **options, "scale_observations": False}
+        options = {"max_episode_steps": made.max_episode_steps, **options}
         if options.get("history", 1) != 1:
             raise InvalidInputError("history of a task in Python must be 1: its `observe` keeps what it needs")
+        if options.setdefault("scale_observations", False):
+            raise InvalidInputError("scale_observations of a task in Python must be False: its `observe` scales")
         inner_reset = "next_step" if autoreset == "next_step" else "disabled"
         self._inner: Any = Batch(num_envs, BARE, autoreset=inner_reset, num_threads=num_threads, seed=seed, **options)
+        self._own_options = dict(own_options)
         self.task = task
         self.made = made
         self.autoreset = autoreset
@@ -64,9 +68,14 @@ class OwnBatch:
         self._reasons = np.zeros(num_envs, dtype=np.uint8)
         self._truncated = np.zeros(num_envs, dtype=bool)
         self._task_reason = len(_inner_reasons()) + 1
-        rows = self._inner.reset()
-        self._seed_again(self._seeds)
-        width = np.asarray(made.observe(self._robots(rows)))
+        # Robots at rest tell what `observe` returns, without an episode of anyone's.
+        rows = np.zeros((num_envs, self._inner.observation_len), dtype=np.float32)
+        rows[:, COLUMNS["gravity"]] = (0.0, 0.0, -1.0)
+        rows[:, COLUMNS["body_quaternion"]] = (1.0, 0.0, 0.0, 0.0)
+        robots = self._robots(rows)
+        if self._has_reset:
+            made.reset(robots, self._numbers, [np.random.default_rng(i) for i in range(num_envs)])
+        width = np.asarray(made.observe(robots))
         if width.ndim != 2 or width.shape[0] != num_envs or width.shape[1] == 0:
             raise InvalidInputError(
                 f"{type(made).__name__}.observe returned shape {width.shape}, expected ({num_envs}, k): a row a robot"
@@ -85,6 +94,23 @@ class OwnBatch:
             raise InvalidInputError(f"observation_bound of {type(made).__name__} must be finite and above 0")
         #: Bounds of the columns of observations.
         self.bound: FloatArray = bound
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """As `Batch.options`, with those of the task's constructor."""
+        return {**self._inner.options, **self._own_options}
+
+    def command(self, index: int | None = None) -> npt.NDArray[np.float64]:
+        """No command: what a task in Python asks for is its own affair."""
+        return np.zeros((0,) if index is not None else (self.num_envs, 0))
+
+    def set_command(self, index: int, command: npt.ArrayLike) -> None:  # noqa: ARG002
+        """As `Batch.set_command`.
+
+        Raises:
+            ValueError: always.
+        """
+        raise InvalidInputError(f"the task {self.task} has no command")
 
     def __getattr__(self, name: str) -> Any:
         # Not while it is being made or unpickled.
@@ -109,6 +135,16 @@ class OwnBatch:
     def _com_of(self, chosen: Sequence[int] | range) -> npt.NDArray[np.float64]:
         return np.array([self._inner.params(i).body_com for i in chosen], dtype=np.float64).reshape(len(chosen), 3)
 
+    def _note_com(self, chosen: Sequence[int]) -> None:
+        # Not in place: robots that a task has kept stay as they were.
+        self._com = self._com.copy()
+        self._com[chosen] = self._com_of(chosen)
+
+    def set_params(self, index: int, params: Any) -> None:
+        """As `Batch.set_params`."""
+        self._inner.set_params(index, params)
+        self._note_com([index])
+
     def _robots(self, rows: FloatArray) -> Robots:
         return Robots(rows, self._com, self._steps, self._numbers, self._inner.control_dt)
 
@@ -124,7 +160,7 @@ class OwnBatch:
         self._steps[chosen] = 0
         self._over[chosen] = False
         if self._drawn:
-            self._com[chosen] = self._com_of(chosen.tolist())
+            self._note_com(chosen.tolist())
         robots = self._robots(rows)[chosen]
         if self._has_reset:
             self.made.reset(robots, chosen, [self._rng(i) for i in chosen.tolist()])
@@ -147,7 +183,7 @@ class OwnBatch:
         self._truncated[chosen] = False
         seen: FloatArray = self._observations.copy()
         self._begin(rows, chosen, seen)
-        self._observations = seen
+        self._observations = seen.copy()
         return seen
 
     def step(self, actions: npt.ArrayLike) -> tuple[FloatArray, npt.NDArray[np.float64], BoolArray, BoolArray]:
@@ -163,7 +199,7 @@ class OwnBatch:
         robots = self._robots(rows)
         true = self._robots(self._inner.privileged_observations()) if self._sensed else robots
         shape = (self.num_envs,)
-        rewards = checked(self.made, "reward", self.made.reward(true), shape, np.float64)
+        rewards = checked(self.made, "reward", self.made.reward(true), shape, np.float64).copy()
         ended_by_task = checked(self.made, "terminated", self.made.terminated(true), shape, np.bool_)
         seen = self._observe(robots)
         # Of the others the core knows that they are over.
@@ -192,7 +228,7 @@ class OwnBatch:
             else:
                 self._over = self._over | ended
                 self._stopped = stopped & ended
-        self._observations = seen
+        self._observations = seen.copy()
         return seen, rewards, terminated, truncated
 
     def observations(self) -> FloatArray:
@@ -249,25 +285,26 @@ class OwnBatch:
     def snapshot(self, index: int) -> bytes:
         """As `Batch.snapshot`; what the task itself keeps is not part of it."""
         inner: bytes = self._inner.snapshot(index)
-        return int(self._steps[index]).to_bytes(8, "little") + bytes([bool(self._over[index])]) + inner
+        flags = int(self._over[index]) | int(self._stopped[index]) << 1
+        return int(self._steps[index]).to_bytes(8, "little") + bytes([flags]) + inner
 
     def restore(self, index: int, snapshot: bytes) -> None:
         """As `Batch.restore`."""
         self._inner.restore(index, snapshot[9:])
         self._steps = self._steps.copy()
         self._steps[index] = int.from_bytes(snapshot[:8], "little")
-        self._over[index] = bool(snapshot[8])
-        self._com[index] = self._inner.params(index).body_com
+        self._over[index], self._stopped[index] = bool(snapshot[8] & 1), bool(snapshot[8] & 2)
+        self._note_com([index])
         rows = self._inner.observations()
         self._observations[index] = self._observe(self._robots(rows)[np.array([index])])[0]
 
     def memory(self) -> tuple[Any, ...]:
         """What the task and its random numbers are like, to go on from after `restore`."""
-        return self.made, list(self._seeds), list(self._rngs), self._stopped.copy()
+        return self.made, list(self._seeds), list(self._rngs)
 
     def remember(self, memory: tuple[Any, ...]) -> None:
         """Goes on from what `memory` gave."""
-        self.made, self._seeds, self._rngs, self._stopped = memory
+        self.made, self._seeds, self._rngs = memory
 
 
 def _inner_reasons() -> tuple[str, ...]:

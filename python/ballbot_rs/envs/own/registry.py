@@ -2,7 +2,7 @@
 
 import dataclasses
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from ballbot_rs._core import TASKS
@@ -16,42 +16,22 @@ class Registered:
     """A task in Python with the options that its environments have by default."""
 
     made_by: type[Task]
+    #: Given at its registration.
     options: Mapping[str, Any]
+    #: As those of the core in `TASKS`.
+    description: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def parameters(self) -> tuple[str, ...]:
         """Names of the arguments of its constructor."""
         given = inspect.signature(self.made_by).parameters.values()
         return tuple(p.name for p in given if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
 
-    def description(self, env_id: str) -> dict[str, Any]:
-        """As those of the core in `TASKS`."""
-        batch = new_batch(self, 1, env_id, autoreset="disabled", num_threads=1, seed=0, options={})
-        rows = [
-            {"name": f"observation {i}", "unit": "", "bound": bound, "rest": 0.0, "typical": 1.0}
-            for i, bound in enumerate(batch.bound.tolist())
-        ]
-        summary = inspect.getdoc(self.made_by) or self.made_by.__name__
-        reasons = [("tilt", "never"), ("bot_on_floor", "the body or a wheel touches the floor")]
-        return {
-            "id": env_id,
-            "summary": summary.splitlines()[0],
-            "success": "the method `success` of the task says so",
-            "max_episode_steps": int(self.options.get("max_episode_steps") or self.made_by.max_episode_steps),
-            "reward_threshold": None,
-            "options": [],
-            "observation": rows,
-            "rewards": [{"name": "reward", "scale": 1.0, "cost": False, "formula": "that of the task"}],
-            "terminations": [*reasons, ("diverged", "the state left the bounds of the simulation"), TERMINATED],
-            "command": [],
-            "metrics": [],
-        }
-
 
 _REGISTERED: Final[dict[str, Registered]] = {}
 
 
-def add(env_id: str, made_by: type[Task], options: Mapping[str, Any]) -> None:
-    """Makes a task known by an id.
+def add(env_id: str, made_by: type[Task], options: Mapping[str, Any], make: Callable[[Registered], OwnBatch]) -> None:
+    """Makes a task known by an id; `make` makes one robot with it.
 
     Raises:
         TypeError: it is no subclass of `Task`.
@@ -63,17 +43,44 @@ def add(env_id: str, made_by: type[Task], options: Mapping[str, Any]) -> None:
         raise InvalidInputError(
             f"'{env_id}' is a task of ballbot_rs: choose another id, as \"me/{made_by.__name__}-v0\""
         )
-    _REGISTERED[env_id] = Registered(made_by, dict(options))
+    found = Registered(made_by, dict(options))
+    _REGISTERED[env_id] = dataclasses.replace(found, description=_describe(found, env_id, make))
 
 
-def remove(env_id: str) -> None:
-    """Forgets a task."""
+def _describe(found: Registered, env_id: str, make: Callable[[Registered], OwnBatch]) -> dict[str, Any]:
+    batch = make(found)
+    rows = [
+        {"name": f"observation {i}", "unit": "", "bound": bound, "rest": 0.0, "typical": 1.0}
+        for i, bound in enumerate(batch.bound.tolist())
+    ]
+    # Not what is inherited: the base class says what a task is.
+    summary = (found.made_by.__doc__ or found.made_by.__name__).strip().splitlines()[0]
+    reasons = [("tilt", "never"), ("bot_on_floor", "the body or a wheel touches the floor")]
+    return {
+        "id": env_id,
+        "summary": summary,
+        "success": "the method `success` of the task says so",
+        "max_episode_steps": batch.max_episode_steps,
+        "reward_threshold": None,
+        "options": [],
+        "observation": rows,
+        "rewards": [{"name": "reward", "scale": 1.0, "cost": False, "formula": "that of the task"}],
+        "terminations": [*reasons, ("diverged", "the state left the bounds of the simulation"), TERMINATED],
+        "command": [],
+        "metrics": [],
+    }
+
+
+def restore(env_id: str, before: Registered | None) -> None:
+    """Puts back what an id was."""
     _REGISTERED.pop(env_id, None)
+    if before is not None:
+        _REGISTERED[env_id] = before
 
 
 def description_of(env_id: str) -> Mapping[str, Any]:
     """What `TASKS` has of tasks of the core."""
-    return _REGISTERED[env_id].description(env_id)
+    return _REGISTERED[env_id].description
 
 
 def find(task: str) -> Registered | None:
@@ -96,9 +103,11 @@ def new_batch(
     seed: int,
     options: Mapping[str, Any],
 ) -> OwnBatch:
-    """Robots with a task in Python."""
-    own = found.parameters()
-    given = {**found.options, **options}
-    made = found.made_by(**{name: value for name, value in given.items() if name in own})
-    rest = {name: value for name, value in given.items() if name not in own}
-    return OwnBatch(num_envs, task, made, autoreset=autoreset, num_threads=num_threads, seed=seed, options=rest)
+    """Robots with a task in Python; `options` has those of its registration, too."""
+    names = found.parameters()
+    own = {name: value for name, value in options.items() if name in names}
+    rest = {name: value for name, value in options.items() if name not in names}
+    made = found.made_by(**own)
+    return OwnBatch(
+        num_envs, task, made, autoreset=autoreset, num_threads=num_threads, seed=seed, options=rest, own_options=own
+    )
