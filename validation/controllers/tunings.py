@@ -139,7 +139,9 @@ def draw(fig: "Figure", found: Found) -> None:
 
 def _mark(left: "Axes", right: "Axes", found: Found, law: str, name: str) -> None:
     error = 1e3 * found[law, name, "S13-4s"].score
-    style = matrix.style(law) | {"linestyle": "none", "markersize": 6}
+    # The inside shows the tuning here, so that more controllers than colors need more markers.
+    marker = "osD^vPX*hpd<>8"[matrix.names().index(law)]
+    style = matrix.style(law) | {"linestyle": "none", "markersize": 6, "marker": marker}
     if name == PUBLISHED:
         style |= {"marker": "x"}
     style["markerfacecolor"] = style["color"] if name == DEFAULT else "none"

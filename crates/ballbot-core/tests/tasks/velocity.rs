@@ -81,7 +81,8 @@ fn a_command_repeats_the_last_reading_and_changes_no_other_number() {
         }
         let [plain, commanded] = &runs;
         for i in 0..3 {
-            assert_eq!(plain.batch.readings(i).unwrap(), commanded.batch.readings(i).unwrap(), "robot {i}, step {k}");
+            let readings = [plain, commanded].map(|run| format!("{:?}", run.batch.readings(i).unwrap()));
+            assert_eq!(readings[0], readings[1], "robot {i}, step {k}");
             assert_eq!(plain.observation(i), commanded.observation(i), "robot {i}, step {k}");
         }
     }
