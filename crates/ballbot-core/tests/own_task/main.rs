@@ -311,7 +311,10 @@ fn invalid_options_and_names_are_refused() {
     assert_eq!(error, "there is a task 'shuttle' already");
     let error = task_kind("shuttles").err().unwrap();
     assert!(matches!(error, Error::UnknownName { .. }), "{error:?}");
-    assert_eq!(error.to_string(), "unknown task 'shuttles': expected one of balance, velocity, goal, path, push, shuttle");
+    assert_eq!(
+        error.to_string(),
+        "unknown task 'shuttles': expected one of balance, velocity, goal, path, push, shuttle"
+    );
 }
 
 #[test]

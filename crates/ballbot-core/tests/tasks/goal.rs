@@ -33,7 +33,7 @@ fn goals_are_held_and_timed() {
         assert_eq!(config.task.setpoint(&[goal[0], goal[1]]), at_rest(goal[0], goal[1]));
     }
     let mut arrivals = vec![Vec::new(); 8];
-    let mut since = vec![None; 8];
+    let mut since = [None; 8];
     regulate(&config, &mut run, config.max_episode_steps, |k, run| {
         if k + 1 == config.max_episode_steps {
             return;
@@ -51,10 +51,10 @@ fn goals_are_held_and_timed() {
         }
     });
     let fastest = fastest_move(&config.params, 1.0);
-    for i in 0..8 {
+    for (i, steps) in arrivals.iter().enumerate() {
         let [held, ratio] = metrics(&run, i)[..] else { unreachable!() };
         assert_eq!(held, 1.0, "environment {i}");
-        let mean = arrivals[i].iter().map(|step| step.unwrap() as f64 * 0.01).sum::<f64>() / 2.0;
+        let mean = steps.iter().map(|step| step.unwrap() as f64 * 0.01).sum::<f64>() / 2.0;
         // The second goal is a meter from where the ball was, not from the first.
         assert!((ratio - mean / fastest).abs() < 0.02, "environment {i}: {ratio}, {mean} s by {fastest} s");
         assert!(ratio > 0.9 && ratio < 2.0 && run.outcomes[i].success, "environment {i}: {ratio}");

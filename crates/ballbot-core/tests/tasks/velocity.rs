@@ -66,7 +66,7 @@ fn sensed() -> EnvConfig<Velocity> {
 fn a_command_repeats_the_last_reading_and_changes_no_other_number() {
     let config = sensed();
     let mut runs = [run_of(&config, 3), run_of(&config, 3)];
-    let params = Params { gravity: 5.0, ..config.params.clone() };
+    let params = Params { gravity: 5.0, ..config.params };
     for k in 0..40 {
         // At once after the reset, in an episode, and under another gravity.
         if [0, 7, 20].contains(&k) {
