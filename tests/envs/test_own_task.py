@@ -48,7 +48,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     cargo = shutil.which("cargo")
     if cargo is None:
         pytest.skip("cargo builds the extension")
-    build = [cargo, "build", "--release", "--locked", "--quiet", "-p", "ballbot-extension", "--message-format=json"]
+    build = [cargo, "build", "--locked", "--quiet", "-p", "ballbot-extension", "--message-format=json"]
     messages = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False, timeout=1800)
     assert messages.returncode == 0, messages.stderr
     artifacts = [json.loads(line) for line in messages.stdout.splitlines()]
