@@ -1,10 +1,12 @@
 """A task and a controller of another crate, one file each, and a preset: through batch, front ends and command line.
 
-The extension module of tests/extension has the shuttle task and the feedback controller of the core's tests. The
+`make extension` runs these: they compile the bindings a second time, which takes minutes. The extension module of
+tests/extension has the shuttle task and the feedback controller of the core's tests. The
 package contains neither.
 """
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -16,6 +18,8 @@ import pytest
 from tests.support.paths import ROOT
 
 pytest.importorskip("stable_baselines3")
+if "BALLBOT_EXTENSION" not in os.environ:
+    pytest.skip("make extension runs these", allow_module_level=True)
 
 CONFIG = """\
 env_id = "ballbot/Shuttle-v0"

@@ -2,8 +2,11 @@
 
 use crate::{at_rest, command, config, metrics, regulate, reset_to, run_of, standing};
 use ballbot_core::Params;
+use ballbot_core::batch::Autoreset;
 use ballbot_core::models::fastest_move;
-use ballbot_core::task::{Goal, Task};
+
+/// Control steps of an episode.
+const STEPS: usize = 2000;
 
 #[test]
 fn fastest_move_agrees_with_the_table_of_flat_moves() {
@@ -23,19 +26,18 @@ fn fastest_move_agrees_with_the_table_of_flat_moves() {
 
 #[test]
 fn goals_are_held_and_timed() {
-    let task = Goal { goal_seconds: [8.0, 8.0], goal_distance: [1.0, 1.0], ..Goal::default() };
-    let config = config(task);
-    let mut run = run_of(&config, 8);
+    let options: &[(_, &[f64])] = &[("goal_seconds", &[8.0, 8.0]), ("goal_distance", &[1.0, 1.0])];
+    let mut run = run_of(&*config("goal", options), 8);
     reset_to(&mut run, &vec![Some(standing(3.0, -2.0, 0.4)); 8]);
     for i in 0..8 {
         let goal = command(&run, i);
         assert!(((goal[0] - 3.0).hypot(goal[1] + 2.0) - 1.0).abs() < 1e-12, "{goal:?}");
-        assert_eq!(config.task.setpoint(&[goal[0], goal[1]]), at_rest(goal[0], goal[1]));
+        assert_eq!(run.batch.setpoint(i).unwrap(), at_rest(goal[0], goal[1]));
     }
     let mut arrivals = vec![Vec::new(); 8];
     let mut since = [None; 8];
-    regulate(&config, &mut run, config.max_episode_steps, |k, run| {
-        if k + 1 == config.max_episode_steps {
+    regulate(&mut run, STEPS, |k, run| {
+        if k + 1 == STEPS {
             return;
         }
         for i in 0..8 {
@@ -50,7 +52,7 @@ fn goals_are_held_and_timed() {
             since[i] = near.then(|| since[i].unwrap_or(k % 800 + 1));
         }
     });
-    let fastest = fastest_move(&config.params, 1.0);
+    let fastest = fastest_move(&Params::paper(), 1.0);
     for (i, steps) in arrivals.iter().enumerate() {
         let [held, ratio] = metrics(&run, i)[..] else { unreachable!() };
         assert_eq!(held, 1.0, "environment {i}");
@@ -63,25 +65,24 @@ fn goals_are_held_and_timed() {
 
 #[test]
 fn goals_replaced_by_hand_count_if_there_was_time_for_them() {
-    let config = config(Goal::default());
-    let mut run = run_of(&config, 1);
+    let mut run = run_of(&*config("goal", &[]), 1);
     reset_to(&mut run, &[Some(standing(0.0, 0.0, 0.0))]);
     run.batch.set_command(0, &[50.0, 0.0]).unwrap();
-    regulate(&config, &mut run, 700, |_, _| ());
+    regulate(&mut run, 700, |_, _| ());
     let ball = run.batch.state(0).unwrap().ball_position;
     run.batch.set_command(0, &[ball.x + 0.3, ball.y]).unwrap();
-    regulate(&config, &mut run, 1300, |_, _| ());
+    regulate(&mut run, 1300, |_, _| ());
     assert_eq!(metrics(&run, 0)[0], 0.5);
     assert!(!run.outcomes[0].success);
 }
 
 #[test]
 fn impossible_options_are_refused() {
-    for (task, name) in [
-        (Goal { hold_seconds: 20.0, ..Goal::default() }, "hold_seconds = 20"),
-        (Goal { goal_seconds: [3.0, 2.0], ..Goal::default() }, "goal_seconds[0] = 3"),
-    ] {
-        let message = config(task).validate().unwrap_err().to_string();
+    let wrong: [(_, &[f64], _); 2] =
+        [("hold_seconds", &[20.0], "hold_seconds = 20"), ("goal_seconds", &[3.0, 2.0], "goal_seconds[0] = 3")];
+    for (option, values, name) in wrong {
+        let made = config("goal", &[(option, values)]).batch(1, Autoreset::SameStep, Some(1), 0);
+        let message = made.err().unwrap().to_string();
         assert!(message.contains(name), "{message}");
     }
 }

@@ -8,27 +8,31 @@ mod push;
 mod run;
 mod velocity;
 
-use ballbot_core::batch::{Autoreset, Batch, EnvConfig, Under};
+use ballbot_core::batch::{Autoreset, TaskConfig, Under, task_kind};
 use ballbot_core::control::{Lqr, Setpoint};
-use ballbot_core::task::{ACTION_LEN, Task};
-use ballbot_core::{ModelKind, State};
+use ballbot_core::task::ACTION_LEN;
+use ballbot_core::{Params, State};
 use run::Run;
 
 const SEED: u64 = 7;
 
-/// Robots of a task under the motors' full torque, rows in their units.
-fn config<T: Task>(task: T) -> EnvConfig<T> {
-    let config = EnvConfig { model: ModelKind::Contact, task, scale_observations: false, ..EnvConfig::default() };
-    EnvConfig { max_wheel_torque: Some(config.params.max_wheel_torque), ..config }
+/// Robots of a task under the motors' full torque, rows in their units. By its name: a task that is named as a type is
+/// compiled anew for these tests.
+fn config(task: &str, options: &[(&str, &[f64])]) -> Box<dyn TaskConfig> {
+    let mut config = task_kind(task).unwrap().config();
+    config.set("scale_observations", &[0.0]).unwrap();
+    config.set("max_wheel_torque", &[Params::paper().max_wheel_torque]).unwrap();
+    options.iter().for_each(|(name, values)| config.set(name, values).unwrap());
+    config
 }
 
-fn run_of<T: Task>(config: &EnvConfig<T>, n: usize) -> Run {
-    Run::new(Batch::new(config, n, Autoreset::SameStep, Some(1), SEED).unwrap())
+fn run_of(config: &dyn TaskConfig, n: usize) -> Run {
+    Run::new(config.batch(n, Autoreset::SameStep, Some(1), SEED).unwrap())
 }
 
 /// Steps under the regulator with the setpoints of the task, and what came of each.
-fn regulate<T: Task>(config: &EnvConfig<T>, run: &mut Run, steps: usize, mut after: impl FnMut(usize, &mut Run)) {
-    let lqr = Lqr::new(&config.params, config.control_dt).unwrap();
+fn regulate(run: &mut Run, steps: usize, mut after: impl FnMut(usize, &mut Run)) {
+    let lqr = Lqr::new(&Params::paper(), run.batch.control_dt()).unwrap();
     let mut actions = vec![0.0; run.batch.len() * ACTION_LEN];
     for k in 0..steps {
         run.step_under(&Under::new(&lqr), &mut actions).unwrap();
@@ -50,7 +54,7 @@ fn metrics(run: &Run, i: usize) -> Vec<f64> {
 
 /// At rest, upright, at a place on the floor.
 fn standing(x: f64, y: f64, yaw: f64) -> State {
-    let params = ballbot_core::Params::paper();
+    let params = Params::paper();
     let mut state = State::tilted(&params, nalgebra::Vector2::zeros(), yaw);
     for position in [&mut state.ball_position, &mut state.body_position] {
         position.x += x;

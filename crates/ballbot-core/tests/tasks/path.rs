@@ -1,7 +1,6 @@
 //! The path task.
 
 use crate::{command, config, metrics, regulate, reset_to, run_of, standing};
-use ballbot_core::task::Path;
 
 /// Rows of the point now and of the last one of the preview.
 const NOW: usize = 11;
@@ -9,8 +8,7 @@ const AHEAD: usize = 21;
 
 #[test]
 fn the_point_moves_on_a_circle_at_the_commanded_speed() {
-    let config = config(Path { path_acceleration: 2.0, ..Path::default() });
-    let mut run = run_of(&config, 1);
+    let mut run = run_of(&*config("path", &[("path_acceleration", &[2.0])]), 1);
     reset_to(&mut run, &[Some(standing(0.5, 1.0, 0.0))]);
     let (radius, speed) = (0.5, 0.4);
     let mut wanted = [0.0; 13];
@@ -18,7 +16,7 @@ fn the_point_moves_on_a_circle_at_the_commanded_speed() {
     run.batch.set_command(0, &wanted).unwrap();
     assert_eq!(command(&run, 0), wanted);
     let mut way = 0.0;
-    regulate(&config, &mut run, 600, |k, run| {
+    regulate(&mut run, 600, |k, run| {
         let t = 0.01 * (k + 1) as f64;
         // From rest with half of the acceleration, then at constant speed, to the left of the start.
         way = if t < speed { 0.5 * t * t } else { speed * t - 0.5 * speed * speed };
@@ -42,18 +40,16 @@ fn the_point_moves_on_a_circle_at_the_commanded_speed() {
 
 #[test]
 fn metrics_are_the_errors_across_and_in_all() {
-    let mut config = config(Path { settling: 1.0, ..Path::default() });
-    config.max_episode_steps = 400;
-    let mut run = run_of(&config, 8);
+    let mut run = run_of(&*config("path", &[("settling", &[1.0]), ("max_episode_steps", &[400.0])]), 8);
     let mut sums = [0.0; 8];
-    regulate(&config, &mut run, 399, |k, run| {
+    regulate(&mut run, 399, |k, run| {
         for (i, sum) in sums.iter_mut().enumerate() {
             let rows = run.observation(i);
             let error = f64::from(rows[NOW]).hypot(f64::from(rows[NOW + 1]));
             *sum += if k >= 100 { error * error } else { 0.0 };
         }
     });
-    regulate(&config, &mut run, 1, |_, _| ());
+    regulate(&mut run, 1, |_, _| ());
     for (i, sum) in sums.into_iter().enumerate() {
         let [across, error] = metrics(&run, i)[..] else { unreachable!() };
         let expected = (sum / 299.0).sqrt();
@@ -64,8 +60,7 @@ fn metrics_are_the_errors_across_and_in_all() {
 
 #[test]
 fn a_command_faster_than_the_acceleration_allows_is_slowed_down() {
-    let config = config(Path { path_acceleration: 0.2, ..Path::default() });
-    let mut run = run_of(&config, 1);
+    let mut run = run_of(&*config("path", &[("path_acceleration", &[0.2])]), 1);
     let mut wanted = [0.0; 13];
     (wanted[0], wanted[1], wanted[8]) = (2.0, 0.5, 0.5);
     run.batch.set_command(0, &wanted).unwrap();

@@ -3,7 +3,6 @@
 use crate::{config, metrics, regulate, run_of};
 use ballbot_core::Params;
 use ballbot_core::models::capture_impulse;
-use ballbot_core::task::Push;
 
 #[test]
 fn capture_impulses_of_the_presets() {
@@ -16,11 +15,10 @@ fn capture_impulses_of_the_presets() {
 #[test]
 fn harder_pushes_are_survived_less() {
     let survived = [[0.0, 0.2], [0.4, 0.5], [1.5, 2.0]].map(|push| {
-        let config = config(Push { push, push_seconds: [3.0, 3.0], ..Push::default() });
-        let mut run = run_of(&config, 16);
+        let mut run = run_of(&*config("push", &[("push", &push), ("push_seconds", &[3.0, 3.0])]), 16);
         let mut survived = [true; 16];
         let mut pushed = 0;
-        regulate(&config, &mut run, 1000, |k, run| {
+        regulate(&mut run, 1000, |k, run| {
             pushed += usize::from(
                 k == 301 && (0..16).any(|i| run.batch.state(i).unwrap().body_angular_velocity.norm() > 0.01),
             );

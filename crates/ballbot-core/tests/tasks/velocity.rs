@@ -3,19 +3,17 @@
 use crate::run::actions;
 use crate::{command, config, metrics, regulate, run_of};
 use ballbot_core::Params;
-use ballbot_core::batch::{Autoreset, Batch, EnvConfig, Observation};
+use ballbot_core::batch::{Autoreset, Observation, TaskConfig};
 use ballbot_core::sensor::SensorOptions;
-use ballbot_core::task::Velocity;
 
 #[test]
 fn metrics_are_the_settled_errors_of_the_episode() {
-    let task = Velocity { settling: 1.0, command_seconds: [2.0, 2.0], ..Velocity::default() };
-    let mut config = config(task);
-    config.max_episode_steps = 500;
-    let mut run = run_of(&config, 3);
+    let options: &[(_, &[f64])] =
+        &[("settling", &[1.0]), ("command_seconds", &[2.0, 2.0]), ("max_episode_steps", &[500.0])];
+    let mut run = run_of(&*config("velocity", options), 3);
     let mut sums = [[0.0; 2]; 3];
     let mut commands: Vec<_> = (0..3).map(|i| crate::command(&run, i)).collect();
-    regulate(&config, &mut run, 500, |k, run| {
+    regulate(&mut run, 500, |k, run| {
         // A command is for the steps after the observation that shows it; settled after the first second of each two.
         for (i, sum) in sums.iter_mut().enumerate() {
             if k % 200 >= 100 && k < 499 {
@@ -43,10 +41,9 @@ fn metrics_are_the_settled_errors_of_the_episode() {
 
 #[test]
 fn the_setpoint_of_the_task_brings_a_regulator_to_the_command() {
-    let task = Velocity { command_seconds: [5.0, 5.0], settling: 3.0, standing: 0.0, ..Velocity::default() };
-    let config = config(task);
-    let mut run = run_of(&config, 24);
-    regulate(&config, &mut run, config.max_episode_steps, |_, _| ());
+    let options: &[(_, &[f64])] = &[("command_seconds", &[5.0, 5.0]), ("settling", &[3.0]), ("standing", &[0.0])];
+    let mut run = run_of(&*config("velocity", options), 24);
+    regulate(&mut run, 2000, |_, _| ());
     for i in 0..24 {
         let [velocity, yaw_rate] = metrics(&run, i)[..] else { unreachable!() };
         assert!(velocity < 0.02 && yaw_rate < 0.02, "environment {i}: {velocity} m/s, {yaw_rate} rad/s");
@@ -55,18 +52,19 @@ fn the_setpoint_of_the_task_brings_a_regulator_to_the_command() {
 }
 
 /// Robots that observe by sensors with noise and bias.
-fn sensed() -> EnvConfig<Velocity> {
+fn sensed() -> Box<dyn TaskConfig> {
     let sensors = SensorOptions { gyro_noise: 0.01, gyro_bias: 0.05, ..SensorOptions::default() };
-    let mut config = config(Velocity::default());
-    (config.sensors, config.observation, config.history) = (Some(sensors), Observation::Sensors, 2);
+    let mut config = config("velocity", &[("history", &[2.0])]);
+    config.set_sensors(Some(sensors));
+    config.set_observation(Observation::Sensors);
     config
 }
 
 #[test]
 fn a_command_repeats_the_last_reading_and_changes_no_other_number() {
     let config = sensed();
-    let mut runs = [run_of(&config, 3), run_of(&config, 3)];
-    let params = Params { gravity: 5.0, ..config.params };
+    let mut runs = [run_of(&*config, 3), run_of(&*config, 3)];
+    let params = Params { gravity: 5.0, ..Params::paper() };
     for k in 0..40 {
         // At once after the reset, in an episode, and under another gravity.
         if [0, 7, 20].contains(&k) {
@@ -91,7 +89,7 @@ fn a_command_repeats_the_last_reading_and_changes_no_other_number() {
 #[test]
 fn a_command_is_shown_at_once_and_by_all_observations_of_an_episode_that_begins() {
     let config = sensed();
-    let mut run = run_of(&config, 2);
+    let mut run = run_of(&*config, 2);
     let wanted = [0.1, 0.2, 0.3];
     run.batch.set_command(1, &wanted).unwrap();
     let width = run.batch.observation_len() / 2;
@@ -108,7 +106,7 @@ fn a_command_is_shown_at_once_and_by_all_observations_of_an_episode_that_begins(
 
 #[test]
 fn a_command_before_the_first_episode_is_refused() {
-    let mut batch = Batch::new(&config(Velocity::default()), 2, Autoreset::SameStep, Some(1), 0).unwrap();
+    let mut batch = config("velocity", &[]).batch(2, Autoreset::SameStep, Some(1), 0).unwrap();
     let message = batch.set_command(0, &[0.0; 3]).unwrap_err().to_string();
     assert!(message.contains("before the first reset"), "{message}");
 }
