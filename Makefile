@@ -22,13 +22,13 @@ SEED ?= 0
 MINUTES ?= 5
 SOAK_STEPS ?= 10000000
 
-.PHONY: help setup generate train test extension lint docs wheel paper verify robots controllers tunings bench bench-core instructions fuzz soak cad demo format clean
+.PHONY: help setup generate train test test-builds lint docs wheel paper verify robots controllers tunings bench bench-core instructions fuzz soak cad demo format clean
 
 help:
 	@echo "make demo    watch a trained policy balance; installs no PyTorch"
 	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
 	@echo "make test    all tests, Rust and Python"
-	@echo "make extension  tests of a task and a controller of another crate, whose bindings take minutes to compile"
+	@echo "make test-builds  tests that compile for minutes: the core without features, the bindings with another crate's task"
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
 	@echo "make generate  write what follows from the tables of tasks, controllers and parameters"
 	@echo "make docs    documentation of the Rust core, in target/doc"
@@ -60,10 +60,10 @@ train: $(INSTALLED)
 test: $(INSTALLED)
 	@sh tools/install_chromium.sh
 	cargo test --locked
-	CARGO_PROFILE_DEV_OPT_LEVEL=0 cargo test --locked --no-default-features --test features
 	$(BIN)/pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
-extension: $(INSTALLED)
+test-builds: $(INSTALLED)
+	CARGO_PROFILE_DEV_OPT_LEVEL=0 cargo test --locked --no-default-features --test features
 	BALLBOT_EXTENSION=1 $(BIN)/pytest tests/envs/test_own_task.py
 
 lint: $(INSTALLED)

@@ -1,6 +1,6 @@
 """A task and a controller of another crate, one file each, and a preset: through batch, front ends and command line.
 
-`make extension` runs these: they compile the bindings a second time, which takes minutes. The extension module of
+`make test-builds` runs these: they compile the bindings a second time, which takes minutes. The extension module of
 tests/extension has the shuttle task and the feedback controller of the core's tests. The
 package contains neither.
 """
@@ -19,7 +19,7 @@ from tests.support.paths import ROOT
 
 pytest.importorskip("stable_baselines3")
 if "BALLBOT_EXTENSION" not in os.environ:
-    pytest.skip("make extension runs these", allow_module_level=True)
+    pytest.skip("make test-builds runs these", allow_module_level=True)
 
 CONFIG = """\
 env_id = "ballbot/Shuttle-v0"
