@@ -177,8 +177,8 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
             info |= {"termination": self._terminations[reasons], "_termination": failed}
         if description_of(self.task)["metrics"]:
             metrics: dict[str, Any] = {}
-            for metric, values in zip(description_of(self.task)["metrics"], self._batch.metrics().T, strict=True):
-                metrics |= {metric["name"]: np.where(ended, values, 0.0), f"_{metric['name']}": ended.copy()}
+            for name, values in self.metrics().items():
+                metrics |= {name: np.where(ended, values, 0.0), f"_{name}": ended.copy()}
             info |= {"metrics": metrics, "_metrics": ended.copy()}
         return info
 

@@ -17,8 +17,13 @@ BoolArray = npt.NDArray[np.bool_]
 #: The task of the core that observes everything and asks for nothing.
 BARE: Final = "bare"
 
-#: Reason for the end of an episode that the task gives.
-TERMINATED: Final = ("task", "the method `terminated` of the task says so")
+#: Reasons for the end of an episode with their conditions: those of the core, and last that of the task.
+REASONS: Final = (
+    ("tilt", "never"),
+    ("bot_on_floor", "the body or a wheel touches the floor"),
+    ("diverged", "the state left the bounds of the simulation"),
+    ("task", "the method `terminated` of the task says so"),
+)
 
 
 class OwnBatch:
@@ -67,7 +72,6 @@ class OwnBatch:
         self._success = np.zeros(num_envs, dtype=bool)
         self._reasons = np.zeros(num_envs, dtype=np.uint8)
         self._truncated = np.zeros(num_envs, dtype=bool)
-        self._task_reason = len(_inner_reasons()) + 1
         # Robots at rest tell what `observe` returns, without an episode of anyone's.
         rows = np.zeros((num_envs, self._inner.observation_len), dtype=np.float32)
         rows[:, COLUMNS["gravity"]] = (0.0, 0.0, -1.0)
@@ -220,7 +224,7 @@ class OwnBatch:
         if ended.any():
             won = checked(self.made, "success", self.made.success(true), shape, np.bool_)
             self._success = won & ended & ~fallen
-            self._reasons = np.where(fallen, self._inner.endings()[1], np.where(terminated, self._task_reason, 0))
+            self._reasons = np.where(fallen, self._inner.endings()[1], np.where(terminated, len(REASONS), 0))
             self._reasons = self._reasons.astype(np.uint8)
             if self.autoreset == "same_step":
                 self._final = seen.copy()
@@ -254,8 +258,7 @@ class OwnBatch:
     def ending(self, index: int) -> tuple[bool, str | None]:
         """As `Batch.ending`."""
         reason = int(self._reasons[index])
-        names = (None, *_inner_reasons(), TERMINATED[0])
-        return bool(self._success[index]), names[reason]
+        return bool(self._success[index]), REASONS[reason - 1][0] if reason else None
 
     def reward_terms(self, index: int | None = None) -> Any:
         """The reward, as its only term."""
@@ -305,7 +308,3 @@ class OwnBatch:
     def remember(self, memory: tuple[Any, ...]) -> None:
         """Goes on from what `memory` gave."""
         self.made, self._seeds, self._rngs = memory
-
-
-def _inner_reasons() -> tuple[str, ...]:
-    return ("tilt", "bot_on_floor", "diverged")

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from ballbot_rs._core import TASKS
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.envs.own.batch import TERMINATED, OwnBatch
+from ballbot_rs.envs.own.batch import REASONS, OwnBatch
 from ballbot_rs.envs.own.task import Task
 
 
@@ -55,7 +55,6 @@ def _describe(found: Registered, env_id: str, make: Callable[[Registered], OwnBa
     ]
     # Not what is inherited: the base class says what a task is.
     summary = (found.made_by.__doc__ or found.made_by.__name__).strip().splitlines()[0]
-    reasons = [("tilt", "never"), ("bot_on_floor", "the body or a wheel touches the floor")]
     return {
         "id": env_id,
         "summary": summary,
@@ -65,7 +64,7 @@ def _describe(found: Registered, env_id: str, make: Callable[[Registered], OwnBa
         "options": [],
         "observation": rows,
         "rewards": [{"name": "reward", "scale": 1.0, "cost": False, "formula": "that of the task"}],
-        "terminations": [*reasons, ("diverged", "the state left the bounds of the simulation"), TERMINATED],
+        "terminations": list(REASONS),
         "command": [],
         "metrics": [],
     }
