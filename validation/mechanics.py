@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 import ballbot_rs as bb
-from validation.engines.geometry import robot_geometry
+from ballbot_rs.engines.robot_geometry import robot_geometry
 from validation.engines.rotations import matrix
 
 Array = npt.NDArray[np.float64]

@@ -1,6 +1,6 @@
 """The Rust core. SI units and radians; quaternions are `[w, x, y, z]` and map body to inertial."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any, ClassVar, Literal, TypedDict, final, overload
 
@@ -1139,6 +1139,24 @@ class Batch:
         Raises:
             ValueError: a wrong shape, an action that is not finite, or an episode that is over; nothing has moved then.
             KeyboardInterrupt: Ctrl-C during a long step. Some robots have moved then: all must be reset.
+        """
+    def step_with(
+        self, actions: npt.ArrayLike, motion: Callable[[_Array, _Array], npt.ArrayLike]
+    ) -> tuple[npt.NDArray[np.float32], _Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+        """As `step`, with a motion that another engine simulates: commands, rewards, observations and ends are those of the
+        task.
+
+        Args:
+            actions: as in `step`.
+            motion: called once, after the events of the step, with the states of all robots, shape (num_envs, 32), rows as
+                `State.to_array`, and what pushes are to do to the bodies over the first time step, shape (num_envs, 6): an
+                impulse (N·s) and its moment about the center of mass (N·m·s), both in the inertial frame. Returns the states
+                at the end. One that is not finite or out of bounds ends its episode as diverged.
+
+        Contact forces are not known, nor whether the body touches the floor, and the options `actuators` have no effect.
+
+        Raises:
+            ValueError: as `step`, or another shape of states. What `motion` raises; all environments must then be reset.
         """
     def final_observations(self) -> npt.NDArray[np.float32]:
         """Last observations of the episodes that the last step ended and reset, shape (num_envs, observation_len); other

@@ -7,9 +7,14 @@ import numpy.typing as npt
 
 BALL_POSITION: Final = slice(0, 3)
 BALL_QUATERNION: Final = slice(3, 7)
+BALL_VELOCITY: Final = slice(7, 10)
+BALL_RATE: Final = slice(10, 13)
 BODY_POSITION: Final = slice(13, 16)
 BODY_QUATERNION: Final = slice(16, 20)
+BODY_VELOCITY: Final = slice(20, 23)
+BODY_RATE: Final = slice(23, 26)
 WHEEL_ANGLES: Final = slice(26, 29)
+WHEEL_SPEEDS: Final = slice(29, 32)
 
 
 def mast_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -217,6 +217,7 @@ RIGHT: dict[str, list[Any]] = {
     "impulse": [[0.1, 0.0, 0.0]],
     "point": [None, [0.0, 0.0, 0.2]],
     "steps": [0, 1, 10],
+    "motion": [lambda states, _: states],
     "Ballbot.restore.snapshot": _snapshots([make() for make in INSTANCES["Ballbot"]]),
     "Batch.restore.snapshot": _snapshots([make() for make in INSTANCES["Batch"]], 0),
     "Ballbot.__setstate__.snapshot": _snapshots([make() for make in INSTANCES["Ballbot"]]),

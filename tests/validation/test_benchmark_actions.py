@@ -10,7 +10,7 @@ from validation.benchmarks import actions, task
 from validation.benchmarks.fallen import Thrashing
 from validation.benchmarks.report import markdown
 from validation.benchmarks.simulators import environment
-from validation.engines.geometry import SIM_DT, SUBSTEPS
+from validation.engines.steps import SIM_DT, SUBSTEPS
 
 _MODELS = ("contact", "rigid", "spatial", "planar")
 

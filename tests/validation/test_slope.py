@@ -7,8 +7,8 @@ import ballbot_rs as bb
 
 pytest.importorskip("mujoco")
 
-from validation.engines.geometry import robot_geometry
-from validation.engines.mujoco_robot import ACCURATE_TURNED, MujocoRobot
+from ballbot_rs.engines.mujoco_robot import MujocoRobot, accurate
+from ballbot_rs.engines.robot_geometry import robot_geometry
 
 
 def test_mujoco_agrees_on_a_tilted_floor(paper):
@@ -16,7 +16,7 @@ def test_mujoco_agrees_on_a_tilted_floor(paper):
     start = bb.State.at_equilibrium(tilted, tilted.slope_lean(), yaw=0.3)
     # More than holds it, so that it falls.
     torques = np.add(tilted.holding_torques(0.3), [0.01, 0.0, -0.01])
-    theirs = MujocoRobot(robot_geometry(tilted), ACCURATE_TURNED)
+    theirs = MujocoRobot(robot_geometry(tilted), accurate())
     still = np.zeros(3)
     theirs.reset_raw(start.body_quaternion, still, still, start.ball_position, still, still)
     ours = bb.Ballbot(tilted, "spatial", theirs.sim_dt)

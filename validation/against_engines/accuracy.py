@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from ballbot_rs.engines.robot_geometry import robot_geometry
 from validation.engines import probes
 from validation.engines.any_robot import AnyRobot
-from validation.engines.geometry import robot_geometry
 from validation.mechanics import unstable_pole
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import ballbot_rs as bb
+from ballbot_rs.engines.robot_geometry import robot_geometry
 from validation.engines.any_robot import AnyRobot
-from validation.engines.geometry import robot_geometry
 from validation.engines.installed import missing
 from validation.engines.our_robot import OurRobot
 
@@ -61,9 +61,9 @@ def _rolling(params: bb.Params) -> AnyRobot:
 
 
 def _mujoco(turned: bool, params: bb.Params) -> AnyRobot:
-    from validation.engines.mujoco_robot import ACCURATE, ACCURATE_TURNED, MujocoRobot
+    from ballbot_rs.engines.mujoco_robot import MujocoRobot, accurate
 
-    return MujocoRobot(robot_geometry(params), ACCURATE_TURNED if turned else ACCURATE)
+    return MujocoRobot(robot_geometry(params), accurate(turned=turned))
 
 
 def _bullet(params: bb.Params) -> AnyRobot:

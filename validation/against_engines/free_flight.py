@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import ballbot_rs as bb
+from ballbot_rs.engines.robot_geometry import Array
 from validation.against_engines.engine_list import COLORS, CONTACT, RIGID, ROLLING
 from validation.claim import Claim
-from validation.engines.geometry import Array
 from validation.engines.installed import missing
 from validation.engines.our_robot import OurRobot
 from validation.topic import Findings

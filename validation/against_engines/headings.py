@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 import ballbot_rs as bb
+from ballbot_rs.engines.robot_geometry import Array, robot_geometry
 from validation.against_engines.engine_list import (
     BULLET,
     COLORS,
@@ -37,7 +38,6 @@ from validation.against_engines.engine_list import (
 from validation.claim import Claim
 from validation.engines import probes
 from validation.engines.any_robot import AnyRobot
-from validation.engines.geometry import Array, robot_geometry
 from validation.engines.our_robot import OurRobot
 from validation.engines.rotations import matrix
 from validation.mechanics import unstable_pole

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 
 import ballbot_rs as bb
+from ballbot_rs.engines.robot_geometry import Array
 from validation.against_engines.urdf_readers import BALL, BOT
-from validation.engines.geometry import Array
 from validation.engines.rotations import matrix
 
 #: Difference quotient along the motion for the constraints' change, s.

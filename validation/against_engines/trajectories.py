@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import ballbot_rs as bb
+from ballbot_rs.engines.robot_geometry import Array
 from validation.against_engines.engine_list import COLORS, CONTACT, DASHES, ROLLING, SPATIAL, Engine, absent
 from validation.claim import Claim
 from validation.engines.any_robot import AnyRobot
-from validation.engines.geometry import Array
 from validation.page import number, table
 from validation.topic import Findings
 

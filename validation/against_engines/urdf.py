@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import ballbot_rs as bb
+from ballbot_rs.engines.robot_geometry import Array, robot_geometry
 from validation.against_engines import urdf_readers
 from validation.against_engines.urdf_readers import FreeState, Read
 from validation.claim import Claim
-from validation.engines.geometry import Array, robot_geometry
 from validation.engines.installed import missing
 from validation.engines.rotations import matrix
 from validation.page import table

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.engines.geometry import Array
+from ballbot_rs.engines.robot_geometry import Array
 from validation.engines.rotations import matrix
 
 BOT = Path(__file__).parents[2] / "assets" / "bot.urdf"

@@ -9,9 +9,9 @@ from validation.benchmarks import simulators, task
 from validation.benchmarks.ours import known_models, make_env
 from validation.benchmarks.worker import in_child
 from validation.engines.any_robot import AnyRobot, make_external_robot
-from validation.engines.geometry import SIM_DT, SUBSTEPS
 from validation.engines.installed import missing
 from validation.engines.our_robot import OurRobot
+from validation.engines.steps import SIM_DT, SUBSTEPS
 
 #: Where an engine's robots are stepped together.
 _VEC_ENVS = {"mujoco": "mujoco-batch", "pybullet": "pybullet-dummy"}

@@ -5,10 +5,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from ballbot_rs.engines.robot_geometry import robot_geometry
 from ballbot_rs.envs.spaces import action_space, observation_space
 from validation.benchmarks import task
 from validation.engines.any_robot import make_external_robot
-from validation.engines.geometry import SUBSTEPS, robot_geometry
+from validation.engines.steps import SUBSTEPS
 
 
 class ExternalEnv(gymnasium.Env[task.Floats, task.Floats]):

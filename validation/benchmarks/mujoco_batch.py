@@ -8,10 +8,12 @@ import numpy as np
 import numpy.typing as npt
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 
+from ballbot_rs.engines.mujoco_robot import BALL_VELOCITY, BODY_QUATERNION, BODY_RATE, WHEEL_SPEEDS, mjcf
+from ballbot_rs.engines.robot_geometry import robot_geometry
 from ballbot_rs.envs.spaces import action_space, observation_space
 from validation.benchmarks import task
-from validation.engines.geometry import SUBSTEPS, robot_geometry
-from validation.engines.mujoco_robot import BALL_VELOCITY, BODY_QUATERNION, BODY_RATE, WHEEL_SPEEDS, mjcf
+from validation.engines.fast_mujoco import FAST
+from validation.engines.steps import SUBSTEPS
 
 
 class MujocoBatch:
@@ -21,7 +23,7 @@ class MujocoBatch:
         from mujoco.batch import Batch
 
         self.robot = robot_geometry()
-        model = mujoco.MjModel.from_xml_string(mjcf(self.robot))
+        model = mujoco.MjModel.from_xml_string(mjcf(self.robot, FAST))
         self.batch = Batch(model, num_envs, num_threads, persistent)
         self._qpos, self._qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         self._warmstart, self.ctrl = self.batch.bind("qacc_warmstart"), self.batch.bind("ctrl")

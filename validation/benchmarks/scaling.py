@@ -5,7 +5,7 @@ from typing import Any
 from validation.benchmarks import ours, task
 from validation.benchmarks.timing import Run, interleave, timed
 from validation.benchmarks.worker import cores, in_child
-from validation.engines.geometry import SIM_DT, SUBSTEPS
+from validation.engines.steps import SIM_DT, SUBSTEPS
 
 #: Robots where something else grows.
 MANY = 1024

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from validation.benchmarks import ours, task
 from validation.benchmarks.timing import Run, timed
-from validation.engines.geometry import SIM_DT, SUBSTEPS
+from validation.engines.steps import SIM_DT, SUBSTEPS
 
 #: Time steps in one call of a raw run, and calls before its robots are put upright again: 0.2 s, none falls.
 RAW_SUBSTEPS, RAW_CALLS = 25, 4
@@ -101,7 +101,7 @@ def _mujoco_physics(num_envs: int, num_threads: int) -> Running:
 
 
 def _pybullet_physics(num_envs: int) -> Running:
-    from validation.engines.geometry import robot_geometry
+    from ballbot_rs.engines.robot_geometry import robot_geometry
     from validation.engines.pybullet_robot import PybulletRobot
 
     robot, rng = robot_geometry(), np.random.default_rng(0)

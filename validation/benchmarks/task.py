@@ -10,7 +10,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from validation.engines.geometry import Array, RobotGeometry
+from ballbot_rs.engines.robot_geometry import Array, RobotGeometry
 from validation.engines.rotations import attitude, to_body
 
 Floats = npt.NDArray[np.float32]

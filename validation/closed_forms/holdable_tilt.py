@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import ballbot_rs as bb
+from ballbot_rs.engines.robot_geometry import robot_geometry
 from validation.claim import Claim
-from validation.engines.geometry import robot_geometry
 from validation.engines.rotations import matrix
 from validation.mechanics import Array, leaning, steady_lean, wheel_directions
 from validation.search import largest

@@ -3,7 +3,7 @@
 from typing import Protocol
 
 import ballbot_rs as bb
-from validation.engines.geometry import Array, RobotGeometry, robot_geometry
+from ballbot_rs.engines.robot_geometry import Array, RobotGeometry, robot_geometry
 
 
 class AnyRobot(Protocol):
@@ -51,9 +51,10 @@ def make_external_robot(engine: str, robot: RobotGeometry | None = None) -> Exte
     """One robot in "mujoco" or "pybullet"."""
     robot = robot_geometry() if robot is None else robot
     if engine == "mujoco":
-        from validation.engines.mujoco_robot import MujocoRobot
+        from ballbot_rs.engines.mujoco_robot import MujocoRobot
+        from validation.engines.fast_mujoco import FAST
 
-        return MujocoRobot(robot)
+        return MujocoRobot(robot, FAST)
     from validation.engines.pybullet_robot import PybulletRobot
 
     return PybulletRobot(robot)

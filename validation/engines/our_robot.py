@@ -3,7 +3,8 @@
 import numpy as np
 
 import ballbot_rs as bb
-from validation.engines.geometry import SIM_DT, Array
+from ballbot_rs.engines.robot_geometry import Array
+from validation.engines.steps import SIM_DT
 
 
 class OurRobot:

@@ -3,10 +3,11 @@
 import numpy as np
 
 import ballbot_rs as bb
+from ballbot_rs.engines.robot_geometry import Array, RobotGeometry
 from validation.engines.any_robot import AnyRobot
-from validation.engines.geometry import SUBSTEPS, Array, RobotGeometry
 from validation.engines.our_robot import OurRobot
 from validation.engines.rotations import matrix
+from validation.engines.steps import SUBSTEPS
 
 #: A tilt that stays small, rad, and how often and how far apart it is read, s.
 _TILT, _READINGS, _APART = 1e-3, 3, 0.2

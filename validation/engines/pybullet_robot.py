@@ -11,9 +11,10 @@ import pybullet
 from pybullet_utils import bullet_client
 
 import ballbot_rs as bb
+from ballbot_rs.engines.robot_geometry import Array, RobotGeometry
 from validation.engines.any_robot import ExternalRobot
-from validation.engines.geometry import SIM_DT, Array, RobotGeometry
 from validation.engines.rotations import matrix, roll_pitch_yaw
+from validation.engines.steps import SIM_DT
 
 #: Iterations of Bullet's sequential-impulse solver; half as many make the growth rate's error ten times as large.
 SOLVER_ITERATIONS = 10

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from validation.engines.geometry import Array
+from ballbot_rs.engines.robot_geometry import Array
 
 
 def matrix(quaternion: Array) -> Array:

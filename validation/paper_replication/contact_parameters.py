@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 import ballbot_rs as bb
+from ballbot_rs.engines.robot_geometry import robot_geometry
 from validation.claim import Claim
 from validation.engines import probes
-from validation.engines.geometry import robot_geometry
 from validation.mechanics import Array
 from validation.page import table
 from validation.topic import Comparison, Findings

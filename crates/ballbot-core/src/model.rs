@@ -57,6 +57,12 @@ pub trait Model: Send + Sync {
     /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m), at once or over the next step.
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>);
 
+    /// What pushes have yet to do: an impulse on the body, N·s, and its moment about the center of mass, N·m·s, both in the
+    /// inertial frame. Zeros where they act at once.
+    fn pending_push(&self) -> [f64; 6] {
+        [0.0; 6]
+    }
+
     /// Appends everything that the future depends on, for [`Model::load`].
     fn save(&self) -> Vec<u8>;
 

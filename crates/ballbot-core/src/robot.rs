@@ -240,6 +240,10 @@ impl Ballbot {
     }
 
     /// False once a step met numbers that are not finite.
+    pub(crate) fn pending_push(&self) -> [f64; 6] {
+        self.model.pending_push()
+    }
+
     pub(crate) fn healthy(&self) -> bool {
         self.model.healthy()
     }

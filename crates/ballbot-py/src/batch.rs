@@ -15,7 +15,7 @@ use crate::rollout::{CONTACT_PARTS, ClosedLoop, Stepped, Targets};
 use crate::sensors::readings;
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
-use ballbot_core::batch::{Autoreset, Batch, Outcome, ResetRequest, StepBuffers, Under, task_kind};
+use ballbot_core::batch::{Autoreset, Batch, Outcome, Outside, ResetRequest, StepBuffers, Under, task_kind};
 use ballbot_core::control::MOTION_PARTS;
 use ballbot_core::task::ACTION_LEN;
 use ballbot_core::{Contacts, State, require_memory};
@@ -101,6 +101,53 @@ fn metrics_of<'py>(py: Python<'py>, batch: &Batch, index: usize) -> PyResult<Bou
         dict.set_item(metric.name, value)?;
     }
     Ok(dict)
+}
+
+/// What ends a step whose motion is from Python.
+struct Failure(PyErr);
+
+impl From<PyErr> for Failure {
+    fn from(error: PyErr) -> Self {
+        Self(error)
+    }
+}
+
+impl From<ballbot_core::Error> for Failure {
+    fn from(error: ballbot_core::Error) -> Self {
+        Self(to_python(error))
+    }
+}
+
+impl PyBatch {
+    /// What `step` writes, by any kind of step.
+    fn stepped<'py>(
+        &self,
+        py: Python<'py>,
+        actions: &Bound<'py, PyAny>,
+        step: impl FnOnce(&mut Batch, &[f32], &mut StepBuffers<'_>) -> PyResult<()>,
+    ) -> PyResult<Step<'py>> {
+        let mut inner = self.inner.write()?;
+        let Inner { batch, actions: values, outcomes, final_observations, .. } = &mut *inner;
+        let n = batch.len();
+        read_elements("actions", actions, &[Some(n), Some(ACTION_LEN)], values)?;
+        let observations = PyArray2::zeros(py, [n, batch.observation_len()], false);
+        let rewards = PyArray1::zeros(py, n, false);
+        let (terminated, truncated) = (PyArray1::zeros(py, n, false), PyArray1::zeros(py, n, false));
+        {
+            let (mut o, mut r) = (observations.readwrite(), rewards.readwrite());
+            let (mut te, mut tr) = (terminated.readwrite(), truncated.readwrite());
+            let mut buffers = StepBuffers {
+                observations: o.as_slice_mut()?,
+                rewards: r.as_slice_mut()?,
+                terminated: te.as_slice_mut()?,
+                truncated: tr.as_slice_mut()?,
+                final_observations,
+                outcomes,
+            };
+            step(batch, values, &mut buffers)?;
+        }
+        Ok((observations, rewards, terminated, truncated))
+    }
 }
 
 #[pymethods]
@@ -302,27 +349,46 @@ impl PyBatch {
     ///     ValueError: a wrong shape, an action that is not finite, or an episode that is over; nothing has moved then.
     ///     KeyboardInterrupt: Ctrl-C during a long step. Some robots have moved then: all must be reset.
     fn step<'py>(&self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
-        let mut inner = self.inner.write()?;
-        let Inner { batch, actions: values, outcomes, final_observations, .. } = &mut *inner;
-        let n = batch.len();
-        read_elements("actions", actions, &[Some(n), Some(ACTION_LEN)], values)?;
-        let observations = PyArray2::zeros(py, [n, batch.observation_len()], false);
-        let rewards = PyArray1::zeros(py, n, false);
-        let (terminated, truncated) = (PyArray1::zeros(py, n, false), PyArray1::zeros(py, n, false));
-        {
-            let (mut o, mut r) = (observations.readwrite(), rewards.readwrite());
-            let (mut te, mut tr) = (terminated.readwrite(), truncated.readwrite());
-            let mut buffers = StepBuffers {
-                observations: o.as_slice_mut()?,
-                rewards: r.as_slice_mut()?,
-                terminated: te.as_slice_mut()?,
-                truncated: tr.as_slice_mut()?,
-                final_observations,
-                outcomes,
+        self.stepped(py, actions, |batch, values, buffers| interruptible(py, || batch.step(values, buffers)))
+    }
+
+    /// As `step`, with a motion that another engine simulates: commands, rewards, observations and ends are those of the
+    /// task.
+    ///
+    /// Args:
+    ///     actions: as in `step`.
+    ///     motion: called once, after the events of the step, with the states of all robots, shape (num_envs, 32), rows as
+    ///         `State.to_array`, and what pushes are to do to the bodies over the first time step, shape (num_envs, 6): an
+    ///         impulse (N·s) and its moment about the center of mass (N·m·s), both in the inertial frame. Returns the states
+    ///         at the end. One that is not finite or out of bounds ends its episode as diverged.
+    ///
+    /// Contact forces are not known, nor whether the body touches the floor, and the options `actuators` have no effect.
+    ///
+    /// Raises:
+    ///     ValueError: as `step`, or another shape of states. What `motion` raises; all environments must then be reset.
+    fn step_with<'py>(
+        &self,
+        py: Python<'py>,
+        actions: &Bound<'py, PyAny>,
+        motion: &Bound<'py, PyAny>,
+    ) -> PyResult<Step<'py>> {
+        self.stepped(py, actions, |batch, values, buffers| {
+            let outside = |robots: &Outside| -> Result<Vec<State>, Failure> {
+                let n = robots.states.len();
+                let states = rows(py, n, State::LEN, |i, row| {
+                    row.copy_from_slice(&robots.states[i].to_array());
+                    Ok(())
+                })?;
+                let pushes = rows(py, n, 6, |i, row| {
+                    row.copy_from_slice(&robots.pushes[i]);
+                    Ok(())
+                })?;
+                let after = motion.call1((states, pushes))?;
+                let numbers = elements::<f64>("states", &after, &[Some(n), Some(State::LEN)])?;
+                Ok(numbers.as_chunks::<{ State::LEN }>().0.iter().map(State::from_array).collect())
             };
-            interruptible(py, || batch.step(values, &mut buffers))?;
-        }
-        Ok((observations, rewards, terminated, truncated))
+            batch.step_with(values, buffers, outside).map_err(|Failure(error)| error)
+        })
     }
 
     /// Last observations of the episodes that the last step ended and reset, shape (num_envs, observation_len); other

@@ -9,11 +9,14 @@ import numpy.typing as npt
 
 from ballbot_rs._checks import check_count, check_seed
 from ballbot_rs._core import Batch
+from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._state_rows import BALL_POSITION, tilt_of
+from ballbot_rs.analysis import intervals
 from ballbot_rs.analysis.rollout import batch_for, rollout
 from ballbot_rs.analysis.settling import settling_times
 from ballbot_rs.control.resolve import ResolvedController, Source, common_options, find, options_of
+from ballbot_rs.engines.engine_batch import in_engine
 from ballbot_rs.envs.registration import DEFAULT_TASK, description_of
 
 #: Tilt within which a robot has settled, rad.
@@ -29,13 +32,15 @@ class Result:
     """How a controller did over a number of episodes."""
 
     controller: str
-    #: Model of the robot.
+    #: Model of the robot, or name of another engine.
     model: str
     #: Time between two actions, s.
     control_dt: float
     episodes: int
     #: Share of episodes that ended in success.
     success_rate: float
+    #: Wilson's 95 % interval of that share.
+    success_interval: tuple[float, float]
     #: Share of episodes that ran to their end.
     survival_rate: float
     #: Median time from which the tilt stays within 1 deg, s; None if in most episodes it never does.
@@ -52,6 +57,8 @@ class Result:
     mean_reward: float
     #: Metrics of the task by name, means over the episodes that ran to their end; None where there is none.
     metrics: Mapping[str, float | None]
+    #: 95 % intervals of these means, by bootstrap over episodes.
+    metric_intervals: Mapping[str, tuple[float, float] | None]
 
 
 def check_episodes(episodes: int) -> int:
@@ -80,6 +87,7 @@ def compare(
     seed: int = 1000,
     num_threads: int | None = None,
     env_options: Mapping[str, Any] | None = None,
+    engine: str | None = None,
     progress: Progress = no_progress,
 ) -> list[Result]:
     """Runs episodes of one task from the starts that `seed` gives, the same for every controller.
@@ -95,17 +103,22 @@ def compare(
         num_threads: threads that step the robots; None takes all cores.
         env_options: options of the environment, over those that the policies were trained with. Without
             `max_wheel_torque` among them feedback laws have the motors' limit and their own, not that of policies.
+        engine: another engine in place of a model, "mujoco" or None; it has ideal motors.
         progress: called with the number of steps done and their total.
 
     Raises:
-        ValueError: an unknown name, a number out of range, a policy for another environment, or policies that were
-            trained with different options of the environment.
+        ValueError: an unknown name, a number out of range, a policy for another environment, policies that were
+            trained with different options of the environment, or a robot, motors or events that the engine does not
+            simulate.
+        ModuleNotFoundError: the engine is not installed.
         FileNotFoundError: there is no policy at that path.
     """
     check_episodes(episodes)
     seed = check_seed(seed)
     found = [find(source, task=task, env_options=env_options) for source in controllers]
     options = common_options(found, env_options)
+    if engine is not None and "model" in (env_options or {}):
+        raise InvalidInputError(f"engine = '{engine}' takes the place of model = '{options['model']}': leave one out")
     batches = [
         batch_for(
             controller,
@@ -118,6 +131,8 @@ def compare(
         )
         for controller in found
     ]
+    if engine is not None:
+        batches = [in_engine(batch, engine) for batch in batches]
     total = sum(batch.max_episode_steps for batch in batches)
     results: list[Result] = []
     before = 0
@@ -131,14 +146,12 @@ def compare(
     return results
 
 
-def _metrics(batch: Batch, survived: npt.NDArray[np.bool_]) -> dict[str, float | None]:
+def _metrics(batch: Batch, survived: npt.NDArray[np.bool_]) -> dict[str, npt.NDArray[np.float64]]:
+    """Of each episode that ran to its end, where it has one."""
     # An episode that ran to its end is the last one that ended.
-    values = batch.metrics()[survived]
-    means: dict[str, float | None] = {}
-    for metric, column in zip(description_of(batch.task)["metrics"], values.T, strict=True):
-        found = column[np.isfinite(column)]
-        means[metric["name"]] = float(found.mean()) if len(found) else None
-    return means
+    columns = batch.metrics()[survived].T
+    names = [metric["name"] for metric in description_of(batch.task)["metrics"]]
+    return {name: column[np.isfinite(column)] for name, column in zip(names, columns, strict=True)}
 
 
 def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], None]) -> Result:
@@ -172,12 +185,14 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
     advance(steps)
     settling = np.where(survived, settling_times(tilts, SETTLED_TILT, batch.control_dt), np.inf)
     median = float(np.median(settling))
+    metrics = _metrics(batch, survived)
     return Result(
         controller=controller.name,
-        model=batch.model,
+        model=getattr(batch, "engine", batch.model),
         control_dt=batch.control_dt,
         episodes=n,
         success_rate=float(success.mean()),
+        success_interval=intervals.of_share(float(success.mean()), n),
         survival_rate=float(survived.mean()),
         settling_time=median if np.isfinite(median) else None,
         tilt_rms=float(np.sqrt(np.nanmean(tilts**2))),
@@ -185,5 +200,6 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
         ball_rms=float(np.sqrt(np.nanmean(distances**2))),
         torque_rms=float(np.sqrt(np.nanmean(squared_torques))),
         mean_reward=float(returns.mean()) / steps,
-        metrics=_metrics(batch, survived),
+        metrics={name: float(values.mean()) if len(values) else None for name, values in metrics.items()},
+        metric_intervals={name: intervals.of_mean(values) if len(values) else None for name, values in metrics.items()},
     )

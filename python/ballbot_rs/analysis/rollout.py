@@ -13,7 +13,6 @@ from ballbot_rs.analysis.actors import Actor, core_law, make_actor, observes_est
 from ballbot_rs.analysis.pushes import Impulse
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs._batch_env import new_batch
-from ballbot_rs.envs.own.batch import OwnBatch
 
 Array = npt.NDArray[np.float64]
 
@@ -96,8 +95,8 @@ def rollout(
         steps: number of control steps.
         starts: states to start from; None draws them.
     """
-    # The core knows nothing of a task in Python.
-    law = None if isinstance(batch, OwnBatch) else core_law(controller, batch)
+    # The core knows nothing of a task in Python, nor of another engine.
+    law = core_law(controller, batch) if isinstance(batch, Batch) else None
     observations = batch.reset(starts=starts)
     # Before a next episode draws other robots.
     com = np.array([batch.params(i).body_com for i in range(batch.num_envs)])

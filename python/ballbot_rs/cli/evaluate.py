@@ -11,6 +11,7 @@ from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SEED, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import TRAINED, common_options
+from ballbot_rs.engines.engine_batch import ENGINES
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 
 
@@ -21,6 +22,9 @@ def add_to(commands: Any) -> None:
     scenario.add_controller(command, several=True)
     scenario.add_robot(command)
     scenario.add_events(command, TRAINED)
+    command.add_argument(
+        "--engine", choices=ENGINES, help="another engine in place of a model, with ideal motors (default: none)"
+    )
     scenario.add_seed(command, "seed of the first start (default 1000)", 1000, MAX_SEED)
     command.add_argument(
         "--episodes", type=whole(1, MAX_EPISODES), default=100, help="number of episodes (default 100)"
@@ -40,6 +44,7 @@ def run(arguments: argparse.Namespace) -> None:
             episodes=arguments.episodes,
             seed=arguments.seed,
             env_options=options,
+            engine=arguments.engine,
             progress=progress,
         )
     if arguments.json:

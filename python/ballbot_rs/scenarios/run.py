@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ballbot_rs._checks import check_seed
 from ballbot_rs._core import Params
 from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs.analysis import intervals
 from ballbot_rs.control.resolve import ResolvedController, Source, find
 from ballbot_rs.scenarios.metrics import METRICS
 from ballbot_rs.scenarios.scenario import Scenario, load, select
@@ -68,10 +69,7 @@ class Outcome:
 
     def interval(self) -> tuple[float, float]:
         """Wilson's 95 % interval of the share of successes."""
-        z, n, p = 1.959964, len(self.success), self.success_rate
-        center = (p + z * z / (2 * n)) / (1 + z * z / n)
-        half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-        return max(center - half, 0.0), min(center + half, 1.0)
+        return intervals.of_share(self.success_rate, len(self.success))
 
     def row(self) -> dict[str, Any]:
         """One row for a table or JSON: means over the episodes that did not fall, largest numbers, successes.

@@ -1,6 +1,7 @@
 """The training configuration: one TOML file, checked as it is read."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -31,6 +32,8 @@ class TrainConfig:
     num_envs: int = 128
     num_threads: int | None = None
     torch_threads: int = 1
+    #: Factor of the rewards that the learner sees; evaluations have the task's own.
+    reward_scale: float = 1.0
     env: dict[str, Any] = dataclasses.field(default_factory=dict)
     evaluation: Evaluation = dataclasses.field(default_factory=Evaluation)
     algorithm_arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
@@ -55,6 +58,8 @@ class TrainConfig:
         for name, value in counts.items():
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
                 raise ValueError(f"{name} = {value!r} is out of range: it must be a whole number of at least 1")
+        if not isinstance(self.reward_scale, (int, float)) or not 0.0 < self.reward_scale < math.inf:
+            raise ValueError(f"reward_scale = {self.reward_scale!r} is out of range: it must be positive and finite")
         for name, kind in self.schedule.items():
             if kind != "linear":
                 raise ValueError(f"schedule.{name} = '{kind}': expected 'linear'")

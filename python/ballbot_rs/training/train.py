@@ -11,7 +11,7 @@ import gymnasium
 import stable_baselines3
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.vec_env import VecMonitor
+from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 import ballbot_rs
 from ballbot_rs import _files
@@ -24,6 +24,7 @@ from ballbot_rs.training import run_folder
 from ballbot_rs.training.callbacks import Checkpoints, KeepBest
 from ballbot_rs.training.checkpoint import restore_newest
 from ballbot_rs.training.config import TrainConfig
+from ballbot_rs.training.scaled_rewards import ScaledRewards
 
 #: Seeds of environments: each run has its own range, evaluations have its end, and `compare` stays below all of them.
 SEEDS_PER_RUN = 10_000_000
@@ -159,8 +160,8 @@ def _empty(folder: Path) -> None:
             path.unlink()
 
 
-def _environment(config: TrainConfig) -> VecMonitor:
-    return VecMonitor(
+def _environment(config: TrainConfig) -> VecEnv:
+    environment = VecMonitor(
         BallbotVecEnv(
             config.num_envs,
             task=task_of(config.env_id),
@@ -170,6 +171,7 @@ def _environment(config: TrainConfig) -> VecMonitor:
             **config.env,
         )
     )
+    return environment if config.reward_scale == 1.0 else ScaledRewards(environment, config.reward_scale)
 
 
 def _seed_environments(model: BaseAlgorithm, seed: int) -> None:

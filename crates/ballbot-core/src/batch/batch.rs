@@ -401,7 +401,7 @@ impl Batch {
         self.chunks.len().div_ceil(PIECES_PER_THREAD * (self.helpers.count() + 1))
     }
 
-    fn check_actions(&self, actions: &[f32]) -> Result<()> {
+    pub(super) fn check_actions(&self, actions: &[f32]) -> Result<()> {
         self.expect_len("actions", actions.len(), self.len() * ACTION_LEN)?;
         if let Some(i) = actions.iter().position(|a| !a.is_finite()) {
             return Err(Error::OutOfRange {

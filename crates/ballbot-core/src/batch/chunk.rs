@@ -16,6 +16,12 @@ pub trait Chunk: Send + Sync {
     /// Steps all of them; the caller has checked actions and buffers.
     fn step(&mut self, autoreset: Autoreset, actions: &[f32], buffers: StepBuffers<'_>);
 
+    /// Fires the events that are due, before [`Chunk::step_to`].
+    fn begin_step(&mut self, autoreset: Autoreset);
+
+    /// A step after [`Chunk::begin_step`] whose motion is not simulated here: `states` has its end for each environment.
+    fn step_to(&mut self, autoreset: Autoreset, actions: &[f32], states: &[State], buffers: StepBuffers<'_>);
+
     /// Writes the actions of a controller, on the true states if it is `privileged`, else on those that the task observes;
     /// `setpoints` has one an environment, or is empty for those of the task.
     fn control(&mut self, controller: &dyn Controller, setpoints: &[Setpoint], privileged: bool, actions: &mut [f32]);
@@ -94,6 +100,9 @@ pub trait Chunk: Send + Sync {
     /// # Errors
     /// As [`crate::Ballbot::push`].
     fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()>;
+
+    /// What pushes have yet to do to the body, as [`super::Outside::pushes`] has it.
+    fn pending_push(&self, i: usize) -> [f64; 6];
 
     /// Starts the random numbers anew with the next episode.
     fn seed(&mut self, i: usize, seed: u64);

@@ -209,42 +209,17 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.metrics[i * len..][..len].fill(f64::NAN);
     }
 
-    fn outcome(&self, i: usize) -> Outcome {
-        let episode = &self.ledger.episode;
-        let terminated = match episode.termination.get(i) as usize {
-            0 => None,
-            reason => Some(T::TERMINATIONS.get(reason - 1).map_or(DIVERGED, |(name, _)| *name)),
-        };
-        Outcome {
-            reward: episode.reward.get(i),
-            terminated,
-            truncated: episode.truncated.get(i) > 0.0,
-            success: episode.success.get(i) > 0.0,
-        }
+    /// Whether an episode begins in place of the step of robot `i`.
+    fn is_reset_instead(&self, autoreset: Autoreset, i: usize) -> bool {
+        autoreset == Autoreset::NextStep && self.over[i]
     }
-}
 
-impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A, S> {
-    fn step(&mut self, autoreset: Autoreset, actions: &[f32], mut buffers: StepBuffers<'_>) {
+    /// Writes what a step gives, and begins the episodes that follow those that it ended.
+    fn write_step(&mut self, autoreset: Autoreset, mut buffers: StepBuffers<'_>) {
         let width = self.ledger.observation.len();
-        let reset_instead = |over: bool| autoreset == Autoreset::NextStep && over;
-        self.fire_events(autoreset);
-        // A single robot whose episode is over is not simulated; in lanes its neighbors are.
-        if R::Cell::WIDTH > 1 || !reset_instead(self.over[0]) {
-            self.robots.park(self.used);
-            let mut commands = [R::Cell::default(); ACTION_LEN];
-            for (i, action) in actions.chunks_exact(ACTION_LEN).enumerate() {
-                for (cell, value) in commands.iter_mut().zip(action) {
-                    cell.set(i, f64::from(*value).clamp(-1.0, 1.0));
-                }
-            }
-            let (ledger, one) = (&mut self.ledger, &mut self.one);
-            self.robots.drive(&self.actuator, &commands, &mut ledger.actuator, &mut one.actuator, self.substeps);
-            self.robots.conclude(&self.step, &commands, &self.com_directions, ledger, one);
-        }
         for i in 0..self.used {
             let row = i * width..(i + 1) * width;
-            if reset_instead(self.over[i]) {
+            if self.is_reset_instead(autoreset, i) {
                 self.begin_at_random(i, &mut buffers.observations[row]);
                 buffers.write(i, Outcome::default());
                 continue;
@@ -264,6 +239,61 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             }
             buffers.write(i, outcome);
         }
+    }
+
+    fn outcome(&self, i: usize) -> Outcome {
+        let episode = &self.ledger.episode;
+        let terminated = match episode.termination.get(i) as usize {
+            0 => None,
+            reason => Some(T::TERMINATIONS.get(reason - 1).map_or(DIVERGED, |(name, _)| *name)),
+        };
+        Outcome {
+            reward: episode.reward.get(i),
+            terminated,
+            truncated: episode.truncated.get(i) > 0.0,
+            success: episode.success.get(i) > 0.0,
+        }
+    }
+}
+
+/// Actions of the robots of a chunk, n × 3, within their bounds.
+fn commands<C: Cell>(actions: &[f32]) -> [C; ACTION_LEN] {
+    let mut commands = [C::default(); ACTION_LEN];
+    for (i, action) in actions.chunks_exact(ACTION_LEN).enumerate() {
+        for (cell, value) in commands.iter_mut().zip(action) {
+            cell.set(i, f64::from(*value).clamp(-1.0, 1.0));
+        }
+    }
+    commands
+}
+
+impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A, S> {
+    fn step(&mut self, autoreset: Autoreset, actions: &[f32], buffers: StepBuffers<'_>) {
+        self.fire_events(autoreset);
+        // A single robot whose episode is over is not simulated; in lanes its neighbors are.
+        if R::Cell::WIDTH > 1 || !self.is_reset_instead(autoreset, 0) {
+            self.robots.park(self.used);
+            let commands = commands(actions);
+            let (memory, one) = (&mut self.ledger.actuator, &mut self.one.actuator);
+            self.robots.drive(&self.actuator, &commands, memory, one, self.substeps);
+            self.robots.conclude(&self.step, &commands, &self.com_directions, &mut self.ledger, &mut self.one);
+        }
+        self.write_step(autoreset, buffers);
+    }
+
+    fn begin_step(&mut self, autoreset: Autoreset) {
+        self.fire_events(autoreset);
+    }
+
+    fn step_to(&mut self, autoreset: Autoreset, actions: &[f32], states: &[State], buffers: StepBuffers<'_>) {
+        for (i, state) in states.iter().enumerate() {
+            if !self.is_reset_instead(autoreset, i) {
+                self.robots.place(i, state);
+            }
+        }
+        let commands = commands(actions);
+        self.robots.conclude(&self.step, &commands, &self.com_directions, &mut self.ledger, &mut self.one);
+        self.write_step(autoreset, buffers);
     }
 
     fn control(&mut self, controller: &dyn Controller, setpoints: &[Setpoint], privileged: bool, actions: &mut [f32]) {
@@ -416,6 +446,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
         self.robots.push(i, impulse, point)
+    }
+
+    fn pending_push(&self, i: usize) -> [f64; 6] {
+        self.robots.pending_push(i)
     }
 
     fn seed(&mut self, i: usize, seed: u64) {

@@ -22,6 +22,7 @@ mod measured;
 mod observation;
 mod observations;
 mod observing;
+mod outside;
 mod pieces;
 mod renewing;
 mod resetting;
@@ -40,4 +41,5 @@ pub use events::{
 };
 pub use kinds::{TaskConfig, TaskKind, register_task, task_kind, task_kinds};
 pub use observation::Observation;
+pub use outside::Outside;
 pub use resetting::ResetRequest;

@@ -100,6 +100,9 @@ pub trait Robots: Send + Sync {
     /// As [`Ballbot::push`].
     fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()>;
 
+    /// As [`Model::pending_push`](crate::model::Model::pending_push).
+    fn pending_push(&self, i: usize) -> [f64; 6];
+
     /// What [`Robots::load`] needs of robot `i`.
     fn save(&self, i: usize) -> Vec<u8>;
 
@@ -213,6 +216,10 @@ impl Robots for Single {
         self.robot.push(impulse, point)
     }
 
+    fn pending_push(&self, _: usize) -> [f64; 6] {
+        self.robot.pending_push()
+    }
+
     fn save(&self, _: usize) -> Vec<u8> {
         self.robot.save_model()
     }
@@ -315,6 +322,10 @@ impl Robots for ContactLanes {
         state.push(&self.constants(i), impulse, point.unwrap_or(&com));
         self.set_lane(i, &state);
         Ok(())
+    }
+
+    fn pending_push(&self, i: usize) -> [f64; 6] {
+        self.lane(i).push
     }
 
     fn save(&self, i: usize) -> Vec<u8> {

@@ -26,6 +26,10 @@ task_fields! {
         pub goal_seconds: [f64; 2] = [6.0, 10.0], "s", Limit::above(0.0).to(1e9);
         /// Distance within which the ball is at its goal.
         pub goal_radius: f64 = 0.02, "m", Limit::from(1e-6).to(10.0);
+        /// Deceleration of the approach to a goal that costs nothing.
+        pub approach_acceleration: f64 = 0.6, "m/s²", Limit::above(0.0).to(100.0);
+        /// Time constant of the end of that approach.
+        pub approach_time: f64 = 0.25, "s", Limit::above(0.0).to(100.0);
         /// How long the ball must have been at its goal when the next one is given.
         pub hold_seconds: f64 = 1.0, "s", Limit::from(0.0).to(1e9);
     }
@@ -115,7 +119,7 @@ impl Task for Goal {
 
     #[inline(always)]
     fn advance<L: Lane>(&self, step: &Step<'_, L>, memory: &mut Memory<'_, L>) {
-        let distance = self.distance_squared(step, memory);
+        let distance = squared_norm(Self::to_goal(step, memory));
         let near = distance.le(distance.splat(self.goal_radius * self.goal_radius));
         memory.set(SINCE, memory.get(SINCE) + 1.0);
         memory.set(HELD, L::select(near, memory.get(HELD) + 1.0, distance.zero()));
@@ -143,21 +147,25 @@ impl Task for Goal {
         memory: &Memory<'_, L>,
         terms: &mut impl Terms<L>,
     ) {
-        let squared = self.distance_squared(step, memory);
+        let to_goal = Self::to_goal(step, memory);
+        let squared = squared_norm(to_goal);
         let distance = squared.sqrt();
-        let near = bounded_error(squared, 0.1);
+        // Far away that of an even deceleration, near the goal in proportion to the distance.
+        let pace = squared.splat(1.0) / ((distance / (2.0 * self.approach_acceleration)).sqrt() + self.approach_time);
         let velocity = step.state.ball_velocity;
-        let speed = squared_norm([velocity.x, velocity.y]).min(squared.splat(1.0));
+        let excess = [velocity.x - to_goal[0] * pace, velocity.y - to_goal[1] * pace];
         alive(terminated, 1.0, step.tilt, terms);
         terms.term(
-            Term::cost("distance", 0.5, "d / (d + 0.5 m), d the distance of the ball from the goal"),
-            distance / (distance + 0.5),
+            Term::cost(
+                "approach",
+                0.4,
+                "e² / (e² + (0.3 m/s)²), e the ball velocity less d / (approach_time + √(d / 2 approach_acceleration)) \
+                 towards the goal, d its distance",
+            ),
+            bounded_error(squared_norm(excess), 0.3),
         );
-        terms.term(Term::cost("position", 0.3, "n = d² / (d² + (0.1 m)²)"), near);
-        terms.term(
-            Term::cost("speed_at_goal", 0.5, "(1 − n) times the squared ball speed in m/s, at most 1"),
-            (near.splat(1.0) - near) * speed,
-        );
+        terms.term(Term::cost("distance", 0.2, "d / (d + 0.5 m)"), distance / (distance + 0.5));
+        terms.term(Term::cost("position", 0.2, "d² / (d² + (0.05 m)²)"), bounded_error(squared, 0.05));
         effort(step, terms);
     }
 
@@ -198,10 +206,10 @@ impl Goal {
         }
     }
 
-    /// Of the ball from the goal, m².
+    /// Vector from the ball to the goal, m.
     #[inline(always)]
-    fn distance_squared<L: Lane>(&self, step: &Step<'_, L>, memory: &Memory<'_, L>) -> L {
+    fn to_goal<L: Lane>(step: &Step<'_, L>, memory: &Memory<'_, L>) -> [L; 2] {
         let position = step.state.ball_position;
-        squared_norm([position.x - memory.get(GOAL[0]), position.y - memory.get(GOAL[1])])
+        [memory.get(GOAL[0]) - position.x, memory.get(GOAL[1]) - position.y]
     }
 }

@@ -29,7 +29,7 @@ task_fields! {
         /// Time after a command from which its errors are counted.
         pub settling: f64 = 2.0, "s", Limit::from(0.0).to(1e9);
         /// Error of the velocity that costs half of `velocity`, and of `velocity_precision`.
-        pub velocity_scales: [f64; 2] = [0.3, 0.05], "m/s", Limit::from(1e-6).to(10.0);
+        pub velocity_scales: [f64; 2] = [0.2, 0.05], "m/s", Limit::from(1e-6).to(10.0);
         /// Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
         pub yaw_rate_scales: [f64; 2] = [0.5, 0.1], "rad/s", Limit::from(1e-6).to(10.0);
         /// Largest root mean square of the settled errors of the velocity in a success.
@@ -209,21 +209,21 @@ impl Task for Velocity {
     ) {
         let [velocity, yaw_rate] = self.squared_errors(step, memory);
         let ([coarse, fine], [slow, exact]) = (self.velocity_scales, self.yaw_rate_scales);
-        alive(terminated, 2.0, step.tilt, terms);
+        alive(terminated, 1.0, step.tilt, terms);
         terms.term(
-            Term::cost("velocity", 1.0, "e² / (e² + velocity_scales[0]²), e the error of the velocity"),
+            Term::cost("velocity", 0.4, "e² / (e² + velocity_scales[0]²), e the error of the velocity"),
             bounded_error(velocity, coarse),
         );
         terms.term(
-            Term::cost("velocity_precision", 0.3, "e² / (e² + velocity_scales[1]²)"),
+            Term::cost("velocity_precision", 0.2, "e² / (e² + velocity_scales[1]²)"),
             bounded_error(velocity, fine),
         );
         terms.term(
-            Term::cost("yaw_rate", 0.3, "e² / (e² + yaw_rate_scales[0]²), e the error of the heading's rate"),
+            Term::cost("yaw_rate", 0.15, "e² / (e² + yaw_rate_scales[0]²), e the error of the heading's rate"),
             bounded_error(yaw_rate, slow),
         );
         terms.term(
-            Term::cost("yaw_rate_precision", 0.2, "e² / (e² + yaw_rate_scales[1]²)"),
+            Term::cost("yaw_rate_precision", 0.1, "e² / (e² + yaw_rate_scales[1]²)"),
             bounded_error(yaw_rate, exact),
         );
         effort(step, terms);

@@ -1,6 +1,6 @@
 """A batch of robots with a task in Python; to the front ends it is a `Batch`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -103,6 +103,10 @@ class OwnBatch:
     def options(self) -> dict[str, Any]:
         """As `Batch.options`, with those of the task's constructor."""
         return {**self._inner.options, **self._own_options}
+
+    def replace_robots(self, make: Callable[[Any], Any]) -> None:
+        """Has its robots moved by what `make` makes of their `Batch`."""
+        self._inner = make(self._inner)
 
     def command(self, index: int | None = None) -> npt.NDArray[np.float64]:
         """No command: what a task in Python asks for is its own affair."""

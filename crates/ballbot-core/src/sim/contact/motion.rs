@@ -113,6 +113,10 @@ impl Model for ContactMotion {
         self.memory.push(&self.constants, impulse, point);
     }
 
+    fn pending_push(&self) -> [f64; 6] {
+        self.memory.push
+    }
+
     fn save(&self) -> Vec<u8> {
         snapshot::pack(&self.memory)
     }

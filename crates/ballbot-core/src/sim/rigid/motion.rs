@@ -290,6 +290,14 @@ impl Model for RigidMotion {
         }
     }
 
+    fn pending_push(&self) -> [f64; 6] {
+        let [x, y, z, turn @ ..] = self.sim_state.push;
+        let body = rotation_from_rapier(*self.world.bodies[self.handles.body].rotation());
+        let about_com =
+            Vector3::from(turn) - (body * (self.params.body_com() - self.root)).cross(&Vector3::new(x, y, z));
+        [x, y, z, about_com.x, about_com.y, about_com.z]
+    }
+
     fn save(&self) -> Vec<u8> {
         snapshot::pack(&(&self.sim_state, &self.world))
     }

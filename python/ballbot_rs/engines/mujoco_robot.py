@@ -6,10 +6,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-import ballbot_rs as bb
-from validation.engines.any_robot import ExternalRobot
-from validation.engines.geometry import SIM_DT, Array, RobotGeometry
-from validation.engines.rotations import matrix
+from ballbot_rs import _state_rows as rows
+from ballbot_rs._core import Params, State
+from ballbot_rs.engines.robot_geometry import Array, RobotGeometry
 
 #: Where the pieces stand in qpos (17) and qvel (15): ball, body, three wheels.
 BALL_POSITION, BALL_QUATERNION, BODY_POSITION = slice(0, 3), slice(3, 7), slice(7, 10)
@@ -23,11 +22,10 @@ _DRIVE_SLOT = (0, 1, 1)
 #: Friction across the drive direction: an omniwheel's rollers are free.
 _FREE = 1e-5
 
-#: Nothing is computed that is not used.
+#: Nothing is computed that is not used; of joint friction, nothing that is zero.
 _UNUSED = (
-    '<flag equality="disable" frictionloss="disable" limit="disable" spring="disable" damper="disable"'
-    ' clampctrl="disable" sensor="disable" midphase="disable" eulerdamp="disable" island="disable"/>'
-)
+    "equality", "limit", "spring", "clampctrl", "sensor", "midphase", "eulerdamp", "island",
+)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,10 +39,14 @@ class Setup:
     solver: str
     turned: bool = False
 
-    @property
-    def options(self) -> str:
+    def options(self, params: Params) -> str:
         """The MJCF element."""
-        return f'<option timestep="{self.sim_dt}" cone="elliptic" solver="Newton" {self.solver}>{_UNUSED}</option>'
+        frictions = {"frictionloss": params.wheel_coulomb_friction, "damper": params.wheel_viscous_friction}
+        unused = [*_UNUSED, *(flag for flag, friction in frictions.items() if friction == 0.0)]
+        flags = " ".join(f'{flag}="disable"' for flag in unused)
+        return (
+            f'<option timestep="{self.sim_dt}" cone="elliptic" solver="Newton" {self.solver}><flag {flags}/></option>'
+        )
 
     @property
     def stiffness(self) -> str:
@@ -52,12 +54,9 @@ class Setup:
         return f'solref="{2 * self.sim_dt} 1" solimp="0.95 0.99 0.0001"'
 
 
-#: A loose tolerance, but MuJoCo's full line search, without which the growth rate breaks.
-FAST = Setup(SIM_DT, 'integrator="Euler" iterations="10" ls_iterations="50" tolerance="1e-4"')
-
-#: The contacts solved out at 1 kHz, in stock MuJoCo and with their frames turned.
-ACCURATE = Setup(1e-3, 'integrator="Euler" iterations="100" ls_iterations="100" tolerance="1e-12"')
-ACCURATE_TURNED = dataclasses.replace(ACCURATE, turned=True)
+def accurate(sim_dt: float = 1e-3, *, turned: bool = True) -> Setup:
+    """Contacts solved out, with their frames turned to the wheels or, as in stock MuJoCo, not."""
+    return Setup(sim_dt, 'integrator="Euler" iterations="100" ls_iterations="100" tolerance="1e-12"', turned)
 
 
 def _numbers(values: Any) -> str:
@@ -70,19 +69,17 @@ def _inertial(mass: float, com: Array, inertia: Array) -> str:
     return f'<inertial mass="{mass:.17g}" pos="{_numbers(com)}" fullinertia="{_numbers(full)}"/>'
 
 
-def mjcf(robot: RobotGeometry, setup: Setup = FAST) -> str:
-    """MJCF of the robot on a floor, with only what it needs: four contact pairs, three motors, no other collision.
-
-    `FAST` is tuned for speed at which the robot still works: the probes show whether it does.
-    """
+def mjcf(robot: RobotGeometry, setup: Setup) -> str:
+    """MJCF of the robot on a floor, with only what it needs: four contact pairs, three motors, no other collision."""
     p = robot.params
     stiffness = setup.stiffness
+    friction = f'damping="{p.wheel_viscous_friction:.17g}" frictionloss="{p.wheel_coulomb_friction:.17g}"'
     wheels, pairs, motors = "", "", ""
     for i in range(3):
         wheels += (
             f'<body pos="{_numbers(robot.centers[i])}">'
             f"{_inertial(p.wheel_mass, np.zeros(3), robot.wheel_inertias[i])}"
-            f'<joint name="wheel{i}" type="hinge" axis="{_numbers(robot.axles[i])}"/>'
+            f'<joint name="wheel{i}" type="hinge" axis="{_numbers(robot.axles[i])}" {friction}/>'
             f'<geom name="wheel{i}" type="sphere" size="{p.wheel_radius:.17g}"/></body>'
         )
         slots = [_FREE, _FREE]
@@ -95,7 +92,7 @@ def mjcf(robot: RobotGeometry, setup: Setup = FAST) -> str:
     at = f'pos="0 0 {p.ball_radius:.17g}"'
     return f"""<mujoco>
   <compiler angle="radian" inertiafromgeom="false"/>
-  {setup.options}<option gravity="{_numbers(p.gravity_vector)}"/>
+  {setup.options(p)}<option gravity="{_numbers(p.gravity_vector)}"/>
   <default><geom contype="0" conaffinity="0"/></default>
   <worldbody>
     <geom name="floor" type="plane" size="0 0 1"/>
@@ -108,16 +105,24 @@ def mjcf(robot: RobotGeometry, setup: Setup = FAST) -> str:
 </mujoco>"""
 
 
-class MujocoRobot(ExternalRobot):
+class MujocoRobot:
     """One robot, one `MjData`."""
 
-    def __init__(self, robot: RobotGeometry, setup: Setup = FAST) -> None:
+    def __init__(self, robot: RobotGeometry, setup: Setup) -> None:
         self.model = mujoco.MjModel.from_xml_string(mjcf(robot, setup))
         self.data = mujoco.MjData(self.model)
         self.sim_dt = setup.sim_dt
         self._turned, self._drives = setup.turned, robot.drives
-        self._wheels = {self.model.geom(f"wheel{i}").id: i for i in range(3)}
+        #: Number of the wheel that a geom is, −1 for others.
+        self._wheel_of = np.full(self.model.ngeom, -1)
+        self._wheel_of[[self.model.geom(f"wheel{i}").id for i in range(3)]] = range(3)
         self._body = int(self.model.jnt_bodyid[1])
+        self._turn = np.zeros(9)
+
+    def reset(self, state: State) -> None:
+        """Starts anew from a state."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.move(state.to_array())
 
     def reset_raw(
         self, attitude: Array, rate: Array, speeds: Array, position: Array, velocity: Array, ball_rate: Array
@@ -129,9 +134,58 @@ class MujocoRobot(ExternalRobot):
         # The ball's rate is in its own frame, which a reset leaves at the inertial one.
         self.data.qvel[:] = np.concatenate([velocity, ball_rate, velocity, rate, speeds])
 
+    def move(self, row: Array) -> None:
+        """Goes on from another state, a row as `State.to_array` (32); the solver starts from its last forces."""
+        qpos, qvel = self.data.qpos, self.data.qvel
+        qpos[BALL_POSITION], qpos[BALL_QUATERNION] = row[rows.BALL_POSITION], row[rows.BALL_QUATERNION]
+        qpos[BODY_POSITION], qpos[BODY_QUATERNION] = row[rows.BODY_POSITION], row[rows.BODY_QUATERNION]
+        qpos[WHEEL_ANGLES], qvel[WHEEL_SPEEDS] = row[rows.WHEEL_ANGLES], row[rows.WHEEL_SPEEDS]
+        qvel[BALL_VELOCITY], qvel[BODY_VELOCITY] = row[rows.BALL_VELOCITY], row[rows.BODY_VELOCITY]
+        qvel[BODY_RATE] = row[rows.BODY_RATE]
+        qvel[BALL_RATE] = row[rows.BALL_RATE] @ self._ball_axes()
+
+    def row(self) -> Array:
+        """The present state, as `State.to_array` (32)."""
+        qpos, qvel = self.data.qpos, self.data.qvel
+        return np.concatenate(
+            [
+                qpos[BALL_POSITION],
+                qpos[BALL_QUATERNION],
+                qvel[BALL_VELOCITY],
+                self._ball_axes() @ qvel[BALL_RATE],
+                qpos[BODY_POSITION],
+                qpos[BODY_QUATERNION],
+                qvel[BODY_VELOCITY],
+                qvel[BODY_RATE],
+                qpos[WHEEL_ANGLES],
+                qvel[WHEEL_SPEEDS],
+            ]
+        )
+
+    def _ball_axes(self) -> Array:
+        """Rotation from the ball's frame to the inertial one, (3, 3)."""
+        mujoco.mju_quat2Mat(self._turn, self.data.qpos[BALL_QUATERNION])
+        return self._turn.reshape(3, 3)
+
+    def push(self, push: Array) -> None:
+        """Pushes the body over the next time step: impulse (N·s) and its moment about the CoM (N·m·s), inertial, (6)."""
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        com = self.data.subtree_com[self._body]
+        force, torque = push[:3] / self.sim_dt, push[3:] / self.sim_dt
+        mujoco.mj_applyFT(self.model, self.data, force, torque, com, self._body, self.data.qfrc_applied)
+
     def step(self, torques: Array, steps: int) -> None:
         """Advances by `steps` time steps under wheel torques (3, N·m)."""
         self.data.ctrl[:] = torques
+        if steps > 1 and self.data.qfrc_applied.any():
+            self._advance(1)
+            steps -= 1
+            self.data.qfrc_applied[:] = 0.0
+        self._advance(steps)
+        self.data.qfrc_applied[:] = 0.0
+
+    def _advance(self, steps: int) -> None:
         if not self._turned:
             mujoco.mj_step(self.model, self.data, nstep=steps)
             return
@@ -142,12 +196,14 @@ class MujocoRobot(ExternalRobot):
 
     def _turn_contacts(self) -> None:
         """Lays the first friction direction of each wheel's contact along its drive, and makes its constraint anew."""
-        axes = self.data.xmat[self._body].reshape(3, 3)
-        for contact in self.data.contact:
-            wheel = self._wheels.get(int(contact.geom1), self._wheels.get(int(contact.geom2)))
-            if wheel is not None:
-                normal, drive = contact.frame[:3], axes @ self._drives[wheel]
-                contact.frame[3:6], contact.frame[6:9] = drive, np.cross(normal, drive)
+        contacts = self.data.contact
+        wheels = self._wheel_of[contacts.geom].max(axis=1)
+        turned = wheels >= 0
+        frames = contacts.frame
+        drives = (self._drives @ self.data.xmat[self._body].reshape(3, 3).T)[wheels[turned]]
+        (x, y, z), (u, v, w) = frames[turned, :3].T, drives.T
+        frames[turned, 3:6] = drives
+        frames[turned, 6:9] = np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
         mujoco.mj_makeConstraint(self.model, self.data)
         mujoco.mj_projectConstraint(self.model, self.data)
         mujoco.mj_referenceConstraint(self.model, self.data)
@@ -157,22 +213,15 @@ class MujocoRobot(ExternalRobot):
         qpos, qvel = self.data.qpos, self.data.qvel
         return qpos[BODY_QUATERNION], qvel[BODY_RATE], qvel[WHEEL_SPEEDS], qpos[:2], qvel[:2]
 
-    def state(self) -> bb.State:
+    def state(self) -> State:
         """The present state."""
-        qpos, qvel = self.data.qpos, self.data.qvel
-        ball = qpos[BALL_QUATERNION]
-        return bb.State(
-            qpos[BALL_POSITION], qvel[BALL_VELOCITY], matrix(ball) @ qvel[BALL_RATE], qpos[BODY_QUATERNION],
-            qvel[BODY_RATE], qvel[WHEEL_SPEEDS], ball_quaternion=ball, wheel_angles=qpos[WHEEL_ANGLES],
-            body_position=qpos[BODY_POSITION], body_velocity=qvel[BODY_VELOCITY],
-        )  # fmt: skip
+        return State.from_array(self.row())
 
     def wheel_loads(self) -> Array:
         """Normal force of each wheel on the ball in the last step, (3,), N."""
         loads, force = np.zeros(3), np.zeros(6)
-        for k, contact in enumerate(self.data.contact):
-            wheel = self._wheels.get(int(contact.geom1), self._wheels.get(int(contact.geom2)))
-            if wheel is not None:
+        for k, wheel in enumerate(self._wheel_of[self.data.contact.geom].max(axis=1)):
+            if wheel >= 0:
                 mujoco.mj_contactForce(self.model, self.data, k, force)
                 loads[wheel] = force[0]
         return loads

@@ -9,13 +9,9 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-import ballbot_rs as bb
+from ballbot_rs._core import Params
 
 Array = npt.NDArray[np.float64]
-
-#: Time step of every engine, s, and steps of it in one action.
-SIM_DT = 0.002
-SUBSTEPS = 5
 
 #: Inertia of a disc across its axle over that about it; a hair more than 1/2, which MuJoCo's rounding refuses.
 _ACROSS = 0.5 * (1.0 + 1e-6)
@@ -34,7 +30,7 @@ class Link:
 class RobotGeometry:
     """Geometry and masses in the body frame, whose origin is the ball's center and whose z axis is the mast."""
 
-    params: bb.Params
+    params: Params
     #: p_i, unit vectors from the ball's center to each wheel contact, (3, 3).
     contacts: Array
     #: d_i, unit vectors along which each wheel drives the ball's surface, (3, 3).
@@ -59,13 +55,13 @@ def _offset_inertia(mass: float, offset: Array) -> Array:
     return np.asarray(mass * (offset @ offset * np.eye(3) - np.outer(offset, offset)))
 
 
-def robot_geometry(params: bb.Params | None = None) -> RobotGeometry:
+def robot_geometry(params: Params | None = None) -> RobotGeometry:
     """The paper's robot, or the one of `params`.
 
     Body and wheels together have the mass properties of the parameters; a wheel is a thin disc, whose inertia about
     its own axle the parameters count apart.
     """
-    params = bb.Params.paper() if params is None else params
+    params = Params.paper() if params is None else params
     azimuth = np.array(params.wheel_azimuths)
     zenith = (params.wheel_zenith + np.array(params.wheel_zenith_offsets))[:, np.newaxis]
     flat = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(3)], axis=1)

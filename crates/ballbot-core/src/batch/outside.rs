@@ -1,0 +1,53 @@
+//! Steps whose motion another engine simulates.
+
+use super::batch::Batch;
+use super::buffers::StepBuffers;
+use super::pieces::pieces;
+use crate::error::{Error, Result};
+use crate::state::State;
+use crate::task::ACTION_LEN;
+
+/// What moves robots outside, as [`Batch::step_with`] gives it.
+pub struct Outside {
+    /// States before the motion, one a robot.
+    pub states: Vec<State>,
+    /// What pushes are to do to the body of each robot over the first time step: an impulse, N·s, and its moment about the
+    /// center of mass, N·m·s, both in the inertial frame.
+    pub pushes: Vec<[f64; 6]>,
+}
+
+impl Batch {
+    /// [`Batch::step`] with a motion from outside: commands, rewards, observations and ends are those of the task.
+    ///
+    /// `motion` is given the robots after the events of the step, and returns their states at its end. One that is not finite or
+    /// out of bounds ends the episode as diverged. Contact forces are not known, nor whether the body touches the floor.
+    ///
+    /// # Errors
+    /// As [`Batch::step`], in one thread; those of `motion`, and [`Error::Length`] for another number of states than robots:
+    /// the step is then interrupted, and all environments must be reset.
+    pub fn step_with<E: From<Error>>(
+        &mut self,
+        actions: &[f32],
+        buffers: &mut StepBuffers<'_>,
+        motion: impl FnOnce(&Outside) -> std::result::Result<Vec<State>, E>,
+    ) -> std::result::Result<(), E> {
+        self.check_actions(actions)?;
+        self.check_buffers(buffers)?;
+        self.check_running()?;
+        let (autoreset, width) = (self.autoreset, self.width);
+        self.interrupted = true;
+        self.chunks.iter_mut().for_each(|chunk| chunk.begin_step(autoreset));
+        let pushes = self.places().map(|(chunk, i)| self.chunks[chunk].pending_push(i)).collect();
+        let before = Outside { states: self.states().collect(), pushes };
+        let after = motion(&before)?;
+        self.expect_len("states", after.len(), self.len())?;
+        let shares = pieces(&mut self.chunks, 1, width, buffers.reborrow());
+        for (((chunk, share), actions), states) in
+            shares.zip(actions.chunks(width * ACTION_LEN)).zip(after.chunks(width))
+        {
+            chunk[0].step_to(autoreset, actions, states, share);
+        }
+        self.interrupted = false;
+        Ok(())
+    }
+}

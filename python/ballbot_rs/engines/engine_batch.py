@@ -1,0 +1,151 @@
+"""A batch whose robots another engine moves; commands, observations, rewards and ends are those of the task."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Protocol, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._checks import did_you_mean
+from ballbot_rs._core import Batch, Params
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._extras import require
+from ballbot_rs.envs.own.batch import OwnBatch
+
+Array = npt.NDArray[np.float64]
+
+#: Names of the engines.
+ENGINES: Final = ("mujoco",)
+
+#: Parameters that the engines' models have no part for.
+NOT_SIMULATED: Final = (
+    "ball_viscous_friction",
+    "floor_rolling_friction",
+    "floor_spinning_friction",
+    "roller_friction",
+    "roller_friction_slope",
+)
+
+
+class EngineRobot(Protocol):
+    """One robot in an engine."""
+
+    def move(self, row: Array) -> None:
+        """Goes on from a state, a row as `State.to_array` (32)."""
+
+    def push(self, push: Array) -> None:
+        """Pushes the body over the next time step: impulse (N·s) and its moment about the CoM (N·m·s), inertial, (6)."""
+
+    def step(self, torques: Array, steps: int) -> None:
+        """Advances by time steps under wheel torques (3, N·m)."""
+
+    def row(self) -> Array:
+        """The present state, as `State.to_array` (32)."""
+
+
+class EngineBatch:
+    """A `Batch` whose robots move in another engine.
+
+    The motors are ideal ones. What is not here is that of the `Batch`.
+
+    Args:
+        batch: the robots' task.
+        engine: one of `ENGINES`.
+
+    Raises:
+        ValueError: an unknown engine, or a batch with motors or events that the engine does not have.
+        ModuleNotFoundError: the engine is not installed.
+    """
+
+    def __init__(self, batch: Batch, engine: str) -> None:
+        self._inner: Any = batch
+        self._make = _maker(engine)
+        self.engine = engine
+        _check(batch, engine)
+        self._robots: list[tuple[Params, EngineRobot]] = []
+
+    def __getattr__(self, name: str) -> Any:
+        # Not while it is being made or unpickled.
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._inner, name)
+
+    def rollout(self, *_: Any, **__: Any) -> None:
+        """Not there: the core does not step the robots.
+
+        Raises:
+            TypeError: always.
+        """
+        raise TypeError(f"the robots move in {self.engine}: step them one step at a time")
+
+    def step(self, actions: npt.ArrayLike) -> tuple[Array, ...]:
+        """As `Batch.step`."""
+        torques = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0) * self._inner.max_wheel_torque
+        # The batch cannot be asked while it waits for the motion.
+        self._renew()
+        steps = self._inner.substeps
+
+        def motion(states: Array, pushes: Array) -> Array:
+            moved = np.empty_like(states)
+            for i, (_, robot) in enumerate(self._robots):
+                robot.move(states[i])
+                if pushes[i].any():
+                    robot.push(pushes[i])
+                robot.step(torques[i], steps)
+                moved[i] = robot.row()
+            return moved
+
+        found: tuple[Array, ...] = self._inner.step_with(actions, motion)
+        return found
+
+    def _renew(self) -> None:
+        """Makes the robots that are not there yet, and those anew for which an event has drawn other parameters."""
+        if self._robots and not self._inner.options["events"]:
+            return
+        for i in range(self._inner.num_envs):
+            params = self._inner.params(i)
+            if i == len(self._robots):
+                self._robots.append(self._made(params))
+            elif params != self._robots[i][0]:
+                self._robots[i] = self._made(params)
+
+    def _made(self, params: Params) -> tuple[Params, EngineRobot]:
+        return params, self._make(params, self._inner.sim_dt)
+
+
+def in_engine(batch: Batch, engine: str) -> Batch:
+    """The batch with its robots in another engine: it has what a `Batch` has.
+
+    Raises as `EngineBatch`.
+    """
+    if isinstance(batch, OwnBatch):
+        batch.replace_robots(lambda robots: EngineBatch(robots, engine))
+        return batch
+    return cast("Batch", EngineBatch(batch, engine))
+
+
+def _maker(engine: str) -> Callable[[Params, float], EngineRobot]:
+    if engine not in ENGINES:
+        hint = did_you_mean(engine, ENGINES)
+        raise InvalidInputError(f"unknown engine '{engine}': expected one of {', '.join(ENGINES)}{hint}")
+    with require("the engine MuJoCo", "mujoco"):
+        from ballbot_rs.engines.mujoco_robot import MujocoRobot, accurate
+    from ballbot_rs.engines.robot_geometry import robot_geometry
+
+    return lambda params, sim_dt: MujocoRobot(robot_geometry(params), accurate(sim_dt))
+
+
+def _check(batch: Batch, engine: str) -> None:
+    options: Mapping[str, Any] = batch.options
+    if options["actuators"]:
+        raise InvalidInputError(f"the robots of {engine} have ideal motors: leave out actuators")
+    for event in options["events"]:
+        term = event["term"]
+        if term in NOT_SIMULATED or term.startswith("actuators."):
+            raise InvalidInputError(f"{engine} does not simulate {term}, which an event changes")
+        if event["mode"] == "interval" and term != "push":
+            raise InvalidInputError(f"{engine} does not change {term} within an episode, as an event does")
+    params = batch.params(0)
+    for name in NOT_SIMULATED:
+        if (value := getattr(params, name)) != 0.0:
+            raise InvalidInputError(f"{engine} does not simulate {name} = {value}: it must be 0")

@@ -1,0 +1,93 @@
+"""Tasks whose robots move in MuJoCo."""
+
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from ballbot_rs.engines.engine_batch import EngineBatch
+from ballbot_rs.envs._batch_env import new_batch
+from tests.support import commands
+
+mujoco = pytest.importorskip("mujoco")
+
+
+@pytest.mark.parametrize("task", ["balance", "velocity", "goal", "path", "push"])
+def test_a_regulator_does_there_what_it_does_here(task):
+    """Every measure of three seconds within 2 %, but for what MuJoCo's soft contacts let sink."""
+    options = {"max_episode_steps": 300}
+    if task == "push":
+        options["push"] = (0.0, 0.2)
+    here, there = (
+        bb.compare(["lqr"], task=task, episodes=3, seed=7, env_options=options, engine=engine)[0]
+        for engine in (None, "mujoco")
+    )
+    assert there.model == "mujoco"
+    assert there.survival_rate == here.survival_rate == 1.0
+    assert there.tilt_rms == pytest.approx(here.tilt_rms, rel=0.02)
+    assert there.torque_rms == pytest.approx(here.torque_rms, rel=0.02)
+    assert there.mean_reward == pytest.approx(here.mean_reward, rel=0.02)
+
+
+def test_robots_that_an_event_draws_are_those_that_move():
+    """A heavier body falls at another rate; its robot is made anew in each episode."""
+    events = [{"term": "body_com_height", "mode": "reset", "op": "abs", "dist": "uniform", "range": [0.1, 0.3]}]
+    options = {"events": events, "max_episode_steps": 20, "reset_tilt": 0.0, "reset_tilt_rate": 0.0}
+    start = bb.State.at_rest(bb.Params.paper(), (0.05, 0.0))
+    tilts = {}
+    for engine in (None, "mujoco"):
+        batch = new_batch(4, autoreset="disabled", seed=3, options=options)
+        batch = batch if engine is None else EngineBatch(batch, engine)
+        for episode in range(2):
+            batch.reset(starts=[start] * 4)
+            for _ in range(20):
+                batch.step(np.zeros((4, 3)))
+            tilts[engine, episode] = [batch.state(i).tilt for i in range(4)]
+    for episode in range(2):
+        np.testing.assert_allclose(tilts["mujoco", episode], tilts[None, episode], rtol=5e-3)
+    assert np.ptp(tilts[None, 0]) > 1e-3
+    assert not np.allclose(tilts[None, 0], tilts[None, 1], rtol=1e-2)
+
+
+def test_a_task_in_python_moves_there_too():
+    class Upright(bb.Task):
+        def observe(self, robots):
+            return robots.gravity
+
+        def reward(self, robots):
+            return 1.0 - robots.tilt
+
+        def terminated(self, robots):
+            return robots.tilt > 0.4
+
+    bb.register("tests/Upright-v0", Upright)
+    options = {"max_episode_steps": 50}
+    here, there = (
+        bb.compare(["zero"], task="tests/Upright-v0", episodes=3, env_options=options, engine=engine)[0]
+        for engine in (None, "mujoco")
+    )
+    assert there.mean_reward == pytest.approx(here.mean_reward, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"actuators": {"delay": 0.01}}, "ideal motors"),
+        ({"params": "kugle"}, "ball_viscous_friction = 0.001"),
+        ({"events": "mild"}, "ball_viscous_friction, which an event changes"),
+        ({"model": "rigid"}, "takes the place of model = 'rigid'"),
+    ],
+)
+def test_what_the_engine_does_not_simulate_is_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        bb.compare(["lqr"], episodes=1, env_options=options, engine="mujoco")
+
+
+def test_an_unknown_engine_is_refused():
+    with pytest.raises(ValueError, match="unknown engine 'mujocoo': expected one of mujoco"):
+        bb.compare(["lqr"], episodes=1, engine="mujocoo")
+
+
+def test_the_command_names_the_engine():
+    done = commands.run("evaluate", "--engine", "mujoco", "--episodes", "2", "--env-option", "max_episode_steps=50")
+    assert done.returncode == 0, done.stderr
+    assert "model mujoco" in done.stdout

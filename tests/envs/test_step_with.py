@@ -1,0 +1,110 @@
+"""Steps whose motion is from outside: what the task makes of them."""
+
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from ballbot_rs._core import TASKS
+
+SHORT = {"model": "contact", "max_episode_steps": 30}
+
+
+class Outside:
+    """The robots of a batch in `Ballbot`s of their own."""
+
+    def __init__(self, batch):
+        self.batch = batch
+        self.robots = [
+            bb.Ballbot(batch.params(i), model=batch.model, sim_dt=batch.sim_dt) for i in range(batch.num_envs)
+        ]
+        self.torques, self.steps = None, batch.substeps
+
+    def step(self, actions):
+        self.torques = np.clip(actions, -1.0, 1.0).astype(float) * self.batch.max_wheel_torque
+        return self.batch.step_with(actions, self.motion)
+
+    def motion(self, states, pushes):
+        moved = []
+        for robot, row, push, torques in zip(self.robots, states, pushes, self.torques, strict=True):
+            robot.reset(bb.State.from_array(row))
+            robot.push(push[:3])
+            # The pushes of tasks are at the center of mass.
+            assert not push[3:].any()
+            robot.step(torques, steps=self.steps)
+            moved.append(robot.state.to_array())
+        return np.array(moved)
+
+
+def actions(step, n):
+    return 0.2 * np.sin(np.arange(3 * n).reshape(n, 3) * 7 + 3 * step).astype(np.float32)
+
+
+@pytest.mark.parametrize("task", sorted(TASKS))
+@pytest.mark.parametrize("mode", ["same_step", "next_step"])
+def test_the_same_motion_gives_the_same_step(task, mode):
+    options = {**SHORT, "push_seconds": (0.1, 0.1)} if task == "push" else SHORT
+    inside = bb.Batch(3, task, autoreset=mode, seed=5, **options)
+    outside = Outside(bb.Batch(3, task, autoreset=mode, seed=5, **options))
+    np.testing.assert_array_equal(inside.reset(), outside.batch.reset())
+    ends = 0
+    for step in range(70):
+        given = actions(step, 3)
+        expected, found = inside.step(given), outside.step(given)
+        # The solver of a robot that is placed anew has forgotten the forces that it starts from.
+        np.testing.assert_allclose(found[0], expected[0], rtol=0, atol=1e-6)
+        np.testing.assert_allclose(found[1], expected[1], rtol=0, atol=1e-6)
+        np.testing.assert_array_equal(found[2], expected[2])
+        np.testing.assert_array_equal(found[3], expected[3])
+        np.testing.assert_allclose(outside.batch.command(), inside.command(), rtol=0, atol=1e-6)
+        ends += int(found[3].sum())
+    assert ends >= 3
+    np.testing.assert_allclose(outside.batch.metrics(), inside.metrics(), rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("model", ["contact", "rigid"])
+def test_a_state_that_is_not_finite_ends_its_own_episode_alone(model):
+    batch = bb.Batch(3, autoreset="disabled", seed=1, model=model)
+    batch.reset()
+
+    def motion(states, _):
+        moved = states.copy()
+        moved[1] = np.nan
+        return moved
+
+    observations, rewards, terminated, truncated = batch.step_with(np.zeros((3, 3), np.float32), motion)
+    assert terminated.tolist() == [False, True, False]
+    assert not truncated.any()
+    assert batch.ending(1) == (False, "diverged")
+    assert np.isfinite(observations).all()
+    assert np.isfinite(rewards).all()
+
+
+def test_states_that_are_not_those_of_the_robots_are_refused():
+    batch = bb.Batch(2, seed=1)
+    batch.reset()
+    with pytest.raises(ValueError, match=r"states .*\(2, 32\)|states"):
+        batch.step_with(np.zeros((2, 3), np.float32), lambda states, _: states[:1])
+    with pytest.raises(ValueError, match="reset all environments"):
+        batch.step(np.zeros((2, 3), np.float32))
+    batch.reset()
+    batch.step(np.zeros((2, 3), np.float32))
+
+
+def test_what_the_motion_raises_is_raised():
+    batch = bb.Batch(2, seed=1)
+    batch.reset()
+
+    def motion(*_):
+        raise LookupError("no engine")
+
+    with pytest.raises(LookupError, match="no engine"):
+        batch.step_with(np.zeros((2, 3), np.float32), motion)
+    with pytest.raises(ValueError, match="reset all environments"):
+        batch.step(np.zeros((2, 3), np.float32))
+
+
+def test_the_motion_cannot_use_the_batch_that_waits_for_it():
+    batch = bb.Batch(1, seed=1)
+    batch.reset()
+    with pytest.raises(RuntimeError, match="being used"):
+        batch.step_with(np.zeros((1, 3), np.float32), lambda *_: batch.states())
