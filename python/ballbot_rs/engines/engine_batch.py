@@ -34,7 +34,7 @@ class EngineRobot(Protocol):
         """Goes on from a state, a row as `State.to_array` (32)."""
 
     def push(self, push: Array) -> None:
-        """Pushes the body over the next time step: impulse (N·s) and its moment about the CoM (N·m·s), inertial, (6)."""
+        """Pushes the body over the next time step: impulse (N·s), its moment about the CoM (N·m·s), inertial, (6)."""
 
     def step(self, torques: Array, steps: int) -> None:
         """Advances by time steps under wheel torques (3, N·m)."""

@@ -168,7 +168,7 @@ class MujocoRobot:
         return self._turn.reshape(3, 3)
 
     def push(self, push: Array) -> None:
-        """Pushes the body over the next time step: impulse (N·s) and its moment about the CoM (N·m·s), inertial, (6)."""
+        """Pushes the body over the next time step: impulse (N·s), its moment about the CoM (N·m·s), inertial, (6)."""
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         com = self.data.subtree_com[self._body]

@@ -16,7 +16,7 @@ from ballbot_rs.analysis import intervals
 from ballbot_rs.control.resolve import ResolvedController, Source, find
 from ballbot_rs.scenarios.metrics import METRICS
 from ballbot_rs.scenarios.scenario import Scenario, load, select
-from ballbot_rs.scenarios.stage import Stage
+from ballbot_rs.scenarios.stage import Stage, check_observes_balance
 from ballbot_rs.scenarios.trial import Trial
 
 Array = npt.NDArray[np.float64]
@@ -140,6 +140,8 @@ def run_scenarios(
     seed = check_seed(seed)
     sources = controllers if isinstance(controllers, (list, tuple)) else [controllers]
     found = [find(source) for source in sources]
+    for one in found:
+        check_observes_balance(one)
     for what, names in (("scenarios", [one.id for one in chosen]), ("controllers", [one.name for one in found])):
         twice = [name for name in names if names.count(name) > 1]
         if twice:

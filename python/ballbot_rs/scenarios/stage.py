@@ -10,7 +10,9 @@ from ballbot_rs._core import Batch, Controller, Params
 from ballbot_rs.analysis.actors import core_law, make_actor
 from ballbot_rs.analysis.rollout import batch_for
 from ballbot_rs.control.laws import takes_position
+from ballbot_rs.control.policy_file import observation_layout
 from ballbot_rs.control.resolve import ResolvedController
+from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.envs.registration import DEFAULT_TASK
 from ballbot_rs.scenarios.metrics import Measures
 from ballbot_rs.scenarios.scenario import Scenario
@@ -27,6 +29,19 @@ _ENDLESS: Final = 10**9
 #: Rows of states that are kept in memory at once, and the fewest control steps.
 _ROWS: Final = 8000
 _FEWEST: Final = 50
+
+
+def check_observes_balance(controller: ResolvedController) -> None:
+    """Refuses a policy that observes something else than the robots of a scenario do.
+
+    Raises:
+        ValueError: it was trained for a task with other observations than balancing.
+    """
+    if controller.task is not None and observation_layout(controller.task) != observation_layout(DEFAULT_TASK):
+        raise ValueError(
+            f"{controller.name} was trained for the task {controller.task}, whose observations are not those of "
+            f"{DEFAULT_TASK}, as scenarios give them"
+        )
 
 
 class Stage:
@@ -51,8 +66,10 @@ class Stage:
         seed: int = 0,
         num_threads: int | None = None,
     ) -> None:
+        known = option_names(DEFAULT_TASK)
         options: dict[str, Any] = {
-            **controller.env_options,
+            # A policy of another task with the same observations has options of its own.
+            **{name: value for name, value in controller.env_options.items() if name in known},
             "model": model,
             "params": params.to_dict(),
             "fall_tilt": math.radians(scenario.fall_tilt),

@@ -3,7 +3,7 @@
 use super::batch::Batch;
 use super::buffers::StepBuffers;
 use super::pieces::pieces;
-use crate::error::{Error, Result};
+use crate::error::Error;
 use crate::state::State;
 use crate::task::ACTION_LEN;
 
