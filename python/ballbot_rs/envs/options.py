@@ -189,6 +189,10 @@ class GoalOptions(CommonOptions, total=False):
     goal_seconds: npt.ArrayLike
     #: Distance within which the ball is at its goal. (m, >= 1e-6 and <= 10)
     goal_radius: float
+    #: Deceleration of the approach to a goal that costs nothing. (m/s², > 0 and <= 100)
+    approach_acceleration: float
+    #: Time constant of the end of that approach. (s, > 0 and <= 100)
+    approach_time: float
     #: How long the ball must have been at its goal when the next one is given. (s, >= 0 and <= 1e9)
     hold_seconds: float
     #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
