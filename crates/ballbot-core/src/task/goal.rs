@@ -26,7 +26,7 @@ task_fields! {
         pub goal_seconds: [f64; 2] = [6.0, 10.0], "s", Limit::above(0.0).to(1e9);
         /// Distance within which the ball is at its goal.
         pub goal_radius: f64 = 0.02, "m", Limit::from(1e-6).to(10.0);
-        /// Deceleration of the approach to a goal that costs nothing.
+        /// Deceleration a of the approach that costs nothing, with the speed d / (`approach_time` + √(d / 2a)) at distance d.
         pub approach_acceleration: f64 = 0.6, "m/s²", Limit::above(0.0).to(100.0);
         /// Time constant of the end of that approach.
         pub approach_time: f64 = 0.25, "s", Limit::above(0.0).to(100.0);
@@ -156,12 +156,7 @@ impl Task for Goal {
         let excess = [velocity.x - to_goal[0] * pace, velocity.y - to_goal[1] * pace];
         alive(terminated, 1.0, step.tilt, terms);
         terms.term(
-            Term::cost(
-                "approach",
-                0.4,
-                "e² / (e² + (0.3 m/s)²), e the ball velocity less d / (approach_time + √(d / 2 approach_acceleration)) \
-                 towards the goal, d its distance",
-            ),
+            Term::cost("approach", 0.4, "e² / (e² + (0.3 m/s)²), e the ball velocity off that of the approach"),
             bounded_error(squared_norm(excess), 0.3),
         );
         terms.term(Term::cost("distance", 0.2, "d / (d + 0.5 m)"), distance / (distance + 0.5));

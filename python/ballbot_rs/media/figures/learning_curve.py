@@ -12,6 +12,12 @@ from ballbot_rs.training.curve import Curve, by_configuration, on_common_steps
 def draw(curves: Sequence[Curve]) -> Figure:
     """Left the mean return of an evaluation's episodes, right their share of successes; a color a configuration."""
     fig = figure(8.0, 3.2)
+    draw_on(fig, curves)
+    return fig
+
+
+def draw_on(fig: Figure, curves: Sequence[Curve]) -> None:
+    """As `draw`, on a figure that is there."""
     returns, successes = fig.subplots(1, 2)
     for group, color in zip(by_configuration(curves), _cycle(), strict=False):
         _draw_group(returns, group, "returns", 1.0, color)
@@ -23,7 +29,6 @@ def draw(curves: Sequence[Curve]) -> Figure:
         ax.set_xlabel("environment steps (thousands)")
         ax.set_xlim(left=0)
     successes.legend(loc="lower right")
-    return fig
 
 
 def _draw_group(ax: Any, group: Sequence[Curve], name: str, scale: float, color: str) -> None:

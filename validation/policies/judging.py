@@ -1,0 +1,62 @@
+"""Episodes of controllers under judges, on all cores."""
+
+import multiprocessing
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any, NamedTuple
+
+import ballbot_rs as bb
+
+#: First seed of the bank of starts and commands: episode i is that of seed 1000 + i, as in `ballbot evaluate`.
+FIRST_SEED = 1000
+
+#: Episodes of a cell; in MuJoCo, which takes a hundred times as long, fewer.
+EPISODES = 200
+IN_MUJOCO = 50
+
+
+class Judge(NamedTuple):
+    """Conditions of episodes."""
+
+    name: str
+    options: Mapping[str, Any] = {}
+    engine: str | None = None
+
+    @property
+    def episodes(self) -> int:
+        """Episodes of a cell."""
+        return EPISODES if self.engine is None else IN_MUJOCO
+
+
+CONTACT = Judge("`contact`")
+RIGID = Judge("`rigid`", {"model": "rigid"})
+MUJOCO = Judge("MuJoCo", engine="mujoco")
+
+
+class Cell(NamedTuple):
+    """A controller of a task under a judge."""
+
+    task: str
+    controller: str
+    judge: Judge
+
+
+def results(cells: Sequence[Cell]) -> list[bb.Result]:
+    """What each cell gives, in their order; the slowest begin first."""
+    order = sorted(range(len(cells)), key=lambda i: cells[i].judge.engine is None)
+    with ProcessPoolExecutor(os.cpu_count(), mp_context=multiprocessing.get_context("spawn")) as pool:
+        found = dict(zip(order, pool.map(_result, [cells[i] for i in order]), strict=True))
+    return [found[i] for i in range(len(cells))]
+
+
+def _result(cell: Cell) -> bb.Result:
+    return bb.evaluate(
+        cell.controller,
+        task=cell.task,
+        episodes=cell.judge.episodes,
+        seed=FIRST_SEED,
+        num_threads=1,
+        env_options=cell.judge.options,
+        engine=cell.judge.engine,
+    )

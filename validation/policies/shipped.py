@@ -1,0 +1,170 @@
+"""The policies that come with the package: their recipes, what was asked of them, and what they reach."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import ballbot_rs as bb
+from ballbot_rs.scenarios.scale import Scale
+from validation.claim import Claim
+from validation.page import table
+from validation.policies.judging import CONTACT, MUJOCO, RIGID, Cell, Judge, results
+from validation.policies.tables import head, measure, row
+from validation.policies.training import Recipe
+from validation.topic import Findings, Topic
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
+#: Seeds of each policy's training; the first one's policy is shipped.
+SEEDS = (0, 1, 2)
+
+JUDGES = (CONTACT, RIGID, MUJOCO)
+
+
+class Limit(NamedTuple):
+    """What was asked of a policy before it was trained: a bound of what a judge finds."""
+
+    what: str
+    #: Name of a metric of the task, or "failures", the share of episodes that are no success.
+    name: str
+    most: float
+    unit: str
+    judge: Judge
+
+
+class Shipped(NamedTuple):
+    """A policy that comes with the package."""
+
+    title: str
+    recipe: Recipe
+    limits: Sequence[Limit]
+    #: Scenarios whose worst direction is claimed, with the least tilt (deg) or impulse (N·s).
+    least: Mapping[str, tuple[str, float, str]] = {}
+
+    @property
+    def file(self) -> str:
+        """Its file in assets/policies."""
+        return "-".join(filter(None, (self.recipe.task, self.recipe.variant))) + ".onnx"
+
+
+_REAL = Judge(
+    "sensors, 10 ms delay, `mild`",
+    {"sensors": "kugle", "observation": "sensors", "actuators": {"delay": 0.01}, "events": "mild"},
+)
+_FAST = Judge("`contact`, all at 0.5 m/s", {"path_speed": (0.5, 0.5)})
+
+
+def _in_engines(what: str, name: str, most: float, unit: str) -> list[Limit]:
+    return [Limit(f"{what}, {judge.name}", name, most, unit, judge) for judge in JUDGES]
+
+
+#: Largest push that traction lets the paper's robot bear, N·s.
+_CAPTURE_IMPULSE = Scale.of(bb.Params.paper()).capture_impulse
+
+SHIPPED = (
+    Shipped(
+        "Balance",
+        Recipe("balance"),
+        _in_engines("episodes without success", "failures", 0.01, ""),
+    ),
+    Shipped(
+        "Balance, from all tilts",
+        Recipe("balance", "recover"),
+        _in_engines("episodes without success", "failures", 0.01, ""),
+        {
+            "S2-rest": ("tilt recovered from, worst of 24 directions", 28.5, "deg"),
+            "S3-at-once": ("push borne, worst of 24 directions", 2.0, "N·s"),
+        },
+    ),
+    Shipped(
+        "Velocity",
+        Recipe("velocity"),
+        [
+            *_in_engines("settled error of the velocity", "velocity_error", 0.02, "m/s"),
+            *_in_engines("settled error of the heading's rate", "yaw_rate_error", 0.05, "rad/s"),
+            Limit(f"settled error of the velocity, {_REAL.name}", "velocity_error", 0.04, "m/s", _REAL),
+        ],
+    ),
+    Shipped(
+        "Goal",
+        Recipe("goal"),
+        [
+            *_in_engines("goals not held", "missed_goals", 0.01, ""),
+            *_in_engines("time to a goal over that of the fastest flat move", "time_ratio", 1.5, ""),
+        ],
+    ),
+    Shipped(
+        "Path",
+        Recipe("path"),
+        [
+            *_in_engines("error across the path", "cross_track_error", 0.02, "m"),
+            Limit(f"error across the path, {_FAST.name}", "cross_track_error", 0.02, "m", _FAST),
+        ],
+    ),
+    Shipped(
+        "Push",
+        Recipe("push"),
+        [],
+        {
+            "S3-at-once": (
+                "push borne, worst of 24 directions",
+                0.8 * Scale.of(bb.Params.paper()).capture_impulse,
+                "N·s",
+            )
+        },
+    ),
+)
+
+
+def recipes() -> list[Recipe]:
+    """All that must be trained."""
+    return [one.recipe._replace(seed=seed) for one in SHIPPED for seed in SEEDS]
+
+
+def topics(folder: "Path") -> list[Topic]:
+    """One topic a policy, whose file is in `folder`."""
+    return [_topic(one, folder) for one in SHIPPED]
+
+
+def _topic(one: Shipped, folder: "Path") -> Topic:
+    name = one.file.removesuffix(".onnx")
+    variant = "" if one.recipe.variant is None else f" --config {one.recipe.variant}"
+    text = (
+        f"`assets/policies/{one.file}`: seed 0 of `ballbot train {one.recipe.task}{variant}`. The figure has its "
+        "training and that of two more seeds."
+    )
+    return Topic(name, one.title, text, lambda: _run(one, str(folder / one.file)))
+
+
+def _run(one: Shipped, policy: str) -> Findings:
+    task, controllers = one.recipe.task, {"policy": policy, "`lqr`": "lqr", "`cascade_pid`": "cascade_pid"}
+    others = {limit.judge.name: limit.judge for limit in one.limits if limit.judge not in JUDGES}
+    cells = {
+        (judge.name, label): Cell(task, source, judge)
+        for judge in (*JUDGES, *others.values())
+        for label, source in controllers.items()
+    }
+    # The other seeds, where each was trained.
+    for recipe in (one.recipe._replace(seed=seed) for seed in SEEDS[1:]):
+        cells[CONTACT.name, f"policy of seed {recipe.seed}"] = Cell(task, str(recipe.folder), CONTACT)
+    found = dict(zip(cells, results(list(cells.values())), strict=True))
+    claims = [_claim(limit, found[limit.judge.name, "policy"]) for limit in one.limits]
+    for scenario, (what, least, unit) in one.least.items():
+        (outcome,) = bb.run_scenarios([policy], [scenario])
+        # What is missing to the least that was asked for.
+        claims.append(Claim(f"{what}, missing", max(least - outcome.score, 0.0), 0.0, 1e-9, unit, absolute=True))
+    lines = [row(judge, label, result) for (judge, label), result in found.items()]
+    return Findings(claims, lambda fig: _curves(fig, one), table(head(task), lines))
+
+
+def _claim(limit: Limit, result: bb.Result) -> Claim:
+    return Claim(limit.what, measure(result, limit.name), 0.0, limit.most, limit.unit, absolute=True)
+
+
+def _curves(fig: "Figure", one: Shipped) -> None:
+    from ballbot_rs.media.figures import learning_curve
+    from ballbot_rs.training import curve
+
+    learning_curve.draw_on(fig, [curve.read(one.recipe._replace(seed=seed).folder) for seed in SEEDS])

@@ -1,0 +1,48 @@
+"""Results as rows of a page."""
+
+from collections.abc import Mapping
+
+import ballbot_rs as bb
+from ballbot_rs.envs.registration import description_of
+
+
+def head(task: str) -> list[str]:
+    """Of a table of results of a task."""
+    metrics = [_label(metric) for metric in description_of(task)["metrics"]]
+    return ["judge", "controller", "episodes", "success", "upright", *metrics]
+
+
+def row(judge: str, controller: str, result: bb.Result) -> list[str]:
+    """A row of it: means with their 95 % intervals."""
+    success = _percent(result.success_rate, result.success_interval)
+    upright = f"{100.0 * result.survival_rate:.4g} %"
+    metrics = [_mean(result, name) for name in result.metrics]
+    return [judge, controller, str(result.episodes), success, upright, *metrics]
+
+
+def measure(result: bb.Result, name: str) -> float:
+    """A metric of the task by name; "failures": the share of episodes without success, "missed_goals": of goals."""
+    if name == "failures":
+        return 1.0 - result.success_rate
+    if name == "missed_goals":
+        return 1.0 - (result.metrics["goals_held"] or 0.0) * result.survival_rate
+    value = result.metrics[name]
+    return float("nan") if value is None else value
+
+
+def _label(metric: Mapping[str, str]) -> str:
+    unit = f" ({metric['unit']})" if metric["unit"] else ""
+    return metric["name"].replace("_", " ") + unit
+
+
+def _percent(share: float, interval: tuple[float, float]) -> str:
+    low, high = (100.0 * bound for bound in interval)
+    return f"{100.0 * share:.4g} % ({low:.1f} … {high:.1f})"
+
+
+def _mean(result: bb.Result, name: str) -> str:
+    mean, interval = result.metrics[name], result.metric_intervals[name]
+    if mean is None or interval is None:
+        return "none"
+    low, high = interval
+    return f"{mean:.3g} ({low:.3g} … {high:.3g})"

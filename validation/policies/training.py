@@ -1,0 +1,70 @@
+"""Training runs of the configurations that come with the package."""
+
+import multiprocessing
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+#: Where runs are kept from one call to the next.
+RUNS = Path(__file__).parents[2] / "runs" / "policies"
+
+#: Runs at once, each on one core: the learner is the slower part, and has one thread.
+AT_ONCE = 2
+
+
+class Recipe(NamedTuple):
+    """A run: a configuration that comes with the package, with events and a seed."""
+
+    task: str
+    #: As `ballbot train --config` names it; None is the task's own.
+    variant: str | None = None
+    events: str | None = None
+    seed: int = 0
+
+    @property
+    def name(self) -> str:
+        """Of its folder."""
+        return "-".join(str(part) for part in (self.task, self.variant, self.events, f"seed-{self.seed}") if part)
+
+    @property
+    def folder(self) -> Path:
+        """Of the run."""
+        return RUNS / self.name
+
+
+def train_all(recipes: Sequence[Recipe]) -> None:
+    """Trains those that have not been trained with their present configuration."""
+    wanted = [recipe for recipe in recipes if not _is_done(recipe)]
+    with ProcessPoolExecutor(AT_ONCE, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for recipe, seconds in zip(wanted, pool.map(_train, wanted), strict=True):
+            print(f"trained {recipe.name} in {seconds:.0f} s", flush=True)
+
+
+def _text(recipe: Recipe) -> str:
+    from ballbot_rs.training import config
+
+    values: dict[str, object] = {"num_threads": 1}
+    if recipe.events is not None:
+        values["env.events"] = recipe.events
+    return config.with_values(config.default_text(recipe.task, recipe.variant), values)
+
+
+def _is_done(recipe: Recipe) -> bool:
+    from ballbot_rs.training import run_folder
+
+    return (recipe.folder / run_folder.FINAL).is_file() and (
+        run_folder.read_config_text(recipe.folder) == _text(recipe)
+    )
+
+
+def _train(recipe: Recipe) -> float:
+    import time
+
+    from ballbot_rs.training import config, train
+
+    text, began = _text(recipe), time.perf_counter()
+    train.train(
+        config.parse(text, recipe.name), text, recipe.folder, seed=recipe.seed, overwrite=True, progress_bar=False
+    )
+    return time.perf_counter() - began

@@ -1,0 +1,155 @@
+"""Policies of all tasks, trained with and without random robots, under judges that they have not seen.
+
+Arms: *none* is the configuration of the package, *mild* and *hard* are the same with the [events](randomization.md) of
+that name. All have as many steps. LQR stands beside them: where it is worse too, the judge is harder; where only the
+policy is, the policy has been fitted to its simulator.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+import ballbot_rs as bb
+from validation.claim import Claim
+from validation.page import table
+from validation.policies.judging import CONTACT, MUJOCO, RIGID, Cell, Judge, results
+from validation.policies.tables import measure
+from validation.policies.training import Recipe
+from validation.topic import Findings, Topic
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TASKS: Final = ("balance", "velocity", "goal", "path", "push")
+
+#: Events that a policy is trained with, by the name of the arm.
+ARMS: Final[Mapping[str, str | None]] = {"none": None, "mild": "mild", "hard": "hard"}
+
+#: The task that all arms are trained for with five seeds.
+FIVE_SEEDS: Final = "balance"
+
+_PAPER: Final = bb.Params.paper()
+
+
+def _robot(**changes: Any) -> dict[str, object]:
+    return {"params": _PAPER.replace(**changes).to_dict()}
+
+
+JUDGES: Final = (
+    CONTACT,
+    RIGID,
+    MUJOCO,
+    Judge("sensors", {"sensors": "kugle", "observation": "sensors"}),
+    *(Judge(f"delay {ms} ms", {"actuators": {"delay": ms / 1000.0}}) for ms in (10, 20, 30)),
+    Judge("body 20 % heavier", _robot(body_mass=1.2 * _PAPER.body_mass)),
+    Judge("CoM 10 % higher", _robot(body_com_height=1.1 * _PAPER.body_com_height)),
+    Judge("CoM 5 mm off", _robot(body_com_offset=(0.005, 0.0))),
+    Judge("`mild`", {"events": "mild"}),
+    Judge("`hard`", {"events": "hard"}),
+)
+
+#: What each task is judged by: a measure of `tables.measure`, its name on the page, unit, and the largest value with
+#: which a policy counts as transferred. Set before the first run.
+MEASURES: Final = {
+    "balance": ("failures", "episodes without success", "", 0.02),
+    "velocity": ("velocity_error", "settled error of the velocity", "m/s", 0.04),
+    "goal": ("missed_goals", "goals not held", "", 0.05),
+    "path": ("cross_track_error", "error across the path", "m", 0.02),
+    "push": ("failures", "episodes with a fall", "", 0.1),
+}
+
+#: The judges under which the policies without random robots are to transfer; the others are measured.
+CLAIMED: Final = (CONTACT, RIGID, MUJOCO)
+
+
+def recipes() -> list[Recipe]:
+    """All that must be trained."""
+    seeds = {task: range(5 if task == FIVE_SEEDS else 1) for task in TASKS}
+    return [Recipe(task, None, events, seed) for task in TASKS for events in ARMS.values() for seed in seeds[task]]
+
+
+def topics() -> list[Topic]:
+    """One topic a task, and one on seeds."""
+    found = [Topic(task, task.capitalize(), _about(task), partial(_run, task)) for task in TASKS]
+    about = (
+        f"The task {FIVE_SEEDS}, seeds 0 to 4 of each arm: the mean over the seeds of the share of episodes without "
+        "success, in percent, and the worst seed."
+    )
+    return [*found, Topic("seeds", "Five seeds", about, _run_seeds)]
+
+
+def _about(task: str) -> str:
+    _, what, unit, most = MEASURES[task]
+    limit = f"{100 * most:g} %" if not unit else f"{most:g} {unit}"
+    return f"Judged by: {what}. A policy transfers where that is at most {limit}."
+
+
+def _run(task: str) -> Findings:
+    name, what, unit, most = MEASURES[task]
+    sources = {arm: str(Recipe(task, None, events).folder) for arm, events in ARMS.items()}
+    sources["`lqr`"] = "lqr"
+    cells = {(judge.name, arm): Cell(task, source, judge) for judge in JUDGES for arm, source in sources.items()}
+    found = dict(zip(cells, results(list(cells.values())), strict=True))
+    values = {place: measure(result, name) for place, result in found.items()}
+    claims = [
+        Claim(f"{what}, arm none, {judge.name}", values[judge.name, "none"], 0.0, most, unit, absolute=True)
+        for judge in CLAIMED
+    ]
+    lines = []
+    for judge in JUDGES:
+        line = [judge.name]
+        for arm in sources:
+            line += [_text(values[judge.name, arm], unit), f"{100.0 * found[judge.name, arm].survival_rate:.4g} %"]
+        lines.append(line)
+    head = ["judge", *(column for arm in sources for column in (arm, "upright"))]
+    return Findings(
+        claims, partial(_draw, task, list(sources), values), f"{table(head, lines)}\n\n{_verdict(values, most)}"
+    )
+
+
+def _text(value: float, unit: str) -> str:
+    if math.isnan(value):
+        return "none"
+    return f"{100.0 * value:.3g} %" if not unit else f"{value:.3g} {unit}"
+
+
+def _verdict(values: Mapping[tuple[str, str], float], most: float) -> str:
+    """Under how many judges each arm transfers."""
+    counts = [f"{arm} {sum(values[judge.name, arm] <= most for judge in JUDGES)}" for arm in (*ARMS, "`lqr`")]
+    return f"Transfers under how many of {len(JUDGES)} judges: {', '.join(counts)}."
+
+
+def _draw(task: str, arms: Sequence[str], values: Mapping[tuple[str, str], float], fig: "Figure") -> None:
+    _, what, unit, most = MEASURES[task]
+    scale, label = (1.0, f"{what} ({unit})") if unit else (100.0, f"{what} (%)")
+    axes = fig.subplots()
+    for k, arm in enumerate(arms):
+        places = [i + 0.2 * (k - 1.5) for i in range(len(JUDGES))]
+        axes.bar(places, [scale * values[judge.name, arm] for judge in JUDGES], 0.18, label=arm.strip("`"))
+    axes.axhline(scale * most, color="black", linewidth=0.8, linestyle="--")
+    axes.set_xticks(range(len(JUDGES)), [judge.name.strip("`") for judge in JUDGES], rotation=30, ha="right")
+    axes.set_ylabel(label)
+    axes.legend(ncols=4)
+
+
+def _run_seeds() -> Findings:
+    name = MEASURES[FIVE_SEEDS][0]
+    judges = [judge for judge in JUDGES if judge.engine is None]
+    cells = {
+        (judge.name, arm, seed): Cell(FIVE_SEEDS, str(Recipe(FIVE_SEEDS, None, events, seed).folder), judge)
+        for judge in judges
+        for arm, events in ARMS.items()
+        for seed in range(5)
+    }
+    found = {
+        place: 100.0 * measure(result, name) for place, result in zip(cells, results(list(cells.values())), strict=True)
+    }
+    lines = []
+    for judge in judges:
+        line = [judge.name]
+        for arm in ARMS:
+            shares = [found[judge.name, arm, seed] for seed in range(5)]
+            line += [f"{sum(shares) / 5:.3g}", f"{max(shares):.3g}"]
+        lines.append(line)
+    return Findings([], None, table(["judge", *(text for arm in ARMS for text in (arm, "worst"))], lines))
