@@ -1,0 +1,32 @@
+"""The factor of the learner's rewards."""
+
+import numpy as np
+import pytest
+from stable_baselines3.common.vec_env import VecMonitor
+
+from ballbot_rs.envs.sb3 import BallbotVecEnv
+from ballbot_rs.training import config
+from ballbot_rs.training.scaled_rewards import ScaledRewards
+
+
+def test_the_learner_sees_scaled_rewards_and_its_log_those_of_the_task():
+    options = {"model": "spatial", "num_threads": 1, "max_episode_steps": 20, "seed": 4}
+    plain, scaled = (VecMonitor(BallbotVecEnv(3, **options)) for _ in range(2))
+    scaled = ScaledRewards(scaled, 0.25)
+    np.testing.assert_array_equal(plain.reset(), scaled.reset())
+    ends = 0
+    for _ in range(25):
+        expected, found = plain.step(np.zeros((3, 3))), scaled.step(np.zeros((3, 3)))
+        np.testing.assert_array_equal(found[0], expected[0])
+        np.testing.assert_allclose(found[1], 0.25 * expected[1], rtol=1e-6)
+        for info, other in zip(found[3], expected[3], strict=True):
+            if "episode" in other:
+                ends += 1
+                assert info["episode"]["r"] == other["episode"]["r"]
+    assert ends >= 3
+
+
+@pytest.mark.parametrize("value", ["0", "-1.0", "inf", "nan", '"a"'])
+def test_a_factor_that_is_none_is_refused(value):
+    with pytest.raises(ValueError, match="reward_scale = .* must be positive and finite"):
+        config.parse(f"reward_scale = {value}", "test")
