@@ -22,7 +22,7 @@ SEED ?= 0
 MINUTES ?= 5
 SOAK_STEPS ?= 10000000
 
-.PHONY: help setup generate train test test-builds lint docs wheel paper verify robots controllers tunings bench bench-core instructions fuzz soak cad demo format clean
+.PHONY: help setup generate train test test-builds lint docs wheel paper verify robots controllers tunings policies transfer bench bench-core instructions fuzz soak cad demo format clean
 
 help:
 	@echo "make demo    watch a trained policy balance; installs no PyTorch"
@@ -38,6 +38,8 @@ help:
 	@echo "make robots  change the robot and its motors more and more, report in docs/robots.md"
 	@echo "make controllers  measure what controllers stand, report in docs/controllers.md, figures of the laws in docs/laws"
 	@echo "make tunings  search options of all laws with one budget, for make controllers, in validation/controllers/tuned.toml"
+	@echo "make policies  train the policies that come with the package and judge them, report in docs/policies.md (some 40 minutes)"
+	@echo "make transfer  train policies with and without random robots, judge them elsewhere, report in docs/transfer.md (an hour)"
 	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
 	@echo "make instructions  compare each model's instruction counts with the kept ones (needs valgrind); ACCEPT=1 keeps new ones"
 	@echo "make fuzz    feed the readers of URDFs, visuals and STLs with broken files, each for MINUTES=$(MINUTES) (needs cargo-fuzz and a nightly compiler)"
@@ -105,6 +107,12 @@ controllers: $(PLOT_INSTALLED)
 
 tunings: $(INSTALLED)
 	$(BIN)/python -m validation.controllers.tune_all
+
+policies: $(INSTALLED)
+	$(BIN)/python -m validation.policies
+
+transfer: $(INSTALLED)
+	$(BIN)/python -m validation.policies.transfer_page
 
 bench: $(BENCH_INSTALLED)
 	$(BIN)/python -m validation.benchmarks

@@ -7,7 +7,16 @@ import pytest
 from tests.support.paths import ROOT
 
 HOUSE = ROOT / "validation"
-ROOMS = ("engines", "closed_forms", "robots", "controllers", "against_engines", "paper_replication", "benchmarks")
+ROOMS = (
+    "engines",
+    "closed_forms",
+    "robots",
+    "controllers",
+    "policies",
+    "against_engines",
+    "paper_replication",
+    "benchmarks",
+)
 
 
 @pytest.mark.parametrize("room", ROOMS)

@@ -1,7 +1,8 @@
 """The policies that come with the package: their recipes, what was asked of them, and what they reach."""
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import ballbot_rs as bb
 from ballbot_rs.scenarios.scale import Scale
@@ -40,6 +41,8 @@ class Shipped(NamedTuple):
     title: str
     recipe: Recipe
     limits: Sequence[Limit]
+    #: Options of the episodes that it is judged on, over those of its training.
+    options: Mapping[str, Any] = {}
     #: Scenarios whose worst direction is claimed, with the least tilt (deg) or impulse (N·s).
     least: Mapping[str, tuple[str, float, str]] = {}
 
@@ -72,7 +75,8 @@ SHIPPED = (
     Shipped(
         "Balance, from all tilts",
         Recipe("balance", "recover"),
-        _in_engines("episodes without success", "failures", 0.01, ""),
+        _in_engines("episodes without success, starts within 5 deg", "failures", 0.01, ""),
+        {"reset_tilt": math.radians(5.0), "max_episode_steps": 1000},
         {
             "S2-rest": ("tilt recovered from, worst of 24 directions", 28.5, "deg"),
             "S3-at-once": ("push borne, worst of 24 directions", 2.0, "N·s"),
@@ -142,13 +146,15 @@ def _run(one: Shipped, policy: str) -> Findings:
     task, controllers = one.recipe.task, {"policy": policy, "`lqr`": "lqr", "`cascade_pid`": "cascade_pid"}
     others = {limit.judge.name: limit.judge for limit in one.limits if limit.judge not in JUDGES}
     cells = {
-        (judge.name, label): Cell(task, source, judge)
+        (judge.name, label): Cell(task, source, judge._replace(options={**one.options, **judge.options}))
         for judge in (*JUDGES, *others.values())
         for label, source in controllers.items()
     }
     # The other seeds, where each was trained.
     for recipe in (one.recipe._replace(seed=seed) for seed in SEEDS[1:]):
-        cells[CONTACT.name, f"policy of seed {recipe.seed}"] = Cell(task, str(recipe.folder), CONTACT)
+        cells[CONTACT.name, f"policy of seed {recipe.seed}"] = Cell(
+            task, str(recipe.folder), CONTACT._replace(options=one.options)
+        )
     found = dict(zip(cells, results(list(cells.values())), strict=True))
     claims = [_claim(limit, found[limit.judge.name, "policy"]) for limit in one.limits]
     for scenario, (what, least, unit) in one.least.items():

@@ -53,6 +53,7 @@ impl Task for Goal {
     const ID: &'static str = "ballbot/Goal-v0";
     const SUMMARY: &'static str = "Go to points on the floor, and stay there.";
     const MAX_EPISODE_STEPS: usize = 2000;
+    const REWARD_THRESHOLD: Option<f64> = Some(1450.0);
     const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const SUCCESS: &'static str =
         "not terminated, and every goal held within `goal_radius` for the last `hold_seconds` of its time";

@@ -29,7 +29,7 @@ task_fields! {
         /// Time after a command from which its errors are counted.
         pub settling: f64 = 2.0, "s", Limit::from(0.0).to(1e9);
         /// Error of the velocity that costs half of `velocity`, and of `velocity_precision`.
-        pub velocity_scales: [f64; 2] = [0.2, 0.05], "m/s", Limit::from(1e-6).to(10.0);
+        pub velocity_scales: [f64; 2] = [0.2, 0.04], "m/s", Limit::from(1e-6).to(10.0);
         /// Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
         pub yaw_rate_scales: [f64; 2] = [0.5, 0.1], "rad/s", Limit::from(1e-6).to(10.0);
         /// Largest root mean square of the settled errors of the velocity in a success.
@@ -61,6 +61,7 @@ impl Task for Velocity {
     const ID: &'static str = "ballbot/Velocity-v0";
     const SUMMARY: &'static str = "Follow a commanded velocity of the ball and rate of the heading.";
     const MAX_EPISODE_STEPS: usize = 2000;
+    const REWARD_THRESHOLD: Option<f64> = Some(1700.0);
     const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const SUCCESS: &'static str =
         "not terminated, and the settled errors within `success_velocity` and `success_yaw_rate`";
@@ -215,7 +216,7 @@ impl Task for Velocity {
             bounded_error(velocity, coarse),
         );
         terms.term(
-            Term::cost("velocity_precision", 0.2, "e² / (e² + velocity_scales[1]²)"),
+            Term::cost("velocity_precision", 0.25, "e² / (e² + velocity_scales[1]²)"),
             bounded_error(velocity, fine),
         );
         terms.term(

@@ -76,6 +76,7 @@ impl Task for Path {
     const ID: &'static str = "ballbot/Path-v0";
     const SUMMARY: &'static str = "Follow a point that moves along a closed curve, with a preview of one second.";
     const MAX_EPISODE_STEPS: usize = 2000;
+    const REWARD_THRESHOLD: Option<f64> = Some(1800.0);
     const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const SUCCESS: &'static str = "not terminated, and the error across the path within `success_error`";
     const COMMAND: &'static [Row] = &[

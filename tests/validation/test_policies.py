@@ -1,0 +1,50 @@
+"""The policies that come with the package do what their page says."""
+
+import re
+
+import pytest
+
+import ballbot_rs as bb
+from tests.support.paths import ROOT
+from validation.policies.judging import EPISODES, FIRST_SEED
+from validation.policies.shipped import SHIPPED
+
+pytest.importorskip("onnxruntime")
+
+PAGE = (ROOT / "docs" / "policies.md").read_text(encoding="utf-8")
+
+
+def row_of(file):
+    """Header and row of the policy on `contact`, as cells by name."""
+    section = next(part for part in PAGE.split("\n### ") if f"`assets/policies/{file}`" in part)
+    head = next(line for line in section.splitlines() if line.startswith("| judge |"))
+    row = next(line for line in section.splitlines() if line.startswith("| `contact` | policy |"))
+    cells = ([cell.strip() for cell in line.strip("|").split("|")] for line in (head, row))
+    return dict(zip(*cells, strict=True))
+
+
+def interval_in(cell):
+    found = re.search(r"\((\S+) … (\S+)\)", cell)
+    assert found is not None, cell
+    return float(found[1]), float(found[2])
+
+
+@pytest.mark.parametrize("one", SHIPPED, ids=lambda one: one.file)
+def test_a_policy_reproduces_its_page(one):
+    found = bb.evaluate(
+        ROOT / "assets" / "policies" / one.file, episodes=EPISODES, seed=FIRST_SEED, env_options=dict(one.options)
+    )
+    row = row_of(one.file)
+    low, high = interval_in(row["success"])
+    assert low - 0.05 <= 100.0 * found.success_rate <= high + 0.05
+    columns = {name.partition(" (")[0].replace(" ", "_"): cell for name, cell in row.items()}
+    for name, value in found.metrics.items():
+        low, high = interval_in(columns[name])
+        # The page has three digits.
+        assert low * (1.0 - 5e-3) <= value <= high * (1.0 + 5e-3), name
+
+
+def test_every_task_has_a_policy():
+    assert {one.recipe.task for one in SHIPPED} == set(bb._core.TASKS)
+    on_disk = {path.name for path in (ROOT / "assets" / "policies").glob("*.onnx")}
+    assert on_disk == {one.file for one in SHIPPED}
