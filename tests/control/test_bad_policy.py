@@ -11,7 +11,7 @@ from tests.support.policies import edited_policy
 POLICY_EDITS = {
     "environment": (
         lambda d: d["ballbot_metadata"].update(env_id="ballbot/Walk-v0"),
-        "another environment: env_id is 'ballbot/Walk-v0', expected 'ballbot/Balance-v0'",
+        "another environment: env_id is 'ballbot/Walk-v0', expected one of ballbot/Balance-v0",
     ),
     "observation": (
         lambda d: d["ballbot_metadata"].update(observation=["tilt"]),

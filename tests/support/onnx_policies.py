@@ -1,8 +1,15 @@
 """ONNX policies for tests."""
 
+import json
+
+import numpy as np
 import onnx
 from onnx import TensorProto, helper
 
+from ballbot_rs.control.onnx_policy import PREFIX
+from ballbot_rs.control.policy_file import observation_layout
+from ballbot_rs.envs._batch_env import new_batch, resolved_options
+from ballbot_rs.envs.registration import env_id_of
 from tests.support.paths import ASSETS
 
 SHIPPED = ASSETS / "policies" / "balance.onnx"
@@ -38,5 +45,37 @@ def looping_policy(target, trips=2**62):
     nodes = [*constants, *model.graph.node]
     del model.graph.node[:]
     model.graph.node.extend(nodes)
+    onnx.save(model, target)
+    return target
+
+
+def tiny_policy(target, task, gain=0.0, **options):
+    """A random linear policy of a task; `gain` is the size of its weights, none of which act if it is 0."""
+    batch = new_batch(1, task=task, num_threads=1, options=options)
+    rows = batch.observation_len
+    weights = gain * np.random.default_rng(0).standard_normal((rows, 3))
+    product = helper.make_node("MatMul", ["observation", "weights"], ["sum"])
+    graph = helper.make_graph(
+        [
+            helper.make_node("MatMul", ["observation", "weights"], ["sum"]),
+            helper.make_node("Tanh", ["sum"], ["action"]),
+        ],
+        "tiny",
+        [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["n", rows])],
+        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["n", 3])],
+        [helper.make_tensor("weights", TensorProto.FLOAT, [rows, 3], weights.astype(np.float32).ravel())],
+    )
+    opset = [helper.make_opsetid("", 17)]
+    model = helper.make_model(graph, ir_version=8, opset_imports=opset)
+    known = {
+        "env_id": env_id_of(task),
+        "env_options": resolved_options(batch, options),
+        "observation": observation_layout(task),
+        "max_wheel_torque": batch.max_wheel_torque,
+        "control_dt": batch.control_dt,
+        "algorithm": "none",
+        "versions": {},
+    }
+    helper.set_model_props(model, {PREFIX + name: json.dumps(value) for name, value in known.items()})
     onnx.save(model, target)
     return target

@@ -102,7 +102,7 @@ def edited(source, target, edit):
     [
         (
             lambda f: f.update({PREFIX + "env_id": '"ballbot/Walk-v0"'}),
-            "env_id is 'ballbot/Walk-v0', expected '",
+            "env_id is 'ballbot/Walk-v0', expected one of ballbot/Balance-v0",
         ),
         (lambda f: f.update({PREFIX + "observation": '["tilt"]'}), r"observation is \['tilt'\], expected"),
         (lambda f: f.pop(PREFIX + "env_options"), "does not say its env_options"),

@@ -13,8 +13,8 @@ from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._state_rows import BALL_POSITION, tilt_of
 from ballbot_rs.analysis.rollout import batch_for, rollout
 from ballbot_rs.analysis.settling import settling_times
-from ballbot_rs.control.resolve import ResolvedController, Source, common_options, find, options_of
-from ballbot_rs.envs.registration import DEFAULT_TASK, description_of
+from ballbot_rs.control.resolve import ResolvedController, Source, common_options, common_task, find, options_of
+from ballbot_rs.envs.registration import description_of
 
 #: Tilt within which a robot has settled, rad.
 SETTLED_TILT = np.deg2rad(1.0)
@@ -89,7 +89,8 @@ def compare(
             "zero" is no torque), the path of a policy file (of Stable-Baselines3, or ONNX) or of a training run, a
             `Controller`, or an object that maps a `State` to wheel torques in N·m (one that takes `position` gets the
             setpoint, m).
-        task: name of the task ("balance"). It, or `env_options`, is needed for policy files without metadata.
+        task: name of the task; None is that of the policies, else "balance". It, or `env_options`, is needed for policy
+            files without metadata.
         episodes: number of episodes; episode i is that of an environment seeded with seed + i.
         seed: of the first episode.
         num_threads: threads that step the robots; None takes all cores.
@@ -106,11 +107,12 @@ def compare(
     seed = check_seed(seed)
     found = [find(source, task=task, env_options=env_options) for source in controllers]
     options = common_options(found, env_options)
+    shared_task = common_task(found, task)
     batches = [
         batch_for(
             controller,
             episodes,
-            task=task or DEFAULT_TASK,
+            task=shared_task,
             num_threads=num_threads,
             seed=seed,
             options=options_of(controller, options, env_options),

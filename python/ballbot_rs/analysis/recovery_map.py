@@ -13,8 +13,7 @@ from ballbot_rs._state_rows import tilt_of
 from ballbot_rs.analysis.episodes import SETTLED_TILT
 from ballbot_rs.analysis.rollout import batch_for, rollout
 from ballbot_rs.analysis.settling import settling_times
-from ballbot_rs.control.resolve import Source, common_options, find
-from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.control.resolve import Source, common_options, common_task, find
 
 #: Beyond this tilt (rad) the robot has fallen: not the task's limit, which would decide about half of the map.
 FALLEN = 1.0
@@ -82,7 +81,7 @@ def collect(
     batch = batch_for(
         found,
         rings * sectors,
-        task=task or DEFAULT_TASK,
+        task=common_task([found], task),
         num_threads=num_threads,
         seed=0,
         options=options,

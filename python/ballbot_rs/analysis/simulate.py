@@ -13,9 +13,8 @@ from ballbot_rs.analysis import pushes as impulses_of
 from ballbot_rs.analysis.pushes import Force, Push
 from ballbot_rs.analysis.rollout import batch_for, run_one
 from ballbot_rs.analysis.trajectory import Trajectory
-from ballbot_rs.control.resolve import Source, common_options, find
+from ballbot_rs.control.resolve import Source, common_options, common_task, find
 from ballbot_rs.control.setpoints import checked
-from ballbot_rs.envs.registration import DEFAULT_TASK
 
 #: What a controller is to follow: a motion, parts of a setpoint by time (s), or parts that stay.
 Target: TypeAlias = Reference | Callable[[float], Mapping[str, Any]] | Mapping[str, Any]
@@ -100,7 +99,7 @@ def simulate(
     batch = batch_for(
         found,
         1,
-        task=task or DEFAULT_TASK,
+        task=common_task([found], task),
         num_threads=1,
         seed=seed,
         options=options,

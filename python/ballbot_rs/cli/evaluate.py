@@ -10,8 +10,8 @@ from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SEED, whole
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.control.resolve import TRAINED, common_options
-from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
+from ballbot_rs.control.resolve import TRAINED, common_options, common_task
+from ballbot_rs.envs.registration import env_id_of
 
 
 def add_to(commands: Any) -> None:
@@ -33,10 +33,11 @@ def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     arguments.controller = arguments.controller or ["lqr"]
     controllers, options = scenario.controllers(arguments), scenario.env_options(arguments)
+    task = common_task(controllers, arguments.task)
     with bar("evaluating", arguments.quiet or arguments.json) as progress:
         results = compare(
             controllers,
-            task=arguments.task,
+            task=task,
             episodes=arguments.episodes,
             seed=arguments.seed,
             env_options=options,
@@ -44,7 +45,7 @@ def run(arguments: argparse.Namespace) -> None:
         )
     if arguments.json:
         report = {
-            "env_id": env_id_of(arguments.task or DEFAULT_TASK),
+            "env_id": env_id_of(task),
             "seed": arguments.seed,
             "ballbot_rs": __version__,
             "results": [vars(result) for result in results],
@@ -55,4 +56,4 @@ def run(arguments: argparse.Namespace) -> None:
         # A name of events says more than their list.
         if isinstance(options.get("events"), str) and options["events"] != TRAINED:
             shown["events"] = options["events"]
-        print_table(results, arguments.task or DEFAULT_TASK, shown)
+        print_table(results, task, shown)

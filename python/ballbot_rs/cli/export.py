@@ -12,7 +12,6 @@ from ballbot_rs._extras import require
 from ballbot_rs.cli import scenario
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment import CONTROLLERS_IN_C, controller_header, estimator_header, policy_header
-from ballbot_rs.envs.registration import DEFAULT_TASK
 
 #: Options of the environment that a controller in C depends on.
 OF_CONTROLLERS = ("params", "control_dt", "max_wheel_torque")
@@ -83,10 +82,9 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _export_policy(arguments: argparse.Namespace, target: Path) -> None:
-    task = arguments.task or DEFAULT_TASK
     difference = _as_onnx(arguments, target)
     if arguments.json:
-        report = {"policy": str(target), "difference": difference, "metadata": OnnxPolicy(target, task).metadata}
+        report = {"policy": str(target), "difference": difference, "metadata": OnnxPolicy(target).metadata}
         print(json.dumps(report, indent=2))
         return
     size = target.stat().st_size / 1024
@@ -98,11 +96,11 @@ def _as_onnx(arguments: argparse.Namespace, target: Path) -> float:
         from ballbot_rs.training import export
     options = scenario.env_options(arguments)
     given = options if options or arguments.task is not None else None
-    return export.export(arguments.policy, target, arguments.task or DEFAULT_TASK, given)
+    return export.export(arguments.policy, target, arguments.task, given)
 
 
 def _export_policy_as_c(arguments: argparse.Namespace, target: Path) -> None:
-    task = arguments.task or DEFAULT_TASK
+    task = arguments.task
     if arguments.policy.suffix == ".onnx":
         if options := scenario.env_options(arguments):
             raise ValueError(

@@ -11,7 +11,7 @@ from ballbot_rs._extras import require
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SEED
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.control.resolve import NAMES, TRAINED, common_options, options_of
+from ballbot_rs.control.resolve import NAMES, TRAINED, common_options, common_task, options_of
 
 FIGURES = ("trajectories", "estimates", "phase_portrait", "recovery_map", "learning_curve")
 
@@ -68,6 +68,7 @@ def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[s
     drawn = []
     # All on the same robot: the policies' own, else the default.
     found = scenario.controllers(arguments)
+    chosen = dataclasses.replace(chosen, task=common_task(found, chosen.task))
     shared = common_options(found, chosen.env_options)
     found = [
         dataclasses.replace(controller, env_options=options_of(controller, shared, chosen.env_options))

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ballbot_rs._extras import require
 from ballbot_rs.control import deadline, policy_file
-from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of
+from ballbot_rs.envs.registration import description_of
 
 #: What an exported policy says of itself, each a JSON text; the keys of its file begin with `PREFIX`.
 FIELDS = {
@@ -34,7 +34,7 @@ class OnnxPolicy:
 
     Args:
         path: the file.
-        task: the task that it is to act in.
+        task: the task that it is to act in; None is the one that the file names.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -42,18 +42,20 @@ class OnnxPolicy:
         ModuleNotFoundError: onnxruntime is not installed.
     """
 
-    def __init__(self, path: str | PathLike[str], task: str = DEFAULT_TASK) -> None:
+    def __init__(self, path: str | PathLike[str], task: str | None = None) -> None:
         file = Path(fspath(path))
         if not file.is_file():
             raise FileNotFoundError(f"no policy at {file}")
         self._file = file
         self._session, self._new_options = _session(file)
         self.metadata = _metadata(file, self._session.get_modelmeta().custom_metadata_map)
-        _check(file, self.metadata, task)
+        #: Name of the task.
+        self.task = policy_file.task_in(file, self.metadata["env_id"], task)
+        _check_layout(file, self.metadata, self.task)
         ends = (*self._session.get_inputs(), *self._session.get_outputs())
         shapes = [(end.name, end.shape[1:]) for end in ends]
-        self._env_options = policy_file.completed(task, self.metadata["env_options"])
-        self._rows = len(description_of(task)["observation"]) * self._env_options["history"]
+        self._env_options = policy_file.completed(self.task, self.metadata["env_options"])
+        self._rows = len(description_of(self.task)["observation"]) * self._env_options["history"]
         if shapes != [("observation", [self._rows]), ("action", [3])]:
             raise ValueError(f"{file} maps {shapes}, expected an observation of {self._rows} to an action of 3")
         self._run: Any = None
@@ -122,12 +124,7 @@ def _metadata(file: Path, found: dict[str, str]) -> dict[str, Any]:
     return read
 
 
-def _check(file: Path, metadata: dict[str, Any], task: str) -> None:
-    if metadata["env_id"] != env_id_of(task):
-        raise ValueError(
-            f"{file} was trained for another environment: "
-            f"env_id is {metadata['env_id']!r}, expected {env_id_of(task)!r}"
-        )
+def _check_layout(file: Path, metadata: dict[str, Any], task: str) -> None:
     if not policy_file.fits(metadata["observation"], task):
         expected = policy_file.observation_layout(task)
         raise ValueError(

@@ -1,14 +1,36 @@
 """What policy files keep of the environment that they were trained in."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Final
 
-from ballbot_rs._core import ACTUATORS, ROBOTS, SENSORS
+from ballbot_rs._core import ACTUATORS, ROBOTS, SENSORS, TASKS
 from ballbot_rs.envs._batch_env import new_batch, resolved_options
-from ballbot_rs.envs.registration import description_of
+from ballbot_rs.envs.registration import description_of, env_id_of, task_of
 
 #: Options of policies from before 0.2.0: these had no scaling, and their actions this torque.
 BEFORE_SCALING: Final = {"scale_observations": False, "max_wheel_torque": 1.0}
+
+
+def task_in(file: Path, env_id: str, task: str | None) -> str:
+    """The task of a policy file, from the environment's id in it; `task` is the one that is asked for, if any.
+
+    Raises:
+        ValueError: it is for another task, or for none that is known.
+    """
+    if task is None:
+        try:
+            return task_of(env_id)
+        except ValueError:
+            known = ", ".join(description["id"] for description in TASKS.values())
+            raise ValueError(
+                f"{file} was trained for another environment: env_id is {env_id!r}, expected one of {known}"
+            ) from None
+    if env_id != env_id_of(task):
+        raise ValueError(
+            f"{file} was trained for another environment: env_id is {env_id!r}, expected {env_id_of(task)!r}"
+        )
+    return task
 
 
 def observation_layout(task: str) -> list[list[Any]]:

@@ -19,7 +19,7 @@ from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
 from ballbot_rs.control.laws import Law, Laws, failed, is_batched
 from ballbot_rs.control.onnx_policy import OnnxPolicy
-from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
+from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
 
 #: Names of controllers: those of the core, and no torque at all. Anything else is the path of a policy.
 NAMES: Final = (*CONTROLLERS, "zero")
@@ -46,6 +46,8 @@ class ResolvedController:
     #: which a feedback law is compared.
     env_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     policy: Policy | None = None
+    #: The task that a policy was trained in; laws have none.
+    task: str | None = None
     #: Makes the law of one robot from its parameters and the time between two calls, s.
     make_law: Callable[[Params, float], Law] | None = None
     #: Whether each call of `make_law` makes another law, and not the one there is, its past forgotten.
@@ -88,7 +90,8 @@ def find(
             wheel torques in N·m; `ballbot_rs.control.laws` has all forms. Classes are made for each robot, with the
             robot as `params` and the time between two calls as `control_dt` if they take them. Attributes `name` and
             `control_dt` (s) and the method `reset` are optional.
-        task: the task. It, or `env_options`, is needed for a policy file that does not name its own.
+        task: the task; None is the one that a policy file names. It, or `env_options`, is needed for a file that does
+            not name its own.
         env_options: options of the environment that such a policy file was trained with.
         trusted: whether files with code may be loaded; ONNX files have none.
 
@@ -99,8 +102,8 @@ def find(
         TypeError: the object cannot be called, or a class needs other arguments.
         ControllerError: a class cannot be made.
     """
-    known_task = DEFAULT_TASK if task is None else task
-    env_id_of(known_task)
+    if task is not None:
+        env_id_of(task)
     if isinstance(source, ResolvedController):
         return source
     if not isinstance(source, (str, PathLike)):
@@ -118,9 +121,9 @@ def find(
     if path.suffix == ".onnx":
         if not trusted:
             _check_size(path)
-        onnx = OnnxPolicy(path, known_task)
+        onnx = OnnxPolicy(path, task)
         options, events = _without_events(onnx.env_options)
-        return ResolvedController(name, options, onnx.act, interrupt=onnx.interrupt, events=events)
+        return ResolvedController(name, options, onnx.act, onnx.task, interrupt=onnx.interrupt, events=events)
     if not trusted:
         raise ValueError(
             f"unknown controller '{name}': expected {', '.join(NAMES)} or a policy file that ends in .onnx"
@@ -134,9 +137,12 @@ def find(
     with require("a policy file", "train"):
         from ballbot_rs.control import sb3_policy
     given = None if task is None and not env_options else _without_events(env_options or {})[0]
-    model, found = sb3_policy.load(path, known_task, given)
+    model, found = sb3_policy.load(path, task, given)
     options, events = _without_events(found["env_options"])
-    return ResolvedController(name, options, lambda observations: sb3_policy.act(model, observations), events=events)
+    own_task = task_of(found["env_id"])
+    return ResolvedController(
+        name, options, lambda observations: sb3_policy.act(model, observations), own_task, events=events
+    )
 
 
 def _without_events(options: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
@@ -147,6 +153,21 @@ def _without_events(options: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
 def _check_size(path: Path) -> None:
     if path.is_file() and path.stat().st_size > MAX_FILE_SIZE:
         raise ValueError(f"{path} has {path.stat().st_size} bytes, more than {MAX_FILE_SIZE}: no policy of this task")
+
+
+def common_task(controllers: Sequence[ResolvedController], task: str | None = None) -> str:
+    """The task that is asked for, else that of the policies among the controllers, else balancing.
+
+    Raises:
+        ValueError: a policy for another task, or policies for different ones.
+    """
+    policies = [controller for controller in controllers if controller.task is not None]
+    chosen = task or (policies[0].task if policies else None) or DEFAULT_TASK
+    for controller in policies:
+        if controller.task != chosen:
+            asked = f"the task {chosen}" if task is not None else f"that of {policies[0].name}, {chosen}"
+            raise ValueError(f"{controller.name} was trained for the task {controller.task}, not for {asked}")
+    return chosen
 
 
 def common_options(

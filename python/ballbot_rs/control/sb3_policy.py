@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env import unwrap_vec_normalize
 
 from ballbot_rs import __version__, _files, _interrupts
 from ballbot_rs.control import policy_file, policy_size, sb3_archive
-from ballbot_rs.envs.registration import description_of, env_id_of
+from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of
 from ballbot_rs.envs.spaces import action_space, observation_space
 
 #: Modules with algorithms for continuous actions, and their names; policies with a memory of their own are left out.
@@ -131,7 +131,9 @@ def act(model: BaseAlgorithm, observations: npt.NDArray[np.float32]) -> npt.NDAr
     return actions
 
 
-def load(path: Path, task: str, env_options: Mapping[str, Any] | None = None) -> tuple[BaseAlgorithm, dict[str, Any]]:
+def load(
+    path: Path, task: str | None = None, env_options: Mapping[str, Any] | None = None
+) -> tuple[BaseAlgorithm, dict[str, Any]]:
     """A policy for a task with its metadata, in which `env_options` are complete.
 
     A file of `ballbot_rs.save` or `ballbot train` is loaded without running code that is in it. One with a policy class
@@ -139,7 +141,7 @@ def load(path: Path, task: str, env_options: Mapping[str, Any] | None = None) ->
 
     Args:
         path: the file, or the folder of a training run.
-        task: name of the task.
+        task: name of the task; None is the one that the file names, or balancing for a file without metadata.
         env_options: options of the environment, for a file without metadata; None refuses such a file.
 
     Raises:
@@ -151,25 +153,24 @@ def load(path: Path, task: str, env_options: Mapping[str, Any] | None = None) ->
     data = sb3_archive.read(path)
     found = data.get(METADATA)
     if found is None and env_options is not None:
-        return _load_unnamed(path, data, task, env_options)
+        return _load_unnamed(path, data, task or DEFAULT_TASK, env_options)
     if not isinstance(found, dict):
         raise ValueError(
             f"{path} does not say which environment it was trained on: name the task, "
-            f"or save it with ballbot_rs.save; expected {env_id_of(task)}"
+            f"or save it with ballbot_rs.save; expected {env_id_of(task or DEFAULT_TASK)}"
         )
+    if not isinstance(found.get("env_id"), str):
+        raise ValueError(f"{path} does not say its env_id: it is no policy file of ballbot_rs")
+    task = policy_file.task_in(path, found["env_id"], task)
     expected = metadata(task, str(found.get("algorithm")), {})
     for field, value in expected.items():
         if not isinstance(found.get(field), type(value)):
             raise ValueError(f"{path} does not say its {field}: it is no policy file of ballbot_rs")
-    for field, is_same in (
-        ("env_id", found["env_id"] == expected["env_id"]),
-        ("observation", policy_file.fits(found["observation"], task)),
-    ):
-        if not is_same:
-            raise ValueError(
-                f"{path} was trained for another environment: "
-                f"{field} is {found.get(field)!r}, expected {expected[field]!r}"
-            )
+    if not policy_file.fits(found["observation"], task):
+        raise ValueError(
+            f"{path} was trained for another environment: "
+            f"observation is {found['observation']!r}, expected {expected['observation']!r}"
+        )
     known = algorithms()
     if found["algorithm"] not in known:
         raise ValueError(f"{path}: unknown algorithm '{found['algorithm']}', expected one of {', '.join(known)}")

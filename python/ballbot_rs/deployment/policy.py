@@ -9,7 +9,6 @@ from ballbot_rs._core import SCALED_BOUND, TASKS
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment.c_text import array, comment, guarded, number, piece
 from ballbot_rs.deployment.network import network
-from ballbot_rs.envs.registration import DEFAULT_TASK
 
 #: Rows of observations, by their names, from a `ballbot_view`, a `ballbot_state` and the last action.
 _ROWS: Final = {
@@ -24,12 +23,12 @@ _ROWS: Final = {
 _NUMBERS: Final = ("bound", "rest", "typical")
 
 
-def policy_header(path: str | PathLike[str], task: str = DEFAULT_TASK) -> str:
+def policy_header(path: str | PathLike[str], task: str | None = None) -> str:
     """The text of a header of C99 with a policy.
 
     Args:
         path: an ONNX file that `ballbot export` wrote.
-        task: the task that it was trained for.
+        task: the task that it was trained for; None is the one that the file names.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -39,13 +38,13 @@ def policy_header(path: str | PathLike[str], task: str = DEFAULT_TASK) -> str:
     file = Path(fspath(path))
     policy = OnnxPolicy(file, task)
     options = policy.env_options
-    rows = [dict(row) for row in TASKS[task]["observation"]]
+    rows = [dict(row) for row in TASKS[policy.task]["observation"]]
     try:
         weights, act = network(file.read_bytes(), len(rows) * options["history"])
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
     observe = _observe(rows)
-    head = comment(_head(policy, task, rows, has_observe=bool(observe)))
+    head = comment(_head(policy, rows, has_observe=bool(observe)))
     viewed = (piece("state"), piece("view")) if observe else ()
     parts = (
         piece("real"),
@@ -96,7 +95,7 @@ def _observe(rows: list[dict[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _head(policy: OnnxPolicy, task: str, rows: list[dict[str, Any]], *, has_observe: bool) -> list[str]:
+def _head(policy: OnnxPolicy, rows: list[dict[str, Any]], *, has_observe: bool) -> list[str]:
     options, known = policy.env_options, policy.metadata
     observed = ["    ballbot_policy_observe(&policy, &state, &setpoint, rows);"]
     scaled = (
@@ -104,8 +103,8 @@ def _head(policy: OnnxPolicy, task: str, rows: list[dict[str, Any]], *, has_obse
     )
     every = options["control_dt"]
     return [
-        f"A policy ({known['algorithm']}) of the task '{task}'; `ballbot export` of ballbot {__version__}.",
-        str(TASKS[task]["summary"]),
+        f"A policy ({known['algorithm']}) of the task '{policy.task}'; `ballbot export` of ballbot {__version__}.",
+        str(TASKS[policy.task]["summary"]),
         "",
         f"Use: call `ballbot_policy_reset` once, the rest every BALLBOT_POLICY_CONTROL_DT = {every:g} s:",
         "",

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from ballbot_rs._checks import check_seed
 from ballbot_rs._core import Params
 from ballbot_rs._progress import Progress, no_progress
-from ballbot_rs.control.resolve import ResolvedController, Source, find
+from ballbot_rs.control.resolve import ResolvedController, Source, common_task, find
+from ballbot_rs.envs.registration import DEFAULT_TASK
 from ballbot_rs.scenarios.metrics import METRICS
 from ballbot_rs.scenarios.scenario import Scenario, load, select
 from ballbot_rs.scenarios.stage import Stage
@@ -142,6 +143,7 @@ def run_scenarios(
     seed = check_seed(seed)
     sources = controllers if isinstance(controllers, (list, tuple)) else [controllers]
     found = [find(source) for source in sources]
+    common_task(found, DEFAULT_TASK)
     for what, names in (("scenarios", [one.id for one in chosen]), ("controllers", [one.name for one in found])):
         twice = [name for name in names if names.count(name) > 1]
         if twice:

@@ -21,7 +21,7 @@ from ballbot_rs._extras import require
 from ballbot_rs.control import sb3_policy
 from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy
 from ballbot_rs.control.policy_file import observation_layout
-from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.envs.registration import task_of
 
 #: By how much an exported action may differ from its source, and on how many observations that is checked.
 TOLERANCE: Final = 1e-5
@@ -50,13 +50,13 @@ class _Action(torch.nn.Module):
         return mean.clamp(-1.0, 1.0)
 
 
-def export(source: Path, target: Path, task: str = DEFAULT_TASK, env_options: Mapping[str, Any] | None = None) -> float:
+def export(source: Path, target: Path, task: str | None = None, env_options: Mapping[str, Any] | None = None) -> float:
     """Writes the policy at `source` (a file or a run) to `target`; returns the largest difference of actions.
 
     Args:
         source: a file of Stable-Baselines3, or a training run.
         target: the ONNX file.
-        task: name of the task.
+        task: name of the task; None is the one that the policy names.
         env_options: options of the environment, for a file without metadata; None refuses such a file.
 
     Raises:
@@ -68,7 +68,7 @@ def export(source: Path, target: Path, task: str = DEFAULT_TASK, env_options: Ma
     model, found = sb3_policy.load(source, task, env_options)
     if not _is_known(model):
         raise ValueError(f"{source}: a policy of {found['algorithm']} cannot be exported")
-    content = _with_metadata(_graph(model), _metadata(found, task))
+    content = _with_metadata(_graph(model), _metadata(found, task_of(found["env_id"])))
     with _files.replacing(target) as unchecked:
         unchecked.write_bytes(content)
         difference = _difference(model, OnnxPolicy(unchecked, task))
