@@ -54,7 +54,6 @@ def tiny_policy(target, task, gain=0.0, **options):
     batch = new_batch(1, task=task, num_threads=1, options=options)
     rows = batch.observation_len
     weights = gain * np.random.default_rng(0).standard_normal((rows, 3))
-    product = helper.make_node("MatMul", ["observation", "weights"], ["sum"])
     graph = helper.make_graph(
         [
             helper.make_node("MatMul", ["observation", "weights"], ["sum"]),
