@@ -21,7 +21,7 @@ class Asked:
     begins: FloatArray
     #: Where the task wants each ball now, m, shape (n, 2).
     points: FloatArray
-    #: Impulse of the last push of the task on each body, N·s, shape (n, 3); NaN before the first, and in other tasks.
+    #: Last push of the task on each body, shape (n, 3): impulse (N·s), azimuth (rad), height; NaN without one.
     pushes: FloatArray
     #: Of robot 0, by name; NaN where the episode is too short for one.
     metrics: Mapping[str, float]

@@ -25,7 +25,7 @@ class Balancing:
         ValueError: a policy that does not fit this robot, or time steps out of range.
     """
 
-    task = DEFAULT_TASK
+    task, takes_clicks = DEFAULT_TASK, True
 
     def __init__(self, controller: ResolvedController, params: Params, num_robots: int) -> None:
         self.driver: BalancingDriver = make_driver(controller, params, num_robots)

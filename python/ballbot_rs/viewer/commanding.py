@@ -45,7 +45,7 @@ class Commanding:
     def __init__(
         self, controller: ResolvedController, params: Params, num_robots: int, task: str, options: Mapping[str, Any]
     ) -> None:
-        self.task = task
+        self.task, self.takes_clicks = task, task == CLICKED
         self.driver: Driver
         if controller.policy is None:
             self.driver = self._law = LawDriver(controller, params, num_robots)
@@ -113,7 +113,7 @@ class Commanding:
     def click(self, robots: Robots, x: float, y: float) -> None:
         """As `Objective`: the goal, which is brought as near to the ball as the task draws goals."""
         goal = np.array([check_bounded(n, v, -MAX_CLICK, MAX_CLICK) for n, v in (("x", x), ("y", y))])
-        if self.task != CLICKED:
+        if not self.takes_clicks:
             raise ValueError(f"a click is no command of the task {self.task}")
         self._hand = goal
         self._give(robots)

@@ -15,6 +15,8 @@ class Objective(Protocol):
 
     #: Name of the task.
     task: str
+    #: Whether a click on the floor asks for something.
+    takes_clicks: bool
 
     @property
     def driver(self) -> Driver:

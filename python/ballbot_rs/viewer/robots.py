@@ -95,7 +95,7 @@ class Robots:
 
     @property
     def task_pushes(self) -> FloatArray:
-        """Impulse of the last push of the task on each robot, N·s, shape (n, 3); NaN where there is none."""
+        """Last push of the task on each robot, shape (n, 3): impulse (N·s), azimuth (rad), height; NaN without one."""
         none = np.full(3, np.nan)
         return np.array([robot.draws.get(TASK_PUSH, none) for robot in self._robots])
 

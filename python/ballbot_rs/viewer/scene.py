@@ -1,4 +1,4 @@
-"""The scene: a floor, the robots, the setpoint and the target on the way to it."""
+"""The scene: a floor, the robots, the setpoint and the target on the way to it, or what a task asks."""
 
 import math
 from collections.abc import Callable
@@ -15,6 +15,7 @@ from ballbot_rs._state_rows import (
     BODY_QUATERNION,
     WHEEL_ANGLES,
 )
+from ballbot_rs.viewer.command_nodes import CommandNodes
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.shapes import Look, Piece
 
@@ -49,20 +50,35 @@ class Scene:
         self.floor = server.scene.add_mesh_simple(
             "/sheet", corners, np.array([(0, 1, 2), (0, 2, 3)]), opacity=0.01, position=(0.0, 0.0, -0.002)
         )
+        self._commands: CommandNodes | None = None
+        self._task: str | None = None
         self._setpoint = server.scene.add_icosphere("/setpoint", 0.03, GOAL_COLOR, subdivisions=2)
         self._target = server.scene.add_icosphere("/target", 0.015, TARGET_COLOR, subdivisions=2)
 
     def show(self, frame: Frame) -> None:
         """Moves everything to where a frame has it."""
         wanted = (frame.robot, len(frame.states))
+        task = None if frame.asked is None else frame.asked.task
+        if (*wanted, task) != (*self._shown, self._task):
+            self._rebuild_commands(task, len(frame.states))
         if wanted != self._shown:
             self._rebuild(*wanted)
+        if self._commands is not None:
+            self._commands.show(frame)
         for node, place in ((self._setpoint, frame.setpoint), (self._target, frame.target)):
             node.visible = place is not None
             if place is not None:
                 node.position = (float(place[0]), float(place[1]), 0.0)
         for nodes, state in zip(self._robots, frame.states, strict=True):
             nodes.show(state)
+
+    def _rebuild_commands(self, task: str | None, num_robots: int) -> None:
+        if self._commands is not None:
+            self._commands.remove()
+        self._commands, self._task = None, task
+        if task is not None:
+            self._commands = CommandNodes(self._server, f"/command_{self._generation}", task, places(num_robots))
+            self._generation += 1
 
     def _rebuild(self, robot: str, num_robots: int) -> None:
         for nodes in self._robots:

@@ -135,6 +135,16 @@ class Session:
         return self._objective.driver
 
     @property
+    def commanding(self) -> Commanding | None:
+        """The task, unless it is balance."""
+        return self._objective if isinstance(self._objective, Commanding) else None
+
+    @property
+    def takes_clicks(self) -> bool:
+        """Whether a click on the floor asks for something."""
+        return self._objective.takes_clicks
+
+    @property
     def _substeps(self) -> int:
         return round(self.driver.control_dt / self.driver.sim_dt)
 
@@ -320,9 +330,9 @@ class Session:
         Raises:
             ValueError: a number out of range, or another task.
         """
-        if not isinstance(self._objective, Commanding):
+        if self.commanding is None:
             raise ValueError(f"the task {self.task} is not driven: choose the task velocity")
-        self._objective.drive(self.robots, forward, left, turn)
+        self.commanding.drive(self.robots, forward, left, turn)
 
     def draw_commands(self) -> None:
         """Gives the commands back to the task: its next episodes begin where the robots are.
