@@ -69,6 +69,11 @@ class _Nodes:
         self._add(arrow)
         return arrow
 
+    def _line(self, name: str, points: FloatArray, color: tuple[int, int, int]) -> viser.LineSegmentsHandle:
+        line = self._scene.add_line_segments(f"{self._name}/{name}", _closed(points), color, line_width=3.0)
+        self._add(line)
+        return line
+
     def _point(self, name: str, radius: float, color: tuple[int, int, int]) -> viser.SceneNodeHandle:
         point = self._scene.add_icosphere(f"{self._name}/{name}", radius, color, subdivisions=2)
         self._add(point)
@@ -112,54 +117,50 @@ class _Velocity(_Nodes):
 
 
 class _Goal(_Nodes):
-    """A point on a ring."""
+    """A point in a ring, which is seen around the ball."""
 
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
         super().__init__(server, name, place)
-        circle = 0.08 * _circle(48)
-        self._ring = self._scene.add_line_segments(f"{name}/ring", _closed(circle), COMMAND_COLOR, line_width=3.0)
-        self._add(self._ring)
+        self._ring = self._line("ring", CLEAR * _circle(48), COMMAND_COLOR)
         self._goal = self._point("goal", 0.03, COMMAND_COLOR)
 
     def show(self, asked: Asked, state: FloatArray, index: int, time: float) -> None:  # noqa: ARG002
         """As `_Nodes`."""
-        x, y = asked.commands[index].tolist()
+        x, y = asked.points[index].tolist()
         self._goal.position = self._ring.position = (x, y, 0.0)
 
 
 class _Path(_Nodes):
-    """The whole curve, and the point that moves along it."""
+    """The whole curve, and the point that moves along it, in a ring."""
 
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
         super().__init__(server, name, place)
-        self._curve = self._scene.add_line_segments(f"{name}/curve", _closed(_circle(SAMPLES)), COMMAND_COLOR, 3.0)
-        self._add(self._curve)
+        self._curve = self._line("curve", _circle(SAMPLES), COMMAND_COLOR)
+        self._ring = self._line("ring", CLEAR * _circle(48), TURN_COLOR)
         self._moving = self._point("moving", 0.025, TURN_COLOR)
         self._shown: FloatArray | None = None
 
     def show(self, asked: Asked, state: FloatArray, index: int, time: float) -> None:  # noqa: ARG002
         """As `_Nodes`."""
         x, y = asked.points[index].tolist()
-        self._moving.position = (x, y, 0.0)
+        self._moving.position = self._ring.position = (x, y, 0.0)
         wanted = np.append(asked.commands[index], asked.begins[index])
         if self._shown is None or not np.array_equal(self._shown, wanted):
             self._shown = wanted
             self._curve.points = np.float32(_closed(path_of(asked.commands[index], asked.begins[index])))
 
 
-class _Push(_Nodes):
+class _Push(_Goal):
     """The point to stay at, and for a while an arrow in the direction of a push."""
 
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
         super().__init__(server, name, place)
-        self._stay = self._point("stay", 0.03, COMMAND_COLOR)
         self._push = self._arrow("push", PUSH_COLOR)
         self._last, self._since = np.full(3, np.nan), -math.inf
 
     def show(self, asked: Asked, state: FloatArray, index: int, time: float) -> None:
         """As `_Nodes`."""
-        x, y = asked.points[index].tolist()
-        self._stay.position = (x, y, 0.0)
+        super().show(asked, state, index, time)
         push = asked.pushes[index]
         if not np.array_equal(push, self._last, equal_nan=True):
             self._last, self._since = push.copy(), time

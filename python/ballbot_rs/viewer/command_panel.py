@@ -25,8 +25,11 @@ class CommandPanel:
 
     def __init__(self, server: viser.ViserServer, submit: Callable[[Command], bool]) -> None:
         self._gui, self._submit = server.gui, submit
-        self._command = self._gui.add_text("Command", "", disabled=True, hint="of robot 0")
-        self._metrics = self._gui.add_text("So far", "", disabled=True, hint="the metrics of the task, of robot 0")
+        self._command = self._gui.add_text(
+            "Command", "", disabled=True, hint="of robot 0; velocities are in its heading frame"
+        )
+        most = max(len(task["metrics"]) for task in TASKS.values())
+        self._metrics = [self._gui.add_text(f"Metric {i}", "", disabled=True, visible=False) for i in range(most)]
 
     def add_controls(self) -> None:
         """Adds how to command by hand, and the way back."""
@@ -43,11 +46,13 @@ class CommandPanel:
     def show(self, session: Session, frame: Frame) -> None:
         """Shows what is asked in a frame."""
         asked, commanding = frame.asked, session.commanding
+        metrics = {} if asked is None else metrics_of(asked)
+        rows = [*metrics.items(), *[("", "")] * (len(self._metrics) - len(metrics))]
         is_drawn = commanding is not None and bool(TASKS[session.task]["command"])
         help_text = "" if commanding is None else help_of(commanding)
         for control, is_visible in (
             (self._command, asked is not None),
-            (self._metrics, asked is not None),
+            *zip(self._metrics, [bool(label) for label, _ in rows], strict=True),
             (self._help, bool(help_text)),
             (self._draw, is_drawn),
         ):
@@ -55,10 +60,10 @@ class CommandPanel:
                 control.visible = is_visible
         if self._help.content != help_text:
             self._help.content = help_text
-        if asked is not None:
-            for text, value in ((self._command, command_of(asked)), (self._metrics, metrics_of(asked))):
-                if text.value != value:
-                    text.value = value
+        texts = [("Command", "" if asked is None else command_of(asked)), *rows]
+        for text, (label, value) in zip([self._command, *self._metrics], texts, strict=True):
+            if label and (text.label, text.value) != (label, value):
+                text.label, text.value = label, value
 
 
 def command_of(asked: Asked) -> str:
@@ -66,13 +71,12 @@ def command_of(asked: Asked) -> str:
     command = asked.commands[0].tolist()
     if asked.task == "push":
         impulse, azimuth = asked.pushes[0, :2].tolist()
-        stay = f"stay at ({asked.points[0, 0]:.2f}, {asked.points[0, 1]:.2f}) m"
         return (
-            stay if math.isnan(impulse) else f"{stay}; last push {impulse:.2f} N·s to {math.degrees(azimuth):.0f} deg"
+            "no push yet" if math.isnan(impulse) else f"pushed by {impulse:.2f} N·s to {math.degrees(azimuth):.0f} deg"
         )
     if asked.task == "velocity":
         x, y, rate = command
-        text = f"({x:.2f}, {y:.2f}) m/s in the heading frame, {rate:.2f} rad/s"
+        text = f"({x:.2f}, {y:.2f}) m/s, {rate:.2f} rad/s"
     elif asked.task == "goal":
         text = f"go to ({command[0]:.2f}, {command[1]:.2f}) m"
     elif asked.task == "path":
@@ -83,14 +87,13 @@ def command_of(asked: Asked) -> str:
     return f"{text}; {'by hand' if asked.by_hand else 'by the task'}"
 
 
-def metrics_of(asked: Asked) -> str:
-    """The metrics of robot 0 so far."""
+def metrics_of(asked: Asked) -> dict[str, str]:
+    """The metrics of robot 0 so far, by label."""
     units = {metric["name"]: metric["unit"] for metric in TASKS[asked.task]["metrics"]}
-    parts = [
-        f"{name.replace('_', ' ')} {'-' if math.isnan(value) else f'{value:.3f} {units[name]}'.rstrip()}"
+    return {
+        name.replace("_", " ").capitalize(): "not yet" if math.isnan(value) else f"{value:.3f} {units[name]}".rstrip()
         for name, value in asked.metrics.items()
-    ]
-    return ", ".join(parts)
+    }
 
 
 def help_of(commanding: Commanding) -> str:

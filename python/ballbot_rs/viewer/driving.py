@@ -20,7 +20,7 @@ from ballbot_rs.viewer.session import Session
 PATH: Final = "/drive"
 
 #: How long a command holds after the page's last message, s; the script sends one every 0.1 s.
-HOLD: Final = 0.5
+HOLD: Final = 1.0
 
 #: Least time between two messages of a page, s; one that sends more is read more slowly.
 LEAST_PERIOD: Final = 0.005
