@@ -8,7 +8,7 @@ import viser
 
 from ballbot_rs._core import TASKS
 from ballbot_rs.viewer.asked import Asked
-from ballbot_rs.viewer.commanding import CLICKED, DRIVEN, Commanding
+from ballbot_rs.viewer.commanding import ACCELERATION, CLICKED, DRIVEN, Commanding
 from ballbot_rs.viewer.driving import HOLD
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.runner import Command
@@ -50,18 +50,15 @@ class CommandPanel:
         rows = [*metrics.items(), *[("", "")] * (len(self._metrics) - len(metrics))]
         is_drawn = commanding is not None and bool(TASKS[session.task]["command"])
         help_text = "" if commanding is None else help_of(commanding)
-        for control, is_visible in (
-            (self._command, asked is not None),
-            *zip(self._metrics, [bool(label) for label, _ in rows], strict=True),
-            (self._help, bool(help_text)),
-            (self._draw, is_drawn),
-        ):
+        for control, is_visible in ((self._help, bool(help_text)), (self._draw, is_drawn)):
             if control.visible != is_visible:
                 control.visible = is_visible
         if self._help.content != help_text:
             self._help.content = help_text
-        texts = [("Command", "" if asked is None else command_of(asked)), *rows]
+        texts = [("Command" if asked else "", command_of(asked) if asked else ""), *rows]
         for text, (label, value) in zip([self._command, *self._metrics], texts, strict=True):
+            if text.visible != bool(label):
+                text.visible = bool(label)
             if label and (text.label, text.value) != (label, value):
                 text.label, text.value = label, value
 
@@ -100,10 +97,10 @@ def help_of(commanding: Commanding) -> str:
     """How to command a task by hand, and what is the most that it takes."""
     if commanding.task == DRIVEN:
         return (
-            f"**Drive**: `W` `A` `S` `D` or arrows: velocity; `Q` `E`: turn; space: stop. Gamepad: left stick, right "
-            f"stick. At most {commanding.max_speed:g} m/s and {commanding.max_yaw_rate:g} rad/s, as the task draws. "
-            f"The robot stops if the page loses the focus, or is silent for {HOLD:g} s. If a field has the focus, "
-            "click on the scene first."
+            "**Drive**: `W` `A` `S` `D` or arrows: velocity; `Q` `E`: turn; space: stop. Gamepad: left and right stick. "
+            f"At most {commanding.max_speed:g} m/s and {commanding.max_yaw_rate:g} rad/s, as the task draws, and "
+            f"{ACCELERATION:g} m/s². The robot stops if the page loses the focus, or is silent for {HOLD:g} s. If a "
+            "field has the focus, click on the scene first."
         )
     if commanding.task == CLICKED:
         return (

@@ -1,7 +1,7 @@
 """A task that asks by itself: robots in its environments, with commands that it draws or that a user gives."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,10 @@ FloatArray = npt.NDArray[np.float64]
 
 #: Tasks that take a command from the page: driven by keys, or given by a click on the floor.
 DRIVEN, CLICKED = "velocity", "goal"
+
+#: How fast a command that drives changes, m/s², as the point of the task path does, and rad/s²: keys may be pressed
+#: faster than a robot can follow.
+ACCELERATION, YAW_ACCELERATION = 0.6, 2.0
 
 #: Largest coordinate that a click may have, m; the goal is nearer.
 MAX_CLICK = 1e3
@@ -69,6 +73,8 @@ class Commanding:
 
     def torques(self, robots: Robots, call: Call) -> Torques:
         """As `Objective`. What a controller takes is read before it is called, which may be in another thread."""
+        if self.task == DRIVEN and self._hand is not None:
+            self._give(robots, [self._towards_hand(now) for now in robots.commands])
         if self._policy is not None:
             policy, observations = self._policy, robots.observations
             return call(lambda: policy.torques(observations))
@@ -93,10 +99,12 @@ class Commanding:
         """As `Objective`."""
         if isinstance(before, Commanding) and before.task == self.task and before._hand is not None:
             self._hand = before._hand
-            self._give(robots)
+            self._give(robots, self._goals(robots) if self.takes_clicks else [self._hand] * len(robots))
 
-    def drive(self, robots: Robots, forward: float, left: float, turn: float) -> None:
+    def drive(self, forward: float, left: float, turn: float) -> None:
         """Drives all robots: shares of the largest speed, in the heading frame, and of the largest rate, in [-1, 1].
+
+        Their commands change to it from now on.
 
         Raises:
             ValueError: a number out of range, or another task.
@@ -108,7 +116,17 @@ class Commanding:
         # On the diagonal two keys ask for more than the task draws.
         speed = self.max_speed / max(1.0, math.hypot(*shares[:2]))
         self._hand = np.array([speed * shares[0], speed * shares[1], self.max_yaw_rate * shares[2]])
-        self._give(robots)
+
+    def _towards_hand(self, now: FloatArray) -> FloatArray:
+        """The command of a robot a control step later, on the way to the one by hand."""
+        assert self._hand is not None
+        change = self._hand - now
+        speed, turn = math.hypot(*change[:2]), abs(change[2])
+        dt = self.driver.control_dt
+        change[:2] *= min(1.0, ACCELERATION * dt / max(speed, 1e-12))
+        change[2] *= min(1.0, YAW_ACCELERATION * dt / max(turn, 1e-12))
+        arrived = speed <= ACCELERATION * dt and turn <= YAW_ACCELERATION * dt
+        return self._hand if arrived else now + change
 
     def click(self, robots: Robots, x: float, y: float) -> None:
         """As `Objective`: the goal, which is brought as near to the ball as the task draws goals."""
@@ -116,16 +134,19 @@ class Commanding:
         if not self.takes_clicks:
             raise ValueError(f"a click is no command of the task {self.task}")
         self._hand = goal
-        self._give(robots)
+        self._give(robots, self._goals(robots))
 
-    def _give(self, robots: Robots) -> None:
-        assert self._hand is not None
-        for index, (state, now) in enumerate(zip(robots.states, robots.commands, strict=True)):
-            wanted = self._hand
-            if self.task == CLICKED:
-                ball = state.ball_position[:2]
-                distance = float(np.linalg.norm(wanted - ball))
-                wanted = ball + (wanted - ball) * min(1.0, self.max_distance / max(distance, 1e-9))
+    def _goals(self, robots: Robots) -> list[FloatArray]:
+        """The goal by hand, brought near to each ball."""
+        goals = []
+        for state in robots.states:
+            ball = state.ball_position[:2]
+            way = self._hand - ball
+            goals.append(ball + way * min(1.0, self.max_distance / max(float(np.linalg.norm(way)), 1e-9)))
+        return goals
+
+    def _give(self, robots: Robots, commands: Sequence[FloatArray]) -> None:
+        for index, (now, wanted) in enumerate(zip(robots.commands, commands, strict=True)):
             # The errors of the same command given again would be counted anew.
             if not np.array_equal(now, wanted):
                 robots.set_command(index, wanted)

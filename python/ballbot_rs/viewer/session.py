@@ -332,7 +332,7 @@ class Session:
         """
         if self.commanding is None:
             raise ValueError(f"the task {self.task} is not driven: choose the task velocity")
-        self.commanding.drive(self.robots, forward, left, turn)
+        self.commanding.drive(forward, left, turn)
 
     def draw_commands(self) -> None:
         """Gives the commands back to the task: its next episodes begin where the robots are.
