@@ -96,11 +96,11 @@ def metrics_of(asked: Asked) -> dict[str, str]:
 def help_of(commanding: Commanding) -> str:
     """How to command a task by hand, and what is the most that it takes."""
     if commanding.task == DRIVEN:
+        limits = f"{commanding.max_speed:g} m/s and {commanding.max_yaw_rate:g} rad/s"
         return (
-            "**Drive**: `W` `A` `S` `D` or arrows: velocity; `Q` `E`: turn; space: stop. Gamepad: left and right stick. "
-            f"At most {commanding.max_speed:g} m/s and {commanding.max_yaw_rate:g} rad/s, as the task draws, and "
-            f"{ACCELERATION:g} m/s². The robot stops if the page loses the focus, or is silent for {HOLD:g} s. If a "
-            "field has the focus, click on the scene first."
+            "**Drive**: `W` `A` `S` `D` or arrows: velocity; `Q` `E`: turn; space: stop. Gamepad: its two sticks. "
+            f"At most {limits}, as the task draws; the velocity changes by {ACCELERATION:g} m/s². The robot stops if "
+            f"the page loses the focus, or is silent for {HOLD:g} s. In a field, click on the scene first."
         )
     if commanding.task == CLICKED:
         return (

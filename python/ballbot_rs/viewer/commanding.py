@@ -138,6 +138,7 @@ class Commanding:
 
     def _goals(self, robots: Robots) -> list[FloatArray]:
         """The goal by hand, brought near to each ball."""
+        assert self._hand is not None
         goals = []
         for state in robots.states:
             ball = state.ball_position[:2]
