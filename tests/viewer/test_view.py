@@ -108,8 +108,8 @@ def test_the_page_in_a_browser(view, tmp_path):
         # The text says what the session does.
         page.wait_for("[...document.querySelectorAll('input')].some(i => /s, running/.test(i.value))")
 
-        # A click on the floor moves the setpoint there, and the page shows it where the click was. The server has to know
-        # the camera first, which begins elsewhere.
+        # A click on the floor moves the setpoint there, and the page shows it where the click was. The camera,
+        # which begins elsewhere, has to be known first.
         (viewer,) = view.server.get_clients().values()
         wait_until(lambda: viewer.camera.position[0] < 0.0)
         page.click(300, 560)
