@@ -45,6 +45,9 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
     def command():
         return ask(view, lambda session: session.frame().asked.commands[0])
 
+    def ball():
+        return ask(view, lambda session: session.robots.states[0].ball_position[:2])
+
     def becomes(*wanted):
         wait_until(lambda: np.allclose(command(), wanted, atol=1e-9))
 
@@ -64,7 +67,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         becomes(0.5, 0.0, 0.0)
         assert ask(view, lambda session: session.frame().asked.by_hand)
         page.wait_for("[...document.querySelectorAll('input')].some(i => /0.50, 0.00\\) m.s.*by hand/.test(i.value))")
-        wait_until(lambda: np.linalg.norm(ask(view, lambda s: s.robots.states[0].ball_velocity)) > 0.3)
+        wait_until(lambda: np.linalg.norm(ball()) > 3.2)
         page.screenshot(tmp_path / "drive.png")
         down(page, "ArrowLeft")
         becomes(0.5 / 2**0.5, 0.5 / 2**0.5, 0.0)
@@ -117,9 +120,18 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         page.evaluate("window.pad.axes = [0, 0, 0, 0]")
         becomes(0.0, 0.0, 0.0)
 
+        # The camera has stayed, with the robot in the middle: a click near it is a goal near it.
+        assert np.linalg.norm(ball()) > 2.0
+        view.runner.submit(lambda session: session.choose(task="goal"))
+        page.wait_for("/Click on the floor/.test(document.body.innerText) && !/Drive/.test(document.body.innerText)")
+        where = ball()
+        page.click(480, 450)
+        wait_until(lambda: ask(view, lambda session: session.frame().asked.by_hand))
+        assert np.linalg.norm(command() - where) < 1.5
+
         # Where there is nothing to drive, the keys move the camera.
         view.runner.submit(lambda session: session.choose(task="path"))
-        page.wait_for("!/Drive/.test(document.body.innerText)")
+        page.wait_for("!/Click on the floor/.test(document.body.innerText)")
         down(page, "KeyW")
         wait_until(lambda: np.linalg.norm(viewer.camera.position - eye) > 0.05)
         up(page, "KeyW")

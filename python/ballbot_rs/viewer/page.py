@@ -14,6 +14,7 @@ from ballbot_rs._state_rows import BALL_POSITION
 from ballbot_rs.control.resolve import NAMES
 from ballbot_rs.viewer.camera import floor_point, look_from
 from ballbot_rs.viewer.command_panel import CommandPanel
+from ballbot_rs.viewer.commanding import DRIVEN
 from ballbot_rs.viewer.handle import PullHandle
 from ballbot_rs.viewer.plots import Plots
 from ballbot_rs.viewer.recording import Frame
@@ -28,6 +29,9 @@ POLICY = "policy file"
 
 #: What the page calls the choices of `session.OBSERVATIONS`.
 SEES = {"ground_truth": "true state", "sensors": "estimate"}
+
+#: Tasks whose robot would leave the picture.
+FOLLOWED = (DRIVEN,)
 
 #: Time between two updates of the numbers, and of the plots, s.
 STATUS_PERIOD, PLOT_PERIOD = 0.2, 0.4
@@ -163,6 +167,9 @@ class Page:
         self._paused.on_update(self._on(lambda: _set_paused(self._paused.value)))
         step = gui.add_button("Step", hint="pauses, then one control step")
         step.on_click(self._on(lambda: self._single_step))
+        follow = gui.add_checkbox("Camera follows robot 0", session.task in FOLLOWED)
+        self._scene.follows = follow.value
+        follow.on_update(self._on(lambda: functools.partial(self._set_follows, follow.value)))
         speed = gui.add_slider("Speed", min=MIN_SPEED, max=1.0, step=0.01, initial_value=1.0, hint="1: real time")
         speed.on_update(self._on(lambda: _bind(Session.set_speed, speed.value)))
         degrees = [round(math.degrees(angle), 1) for angle in session.start_tilt]
@@ -174,6 +181,9 @@ class Page:
         reset.on_click(
             self._on(lambda: _bind(Session.reset, (math.radians(about_x.value), math.radians(about_y.value))))
         )
+
+    def _set_follows(self, value: bool, session: Session) -> None:  # noqa: ARG002
+        self._scene.follows = value
 
     def _single_step(self, session: Session) -> None:
         session.paused = True
@@ -222,11 +232,12 @@ class Page:
         goal = floor_point(camera.position, camera.wxyz, camera.fov, camera.aspect, event.screen_pos)
         if not self._clicks.value or goal is None:
             return
+        x, y = (float(part + shift) for part, shift in zip(goal, self._scene.middle, strict=True))
 
         def command(session: Session) -> None:
             # The end of a drag of the handle comes as a click, too.
             if session.pull_point is None and session.takes_clicks:
-                session.move_setpoint(*goal)
+                session.move_setpoint(x, y)
 
         self._submit(command)
 
