@@ -53,3 +53,19 @@ def test_another_task_is_refused(policy_of):
 def test_without_policies_the_task_is_balancing():
     assert common_task([find("lqr")]) == "balance"
     assert common_task([find("lqr")], "goal") == "goal"
+
+
+def test_a_file_of_stable_baselines_names_its_task(tmp_path):
+    sb3 = pytest.importorskip("stable_baselines3", reason="needs 'ballbot-rs[train]'")
+    env = bb.BallbotVecEnv(2, task="goal", goal_seconds=(3.0, 4.0))
+    path = bb.save(sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=16), tmp_path / "p.zip")
+    found = find(path)
+    assert found.task == "goal"
+    assert found.env_options["goal_seconds"] == [3.0, 4.0]
+    with pytest.raises(ValueError, match="env_id is 'ballbot/Goal-v0', expected 'ballbot/Path-v0'"):
+        find(path, task="path")
+    from ballbot_rs.training.export import export
+
+    pytest.importorskip("onnxscript", reason="needs 'ballbot-rs[export]'")
+    export(path, tmp_path / "p.onnx")
+    assert bb.OnnxPolicy(tmp_path / "p.onnx").task == "goal"

@@ -94,7 +94,7 @@ def test_what_is_wrong_reaches_no_other_client_and_what_is_right_does(view):
         for value in (1e308, math.nan, "x", None):
             sender.send(update(handle, value))
         sender.send(
-            packed(type="TransformControlsUpdateMessage", name="/pull", wxyz=[1, 0, 0, 0], position=[1e308] * 3)
+            packed(type="TransformControlsUpdateMessage", name="/world/pull", wxyz=[1, 0, 0, 0], position=[1e308] * 3)
         )
         sender.send(packed(**{**CAMERA, "position": [1e308, 0, 0]}))
         sender.send(update(control(view, "Speed"), 0.5))

@@ -32,7 +32,7 @@ CLICK = {
 }
 DRAG = {
     "type": "TransformControlsUpdateMessage",
-    "name": "/pull",
+    "name": "/world/pull",
     "wxyz": [1.0, 0.0, 0.0, 0.0],
     "position": [0.1, 0.0, 0.3],
 }

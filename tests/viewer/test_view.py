@@ -108,7 +108,10 @@ def test_the_page_in_a_browser(view, tmp_path):
         # The text says what the session does.
         page.wait_for("[...document.querySelectorAll('input')].some(i => /s, running/.test(i.value))")
 
-        # A click on the floor moves the setpoint there, and the page shows it where the click was.
+        # A click on the floor moves the setpoint there, and the page shows it where the click was. The camera,
+        # which begins elsewhere, has to be known first.
+        (viewer,) = view.server.get_clients().values()
+        wait_until(lambda: viewer.camera.position[0] < 0.0)
         page.click(300, 560)
         wait_until(lambda: np.linalg.norm(ask(view, lambda s: s.setpoint)) > 0.1)
         goal = ask(view, lambda s: s.setpoint)
@@ -120,7 +123,6 @@ def test_the_page_in_a_browser(view, tmp_path):
         wait_until(shows_the_goal)
 
         # A drag turns the camera and is no click.
-        (viewer,) = view.server.get_clients().values()
         eye = np.array(viewer.camera.position)
         page.drag((300, 600), (420, 560))
         wait_until(lambda: np.linalg.norm(viewer.camera.position - eye) > 0.1)

@@ -8,15 +8,19 @@ import sys
 import threading
 import time
 import webbrowser
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ballbot_rs._checks import check_options
 from ballbot_rs._core import Params
 from ballbot_rs._extras import require
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SEED, real, whole
-from ballbot_rs.control.resolve import TRAINED, common_options
+from ballbot_rs.control.resolve import TRAINED, common_options, common_task
+from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.viewer.session import MAX_ROBOTS, Session
+from ballbot_rs.viewer.setup import DECIDED
 from ballbot_rs.viewer.watch import is_any_left
 
 if TYPE_CHECKING:
@@ -100,6 +104,8 @@ def _start(arguments: argparse.Namespace) -> "View":
         arguments.seed,
         options.get("sensors"),
         options.get("observation", "ground_truth"),
+        task=arguments.task,
+        task_options=_of_task(given, common_task([controller], arguments.task)),
     )
     with require("the page", "view"):
         from ballbot_rs.viewer.view import View
@@ -110,6 +116,12 @@ def _start(arguments: argparse.Namespace) -> "View":
         if arguments.urdf is None or isinstance(error, OSError):
             raise
         raise ValueError(f"{' and '.join(map(str, arguments.urdf))} cannot be shown: {error}") from error
+
+
+def _of_task(given: Mapping[str, Any], task: str) -> dict[str, Any]:
+    """Those of the options that are not of the robot, for controllers that the page is asked for later."""
+    check_options(f"the environment of {task}", given, option_names(task))
+    return {name: value for name, value in given.items() if name not in DECIDED}
 
 
 def _robot(arguments: argparse.Namespace, chosen: Any) -> tuple[str, Params | None]:

@@ -29,16 +29,24 @@ LIFT = 1.0
 
 
 class Driver(Protocol):
-    """Chooses the wheel torques of all robots of a session."""
+    """A controller on every robot of a session."""
 
     control_dt: float
     sim_dt: float
     #: Largest torque that it may choose, N·m: that of the motors, or of a policy's action of 1.
     max_torque: float
-    #: Whether it moves the robot to a position.
-    follows_position: bool
     #: Whether it is made of what others wrote, which may never return.
     is_foreign: bool
+
+    def reset(self, robot: int | None = None) -> None:
+        """Clears the memory of past steps, of all robots or of one."""
+
+
+class BalancingDriver(Driver, Protocol):
+    """Chooses the wheel torques of all robots of a session that balance."""
+
+    #: Whether it moves the robot to a position.
+    follows_position: bool
 
     def torques(self, states: Sequence[State], setpoints: npt.ArrayLike) -> Torques:
         """Wheel torques for the next `control_dt`, shape (n, 3), N·m.
@@ -46,11 +54,8 @@ class Driver(Protocol):
         `setpoints` are positions of the ball, m: one a robot, shape (n, 2), or one for all, shape (2,).
         """
 
-    def reset(self, robot: int | None = None) -> None:
-        """Clears the memory of past steps, of all robots or of one."""
 
-
-def make_driver(controller: ResolvedController, params: Params, num_robots: int) -> Driver:
+def make_driver(controller: ResolvedController, params: Params, num_robots: int) -> BalancingDriver:
     """A controller on `num_robots` robots.
 
     Raises:
@@ -61,7 +66,7 @@ def make_driver(controller: ResolvedController, params: Params, num_robots: int)
     return PolicyDriver(controller, params, num_robots)
 
 
-def _check_steps(name: str, control_dt: float, sim_dt: float) -> None:
+def check_steps(name: str, control_dt: float, sim_dt: float) -> None:
     """Raises ValueError for time steps with which the page would not be in real time."""
     if not MIN_CONTROL_DT <= control_dt <= MAX_CONTROL_DT:
         limits = f"{MIN_CONTROL_DT:g} to {MAX_CONTROL_DT:g} s"
@@ -78,7 +83,7 @@ class LawDriver:
 
     def __init__(self, controller: ResolvedController, params: Params, num_robots: int) -> None:
         self.control_dt = CONTROL_DT if controller.control_dt is None else controller.control_dt
-        _check_steps(controller.name, self.control_dt, SIM_DT)
+        check_steps(controller.name, self.control_dt, SIM_DT)
         # At most the usual time step, and a whole number of them in the controller's.
         self.sim_dt = self.control_dt / math.ceil(self.control_dt / SIM_DT - 1e-9)
         self.max_torque = params.max_wheel_torque
@@ -89,7 +94,11 @@ class LawDriver:
 
     def torques(self, states: Sequence[State], setpoints: npt.ArrayLike) -> Torques:
         """Wheel torques for the next `control_dt`, shape (n, 3), N·m."""
-        return self._laws.torques(states, [Setpoint(position=place) for place in _one_each(setpoints, states)])
+        return self.follow(states, [Setpoint(position=place) for place in _one_each(setpoints, states)])
+
+    def follow(self, states: Sequence[State], setpoints: Sequence[Setpoint]) -> Torques:
+        """The same for setpoints with all parts, one a robot."""
+        return self._laws.torques(states, setpoints)
 
     def reset(self, robot: int | None = None) -> None:
         """Clears the memory of the laws, or of the law of one robot."""
@@ -118,7 +127,7 @@ class PolicyDriver:
         self._observers = [new_batch(1, num_threads=1, options=options) for _ in range(num_robots)]
         self.control_dt = self._observers[0].control_dt
         self.sim_dt = self._observers[0].sim_dt
-        _check_steps(controller.name, self.control_dt, self.sim_dt)
+        check_steps(controller.name, self.control_dt, self.sim_dt)
         self.max_torque = self._observers[0].max_wheel_torque
         self._last = np.zeros((num_robots, 3), dtype=np.float32)
         rows = TASKS[DEFAULT_TASK]["observation"]

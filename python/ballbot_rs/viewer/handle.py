@@ -12,6 +12,7 @@ import numpy as np
 import viser
 
 from ballbot_rs.viewer.runner import Command
+from ballbot_rs.viewer.scene import WORLD
 from ballbot_rs.viewer.session import Session
 
 #: How long the handle pulls after its last move, s.
@@ -23,7 +24,7 @@ class PullHandle:
 
     def __init__(self, server: viser.ViserServer, submit: Callable[[Command], bool]) -> None:
         self._gizmo = server.scene.add_transform_controls(
-            "/pull", scale=0.25, disable_rotations=True, disable_sliders=True, depth_test=False
+            f"{WORLD}/pull", scale=0.25, disable_rotations=True, disable_sliders=True, depth_test=False
         )
         self._submit = submit
         self._moved = -np.inf

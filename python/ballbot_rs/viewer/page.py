@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import viser
 
-from ballbot_rs._core import MODELS
+from ballbot_rs._core import MODELS, TASKS
 from ballbot_rs._state_rows import BALL_POSITION
 from ballbot_rs.control.resolve import NAMES
 from ballbot_rs.viewer.camera import floor_point, look_from
+from ballbot_rs.viewer.command_panel import CommandPanel
+from ballbot_rs.viewer.commanding import DRIVEN
 from ballbot_rs.viewer.handle import PullHandle
 from ballbot_rs.viewer.plots import Plots
 from ballbot_rs.viewer.recording import Frame
@@ -27,6 +29,9 @@ POLICY = "policy file"
 
 #: What the page calls the choices of `session.OBSERVATIONS`.
 SEES = {"ground_truth": "true state", "sensors": "estimate"}
+
+#: Tasks whose robot would leave the picture.
+FOLLOWED = (DRIVEN,)
 
 #: Time between two updates of the numbers, and of the plots, s.
 STATUS_PERIOD, PLOT_PERIOD = 0.2, 0.4
@@ -53,7 +58,7 @@ class Page:
         self._server, self._submit = server, submit
         self._scene = Scene(server, look)
         self._next_status = self._next_plot = 0.0
-        self._last_controller = session.controller
+        self._last_choice = ("", "")
         # Without its button for sharing, which this server refuses anyway, viser 0.2.23's page crashes.
         server.gui.configure_theme(control_width="large", show_logo=False)
         self._status = server.gui.add_text("Status", "", disabled=True)
@@ -62,9 +67,11 @@ class Page:
         self._goal = server.gui.add_text(
             "Setpoint", "", disabled=True, hint="green: where you sent the robot; orange: the target on the way there"
         )
+        self._commands = CommandPanel(server, submit)
         self._message = server.gui.add_text("Message", "", disabled=True)
         tabs = server.gui.add_tab_group()
         with tabs.add_tab("Run"):
+            self._commands.add_controls()
             self._add_push()
             self._add_run(session)
         with tabs.add_tab("Robot"):
@@ -86,6 +93,7 @@ class Page:
         chosen = session.controller if session.controller in NAMES else POLICY
         self._model = gui.add_dropdown("Model", MODELS, initial_value=session.robots.model)
         self._robot = gui.add_dropdown("Robot", session.robot_names, initial_value=session.robots.name)
+        self._task = gui.add_dropdown("Task", tuple(TASKS), initial_value=session.task)
         self._sees = gui.add_dropdown(
             "Controller sees",
             tuple(SEES.values()),
@@ -99,7 +107,7 @@ class Page:
         self._policy = gui.add_text(
             "Policy file", "" if chosen != POLICY else session.controller, hint="path of an .onnx file"
         )
-        for control in (self._model, self._robot, self._controller, self._policy, self._sees, self._count):
+        for control in (self._model, self._robot, self._task, self._controller, self._policy, self._sees, self._count):
             control.on_update(self._choose)
 
     def _choose(self, event: viser.GuiEvent[Any]) -> None:
@@ -108,6 +116,7 @@ class Page:
         model, robot, count = self._model.value, self._robot.value, self._count.value
         controller = self._policy.value if self._controller.value == POLICY else self._controller.value
         observation = next(name for name, label in SEES.items() if label == self._sees.value)
+        task = self._task.value
         waits_for_name = self._controller.value == POLICY and not controller
 
         def command(session: Session) -> None:
@@ -119,6 +128,8 @@ class Page:
                     changes["robot"] = robot
                 if count != str(len(session.robots)):
                     changes["num_robots"] = int(count)
+                if task != session.task:
+                    changes["task"] = task
                 if observation != session.observation:
                     changes["observation"] = observation
                 if waits_for_name:
@@ -138,6 +149,7 @@ class Page:
         chosen = session.controller if session.controller in NAMES else POLICY
         shown = (
             (self._model, session.robots.model),
+            (self._task, session.task),
             (self._robot, session.robots.name),
             (self._controller, chosen),
             (self._sees, SEES[session.observation]),
@@ -155,6 +167,9 @@ class Page:
         self._paused.on_update(self._on(lambda: _set_paused(self._paused.value)))
         step = gui.add_button("Step", hint="pauses, then one control step")
         step.on_click(self._on(lambda: self._single_step))
+        follow = gui.add_checkbox("Camera follows robot 0", session.task in FOLLOWED)
+        self._scene.follows = follow.value
+        follow.on_update(self._on(lambda: functools.partial(self._set_follows, follow.value)))
         speed = gui.add_slider("Speed", min=MIN_SPEED, max=1.0, step=0.01, initial_value=1.0, hint="1: real time")
         speed.on_update(self._on(lambda: _bind(Session.set_speed, speed.value)))
         degrees = [round(math.degrees(angle), 1) for angle in session.start_tilt]
@@ -166,6 +181,9 @@ class Page:
         reset.on_click(
             self._on(lambda: _bind(Session.reset, (math.radians(about_x.value), math.radians(about_y.value))))
         )
+
+    def _set_follows(self, value: bool, session: Session) -> None:  # noqa: ARG002
+        self._scene.follows = value
 
     def _single_step(self, session: Session) -> None:
         session.paused = True
@@ -180,9 +198,9 @@ class Page:
         impulse = gui.add_slider("Impulse (N·s)", min=0.0, max=5.0, step=0.05, initial_value=0.3)
         push = gui.add_button("Push")
         push.on_click(self._on(lambda: _bind(Session.push, math.radians(direction.value), impulse.value)))
-        self._clicks = gui.add_checkbox("Click on the floor moves the setpoint", True)
-        origin = gui.add_button("Setpoint to the origin")
-        origin.on_click(self._on(lambda: _bind(Session.move_setpoint, 0.0, 0.0)))
+        self._clicks = gui.add_checkbox("Click on the floor moves the setpoint or goal", True)
+        self._origin = gui.add_button("Setpoint or goal to the origin")
+        self._origin.on_click(self._on(lambda: _bind(Session.move_setpoint, 0.0, 0.0)))
 
     def _add_recording(self) -> None:
         gui = self._server.gui
@@ -214,11 +232,12 @@ class Page:
         goal = floor_point(camera.position, camera.wxyz, camera.fov, camera.aspect, event.screen_pos)
         if not self._clicks.value or goal is None:
             return
+        x, y = (float(part + shift) for part, shift in zip(goal, self._scene.middle, strict=True))
 
         def command(session: Session) -> None:
             # The end of a drag of the handle comes as a click, too.
-            if session.pull_point is None:
-                session.move_setpoint(*goal)
+            if session.pull_point is None and session.takes_clicks:
+                session.move_setpoint(x, y)
 
         self._submit(command)
 
@@ -228,12 +247,15 @@ class Page:
         with self._server.atomic():
             self._scene.show(frame)
             self._handle.show(session)
-            if session.controller != self._last_controller:
-                self._last_controller = session.controller
+            if (session.controller, session.task) != self._last_choice:
+                self._last_choice = (session.controller, session.task)
+                self._goal.visible = session.commanding is None
+                self._clicks.visible = self._origin.visible = session.takes_clicks
                 self._correct(session)
             if now >= self._next_status:
                 self._next_status = now + STATUS_PERIOD
                 self._show_status(session, frame)
+                self._commands.show(session, frame)
                 self._tuning.show(session)
             if now >= self._next_plot and self._server.get_clients():
                 self._next_plot = now + PLOT_PERIOD

@@ -6,6 +6,8 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs.viewer.asked import Asked
+
 FloatArray = npt.NDArray[np.float64]
 
 #: Robots times frames that a recording holds: ten minutes of one robot.
@@ -37,10 +39,12 @@ class Frame:
     slip: FloatArray
     #: Share of the dynamic friction limit in use, three wheels and floor of robot 0.
     utilization: FloatArray
-    #: Goal of the robots, m; None under a controller that follows no position.
+    #: Setpoint of the robots, m; None under a controller that follows no position, and in other tasks than balance.
     setpoint: FloatArray | None
     #: Position that the controller of robot 0 holds on the way to the goal, m.
     target: FloatArray | None
+    #: What a task other than balance asks.
+    asked: Asked | None = None
 
 
 class Recording:

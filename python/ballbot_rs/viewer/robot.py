@@ -26,6 +26,8 @@ class Robot:
         #: Number of the present episode, from 1 on; its draws depend on it.
         self._episode = 0
         self._lying: Ballbot | None = None
+        #: Where the ball was when the present command was given, m.
+        self.begin = np.zeros(2)
 
     def start(self, tilt: npt.ArrayLike) -> None:
         """Begins the next episode, with its draws: at rest at the origin, tilted from the equilibrium.
@@ -38,8 +40,15 @@ class Robot:
         drawn = self._batch.params(0)
         self._batch.restore(0, before)
         self._batch.reset(starts=[State.at_equilibrium(drawn, tilt)])
-        self._episode += 1
+        self._begun(self._episode + 1)
+
+    def _begun(self, episode: int) -> None:
+        self._episode = episode
         self._lying = None
+        self._note_begin()
+
+    def _note_begin(self) -> None:
+        self.begin = self._batch.state(0).ball_position[:2].copy()
 
     def start_anew(self, tilt: npt.ArrayLike) -> None:
         """The same with a tilt that another robot has had; one that cannot have it begins in equilibrium."""
@@ -57,13 +66,36 @@ class Robot:
         state = other.state
         for _ in range(other._episode - 1 if self._setup.events else 0):
             self._batch.reset()
-        for candidate in (state, _rolling(other.params, state)):
+        if not self._begin_at(other.params, state):
+            self.start_anew(tilt)
+        self._episode = other._episode
+
+    def _begin_at(self, params: Params, state: State) -> bool:
+        """Begins the next episode in a state of a robot, without its slip where it cannot have that; or not at all."""
+        for candidate in (state, _rolling(params, state)):
             with contextlib.suppress(ValueError):
                 self._batch.reset(starts=[candidate])
-                self._episode = other._episode
-                return
-        self.start_anew(tilt)
-        self._episode = other._episode
+                self._begun(self._episode + 1)
+                return True
+        return False
+
+    def begin_episode(self) -> None:
+        """Begins the next episode, with its draws, where the robot is; one that lies waits for `start`.
+
+        A robot that events draw such that it cannot be there starts in equilibrium.
+        """
+        if self._lying is None and not self._begin_at(self.params, self.state):
+            self.start((0.0, 0.0))
+
+    def set_command(self, command: npt.ArrayLike) -> None:
+        """Gives a command of the task, which holds to the end of the episode; a robot that lies takes none.
+
+        Raises:
+            ValueError: the task has no such command.
+        """
+        if self._lying is None:
+            self._batch.set_command(0, command)
+            self._note_begin()
 
     def set_params(self, params: Params) -> None:
         """Replaces the parameters from which events draw, those of the shape excepted.
@@ -117,6 +149,27 @@ class Robot:
     def seen(self) -> State:
         """The state as controllers take it: the last estimate of the episode, or the present state without sensors."""
         return self.state if self._setup.sensors is None else self._batch.estimate(0)
+
+    @property
+    def observation(self) -> npt.NDArray[np.float32]:
+        """What the task observes, shape (m,): that of the end of the episode for a robot that lies."""
+        observation: npt.NDArray[np.float32] = self._batch.observations()[0]
+        return observation
+
+    @property
+    def command(self) -> FloatArray:
+        """The command of the task, shape (k,)."""
+        return self._batch.command(0)
+
+    @property
+    def setpoint(self) -> dict[str, Any]:
+        """What the task asks of a law, by part."""
+        return self._batch.setpoint(0)
+
+    @property
+    def metrics(self) -> dict[str, float]:
+        """The metrics of the task for the episode so far."""
+        return self._batch.metrics(0)
 
     @property
     def contacts(self) -> Contacts:

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import Params, State
 from ballbot_rs._state_rows import body_axes_of, tilt_components_of, tilt_of
+from ballbot_rs.viewer.asked import Asked
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.robot import Robot
 from ballbot_rs.viewer.setup import Setup
@@ -21,6 +22,10 @@ PULL_DISTANCE = 0.4
 #: From this tilt from the equilibrium on a robot has fallen, rad, as it has once it touches the floor; models without
 #: slip have no floor.
 FALLEN_TILT = math.radians(60.0)
+
+
+#: The term of the draws that has the pushes of a task.
+TASK_PUSH = "push:task"
 
 
 class Robots:
@@ -67,6 +72,46 @@ class Robots:
     def seen(self) -> list[State]:
         """The states as controllers take them: estimated with sensors, else the true ones."""
         return [robot.seen for robot in self._robots]
+
+    @property
+    def observations(self) -> npt.NDArray[np.float32]:
+        """What the task observes of each robot, shape (n, m)."""
+        return np.array([robot.observation for robot in self._robots])
+
+    @property
+    def commands(self) -> FloatArray:
+        """The task's command for each robot, shape (n, k)."""
+        return np.array([robot.command for robot in self._robots])
+
+    @property
+    def begins(self) -> FloatArray:
+        """Where each ball was when its command was given, m, shape (n, 2)."""
+        return np.array([robot.begin for robot in self._robots])
+
+    @property
+    def setpoints(self) -> list[dict[str, Any]]:
+        """What the task asks of a law on each robot, by part."""
+        return [robot.setpoint for robot in self._robots]
+
+    @property
+    def task_pushes(self) -> FloatArray:
+        """Last push of the task on each robot, shape (n, 3): impulse (N·s), azimuth (rad), height; NaN without one."""
+        none = np.full(3, np.nan)
+        return np.array([robot.draws.get(TASK_PUSH, none) for robot in self._robots])
+
+    @property
+    def metrics(self) -> dict[str, float]:
+        """The task's metrics of robot 0 so far."""
+        return self._robots[0].metrics
+
+    def set_command(self, index: int, command: npt.ArrayLike) -> None:
+        """Gives one robot a command, as `Robot.set_command`."""
+        self._robots[index].set_command(command)
+
+    def begin_episodes(self) -> None:
+        """Has all robots begin their next episodes where they are, with new commands."""
+        for robot in self._robots:
+            robot.begin_episode()
 
     def params_of(self, index: int) -> Params:
         """What changes and events make of one robot."""
@@ -167,7 +212,13 @@ class Robots:
     def _rows(self) -> FloatArray:
         return np.array([robot.state.to_array() for robot in self._robots])
 
-    def frame(self, time: float, setpoint: FloatArray | None, target: FloatArray | None) -> Frame:
+    def frame(
+        self,
+        time: float,
+        setpoint: FloatArray | None = None,
+        target: FloatArray | None = None,
+        asked: Asked | None = None,
+    ) -> Frame:
         """What is to be shown."""
         states = self._rows()
         contacts = self._robots[0].contacts
@@ -185,4 +236,5 @@ class Robots:
             utilization=contacts.friction_utilization,
             setpoint=setpoint,
             target=target,
+            asked=asked,
         )

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from ballbot_rs.envs.registration import DEFAULT_TASK
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.session import Session
 
@@ -118,4 +119,6 @@ class Runner:
         what = (
             f"{many} robot{'s' if many > 1 else ''} {session.robots.name}, {session.robots.model}, {session.controller}"
         )
+        if session.task != DEFAULT_TASK:
+            what = f"{session.task}, {what}"
         return f"real-time factor {factor:.2f} ({what}); the simulation alone: {alone:.1f}"

@@ -18,7 +18,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from ballbot_rs.viewer import messages
+from ballbot_rs.viewer import driving, messages
 from ballbot_rs.viewer.access import refusal
 
 HOST = "127.0.0.1"
@@ -42,10 +42,16 @@ ANALYTICS = re.compile(rb"<script(?:(?!</script>).)*(?:googletagmanager|gtag)(?:
 
 
 class LocalServer(viser.ViserServer):
-    """A viser server that cannot be shared with the internet."""
+    """A viser server that cannot be shared with the internet.
 
-    def __init__(self, port: int) -> None:
+    Args:
+        port: where it listens.
+        drives: the pages that drive; without it none can.
+    """
+
+    def __init__(self, port: int, drives: driving.Driving | None = None) -> None:
         self._clients: set[ServerConnection] = set()
+        self._driving = drives
         with _guarded(self) as guards, contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=HOST, port=port, label="ballbot", verbose=False)
         if not guards:
@@ -57,7 +63,14 @@ class LocalServer(viser.ViserServer):
         return None
 
     async def serve(self, handler: Callable[[Any], Awaitable[None]], connection: ServerConnection) -> None:
-        """Has viser serve a client, of whose messages it gets those that are in order."""
+        """Has viser serve a client, of whose messages it gets those that are in order.
+
+        A connection to drive is not viser's.
+        """
+        if self.is_for_driving(connection.request):
+            assert self._driving is not None
+            await self._driving.serve(connection)
+            return
         if self.is_full:
             await connection.close(1013, FULL)
             return
@@ -68,6 +81,21 @@ class LocalServer(viser.ViserServer):
             self._clients.discard(connection)
             # What has waited for messages to this client ends.
             self._websock_server.flush()
+
+    def is_for_driving(self, request: Request | None) -> bool:
+        """Whether a connection is asked for to drive."""
+        return self._driving is not None and request is not None and request.path == driving.PATH
+
+    def complete(self, page: bytes | bytearray) -> bytes:
+        """Viser's page without what calls others, and with the script that drives."""
+        own = ANALYTICS.sub(b"", bytes(page))
+        return own if self._driving is None else own.replace(b"</head>", driving.script() + b"</head>", 1)
+
+    def is_full_for(self, request: Request) -> bool:
+        """Whether there is no room for what is asked for."""
+        if self.is_for_driving(request):
+            return self._driving is not None and len(self._driving) >= MAX_CLIENTS
+        return self.is_full
 
     @property
     def is_full(self) -> bool:
@@ -80,7 +108,8 @@ class LocalServer(viser.ViserServer):
         return self.gui._gui_input_handle_from_uuid if hasattr(self, "gui") else {}
 
     def _abort(self) -> None:
-        for connection in list(self._clients):
+        driving = () if self._driving is None else self._driving.connections
+        for connection in (*self._clients, *driving):
             connection.transport.abort()
 
     def stop(self) -> None:
@@ -180,13 +209,13 @@ def _guarded(server: LocalServer) -> Iterator[list[bool]]:
                 return _refused(http.HTTPStatus.FORBIDDEN, reason)
             is_page = request.path.partition("?")[0] in ("/", "/index.html")
             is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
-            if server.is_full and (is_page or is_socket):
+            if (is_page or is_socket) and server.is_full_for(request):
                 return _refused(http.HTTPStatus.SERVICE_UNAVAILABLE, FULL)
             if is_page:
                 request.headers.pop("Accept-Encoding", None)
             response = process_request(connection, request)
             if is_page and isinstance(response, Response):
-                response.body = ANALYTICS.sub(b"", response.body)
+                response.body = server.complete(response.body)
             return response
 
         guards.append(True)

@@ -4,18 +4,22 @@ import dataclasses
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import MODELS, ROBOTS, Params, load_sensors
-from ballbot_rs.control.reference import Reference
-from ballbot_rs.control.resolve import NAMES, ResolvedController, find
+from ballbot_rs._core import MODELS, ROBOTS, TASKS, Params, load_sensors
+from ballbot_rs.control.resolve import NAMES, ResolvedController, common_task, find
+from ballbot_rs.envs._batch_env import option_names
+from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.viewer.balancing import Balancing
 from ballbot_rs.viewer.bounds import check_bounded
 from ballbot_rs.viewer.changes import NEUTRAL, Motors, Sensors, checked
-from ballbot_rs.viewer.drivers import Driver, Torques, lead_of, make_driver
+from ballbot_rs.viewer.commanding import Commanding
+from ballbot_rs.viewer.drivers import Driver
 from ballbot_rs.viewer.history import History
+from ballbot_rs.viewer.objective import Objective
 from ballbot_rs.viewer.recording import Frame, Recording
 from ballbot_rs.viewer.robots import Robots
 from ballbot_rs.viewer.setup import Events, Setup
@@ -39,11 +43,10 @@ DEFAULT_SENSORS = {"sensors": "exact", "ground_truth": "kugle"}
 #: How long a robot that has fallen lies before it starts anew, s.
 LIES_FOR = 2.0
 
-#: Bounds of what a page can ask for: simulated per real time, rad, N·s and m.
+#: Bounds of what a page can ask for: simulated per real time, rad and N·s.
 MIN_SPEED, MAX_SPEED = 0.01, 1.0
 MAX_TILT = math.radians(30.0)
 MAX_IMPULSE = 20.0
-MAX_SETPOINT = 5.0
 
 
 class Session:
@@ -62,6 +65,8 @@ class Session:
         sensors: the option `sensors` of an environment. None is exact ones with `observation` "sensors", else those of
             kugle, for when they are chosen.
         observation: what controllers take, "ground_truth" (the true states) or "sensors" (estimated ones).
+        task: name of a task; None is that of a policy, else balance.
+        task_options: options of that task, over which those of a policy's training go.
 
     Raises:
         ValueError: a name that is not known, a number out of range, motors, sensors or events that do not fit the
@@ -82,6 +87,8 @@ class Session:
         seed: int = 0,
         sensors: Sensors | str = None,
         observation: str = "ground_truth",
+        task: str | None = None,
+        task_options: Mapping[str, Any] | None = None,
     ) -> None:
         self._own = {} if params is None else {robot: params}
         self._motors, self._events, self._seed = motors, events, seed
@@ -91,7 +98,6 @@ class Session:
         self.time = 0.0
         self.paused = False
         self.speed = 1.0
-        self.setpoint = np.zeros(2)
         self.start_tilt = np.radians([3.0, 0.0])
         self.recording = Recording()
         self.is_recording = False
@@ -101,19 +107,51 @@ class Session:
         self.pull_point: npt.NDArray[np.float64] | None = None
         self.watch = Watch()
         self._ahead = 0.0
-        self._references: list[Reference] = []
+        self._task_options = dict(task_options or {})
         self._controller = self._found(controller)
-        self.driver, setup = self._make(model, robot, self._controller, num_robots, NEUTRAL, observation)
+        chosen_task = common_task([self._controller], task)
+        self._objective, setup = self._make(
+            model, robot, self._controller, num_robots, NEUTRAL, observation, chosen_task, self._task_options
+        )
         self.robots = Robots(setup, num_robots)
         if sensors is not None:
             # They may be chosen later.
-            self._with_sensors(setup, self.driver).batch(0)
+            dataclasses.replace(setup, sensors=self._sensors, substeps=self._substeps).batch(0)
         self.reset()
 
     @property
     def controller(self) -> str:
         """Name of the controller, or path of the policy."""
         return self._controller.name
+
+    @property
+    def task(self) -> str:
+        """Name of the task."""
+        return self._objective.task
+
+    @property
+    def driver(self) -> Driver:
+        """The controller on every robot."""
+        return self._objective.driver
+
+    @property
+    def commanding(self) -> Commanding | None:
+        """The task, unless it is balance."""
+        return self._objective if isinstance(self._objective, Commanding) else None
+
+    @property
+    def takes_clicks(self) -> bool:
+        """Whether a click on the floor asks for something."""
+        return self._objective.takes_clicks
+
+    @property
+    def _substeps(self) -> int:
+        return round(self.driver.control_dt / self.driver.sim_dt)
+
+    @property
+    def setpoint(self) -> npt.NDArray[np.float64]:
+        """The setpoint of the task balance, m; zeros in others."""
+        return self._objective.setpoint if isinstance(self._objective, Balancing) else np.zeros(2)
 
     @property
     def changes(self) -> dict[str, float]:
@@ -133,23 +171,37 @@ class Session:
         num_robots: int,
         changes: Mapping[str, float],
         observation: str,
-    ) -> tuple[Driver, Setup]:
+        task: str,
+        task_options: Mapping[str, Any],
+    ) -> tuple[Objective, Setup]:
         if model not in MODELS:
             raise ValueError(f"unknown model '{model}': expected one of {', '.join(MODELS)}")
         if isinstance(num_robots, bool) or not isinstance(num_robots, int) or not 1 <= num_robots <= MAX_ROBOTS:
             raise ValueError(f"num_robots = {num_robots} is out of range: expected 1 to {MAX_ROBOTS}")
         params = self.params_of(robot)
-        driver = make_driver(controller, params, num_robots)
-        if controller.policy is not None:
-            self._watched(controller, lambda: check_balances(controller, robot, params), MAX_LOAD)
+        objective = _objective(controller, params, num_robots, task, task_options)
+        driver = objective.driver
+        sensors = self._sensors if observation == "sensors" else None
+        steps_alone = task == DEFAULT_TASK and sensors is None
         setup = Setup(
-            robot, params, model, driver.sim_dt, driver.max_torque, self._motors, self._events, self._seed, changes
+            robot,
+            params,
+            model,
+            driver.sim_dt,
+            driver.max_torque,
+            self._motors,
+            self._events,
+            self._seed,
+            changes,
+            sensors,
+            1 if steps_alone else round(driver.control_dt / driver.sim_dt),
+            task,
+            objective.task_options if isinstance(objective, Commanding) else {},
         )
-        return driver, self._with_sensors(setup, driver) if observation == "sensors" else setup
-
-    def _with_sensors(self, setup: Setup, driver: Driver) -> Setup:
-        substeps = round(driver.control_dt / driver.sim_dt)
-        return dataclasses.replace(setup, sensors=self._sensors, substeps=substeps)
+        if controller.policy is not None:
+            one = _objective(controller, params, 1, task, task_options)
+            self._watched(controller, lambda: check_balances(controller, one, setup), MAX_LOAD)
+        return objective, setup
 
     def _found(self, controller: str | ResolvedController) -> ResolvedController:
         """A page may name any controller or ONNX file: these have no pickled code."""
@@ -178,10 +230,11 @@ class Session:
         controller: str | ResolvedController | None = None,
         num_robots: int | None = None,
         observation: str | None = None,
+        task: str | None = None,
     ) -> None:
         """Changes what is simulated. The robots move on, unless their kind or number changes: then they start anew.
 
-        Estimates begin anew at the true states, unless all that they follow from remains.
+        Estimates begin anew at the true states, unless all that they follow from remains. A policy brings its task.
 
         Raises as the constructor, and changes nothing then.
         """
@@ -193,20 +246,24 @@ class Session:
         if controller is not None and controller != self.controller:
             chosen = self._found(controller)
         count = len(old) if num_robots is None else num_robots
-        driver, setup = self._make(
+        task = common_task([chosen], task) if task is not None or chosen.task is not None else self.task
+        objective, setup = self._make(
             old.model if model is None else model,
             old.name if robot is None else robot,
             chosen,
             count,
             old.setup.changes,
             self.observation if observation is None else observation,
+            task,
+            {name: value for name, value in self._task_options.items() if name in option_names(task)},
         )
         starts_anew = (setup.name, count) != (old.name, len(old))
         self.robots = Robots(setup, count) if starts_anew else old if setup == old.setup else old.become(setup)
-        self._controller, self.driver = chosen, driver
+        before, self._controller, self._objective = self._objective, chosen, objective
         if starts_anew:
             self.reset()
-        self._references = []
+        else:
+            objective.go_on(self.robots, before)
         self.replay_time = None
 
     def change(self, **values: float) -> None:
@@ -220,10 +277,13 @@ class Session:
         """
         changes = {**self.changes, **checked(values)}
         if changes != self.changes:
-            self.robots = self.robots.become(dataclasses.replace(self.robots.setup, changes=changes))
+            before = self.robots
+            self.robots = before.become(dataclasses.replace(before.setup, changes=changes))
+            if self.robots is not before:
+                self._objective.go_on(self.robots, self._objective)
 
     def reset(self, tilt: npt.ArrayLike | None = None) -> None:
-        """Starts all robots anew, at rest, with the setpoint at the origin.
+        """Starts all robots anew, at rest, with the setpoint at the origin or commands that the task draws.
 
         The tilt (two components, rad) is kept for the next time.
         """
@@ -233,9 +293,7 @@ class Session:
         check_bounded("tilt", float(np.hypot(*start)), 0.0, MAX_TILT)
         self.robots.reset(start)
         self.start_tilt = start
-        self.driver.reset()
-        self.setpoint = np.zeros(2)
-        self._references = []
+        self._objective.reset()
         self.time = 0.0
         self._ahead = 0.0
         self.history.clear()
@@ -259,15 +317,33 @@ class Session:
         self.pull_point = towards
 
     def move_setpoint(self, x: float, y: float) -> None:
-        """The goal, m; in a batch, from where each robot stands. Controllers get a target on the way to it.
+        """The place to go to, m: the setpoint, or the goal of the task goal; in a batch, from where each robot started.
 
         Raises:
-            ValueError: a number out of range, or a controller that follows no position.
+            ValueError: a number out of range, or a controller or task that asks for no place.
         """
-        goal = np.array([check_bounded(n, v, -MAX_SETPOINT, MAX_SETPOINT) for n, v in (("x", x), ("y", y))])
-        if not self.driver.follows_position:
-            raise ValueError(f"{self.controller} does not follow a setpoint; choose lqr or a policy")
-        self.setpoint = goal
+        self._objective.click(self.robots, x, y)
+
+    def drive(self, forward: float, left: float, turn: float) -> None:
+        """Commands the task velocity: shares in [-1, 1] of its largest speed, heading frame, and rate of the heading.
+
+        Raises:
+            ValueError: a number out of range, or another task.
+        """
+        if self.commanding is None:
+            raise ValueError(f"the task {self.task} is not driven: choose the task velocity")
+        self.commanding.drive(forward, left, turn)
+
+    def draw_commands(self) -> None:
+        """Gives the commands back to the task: its next episodes begin where the robots are.
+
+        Raises:
+            ValueError: the task has no commands.
+        """
+        if not TASKS[self.task]["command"]:
+            raise ValueError(f"the task {self.task} has no commands")
+        self.robots.begin_episodes()
+        self._objective.reset()
 
     def set_speed(self, speed: float) -> None:
         """Simulated time a real time: 1 is real time."""
@@ -301,10 +377,10 @@ class Session:
             self._move_replay(self.driver.control_dt)
             return
         driver, robots = self.driver, self.robots
-        torques = self._torques()
+        torques = self._objective.torques(robots, self._of_driver)
         if self.pull_point is not None:
             robots.pull(self.pull_point, driver.control_dt)
-        lost = robots.step(torques, round(driver.control_dt / driver.sim_dt))
+        lost = robots.step(torques, self._substeps)
         if lost:
             self.notices.append(f"robot {', '.join(map(str, lost))} left the range of the simulation and starts anew")
         self._start_anew(lost)
@@ -314,20 +390,6 @@ class Session:
         if self.is_recording and not self.recording.add(frame):
             self.stop_recording()
             self.notices.append(f"the recording is full, after {self.recording.duration:.0f} s")
-
-    def _torques(self) -> Torques:
-        """What the controller makes of what it sees of the robots now, with targets that it can follow."""
-        driver, states = self.driver, self.robots.seen
-        if driver.follows_position:
-            if not self._references:
-                lead = self._of_driver(lambda: lead_of(self._controller, self.robots.params))
-                self._references = [Reference(lead) for _ in states]
-                for reference, state in zip(self._references, states, strict=True):
-                    reference.start(state.ball_position[:2], state.ball_velocity[:2])
-            for reference, state in zip(self._references, states, strict=True):
-                reference.advance(self.setpoint, state.ball_position[:2], driver.control_dt)
-        targets = [reference.position for reference in self._references] or np.zeros(2)
-        return self._of_driver(lambda: driver.torques(states, targets))
 
     def _of_driver(self, function: Callable[[], T]) -> T:
         return self._watched(self._controller, function, MAX_CALL) if self.driver.is_foreign else function()
@@ -341,11 +403,7 @@ class Session:
                 self.notices.append(f"robot {index} fell and starts anew")
                 restarted.append(index)
         for index in restarted:
-            self.driver.reset(index)
-            if self._references:
-                self._references[index].start((0.0, 0.0), (0.0, 0.0))
-        if 0 in restarted:
-            self.setpoint = np.zeros(2)
+            self._objective.restarted(self.robots, index)
 
     def advance(self, seconds: float) -> float:
         """Lets real time pass: whole control steps, the rest is kept. Returns the time simulated, s."""
@@ -373,9 +431,17 @@ class Session:
         return self._frame()
 
     def _frame(self) -> Frame:
-        goal = self.setpoint if self.driver.follows_position else None
-        target = self._references[0].position if self._references else None
-        return self.robots.frame(self.time, goal, target)
+        return self.robots.frame(self.time, **self._objective.shown(self.robots))
+
+
+def _objective(
+    controller: ResolvedController, params: Params, num_robots: int, task: str, options: Mapping[str, Any]
+) -> Objective:
+    if task not in TASKS:
+        raise ValueError(f"the page has no task '{task}': expected one of {', '.join(TASKS)}")
+    if task == DEFAULT_TASK:
+        return Balancing(controller, params, num_robots)
+    return Commanding(controller, params, num_robots, task, options)
 
 
 def _check_observation(observation: str) -> None:

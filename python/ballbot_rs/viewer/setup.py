@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ballbot_rs._core import Batch, Params
-from ballbot_rs.envs._batch_env import new_batch
+from ballbot_rs.envs._batch_env import new_batch, option_names
+from ballbot_rs.envs.registration import DEFAULT_TASK
 from ballbot_rs.viewer.changes import NEUTRAL, Motors, Sensors, changed_motors, changed_params, changed_sensors
 
 Events = Sequence[Mapping[str, Any]] | str | None
@@ -21,6 +22,21 @@ SHAPE = (
     "wheel_zenith_offsets",
     "body_com_height",
     "body_com_offset",
+)
+
+#: Options of an environment that a setup decides.
+DECIDED = (
+    "params",
+    "model",
+    "control_dt",
+    "sim_dt",
+    "max_wheel_torque",
+    "max_episode_steps",
+    "fall_tilt",
+    "actuators",
+    "events",
+    "sensors",
+    "observation",
 )
 
 
@@ -45,8 +61,13 @@ class Setup:
     changes: Mapping[str, float] = dataclasses.field(default_factory=lambda: NEUTRAL)
     #: Sensors from whose readings the states that controllers take are estimated; None: they take the true states.
     sensors: Sensors = None
-    #: Model steps in a control step of the environment; with sensors, from one reading to the next.
+    #: Model steps in a control step of the environment: from one reading of sensors, or one action of a task other than
+    #: balance, to the next.
     substeps: int = 1
+    #: Name of the task.
+    task: str = DEFAULT_TASK
+    #: Its own options, and what a policy observes; those that this setup decides are left out.
+    task_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     @functools.cached_property
     def params(self) -> Params:
@@ -67,21 +88,23 @@ class Setup:
             ValueError: the robot, its motors, sensors or events cannot be.
         """
         estimates = self.sensors is not None
-        options = {
+        decided = {
             "params": self.nominal if estimates else self.params,
             "model": self.model,
             "control_dt": self.substeps * self.sim_dt,
             "sim_dt": self.sim_dt,
             "max_wheel_torque": self.max_torque,
             "max_episode_steps": None,
-            "fall_tilt": math.pi,
             "actuators": changed_motors(self.motors, self.changes),
             "events": self.events,
             "sensors": self.changed_sensors,
             "observation": "sensors" if estimates else "ground_truth",
         }
+        if "fall_tilt" in option_names(self.task):
+            decided["fall_tilt"] = math.pi
+        options = {**self.task_options, **decided}
         seed = (self.seed + index) % 2**64
-        batch = new_batch(1, autoreset="disabled", num_threads=1, seed=seed, options=options)
+        batch = new_batch(1, task=self.task, autoreset="disabled", num_threads=1, seed=seed, options=options)
         if estimates and self.params != self.nominal:
             batch.set_params(0, self.params)
         return batch

@@ -7,7 +7,8 @@ from typing import Any
 from ballbot_rs._core import Params
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs._batch_env import new_batch
-from ballbot_rs.viewer.drivers import make_driver
+from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.viewer.objective import Objective
 from ballbot_rs.viewer.robots import Robots
 from ballbot_rs.viewer.setup import Setup
 
@@ -16,25 +17,41 @@ SECONDS = 3.0
 TILTS = ((math.radians(3.0), 0.0), (0.0, math.radians(3.0)))
 
 
-def check_balances(controller: ResolvedController, robot: str, params: Params) -> None:
+def check_balances(controller: ResolvedController, objective: Objective, setup: Setup) -> None:
     """Refuses a policy on a robot on which it falls, unless it was trained on that robot.
+
+    Args:
+        controller: the policy; a law is not tried.
+        objective: the policy's on one robot, not used otherwise.
+        setup: the robot; it is tried without events and changes, on the model `contact`.
 
     Raises:
         ValueError: it falls.
     """
-    if controller.policy is None or trained_on(controller.env_options) == params:
+    if controller.policy is None or trained_on(controller.env_options) == setup.nominal:
         return
-    driver = make_driver(controller, params, 1)
+    driver = objective.driver
+    tried = Setup(
+        setup.name,
+        setup.nominal,
+        "contact",
+        setup.sim_dt,
+        setup.max_torque,
+        substeps=1 if setup.task == DEFAULT_TASK else setup.substeps,
+        task=setup.task,
+        task_options=setup.task_options,
+    )
     for tilt in TILTS:
-        robots = Robots(Setup(robot, params, "contact", driver.sim_dt, driver.max_torque), 1)
+        robots = Robots(tried, 1)
         robots.reset(tilt)
-        driver.reset()
+        objective.reset()
         for step in range(round(SECONDS / driver.control_dt)):
-            robots.step(driver.torques(robots.states, (0.0, 0.0)), round(driver.control_dt / driver.sim_dt))
+            torques = objective.torques(robots, lambda function: function())
+            robots.step(torques, round(driver.control_dt / driver.sim_dt))
             if robots.fallen[0]:
                 raise ValueError(
-                    f"{controller.name} was trained on another robot and does not balance {robot}: in a trial it fell "
-                    f"after {(step + 1) * driver.control_dt:.1f} s; choose another controller or robot"
+                    f"{controller.name} was trained on another robot and does not balance {setup.name}: in a trial it "
+                    f"fell after {(step + 1) * driver.control_dt:.1f} s; choose another controller or robot"
                 )
 
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from ballbot_rs.viewer import shapes, urdf
+from ballbot_rs.viewer.driving import Driving
 from ballbot_rs.viewer.page import Page
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.runner import Command, Runner
@@ -31,7 +32,8 @@ class View:
         # What cannot be shown is refused here, not by the thread that shows it.
         self._look(session.robots.name)
         self.runner = Runner(session, self._show)
-        self.server = LocalServer(free_port(port))
+        self._driving = Driving(self._submit)
+        self.server = LocalServer(free_port(port), self._driving)
         self._page = Page(self.server, self._submit, session, self._look)
         self.runner.start()
 
@@ -39,6 +41,7 @@ class View:
         return self.runner.submit(command)
 
     def _show(self, session: Session, frame: Frame) -> None:
+        self._driving.show(session)
         self._page.show(session, frame)
 
     def _look(self, name: str) -> shapes.Look:

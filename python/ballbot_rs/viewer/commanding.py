@@ -1,0 +1,192 @@
+"""A task that asks by itself: robots in its environments, with commands that it draws or that a user gives."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._core import Params
+from ballbot_rs.control.resolve import ResolvedController
+from ballbot_rs.control.setpoints import PARTS, Setpoint
+from ballbot_rs.envs._batch_env import new_batch
+from ballbot_rs.viewer.asked import Asked
+from ballbot_rs.viewer.bounds import check_bounded
+from ballbot_rs.viewer.drivers import Driver, LawDriver, Torques, check_steps
+from ballbot_rs.viewer.objective import Call, Objective
+from ballbot_rs.viewer.robots import Robots
+from ballbot_rs.viewer.setup import DECIDED
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Tasks that take a command from the page: driven by keys, or given by a click on the floor.
+DRIVEN, CLICKED = "velocity", "goal"
+
+#: How fast a command that drives changes, m/s², as the point of the task path does, and rad/s²: keys may be pressed
+#: faster than a robot can follow.
+ACCELERATION, YAW_ACCELERATION = 0.6, 2.0
+
+#: Largest coordinate that a click may have, m; the goal is nearer.
+MAX_CLICK = 1e3
+
+
+class Commanding:
+    """The objective of a task other than balance.
+
+    Args:
+        controller: a policy that was trained in the task, or a law, which follows the task's setpoint.
+        params: the robot.
+        num_robots: how many.
+        task: name of the task.
+        options: of the task, over which those of a policy's training go.
+
+    Raises:
+        ValueError: a number out of range, or time steps out of range.
+        TypeError: the task has no such option.
+    """
+
+    def __init__(
+        self, controller: ResolvedController, params: Params, num_robots: int, task: str, options: Mapping[str, Any]
+    ) -> None:
+        self.task, self.takes_clicks = task, task == CLICKED
+        self.driver: Driver
+        if controller.policy is None:
+            self.driver = self._law = LawDriver(controller, params, num_robots)
+            self._policy = None
+        else:
+            self.driver = self._policy = TaskPolicy(controller, params, task)
+        given = {**options, **controller.env_options}
+        #: Those of a `Setup`.
+        self.task_options = {name: value for name, value in given.items() if name not in DECIDED}
+        drawn = new_batch(1, task=task, num_threads=1, options={**self.task_options, "params": params}).options
+        #: Largest speed, m/s, and rate of the heading, rad/s, that may be asked for; those that the task draws.
+        self.max_speed, self.max_yaw_rate = drawn.get("speed", 0.0), drawn.get("yaw_rate", 0.0)
+        #: Largest distance of a goal from the ball, m.
+        self.max_distance = drawn.get("goal_distance", (0.0, 0.0))[1]
+        self._hand: FloatArray | None = None
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether the command came from the page."""
+        return self._hand is not None
+
+    def torques(self, robots: Robots, call: Call) -> Torques:
+        """As `Objective`. What a controller takes is read before it is called, which may be in another thread."""
+        if self.task == DRIVEN and self._hand is not None:
+            self._give(robots, [self._towards_hand(now) for now in robots.commands])
+        if self._policy is not None:
+            policy, observations = self._policy, robots.observations
+            return call(lambda: policy.torques(observations))
+        states = robots.seen
+        setpoints = [Setpoint(**{part: asked[part] for part in PARTS}) for asked in robots.setpoints]
+        return call(lambda: self._law.follow(states, setpoints))
+
+    def reset(self) -> None:
+        """As `Objective`: the task draws the commands again."""
+        self.driver.reset()
+        self._hand = None
+
+    def restarted(self, robots: Robots, index: int) -> None:
+        """As `Objective`; a robot that is commanded by hand rests where it starts."""
+        self.driver.reset(index)
+        if self._hand is not None:
+            robots.set_command(index, np.zeros_like(self._hand))
+            if index == 0:
+                self._hand = np.zeros_like(self._hand)
+
+    def go_on(self, robots: Robots, before: Objective) -> None:
+        """As `Objective`."""
+        if isinstance(before, Commanding) and before.task == self.task and before._hand is not None:
+            self._hand = before._hand
+            self._give(robots, self._goals(robots) if self.takes_clicks else [self._hand] * len(robots))
+
+    def drive(self, forward: float, left: float, turn: float) -> None:
+        """Drives all robots: shares of the largest speed, in the heading frame, and of the largest rate, in [-1, 1].
+
+        Their commands change to it from now on.
+
+        Raises:
+            ValueError: a number out of range, or another task.
+        """
+        names = ("forward", "left", "turn")
+        shares = [check_bounded(n, v, -1.0, 1.0) for n, v in zip(names, (forward, left, turn), strict=True)]
+        if self.task != DRIVEN:
+            raise ValueError(f"the task {self.task} is not driven: choose the task {DRIVEN}")
+        # On the diagonal two keys ask for more than the task draws.
+        speed = self.max_speed / max(1.0, math.hypot(*shares[:2]))
+        self._hand = np.array([speed * shares[0], speed * shares[1], self.max_yaw_rate * shares[2]])
+
+    def _towards_hand(self, now: FloatArray) -> FloatArray:
+        """The command of a robot a control step later, on the way to the one by hand."""
+        assert self._hand is not None
+        change = self._hand - now
+        speed, turn = math.hypot(*change[:2]), abs(change[2])
+        dt = self.driver.control_dt
+        change[:2] *= min(1.0, ACCELERATION * dt / max(speed, 1e-12))
+        change[2] *= min(1.0, YAW_ACCELERATION * dt / max(turn, 1e-12))
+        arrived = speed <= ACCELERATION * dt and turn <= YAW_ACCELERATION * dt
+        return self._hand if arrived else now + change
+
+    def click(self, robots: Robots, x: float, y: float) -> None:
+        """As `Objective`: the goal, which is brought as near to the ball as the task draws goals."""
+        goal = np.array([check_bounded(n, v, -MAX_CLICK, MAX_CLICK) for n, v in (("x", x), ("y", y))])
+        if not self.takes_clicks:
+            raise ValueError(f"a click is no command of the task {self.task}")
+        self._hand = goal
+        self._give(robots, self._goals(robots))
+
+    def _goals(self, robots: Robots) -> list[FloatArray]:
+        """The goal by hand, brought near to each ball."""
+        assert self._hand is not None
+        goals = []
+        for state in robots.states:
+            ball = state.ball_position[:2]
+            way = self._hand - ball
+            goals.append(ball + way * min(1.0, self.max_distance / max(float(np.linalg.norm(way)), 1e-9)))
+        return goals
+
+    def _give(self, robots: Robots, commands: Sequence[FloatArray]) -> None:
+        for index, (now, wanted) in enumerate(zip(robots.commands, commands, strict=True)):
+            # The errors of the same command given again would be counted anew.
+            if not np.array_equal(now, wanted):
+                robots.set_command(index, wanted)
+
+    def shown(self, robots: Robots) -> dict[str, Any]:
+        """As `Objective`: what the task asks."""
+        points = np.array([asked["position"] for asked in robots.setpoints])
+        asked = Asked(
+            self.task, robots.commands, robots.begins, points, robots.task_pushes, robots.metrics, self.by_hand
+        )
+        return {"asked": asked}
+
+
+class TaskPolicy:
+    """A policy on robots in environments of its task, which make its observations.
+
+    Raises:
+        ValueError: time steps out of range.
+    """
+
+    def __init__(self, controller: ResolvedController, params: Params, task: str) -> None:
+        assert controller.policy is not None
+        self.is_foreign = True
+        self._policy = controller.policy
+        trained = {**controller.env_options, "params": params}
+        batch = new_batch(1, task=task, num_threads=1, options=trained)
+        self.control_dt, self.sim_dt, self.max_torque = batch.control_dt, batch.sim_dt, batch.max_wheel_torque
+        check_steps(controller.name, self.control_dt, self.sim_dt)
+
+    def torques(self, observations: npt.NDArray[np.float32]) -> Torques:
+        """Wheel torques for the next `control_dt`, shape (n, 3), N·m.
+
+        Raises:
+            ValueError: the policy's actions are not three finite numbers each.
+        """
+        actions = np.asarray(self._policy(observations), dtype=np.float64)
+        if actions.shape != (len(observations), 3) or not np.isfinite(actions).all():
+            raise ValueError(f"the policy chose {actions}: expected three finite numbers for each robot")
+        return np.clip(actions, -1.0, 1.0) * self.max_torque
+
+    def reset(self, robot: int | None = None) -> None:
+        """Environments keep the past of a robot, not the policy."""
