@@ -46,7 +46,9 @@ def test_another_task_is_refused(policy_of):
         common_task([find(policy_of("push")), find(str(SHIPPED))])
     with pytest.raises(ValueError, match="was trained for the task goal, not for the task path"):
         bb.compare([find(policy_of("goal"))], task="path", episodes=1)
-    with pytest.raises(ValueError, match="was trained for the task velocity, not for the task balance"):
+    with pytest.raises(
+        ValueError, match="was trained for the task velocity, whose observations are not those of balance"
+    ):
         bb.run_scenarios([policy_of("velocity")])
 
 

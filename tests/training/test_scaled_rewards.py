@@ -28,5 +28,5 @@ def test_the_learner_sees_scaled_rewards_and_its_log_those_of_the_task():
 
 @pytest.mark.parametrize("value", ["0", "-1.0", "inf", "nan", '"a"'])
 def test_a_factor_that_is_none_is_refused(value):
-    with pytest.raises(ValueError, match="reward_scale = .* must be positive and finite"):
+    with pytest.raises(ValueError, match=r"reward_scale = .* must be positive and finite"):
         config.parse(f"reward_scale = {value}", "test")

@@ -189,7 +189,8 @@ class GoalOptions(CommonOptions, total=False):
     goal_seconds: npt.ArrayLike
     #: Distance within which the ball is at its goal. (m, >= 1e-6 and <= 10)
     goal_radius: float
-    #: Deceleration of the approach to a goal that costs nothing. (m/s², > 0 and <= 100)
+    #: Deceleration a of the approach that costs nothing, with the speed d / (`approach_time` + √(d / 2a)) at distance
+    #: d. (m/s², > 0 and <= 100)
     approach_acceleration: float
     #: Time constant of the end of that approach. (s, > 0 and <= 100)
     approach_time: float

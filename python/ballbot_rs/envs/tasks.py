@@ -205,7 +205,7 @@ class VelocityEnv(BallbotEnv):
     | -------------------- | ----- | ------------------------------------------------------------------ |
     | `alive`              | 1     | 1, unless the step ends in a fall                                  |
     | `velocity`           | -0.4  | e² / (e² + velocity_scales[0]²), e the error of the velocity       |
-    | `velocity_precision` | -0.2  | e² / (e² + velocity_scales[1]²)                                    |
+    | `velocity_precision` | -0.25 | e² / (e² + velocity_scales[1]²)                                    |
     | `yaw_rate`           | -0.15 | e² / (e² + yaw_rate_scales[0]²), e the error of the heading's rate |
     | `yaw_rate_precision` | -0.1  | e² / (e² + yaw_rate_scales[1]²)                                    |
     | `rate`               | -0.01 | squared body rate in rad/s, at most 100                            |
@@ -271,7 +271,7 @@ class VelocityEnv(BallbotEnv):
       and <= 1e9)
     - `settling`: Time after a command from which its errors are counted. (default 2 s; >= 0 and <= 1e9)
     - `velocity_scales`: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (default
-      (0.2, 0.05) m/s; >= 1e-6 and <= 10)
+      (0.2, 0.04) m/s; >= 1e-6 and <= 10)
     - `yaw_rate_scales`: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
       (default (0.5, 0.1) rad/s; >= 1e-6 and <= 10)
     - `success_velocity`: Largest root mean square of the settled errors of the velocity in a success. (default 0.02
@@ -379,15 +379,15 @@ class GoalEnv(BallbotEnv):
     The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
     sign), `reward_terms()` has the last step's terms.
 
-    | term            | scale | formula                                                                                                                                |
-    | --------------- | ----- | -------------------------------------------------------------------------------------------------------------------------------------- |
-    | `alive`         | 1     | 1, unless the step ends in a fall                                                                                                      |
-    | `approach`      | -0.4  | e² / (e² + (0.3 m/s)²), e the ball velocity less d / (approach_time + √(d / 2 approach_acceleration)) towards the goal, d its distance |
-    | `distance`      | -0.2  | d / (d + 0.5 m)                                                                                                                        |
-    | `position`      | -0.2  | d² / (d² + (0.05 m)²)                                                                                                                  |
-    | `rate`          | -0.01 | squared body rate in rad/s, at most 100                                                                                                |
-    | `action`        | -0.02 | mean squared action                                                                                                                    |
-    | `action_change` | -0.02 | mean squared change of the action                                                                                                      |
+    | term            | scale | formula                                                              |
+    | --------------- | ----- | -------------------------------------------------------------------- |
+    | `alive`         | 1     | 1, unless the step ends in a fall                                    |
+    | `approach`      | -0.4  | e² / (e² + (0.3 m/s)²), e the ball velocity off that of the approach |
+    | `distance`      | -0.2  | d / (d + 0.5 m)                                                      |
+    | `position`      | -0.2  | d² / (d² + (0.05 m)²)                                                |
+    | `rate`          | -0.01 | squared body rate in rad/s, at most 100                              |
+    | `action`        | -0.02 | mean squared action                                                  |
+    | `action_change` | -0.02 | mean squared change of the action                                    |
 
     ## Episode end
     Terminated, with the reason as `termination` in the info:
@@ -444,8 +444,8 @@ class GoalEnv(BallbotEnv):
     - `goal_seconds`: Shortest and longest time from one goal to the next, drawn evenly. (default (6, 10) s; > 0 and <=
       1e9)
     - `goal_radius`: Distance within which the ball is at its goal. (default 0.02 m; >= 1e-6 and <= 10)
-    - `approach_acceleration`: Deceleration of the approach to a goal that costs nothing. (default 0.6 m/s²; > 0 and <=
-      100)
+    - `approach_acceleration`: Deceleration a of the approach that costs nothing, with the speed d / (`approach_time` +
+      √(d / 2a)) at distance d. (default 0.6 m/s²; > 0 and <= 100)
     - `approach_time`: Time constant of the end of that approach. (default 0.25 s; > 0 and <= 100)
     - `hold_seconds`: How long the ball must have been at its goal when the next one is given. (default 1 s; >= 0 and <=
       1e9)
