@@ -14,6 +14,7 @@ import ballbot_rs as bb
 from validation.claim import Claim
 from validation.page import table
 from validation.policies.judging import CONTACT, MUJOCO, RIGID, Cell, Judge, results
+from validation.policies.shipped import SHIPPED
 from validation.policies.tables import measure
 from validation.policies.training import Recipe
 from validation.topic import Findings, Topic
@@ -89,7 +90,9 @@ def _run(task: str) -> Findings:
     name, what, unit, most = MEASURES[task]
     sources = {arm: str(Recipe(task, None, events).folder) for arm, events in ARMS.items()}
     sources["`lqr`"] = "lqr"
-    cells = {(judge.name, arm): Cell(task, source, judge) for judge in JUDGES for arm, source in sources.items()}
+    cells = {
+        (judge.name, arm): Cell(task, source, _for(task, judge)) for judge in JUDGES for arm, source in sources.items()
+    }
     found = dict(zip(cells, results(list(cells.values())), strict=True))
     values = {place: measure(result, name) for place, result in found.items()}
     claims = [
@@ -106,6 +109,12 @@ def _run(task: str) -> Findings:
     return Findings(
         claims, partial(_draw, task, list(sources), values), f"{table(head, lines)}\n\n{_verdict(values, most)}"
     )
+
+
+def _for(task: str, judge: Judge) -> Judge:
+    """A judge with the episodes of the task, where those of the training are others."""
+    options = next(one.options for one in SHIPPED if one.recipe == Recipe(task))
+    return judge._replace(options={**options, **judge.options})
 
 
 def _text(value: float, unit: str) -> str:
@@ -137,7 +146,9 @@ def _run_seeds() -> Findings:
     name = MEASURES[FIVE_SEEDS][0]
     judges = [judge for judge in JUDGES if judge.engine is None]
     cells = {
-        (judge.name, arm, seed): Cell(FIVE_SEEDS, str(Recipe(FIVE_SEEDS, None, events, seed).folder), judge)
+        (judge.name, arm, seed): Cell(
+            FIVE_SEEDS, str(Recipe(FIVE_SEEDS, None, events, seed).folder), _for(FIVE_SEEDS, judge)
+        )
         for judge in judges
         for arm, events in ARMS.items()
         for seed in range(5)

@@ -1,0 +1,124 @@
+"""Terms of the rewards, recomputed in NumPy from states, commands and actions."""
+
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from ballbot_rs import _state_rows as rows
+from ballbot_rs._core import TASKS
+
+N, STEPS = 4, 150
+
+
+def bounded(squared, scale):
+    return squared / (squared + scale**2)
+
+
+def heading_of(states):
+    """What remains about the vertical once the tilt is undone."""
+    w, _, _, z = states[:, rows.BODY_QUATERNION].T
+    return 2.0 * np.arctan2(z, w)
+
+
+def in_heading(states, vectors):
+    cos, sin = np.cos(heading_of(states)), np.sin(heading_of(states))
+    return np.stack([cos * vectors[:, 0] + sin * vectors[:, 1], cos * vectors[:, 1] - sin * vectors[:, 0]], axis=1)
+
+
+def squares(vectors):
+    return (vectors**2).sum(axis=1)
+
+
+def effort(states, action, last):
+    rate = squares(states[:, rows.BODY_RATE])
+    return {
+        "alive": np.ones(len(states)),
+        "rate": np.minimum(rate, 100.0),
+        "action": (action**2).mean(axis=1),
+        "action_change": ((action - last) ** 2).mean(axis=1),
+    }
+
+
+def velocity(batch, states, options):
+    command = batch.command()
+    error = in_heading(states, states[:, rows.BALL_VELOCITY]) - command[:, :2]
+    up = rows.body_axes_of(states)[:, 2, :]
+    yaw_rate = (up * states[:, rows.BODY_RATE]).sum(axis=1) - command[:, 2]
+    coarse, fine = options["velocity_scales"]
+    slow, exact = options["yaw_rate_scales"]
+    return {
+        "velocity": bounded(squares(error), coarse),
+        "velocity_precision": bounded(squares(error), fine),
+        "yaw_rate": bounded(yaw_rate**2, slow),
+        "yaw_rate_precision": bounded(yaw_rate**2, exact),
+    }
+
+
+def goal(batch, states, options):
+    away = batch.command() - states[:, rows.BALL_POSITION][:, :2]
+    distance = np.sqrt(squares(away))
+    speed = distance / (options["approach_time"] + np.sqrt(distance / (2.0 * options["approach_acceleration"])))
+    wanted = away / distance[:, np.newaxis] * speed[:, np.newaxis]
+    return {
+        "approach": bounded(squares(states[:, rows.BALL_VELOCITY][:, :2] - wanted), 0.3),
+        "distance": distance / (distance + 0.5),
+        "position": bounded(distance**2, 0.05),
+    }
+
+
+def path(batch, states, options):
+    point = np.array([batch.setpoint(i)["position"] for i in range(N)])
+    squared = squares(point - states[:, rows.BALL_POSITION][:, :2])
+    distance = np.sqrt(squared)
+    return {"position": bounded(squared, options["position_scale"]), "distance": distance / (distance + 0.3)}
+
+
+def standing(batch, states, options):
+    away = states[:, rows.BALL_POSITION][:, :2] - np.array(options["setpoint"])
+    tilt = rows.tilt_of(states, batch.params(0).body_com)
+    scale = options.get("position_scale", options.get("success_radius"))
+    return {
+        "tilt": np.minimum((tilt / options["fall_tilt"]) ** 2, 1.0),
+        "position": bounded(squares(away), scale),
+        "velocity": np.minimum(squares(states[:, rows.BALL_VELOCITY][:, :2]), 1.0),
+    }
+
+
+OF_TASKS = {"balance": standing, "velocity": velocity, "goal": goal, "path": path, "push": standing}
+
+
+def test_every_task_is_here():
+    assert set(OF_TASKS) == set(TASKS)
+
+
+@pytest.mark.parametrize("task", OF_TASKS)
+def test_terms_are_those_of_the_documentation(task):
+    batch = bb.Batch(N, task, autoreset="disabled", seed=3, max_wheel_torque=0.5)
+    lqr = bb.Lqr(batch.params(0).replace(max_wheel_torque=0.5), batch.control_dt)
+    batch.reset()
+    names = [term["name"] for term in TASKS[task]["rewards"]]
+    signs = [-1.0 if term["cost"] else 1.0 for term in TASKS[task]["rewards"]]
+    scales = {name: sign * batch.options["reward"][name] for name, sign in zip(names, signs, strict=True)}
+    last = np.zeros((N, 3))
+    for step in range(STEPS):
+        action = batch.control(lqr)
+        # Off what the regulator wants, so that actions change.
+        action = np.clip(action + 0.1 * np.sin(np.arange(3) + step), -1.0, 1.0).astype(np.float32)
+        before = batch.command()
+        _, rewards, terminated, _ = batch.step(action)
+        assert not terminated.any()
+        if (batch.command() != before).any():
+            # The step was rewarded for the command before.
+            last = action.astype(float)
+            continue
+        states = batch.states()
+        wanted = {
+            **effort(states, action.astype(float), last),
+            **OF_TASKS[task](batch, states, batch.options),
+        }
+        terms = batch.reward_terms()
+        assert set(names) == set(wanted)
+        for k, name in enumerate(names):
+            np.testing.assert_allclose(terms[:, k], scales[name] * wanted[name], rtol=1e-6, atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(rewards, terms.sum(axis=1), rtol=1e-9)
+        last = action.astype(float)
