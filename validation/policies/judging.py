@@ -22,16 +22,12 @@ class Judge(NamedTuple):
     name: str
     options: Mapping[str, Any] = {}
     engine: str | None = None
-
-    @property
-    def episodes(self) -> int:
-        """Episodes of a cell."""
-        return EPISODES if self.engine is None else IN_MUJOCO
+    episodes: int = EPISODES
 
 
 CONTACT = Judge("`contact`")
 RIGID = Judge("`rigid`", {"model": "rigid"})
-MUJOCO = Judge("MuJoCo", engine="mujoco")
+MUJOCO = Judge("MuJoCo", engine="mujoco", episodes=IN_MUJOCO)
 
 
 class Cell(NamedTuple):

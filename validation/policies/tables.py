@@ -1,5 +1,6 @@
 """Results as rows of a page."""
 
+import math
 from collections.abc import Mapping
 
 import ballbot_rs as bb
@@ -28,6 +29,20 @@ def measure(result: bb.Result, name: str) -> float:
         return 1.0 - (result.metrics["goals_held"] or 0.0) * result.survival_rate
     value = result.metrics[name]
     return float("nan") if value is None else value
+
+
+def interval(result: bb.Result, name: str) -> tuple[float, float]:
+    """The 95 % interval of `measure`; NaN where there is none."""
+    if name == "failures":
+        low, high = result.success_interval
+        return 1.0 - high, 1.0 - low
+    found = result.metric_intervals["goals_held" if name == "missed_goals" else name]
+    if found is None:
+        return math.nan, math.nan
+    if name == "missed_goals":
+        low, high = found
+        return 1.0 - high * result.survival_rate, 1.0 - low * result.survival_rate
+    return found
 
 
 def _label(metric: Mapping[str, str]) -> str:

@@ -15,7 +15,7 @@ from validation.claim import Claim
 from validation.page import table
 from validation.policies.judging import CONTACT, MUJOCO, RIGID, Cell, Judge, results
 from validation.policies.shipped import SHIPPED
-from validation.policies.tables import measure
+from validation.policies.tables import interval, measure
 from validation.policies.training import Recipe
 from validation.topic import Findings, Topic
 
@@ -29,6 +29,10 @@ ARMS: Final[Mapping[str, str | None]] = {"none": None, "mild": "mild", "hard": "
 
 #: The task that all arms are trained for with five seeds.
 FIVE_SEEDS: Final = "balance"
+
+#: Episodes of a cell; in MuJoCo fewer.
+EPISODES: Final = 100
+IN_MUJOCO: Final = 20
 
 _PAPER: Final = bb.Params.paper()
 
@@ -83,7 +87,8 @@ def topics() -> list[Topic]:
 def _about(task: str) -> str:
     _, what, unit, most = MEASURES[task]
     limit = f"{100 * most:g} %" if not unit else f"{most:g} {unit}"
-    return f"Judged by: {what}. A policy transfers where that is at most {limit}."
+    numbers = unit or "%"
+    return f"Judged by: {what} ({numbers}). A policy transfers where that is at most {limit}."
 
 
 def _run(task: str) -> Findings:
@@ -99,28 +104,25 @@ def _run(task: str) -> Findings:
         Claim(f"{what}, arm none, {judge.name}", values[judge.name, "none"], 0.0, most, unit, absolute=True)
         for judge in CLAIMED
     ]
-    lines = []
-    for judge in JUDGES:
-        line = [judge.name]
-        for arm in sources:
-            line += [_text(values[judge.name, arm], unit), f"{100.0 * found[judge.name, arm].survival_rate:.4g} %"]
-        lines.append(line)
-    head = ["judge", *(column for arm in sources for column in (arm, "upright"))]
-    return Findings(
-        claims, partial(_draw, task, list(sources), values), f"{table(head, lines)}\n\n{_verdict(values, most)}"
-    )
+    lines = [[judge.name, *(_text(found[judge.name, arm], name, unit) for arm in sources)] for judge in JUDGES]
+    text = f"{table(['judge', *sources], lines)}\n\n{_verdict(values, most)}"
+    return Findings(claims, partial(_draw, task, list(sources), values), text)
 
 
 def _for(task: str, judge: Judge) -> Judge:
     """A judge with the episodes of the task, where those of the training are others."""
     options = next(one.options for one in SHIPPED if one.recipe == Recipe(task))
-    return judge._replace(options={**options, **judge.options})
+    episodes = EPISODES if judge.engine is None else IN_MUJOCO
+    return judge._replace(options={**options, **judge.options}, episodes=episodes)
 
 
-def _text(value: float, unit: str) -> str:
-    if math.isnan(value):
-        return "none"
-    return f"{100.0 * value:.3g} %" if not unit else f"{value:.3g} {unit}"
+def _text(result: bb.Result, name: str, unit: str) -> str:
+    """Measure with its interval, in percent or in its unit, and the share of falls if there are any."""
+    scale = 1.0 if unit else 100.0
+    value, (low, high) = scale * measure(result, name), (scale * bound for bound in interval(result, name))
+    text = "none" if math.isnan(value) else f"{value:.3g} ({low:.3g} … {high:.3g})"
+    fallen = 1.0 - result.survival_rate
+    return text if fallen == 0.0 or name == "failures" else f"{text}, falls {100.0 * fallen:.3g} %"
 
 
 def _verdict(values: Mapping[tuple[str, str], float], most: float) -> str:

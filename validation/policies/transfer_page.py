@@ -17,8 +17,9 @@ What policies do on robots and in simulators that they were not trained in. Ever
 Judges: `contact` is the simulator of the training; `rigid` is the same robot in rapier, MuJoCo a model of the same
 parameters in another engine, with the contact frames turned as [verification](verification.md) does it. *Sensors* are
 those of Kugle with the estimator, *delay* is of the torques. The others change the robot, of which policies and LQR
-have not been told. 200 episodes each (50 in MuJoCo), the starts and commands of the seeds from 1000 on, the same for
-all. The limits were set before the first run; random robots of the judges are none of those of the training.
+have not been told. 100 episodes each (20 in MuJoCo), the starts and commands of the seeds from 1000 on, the same for
+all; in brackets 95 % intervals. Metrics are of the episodes that ran to their end. The limits were set before the first
+run; random robots of the judges are none of those of the training.
 """
 
 
