@@ -1,0 +1,44 @@
+"""The starts and commands that evaluations and their pages are of: those of the seeds from 1000 on."""
+
+import json
+
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from ballbot_rs._core import TASKS
+from tests.support.paths import ROOT
+
+BANK = json.loads((ROOT / "tests" / "envs" / "bank.json").read_text())
+EPISODES, STEPS = 200, 900
+
+
+def drawn(task):
+    """First states, and the commands of the first nine seconds without an end: values, and sums over all episodes."""
+    batch = bb.Batch(EPISODES, task, autoreset="disabled", seed=1000, model="spatial", fall_tilt=np.pi)
+    batch.reset()
+    starts = batch.states()
+    commands = [batch.command()]
+    lqr = bb.Lqr(batch.params(0), batch.control_dt)
+    for _ in range(STEPS):
+        batch.step(batch.control(lqr))
+        if (batch.command() != commands[-1]).any():
+            commands.append(batch.command())
+    # Where the ball is when a goal is drawn depends on the regulator.
+    if task == "goal":
+        commands = commands[:1]
+    return {
+        "start": starts[0].tolist(),
+        "starts": np.abs(starts).sum(axis=0).tolist(),
+        "command": commands[0][0].tolist(),
+        "commands": np.abs(commands).sum(axis=(0, 1)).tolist(),
+    }
+
+
+@pytest.mark.parametrize("task", sorted(TASKS))
+def test_the_bank_is_the_committed_one(task):
+    """If it is not, the numbers of docs/policies.md and docs/transfer.md are of other episodes."""
+    found = drawn(task)
+    assert found.keys() == BANK[task].keys()
+    for name, values in BANK[task].items():
+        np.testing.assert_allclose(found[name], values, rtol=1e-9, atol=1e-12, err_msg=name)
