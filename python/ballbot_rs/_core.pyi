@@ -1153,10 +1153,10 @@ class Batch:
                 impulse (N·s) and its moment about the center of mass (N·m·s), both in the inertial frame. Returns the states
                 at the end. One that is not finite or out of bounds ends its episode as diverged.
 
-        Contact forces are not known, nor whether the body touches the floor, and the options `actuators` have no effect.
+        Models without slip (`planar`, `spatial`) are refused. Contact forces are not known, nor whether the body touches the floor, and the options `actuators` have no effect.
 
         Raises:
-            ValueError: as `step`, or another shape of states. What `motion` raises; all environments must then be reset.
+            ValueError: as `step`, another shape of states, or a quaternion that is not of unit length. What `motion` raises; all environments must then be reset.
         """
     def final_observations(self) -> npt.NDArray[np.float32]:
         """Last observations of the episodes that the last step ended and reset, shape (num_envs, observation_len); other

@@ -48,6 +48,56 @@ def test_robots_that_an_event_draws_are_those_that_move():
     assert not np.allclose(tilts[None, 0], tilts[None, 1], rtol=1e-2)
 
 
+def test_parameters_that_are_set_are_those_that_move():
+    params = bb.Params.paper()
+    lower = params.replace(body_com_height=0.5 * params.body_com_height)
+    start = bb.State.at_rest(params, (0.05, 0.0))
+    tilts = []
+    for first in (params, lower):
+        batch = EngineBatch(new_batch(1, autoreset="disabled", options={"params": first}), "mujoco")
+        for robot in (first, lower):
+            batch.set_params(0, robot)
+            batch.reset(starts=[start])
+            for _ in range(20):
+                batch.step(np.zeros((1, 3)))
+        tilts.append(batch.state(0).tilt)
+    assert tilts[0] == tilts[1]
+    batch.set_params(0, params.replace(roller_friction=0.01))
+    with pytest.raises(ValueError, match=r"roller_friction = 0.01: it must be 0"):
+        batch.step(np.zeros((1, 3)))
+
+
+def test_motors_that_an_event_weakens_are_weak_there():
+    events = [{"term": "max_wheel_torque", "mode": "reset", "op": "abs", "dist": "uniform", "range": [0.02, 0.021]}]
+    speeds = []
+    for engine in (None, "mujoco"):
+        batch = new_batch(1, seed=3, options={"events": events})
+        batch = batch if engine is None else EngineBatch(batch, engine)
+        batch.reset(starts=[bb.State.at_rest(bb.Params.paper())])
+        for _ in range(5):
+            batch.step(np.ones((1, 3)))
+        speeds.append(batch.state(0).wheel_speeds)
+    np.testing.assert_allclose(speeds[1], speeds[0], rtol=0.02)
+
+
+def test_a_state_that_diverges_ends_its_episode(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    batch = EngineBatch(new_batch(2, autoreset="disabled", seed=1), "mujoco")
+    batch.reset()
+    pushes = np.random.default_rng(0)
+    for _ in range(40):
+        batch.push(0, pushes.uniform(-1000.0, 1000.0, 3), pushes.uniform(-0.3, 0.3, 3))
+        _, _, terminated, _ = batch.step(np.zeros((2, 3)))
+        if terminated[0]:
+            break
+    assert terminated.tolist() == [True, False]
+    assert batch.ending(0)[1] in ("tilt", "diverged", "bot_on_floor")
+    batch._robots[1][1].data.qpos[0] = np.nan
+    batch._robots[1][1].step(np.zeros(3), 5)
+    assert np.isnan(batch._robots[1][1].row()).any()
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_task_in_python_moves_there_too():
     class Upright(bb.Task):
         def observe(self, robots):
@@ -74,6 +124,21 @@ def test_a_task_in_python_moves_there_too():
         ({"actuators": {"delay": 0.01}}, "ideal motors"),
         ({"params": "kugle"}, "ball_viscous_friction = 0.001"),
         ({"events": "mild"}, "ball_viscous_friction, which an event changes"),
+        (
+            {
+                "events": [
+                    {
+                        "term": "gravity",
+                        "mode": "at",
+                        "time": 0.05,
+                        "op": "scale",
+                        "dist": "uniform",
+                        "range": [0.5, 0.6],
+                    }
+                ]
+            },
+            "does not change gravity within an episode",
+        ),
         ({"model": "rigid"}, "takes the place of model = 'rigid'"),
     ],
 )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import ballbot_rs as bb
+from ballbot_rs import _state_rows as rows
 from ballbot_rs._core import TASKS
 
 SHORT = {"model": "contact", "max_episode_steps": 30}
@@ -77,6 +78,48 @@ def test_a_state_that_is_not_finite_ends_its_own_episode_alone(model):
     assert batch.ending(1) == (False, "diverged")
     assert np.isfinite(observations).all()
     assert np.isfinite(rewards).all()
+
+
+@pytest.mark.parametrize("model", ["contact", "rigid"])
+def test_pushes_off_the_center_of_mass_are_given_with_their_moment(model):
+    batch = bb.Batch(1, seed=1, model=model)
+    batch.reset(starts=[bb.State.at_rest(batch.params(0), (0.1, 0.05), 0.4)])
+    impulses, points = np.array([[0.1, -0.2, 0.05], [0.0, 0.1, 0.1]]), np.array([[0.05, 0.0, 0.2], [0.0, -0.1, 0.1]])
+    for impulse, point in zip(impulses, points, strict=True):
+        batch.push(0, impulse, point)
+    axes = rows.body_axes_of(batch.states())[0].T
+    moment = np.cross((points - batch.params(0).body_com) @ axes, impulses).sum(axis=0)
+    given = []
+
+    def motion(states, pushes):
+        given.append(pushes[0])
+        return states
+
+    batch.step_with(np.zeros((1, 3), np.float32), motion)
+    batch.step_with(np.zeros((1, 3), np.float32), motion)
+    np.testing.assert_allclose(given[0], [*impulses.sum(axis=0), *moment], rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(given[1], np.zeros(6))
+
+
+def test_quaternions_have_unit_length():
+    batch = bb.Batch(2, seed=1)
+    batch.reset()
+
+    def motion(states, _):
+        states[1, rows.BODY_QUATERNION] *= 2.0
+        return states
+
+    with pytest.raises(ValueError, match=r"length of body_quaternion of robot 1 = 2.*1 within 1e-6"):
+        batch.step_with(np.zeros((2, 3), np.float32), motion)
+
+
+@pytest.mark.parametrize("model", ["planar", "spatial"])
+def test_models_without_slip_are_refused(model):
+    batch = bb.Batch(1, seed=1, model=model)
+    batch.reset()
+    with pytest.raises(ValueError, match=f"the model {model} cannot hold a state with slip"):
+        batch.step_with(np.zeros((1, 3), np.float32), lambda states, _: states)
+    batch.step(np.zeros((1, 3), np.float32))
 
 
 def test_states_that_are_not_those_of_the_robots_are_refused():

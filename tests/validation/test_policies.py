@@ -6,7 +6,7 @@ import pytest
 
 import ballbot_rs as bb
 from tests.support.paths import ROOT
-from validation.policies.judging import EPISODES, FIRST_SEED
+from validation.policies.judging import EPISODES, FIRST_SEED, episodes_of
 from validation.policies.shipped import SHIPPED
 
 pytest.importorskip("onnxruntime")
@@ -32,7 +32,10 @@ def interval_in(cell):
 @pytest.mark.parametrize("one", SHIPPED, ids=lambda one: one.file)
 def test_a_policy_reproduces_its_page(one):
     found = bb.evaluate(
-        ROOT / "assets" / "policies" / one.file, episodes=EPISODES, seed=FIRST_SEED, env_options=dict(one.options)
+        ROOT / "assets" / "policies" / one.file,
+        episodes=EPISODES,
+        seed=FIRST_SEED,
+        env_options=episodes_of(one.recipe.task),
     )
     row = row_of(one.file)
     low, high = interval_in(row["success"])

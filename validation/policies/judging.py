@@ -7,6 +7,7 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import Any, NamedTuple
 
 import ballbot_rs as bb
+from ballbot_rs._core import TASKS
 
 #: First seed of the bank of starts and commands: episode i is that of seed 1000 + i, as in `ballbot evaluate`.
 FIRST_SEED = 1000
@@ -28,6 +29,12 @@ class Judge(NamedTuple):
 CONTACT = Judge("`contact`")
 RIGID = Judge("`rigid`", {"model": "rigid"})
 MUJOCO = Judge("MuJoCo", engine="mujoco", episodes=IN_MUJOCO)
+
+
+def episodes_of(task: str) -> dict[str, Any]:
+    """Options of a task's own episodes, whatever a policy was trained in: starts, commands, ends, successes."""
+    found = {option["name"]: option["default"] for option in TASKS[task]["options"]}
+    return {**found, "max_episode_steps": TASKS[task]["max_episode_steps"]}
 
 
 class Cell(NamedTuple):
@@ -53,6 +60,6 @@ def _result(cell: Cell) -> bb.Result:
         episodes=cell.judge.episodes,
         seed=FIRST_SEED,
         num_threads=1,
-        env_options=cell.judge.options,
+        env_options={**episodes_of(cell.task), **cell.judge.options},
         engine=cell.judge.engine,
     )

@@ -1,8 +1,7 @@
 """The policies that come with the package: their recipes, what was asked of them, and what they reach."""
 
-import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import ballbot_rs as bb
 from ballbot_rs.scenarios.scale import Scale
@@ -41,8 +40,6 @@ class Shipped(NamedTuple):
     title: str
     recipe: Recipe
     limits: Sequence[Limit]
-    #: Options of the episodes that it is judged on, over those of its training.
-    options: Mapping[str, Any] = {}
     #: Scenarios whose worst direction is claimed, with the least tilt (deg) or impulse (N·s).
     least: Mapping[str, tuple[str, float, str]] = {}
 
@@ -76,7 +73,6 @@ SHIPPED = (
         "Balance, from all tilts",
         Recipe("balance", "recover"),
         _in_engines("episodes without success, starts within 5 deg", "failures", 0.01, ""),
-        {"reset_tilt": math.radians(5.0), "max_episode_steps": 1000},
         {
             "S2-rest": ("tilt recovered from, worst of 24 directions", 28.5, "deg"),
             "S3-at-once": ("push borne, worst of 24 directions", 2.0, "N·s"),
@@ -146,15 +142,13 @@ def _run(one: Shipped, policy: str) -> Findings:
     task, controllers = one.recipe.task, {"policy": policy, "`lqr`": "lqr", "`cascade_pid`": "cascade_pid"}
     others = {limit.judge.name: limit.judge for limit in one.limits if limit.judge not in JUDGES}
     cells = {
-        (judge.name, label): Cell(task, source, judge._replace(options={**one.options, **judge.options}))
+        (judge.name, label): Cell(task, source, judge)
         for judge in (*JUDGES, *others.values())
         for label, source in controllers.items()
     }
     # The other seeds, where each was trained.
     for recipe in (one.recipe._replace(seed=seed) for seed in SEEDS[1:]):
-        cells[CONTACT.name, f"policy of seed {recipe.seed}"] = Cell(
-            task, str(recipe.folder), CONTACT._replace(options=one.options)
-        )
+        cells[CONTACT.name, f"policy of seed {recipe.seed}"] = Cell(task, str(recipe.folder), CONTACT)
     found = dict(zip(cells, results(list(cells.values())), strict=True))
     claims = [_claim(limit, found[limit.judge.name, "policy"]) for limit in one.limits]
     for scenario, (what, least, unit) in one.least.items():

@@ -1,5 +1,6 @@
 """Training runs of the configurations that come with the package."""
 
+import json
 import multiprocessing
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -51,11 +52,18 @@ def _text(recipe: Recipe) -> str:
 
 
 def _is_done(recipe: Recipe) -> bool:
-    from ballbot_rs.training import run_folder
+    from ballbot_rs.control import sb3_policy
+    from ballbot_rs.envs._batch_env import new_batch, resolved_options
+    from ballbot_rs.training import config, run_folder
 
-    return (recipe.folder / run_folder.FINAL).is_file() and (
-        run_folder.read_config_text(recipe.folder) == _text(recipe)
-    )
+    text = _text(recipe)
+    if not (recipe.folder / run_folder.FINAL).is_file() or run_folder.read_config_text(recipe.folder) != text:
+        return False
+    # The defaults of the task may have changed since.
+    options = config.parse(text, recipe.name).env
+    now = resolved_options(new_batch(1, task=recipe.task, num_threads=1, options=options), options)
+    _, kept = sb3_policy.load(recipe.folder / run_folder.FINAL, recipe.task)
+    return bool(json.dumps(kept["env_options"], sort_keys=True) == json.dumps(now, sort_keys=True))
 
 
 def _train(recipe: Recipe) -> float:

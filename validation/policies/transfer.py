@@ -14,7 +14,6 @@ import ballbot_rs as bb
 from validation.claim import Claim
 from validation.page import table
 from validation.policies.judging import CONTACT, MUJOCO, RIGID, Cell, Judge, results
-from validation.policies.shipped import SHIPPED
 from validation.policies.tables import interval, measure
 from validation.policies.training import Recipe
 from validation.topic import Findings, Topic
@@ -96,7 +95,7 @@ def _run(task: str) -> Findings:
     sources = {arm: str(Recipe(task, None, events).folder) for arm, events in ARMS.items()}
     sources["`lqr`"] = "lqr"
     cells = {
-        (judge.name, arm): Cell(task, source, _for(task, judge)) for judge in JUDGES for arm, source in sources.items()
+        (judge.name, arm): Cell(task, source, _short(judge)) for judge in JUDGES for arm, source in sources.items()
     }
     found = dict(zip(cells, results(list(cells.values())), strict=True))
     values = {place: measure(result, name) for place, result in found.items()}
@@ -109,11 +108,9 @@ def _run(task: str) -> Findings:
     return Findings(claims, partial(_draw, task, list(sources), values), text)
 
 
-def _for(task: str, judge: Judge) -> Judge:
-    """A judge with the episodes of the task, where those of the training are others."""
-    options = next(one.options for one in SHIPPED if one.recipe == Recipe(task))
-    episodes = EPISODES if judge.engine is None else IN_MUJOCO
-    return judge._replace(options={**options, **judge.options}, episodes=episodes)
+def _short(judge: Judge) -> Judge:
+    """A judge with fewer episodes."""
+    return judge._replace(episodes=EPISODES if judge.engine is None else IN_MUJOCO)
 
 
 def _text(result: bb.Result, name: str, unit: str) -> str:
@@ -148,9 +145,7 @@ def _run_seeds() -> Findings:
     name = MEASURES[FIVE_SEEDS][0]
     judges = [judge for judge in JUDGES if judge.engine is None]
     cells = {
-        (judge.name, arm, seed): Cell(
-            FIVE_SEEDS, str(Recipe(FIVE_SEEDS, None, events, seed).folder), _for(FIVE_SEEDS, judge)
-        )
+        (judge.name, arm, seed): Cell(FIVE_SEEDS, str(Recipe(FIVE_SEEDS, None, events, seed).folder), _short(judge))
         for judge in judges
         for arm, events in ARMS.items()
         for seed in range(5)

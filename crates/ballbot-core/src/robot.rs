@@ -239,11 +239,12 @@ impl Ballbot {
         LaneState::from(state).out_of_bounds()
     }
 
-    /// False once a step met numbers that are not finite.
+    /// As [`Model::pending_push`](crate::model::Model::pending_push).
     pub(crate) fn pending_push(&self) -> [f64; 6] {
         self.model.pending_push()
     }
 
+    /// False once a step met numbers that are not finite.
     pub(crate) fn healthy(&self) -> bool {
         self.model.healthy()
     }

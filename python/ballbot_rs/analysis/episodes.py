@@ -57,7 +57,7 @@ class Result:
     mean_reward: float
     #: Metrics of the task by name, means over the episodes that ran to their end; None where there is none.
     metrics: Mapping[str, float | None]
-    #: 95 % intervals of these means, by bootstrap over episodes.
+    #: 95 % intervals of these means, by bootstrap over episodes; None for fewer than two.
     metric_intervals: Mapping[str, tuple[float, float] | None]
 
 
@@ -121,6 +121,9 @@ def compare(
     shared_task = common_task(found, task)
     if engine is not None and "model" in (env_options or {}):
         raise InvalidInputError(f"engine = '{engine}' takes the place of model = '{options['model']}': leave one out")
+    if engine is not None:
+        # A policy may have been trained in a model that cannot hold the engine's states.
+        options["model"] = "contact"
     batches = [
         batch_for(
             controller,
@@ -203,5 +206,7 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
         torque_rms=float(np.sqrt(np.nanmean(squared_torques))),
         mean_reward=float(returns.mean()) / steps,
         metrics={name: float(values.mean()) if len(values) else None for name, values in metrics.items()},
-        metric_intervals={name: intervals.of_mean(values) if len(values) else None for name, values in metrics.items()},
+        metric_intervals={
+            name: intervals.of_mean(values) if len(values) > 1 else None for name, values in metrics.items()
+        },
     )

@@ -21,7 +21,7 @@ def of_share(share: float, count: int) -> tuple[float, float]:
 
 
 def of_mean(values: npt.NDArray[np.float64]) -> tuple[float, float]:
-    """95 % interval of the mean by bootstrap over episodes, shape (n,), n ≥ 1; the same in every call."""
+    """95 % interval of the mean by bootstrap over episodes, shape (n,), n ≥ 2; the same in every call."""
     rng, n = np.random.default_rng(0), len(values)
     # One at a time: all of them may not fit into memory.
     means = [values[rng.integers(n, size=n)].mean() for _ in range(_RESAMPLES)]

@@ -35,11 +35,10 @@ MAX_ROBOT_FILE = 1 << 20
 CONTROLLER_METAVAR = f"{'|'.join(NAMES)}|PATH"
 
 
-def add_task(command: Any) -> None:
+def add_task(command: Any, *, otherwise: str = "the policy's own, else ") -> None:
     """Adds the task, the first argument."""
-    command.add_argument(
-        "task", nargs="?", type=_task, metavar="TASK", help=f"{', '.join(sorted(TASKS))} (default {DEFAULT_TASK})"
-    )
+    known = f"{', '.join(sorted(TASKS))} (default: {otherwise}{DEFAULT_TASK})"
+    command.add_argument("task", nargs="?", type=_task, metavar="TASK", help=known)
 
 
 def _task(name: str) -> str:

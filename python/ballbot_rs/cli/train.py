@@ -25,7 +25,7 @@ MAX_TIMESTEPS = 10**12
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("train", help="train a policy with Stable-Baselines3")
-    scenario.add_task(command)
+    scenario.add_task(command, otherwise="")
     scenario.add_robot(command, otherwise="the configuration's, else")
     scenario.add_events(command)
     scenario.add_seed(command, "seed of the run (default 0)", None, MAX_RUN_SEED)

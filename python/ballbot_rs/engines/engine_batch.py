@@ -26,6 +26,9 @@ NOT_SIMULATED: Final = (
     "roller_friction_slope",
 )
 
+#: Parameters of friction at rest, which the engines' models hold like a slow slip.
+STATIC_FRICTION: Final = ("wheel_static_friction", "floor_static_friction", "friction_critical_velocity")
+
 
 class EngineRobot(Protocol):
     """One robot in an engine."""
@@ -46,7 +49,7 @@ class EngineRobot(Protocol):
 class EngineBatch:
     """A `Batch` whose robots move in another engine.
 
-    The motors are ideal ones. What is not here is that of the `Batch`.
+    The motors are ideal ones, and friction has its dynamic coefficients alone. What is not here is that of the `Batch`.
 
     Args:
         batch: the robots' task.
@@ -62,6 +65,7 @@ class EngineBatch:
         self._make = _maker(engine)
         self.engine = engine
         _check(batch, engine)
+        _check_robot(batch.params(0), engine)
         self._robots: list[tuple[Params, EngineRobot]] = []
 
     def __getattr__(self, name: str) -> Any:
@@ -80,9 +84,11 @@ class EngineBatch:
 
     def step(self, actions: npt.ArrayLike) -> tuple[Array, ...]:
         """As `Batch.step`."""
-        torques = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0) * self._inner.max_wheel_torque
         # The batch cannot be asked while it waits for the motion.
         self._renew()
+        limits = np.array([[params.max_wheel_torque] for params, _ in self._robots])
+        torques = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0) * self._inner.max_wheel_torque
+        torques = np.clip(torques, -limits, limits)
         steps = self._inner.substeps
 
         def motion(states: Array, pushes: Array) -> Array:
@@ -99,9 +105,7 @@ class EngineBatch:
         return found
 
     def _renew(self) -> None:
-        """Makes the robots that are not there yet, and those anew for which an event has drawn other parameters."""
-        if self._robots and not self._inner.options["events"]:
-            return
+        """Makes the robots that are not there yet, and those anew that have other parameters by now."""
         for i in range(self._inner.num_envs):
             params = self._inner.params(i)
             if i == len(self._robots):
@@ -110,6 +114,7 @@ class EngineBatch:
                 self._robots[i] = self._made(params)
 
     def _made(self, params: Params) -> tuple[Params, EngineRobot]:
+        _check_robot(params, self.engine)
         return params, self._make(params, self._inner.sim_dt)
 
 
@@ -141,11 +146,13 @@ def _check(batch: Batch, engine: str) -> None:
         raise InvalidInputError(f"the robots of {engine} have ideal motors: leave out actuators")
     for event in options["events"]:
         term = event["term"]
-        if term in NOT_SIMULATED or term.startswith("actuators."):
+        if term in (*NOT_SIMULATED, *STATIC_FRICTION) or term.startswith("actuators."):
             raise InvalidInputError(f"{engine} does not simulate {term}, which an event changes")
-        if event["mode"] == "interval" and term != "push":
+        if event["mode"] in ("interval", "at") and term != "push":
             raise InvalidInputError(f"{engine} does not change {term} within an episode, as an event does")
-    params = batch.params(0)
+
+
+def _check_robot(params: Params, engine: str) -> None:
     for name in NOT_SIMULATED:
         if (value := getattr(params, name)) != 0.0:
             raise InvalidInputError(f"{engine} does not simulate {name} = {value}: it must be 0")

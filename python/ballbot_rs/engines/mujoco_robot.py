@@ -19,12 +19,16 @@ BODY_RATE, WHEEL_SPEEDS = slice(9, 12), slice(12, 15)
 #: Which of a contact's two friction directions is the wheel's drive direction, where the robot faces along x.
 #: MuJoCo derives them from the normal and the world's axes, not from the wheel.
 _DRIVE_SLOT = (0, 1, 1)
+#: Sum of positions and speeds beyond which a state has diverged.
+DIVERGED = 1e6
 #: Friction across the drive direction: an omniwheel's rollers are free.
 _FREE = 1e-5
 
 #: Nothing is computed that is not used; of joint friction, nothing that is zero.
 _UNUSED = (
     "equality", "limit", "spring", "clampctrl", "sensor", "midphase", "eulerdamp", "island",
+    # A state that has diverged is to be seen as such.
+    "autoreset",
 )  # fmt: skip
 
 
@@ -190,6 +194,10 @@ class MujocoRobot:
             mujoco.mj_step(self.model, self.data, nstep=steps)
             return
         for _ in range(steps):
+            # MuJoCo would warn of it in a file of its own.
+            if not np.abs(self.data.qvel).sum() + np.abs(self.data.qpos).sum() < DIVERGED:
+                self.data.qpos[:] = np.nan
+                return
             mujoco.mj_step1(self.model, self.data)
             self._turn_contacts()
             mujoco.mj_step2(self.model, self.data)

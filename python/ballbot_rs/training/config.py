@@ -1,7 +1,6 @@
 """The training configuration: one TOML file, checked as it is read."""
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -58,8 +57,9 @@ class TrainConfig:
         for name, value in counts.items():
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
                 raise ValueError(f"{name} = {value!r} is out of range: it must be a whole number of at least 1")
-        if not isinstance(self.reward_scale, (int, float)) or not 0.0 < self.reward_scale < math.inf:
-            raise ValueError(f"reward_scale = {self.reward_scale!r} is out of range: it must be positive and finite")
+        scale = self.reward_scale
+        if isinstance(scale, bool) or not isinstance(scale, (int, float)) or not 1e-6 <= scale <= 1e6:
+            raise ValueError(f"reward_scale = {scale!r} is out of range: it must be from 1e-6 to 1e6")
         for name, kind in self.schedule.items():
             if kind != "linear":
                 raise ValueError(f"schedule.{name} = '{kind}': expected 'linear'")

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from ballbot_rs._core import Params
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.control.setpoints import PARTS, Setpoint
-from ballbot_rs.envs._batch_env import new_batch
+from ballbot_rs.envs._batch_env import new_batch, option_names
 from ballbot_rs.viewer.asked import Asked
 from ballbot_rs.viewer.bounds import check_bounded
 from ballbot_rs.viewer.drivers import Driver, LawDriver, Torques, check_steps
@@ -56,7 +56,9 @@ class Commanding:
             self._policy = None
         else:
             self.driver = self._policy = TaskPolicy(controller, params, task)
-        given = {**options, **controller.env_options}
+        own = option_names(task)
+        # A law brings what the robots were made with, maybe of another task.
+        given = {**options, **{name: value for name, value in controller.env_options.items() if name in own}}
         #: Those of a `Setup`.
         self.task_options = {name: value for name, value in given.items() if name not in DECIDED}
         drawn = new_batch(1, task=task, num_threads=1, options={**self.task_options, "params": params}).options
@@ -65,6 +67,8 @@ class Commanding:
         #: Largest distance of a goal from the ball, m.
         self.max_distance = drawn.get("goal_distance", (0.0, 0.0))[1]
         self._hand: FloatArray | None = None
+        #: Commands that the robots have had by hand; on the way to `_hand` where it drives.
+        self._given: dict[int, FloatArray] = {}
 
     @property
     def by_hand(self) -> bool:
@@ -86,20 +90,24 @@ class Commanding:
         """As `Objective`: the task draws the commands again."""
         self.driver.reset()
         self._hand = None
+        self._given = {}
 
     def restarted(self, robots: Robots, index: int) -> None:
         """As `Objective`; a robot that is commanded by hand rests where it starts."""
         self.driver.reset(index)
         if self._hand is not None:
-            robots.set_command(index, np.zeros_like(self._hand))
-            if index == 0:
-                self._hand = np.zeros_like(self._hand)
+            rest = np.zeros_like(self._hand)
+            robots.set_command(index, rest)
+            self._given[index] = rest
+            if index == 0 and self.task == DRIVEN:
+                self._hand = rest
 
     def go_on(self, robots: Robots, before: Objective) -> None:
         """As `Objective`."""
         if isinstance(before, Commanding) and before.task == self.task and before._hand is not None:
-            self._hand = before._hand
-            self._give(robots, self._goals(robots) if self.takes_clicks else [self._hand] * len(robots))
+            # A command that drives goes on from where it is: a jump topples.
+            self._hand, given = before._hand, dict(before._given)
+            self._give(robots, [given.get(i, now) for i, now in enumerate(robots.commands)])
 
     def drive(self, forward: float, left: float, turn: float) -> None:
         """Drives all robots: shares of the largest speed, in the heading frame, and of the largest rate, in [-1, 1].
@@ -151,6 +159,7 @@ class Commanding:
             # The errors of the same command given again would be counted anew.
             if not np.array_equal(now, wanted):
                 robots.set_command(index, wanted)
+            self._given[index] = wanted
 
     def shown(self, robots: Robots) -> dict[str, Any]:
         """As `Objective`: what the task asks."""

@@ -21,7 +21,8 @@
   function sticks() {
     const sum = [0, 0, 0];
     for (const pad of navigator.getGamepads ? navigator.getGamepads() : []) {
-      if (!pad || !pad.connected || pad.axes.length < 3) continue;
+      // Of other mappings an axis may be a trigger, which rests at its end.
+      if (!pad || !pad.connected || pad.mapping !== "standard" || pad.axes.length < 3) continue;
       [pad.axes[1], pad.axes[0], pad.axes[2]].forEach((axis, i) => { sum[i] -= stick(axis); });
     }
     return sum;

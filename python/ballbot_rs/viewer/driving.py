@@ -57,6 +57,7 @@ class Driving:
         self.connections: set[ServerConnection] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._is_on = False
+        self._sending: set[asyncio.Task[None]] = set()
         #: Who drives, and since when nothing has come, in the thread of the session.
         self._driver: ServerConnection | None = None
         self._heard = 0.0
@@ -119,8 +120,15 @@ class Driving:
     def _say(self, is_on: bool) -> None:
         for connection in list(self.connections):
             task = asyncio.ensure_future(connection.send(_text(is_on)))
-            # Of a connection that has just been closed.
-            task.add_done_callback(lambda done: done.cancelled() or done.exception())
+            # The loop itself keeps no task.
+            self._sending.add(task)
+            task.add_done_callback(self._sent)
+
+    def _sent(self, task: "asyncio.Task[None]") -> None:
+        self._sending.discard(task)
+        # Of a connection that has just been closed.
+        if not task.cancelled():
+            task.exception()
 
 
 def is_driven(session: Session) -> bool:

@@ -16,6 +16,9 @@ from ballbot_rs.viewer.setup import Setup
 SECONDS = 3.0
 TILTS = ((math.radians(3.0), 0.0), (0.0, math.radians(3.0)))
 
+#: Options of a task that pushes robots; any may fall at a push.
+WITHOUT_PUSHES: Mapping[str, Mapping[str, Any]] = {"push": {"push": (0.0, 0.0)}}
+
 
 def check_balances(controller: ResolvedController, objective: Objective, setup: Setup) -> None:
     """Refuses a policy on a robot on which it falls, unless it was trained on that robot.
@@ -39,7 +42,7 @@ def check_balances(controller: ResolvedController, objective: Objective, setup: 
         setup.max_torque,
         substeps=1 if setup.task == DEFAULT_TASK else setup.substeps,
         task=setup.task,
-        task_options=setup.task_options,
+        task_options={**setup.task_options, **WITHOUT_PUSHES.get(setup.task, {})},
     )
     for tilt in TILTS:
         robots = Robots(tried, 1)

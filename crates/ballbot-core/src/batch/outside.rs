@@ -3,7 +3,8 @@
 use super::batch::Batch;
 use super::buffers::StepBuffers;
 use super::pieces::pieces;
-use crate::error::Error;
+use crate::error::{Error, check};
+use crate::robot::ModelKind;
 use crate::state::State;
 use crate::task::ACTION_LEN;
 
@@ -20,11 +21,13 @@ impl Batch {
     /// [`Batch::step`] with a motion from outside: commands, rewards, observations and ends are those of the task.
     ///
     /// `motion` is given the robots after the events of the step, and returns their states at its end. One that is not finite or
-    /// out of bounds ends the episode as diverged. Contact forces are not known, nor whether the body touches the floor.
+    /// out of bounds ends the episode as diverged. Contact forces are not known, nor whether the body touches the floor; options
+    /// of the actuators have no effect.
     ///
     /// # Errors
-    /// As [`Batch::step`], in one thread; those of `motion`, and [`Error::Length`] for another number of states than robots:
-    /// the step is then interrupted, and all environments must be reset.
+    /// As [`Batch::step`], in one thread; [`Error::Inconsistent`] for a model without slip, which cannot hold any state. Those of
+    /// `motion`, [`Error::Length`] for another number of states than robots, and [`Error::OutOfRange`] for a quaternion that is
+    /// not of unit length: the step is then interrupted, and all environments must be reset.
     pub fn step_with<E: From<Error>>(
         &mut self,
         actions: &[f32],
@@ -34,6 +37,10 @@ impl Batch {
         self.check_actions(actions)?;
         self.check_buffers(buffers)?;
         self.check_running()?;
+        if let model @ (ModelKind::Planar | ModelKind::Spatial) = self.model() {
+            let reason = format!("the model {} cannot hold a state with slip: take contact or rigid", model.name());
+            return Err(Error::Inconsistent(reason).into());
+        }
         let (autoreset, width) = (self.autoreset, self.width);
         self.interrupted = true;
         self.chunks.iter_mut().for_each(|chunk| chunk.begin_step(autoreset));
@@ -41,6 +48,17 @@ impl Batch {
         let before = Outside { states: self.states().collect(), pushes };
         let after = motion(&before)?;
         self.expect_len("states", after.len(), self.len())?;
+        for (i, state) in after.iter().enumerate() {
+            for (name, turn) in [("ball", &state.ball_quaternion), ("body", &state.body_quaternion)] {
+                let length = turn.quaternion().norm();
+                // One that is not finite has diverged.
+                if length.is_finite() {
+                    check(format_args!("length of {name}_quaternion of robot {i}"), length, "1 within 1e-6", |l| {
+                        (l - 1.0).abs() <= 1e-6
+                    })?;
+                }
+            }
+        }
         let shares = pieces(&mut self.chunks, 1, width, buffers.reborrow());
         for (((chunk, share), actions), states) in
             shares.zip(actions.chunks(width * ACTION_LEN)).zip(after.chunks(width))
