@@ -130,7 +130,7 @@ def test_a_task_in_python_moves_there_too():
                     {
                         "term": "gravity",
                         "mode": "at",
-                        "time": 0.05,
+                        "at": 0.05,
                         "op": "scale",
                         "dist": "uniform",
                         "range": [0.5, 0.6],
