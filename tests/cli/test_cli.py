@@ -310,8 +310,8 @@ def test_view_draws_robots_and_has_motors(capsys, monkeypatch, tmp_path):
     (tmp_path / "motors.toml").write_text("[actuators]\ndelay = 0.004\n")
     sessions = []
 
-    def session(*arguments):
-        sessions.append(Session(*arguments))
+    def session(*arguments, **options):
+        sessions.append(Session(*arguments, **options))
         return sessions[-1]
 
     Session = view.Session

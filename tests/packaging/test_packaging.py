@@ -23,6 +23,7 @@ LEARNING = {
     "training/callbacks.py",
     "training/checkpoint.py",
     "training/export.py",
+    "training/scaled_rewards.py",
     "training/train.py",
 }
 

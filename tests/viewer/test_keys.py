@@ -124,6 +124,9 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         assert np.linalg.norm(ball()) > 2.0
         view.runner.submit(lambda session: session.choose(task="goal"))
         page.wait_for("/Click on the floor/.test(document.body.innerText) && !/Drive/.test(document.body.innerText)")
+        # The robot waits for the page, however slow that is.
+        view.runner.submit(lambda session: setattr(session, "paused", True))
+        time.sleep(1.0)
         where = ball()
         page.click(480, 450)
         wait_until(lambda: ask(view, lambda session: session.frame().asked.by_hand))

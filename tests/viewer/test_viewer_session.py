@@ -383,6 +383,23 @@ def test_the_runner_keeps_real_time_and_obeys_from_many_threads():
     assert "real-time factor" in runner.report()
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_the_race_within_viser_ends_no_simulation_but_other_errors_do():
+    errors = [RuntimeError("deque mutated during iteration"), None, RuntimeError("the page is broken")]
+
+    def show(*_):
+        error = errors.pop(0) if errors else None
+        if error is not None:
+            raise error
+
+    runner = Runner(Session(), show)
+    runner.start()
+    wait_until(lambda: runner.error is not None)
+    assert errors == []
+    assert str(runner.error) == "the page is broken"
+    runner.stop()
+
+
 def test_a_command_that_fails_and_a_flood_of_commands_do_no_harm():
     session = Session()
     runner = Runner(session)

@@ -9,6 +9,9 @@ from ballbot_rs.envs.registration import DEFAULT_TASK
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.session import Session
 
+#: What a deque says that two threads change, in asyncio.Event.
+RACE = "mutated during iteration"
+
 Command = Callable[[Session], None]
 
 #: Commands that may wait; more are dropped, as from a client that floods.
@@ -97,7 +100,12 @@ class Runner:
             self.simulated += simulated / session.speed
             self.elapsed += elapsed
         if self._show is not None:
-            self._show(session, session.frame())
+            try:
+                self._show(session, session.frame())
+            except RuntimeError as error:
+                # viser wakes its senders from this thread, while its own may be doing so; the next frame shows the rest.
+                if RACE not in str(error):
+                    raise
 
     def _carry_out_commands(self) -> None:
         for _ in range(MAX_COMMANDS):
