@@ -131,6 +131,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         page.click(480, 450)
         wait_until(lambda: ask(view, lambda session: session.frame().asked.by_hand))
         assert np.linalg.norm(command() - where) < 1.5
+        view.runner.submit(lambda session: setattr(session, "paused", False))
 
         # Where there is nothing to drive, the keys move the camera.
         view.runner.submit(lambda session: session.choose(task="path"))

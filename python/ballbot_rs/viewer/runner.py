@@ -103,7 +103,7 @@ class Runner:
             try:
                 self._show(session, session.frame())
             except RuntimeError as error:
-                # viser wakes its senders from this thread, while its own may be doing so; the next frame shows the rest.
+                # viser wakes its senders from this thread while its own may be doing so. The next frame shows the rest.
                 if RACE not in str(error):
                     raise
 
