@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from importlib import metadata
 
 from validation import against_engines, closed_forms, page
-from validation.page import Chapter, anchor, table
+from validation.page import Chapter
 from validation.topic import Findings, Topic
 
 _HEAD = """# Verification
@@ -29,8 +29,7 @@ def main() -> int:
 
 
 def _head(found: Sequence[tuple[Topic, Findings]]) -> str:
-    rows = [[f"[{topic.title}](#{anchor(topic.title)})", page.outcome(findings)] for topic, findings in found]
-    return "\n".join([_HEAD, versions(), "", table(["topic", "claims that hold"], rows)])
+    return "\n".join([_HEAD, versions(), "", page.contents("topic", found)])
 
 
 def versions() -> str:

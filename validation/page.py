@@ -151,6 +151,12 @@ def claims_table(claims: Sequence[Claim]) -> str:
     return table(["claim", "found", "expected", "error", "limit"], rows)
 
 
+def contents(what: str, found: Sequence[tuple[Topic, Findings]]) -> str:
+    """A table of the topics of a page, each `what`, with how many of its claims hold."""
+    rows = [[f"[{topic.title}](#{anchor(topic.title)})", outcome(findings)] for topic, findings in found]
+    return table([what, "claims that hold"], rows)
+
+
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], align: str = "--:") -> str:
     """A Markdown table; all columns but the first are aligned as `align` says, by default to the right."""
     lines = [head, ["---", *[align] * (len(head) - 1)], *rows]

@@ -46,9 +46,14 @@ def _columns(task: str) -> dict[str, Callable[[Result], str]]:
     metrics = description_of(task)["metrics"]
     columns = {name: cell for name, cell in _COLUMNS.items() if not (metrics and name in ("settling (s)", "ball (m)"))}
     for metric in metrics:
-        unit = f" ({metric['unit']})" if metric["unit"] else ""
-        columns[f"{metric['name'].replace('_', ' ')}{unit}"] = _metric(metric["name"])
+        columns[metric_label(metric)] = _metric(metric["name"])
     return columns
+
+
+def metric_label(metric: Mapping[str, str]) -> str:
+    """Name and unit of a metric of a task, as a column is called."""
+    unit = f" ({metric['unit']})" if metric["unit"] else ""
+    return metric["name"].replace("_", " ") + unit
 
 
 def _metric(name: str) -> Callable[[Result], str]:

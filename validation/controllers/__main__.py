@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from validation import page
 from validation.controllers import TOPICS
-from validation.page import Chapter, anchor, table
+from validation.page import Chapter
 from validation.topic import Findings, Topic
 
 _HEAD = """# Controllers
@@ -27,8 +27,7 @@ def main() -> int:
 
 
 def _head(found: Sequence[tuple[Topic, Findings]]) -> str:
-    rows = [[f"[{topic.title}](#{anchor(topic.title)})", page.outcome(findings)] for topic, findings in found]
-    return f"{_HEAD}\n{table(['topic', 'claims that hold'], rows)}"
+    return f"{_HEAD}\n{page.contents('topic', found)}"
 
 
 if __name__ == "__main__":

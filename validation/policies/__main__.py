@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from validation import page
-from validation.page import Chapter, anchor, table
+from validation.page import Chapter
 from validation.policies import shipped
 from validation.policies.training import train_all
 from validation.topic import Findings, Topic
@@ -49,8 +49,7 @@ def _export() -> None:
 
 
 def _head(found: Sequence[tuple[Topic, Findings]]) -> str:
-    rows = [[f"[{topic.title}](#{anchor(topic.title)})", page.outcome(findings)] for topic, findings in found]
-    return f"{_HEAD}\n{table(['policy', 'claims that hold'], rows)}"
+    return f"{_HEAD}\n{page.contents('policy', found)}"
 
 
 if __name__ == "__main__":

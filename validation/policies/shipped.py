@@ -107,13 +107,7 @@ SHIPPED = (
         "Push",
         Recipe("push"),
         [],
-        {
-            "S3-at-once": (
-                "push borne, worst of 24 directions",
-                0.8 * Scale.of(bb.Params.paper()).capture_impulse,
-                "N·s",
-            )
-        },
+        {"S3-at-once": ("push borne, worst of 24 directions", 0.8 * _CAPTURE_IMPULSE, "N·s")},
     ),
 )
 

@@ -1,15 +1,15 @@
 """Results as rows of a page."""
 
 import math
-from collections.abc import Mapping
 
 import ballbot_rs as bb
+from ballbot_rs._text_table import metric_label
 from ballbot_rs.envs.registration import description_of
 
 
 def head(task: str) -> list[str]:
     """Of a table of results of a task."""
-    metrics = [_label(metric) for metric in description_of(task)["metrics"]]
+    metrics = [metric_label(metric) for metric in description_of(task)["metrics"]]
     return ["judge", "controller", "episodes", "success", "upright", *metrics]
 
 
@@ -43,11 +43,6 @@ def interval(result: bb.Result, name: str) -> tuple[float, float]:
         low, high = found
         return 1.0 - high * result.survival_rate, 1.0 - low * result.survival_rate
     return found
-
-
-def _label(metric: Mapping[str, str]) -> str:
-    unit = f" ({metric['unit']})" if metric["unit"] else ""
-    return metric["name"].replace("_", " ") + unit
 
 
 def _percent(share: float, interval: tuple[float, float]) -> str:

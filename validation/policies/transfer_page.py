@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 
 from validation import page
-from validation.page import Chapter, anchor, table
+from validation.page import Chapter
 from validation.policies import transfer
 from validation.policies.training import train_all
 from validation.topic import Findings, Topic
@@ -31,8 +31,7 @@ def main() -> int:
 
 
 def _head(found: Sequence[tuple[Topic, Findings]]) -> str:
-    rows = [[f"[{topic.title}](#{anchor(topic.title)})", page.outcome(findings)] for topic, findings in found]
-    return f"{_HEAD}\n{table(['task', 'claims that hold'], rows)}"
+    return f"{_HEAD}\n{page.contents('task', found)}"
 
 
 if __name__ == "__main__":

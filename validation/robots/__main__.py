@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 
 from validation import page
-from validation.page import Chapter, anchor, table
+from validation.page import Chapter
 from validation.robots import BODY, MOTORS
 from validation.topic import Findings, Topic
 
@@ -34,8 +34,7 @@ def main() -> int:
 
 
 def _head(found: Sequence[tuple[Topic, Findings]]) -> str:
-    rows = [[f"[{topic.title}](#{anchor(topic.title)})", page.outcome(findings)] for topic, findings in found]
-    return f"{_HEAD}\n{table(['effect', 'claims that hold'], rows)}"
+    return f"{_HEAD}\n{page.contents('effect', found)}"
 
 
 if __name__ == "__main__":
