@@ -51,6 +51,7 @@ pub mod sim;
 mod snapshot;
 mod state;
 pub mod task;
+pub mod terrain;
 mod thread_pool;
 #[cfg(feature = "urdf")]
 pub mod urdf;

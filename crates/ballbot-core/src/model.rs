@@ -3,7 +3,9 @@
 use crate::error::Result;
 use crate::params::Params;
 use crate::state::{Contacts, State};
+use crate::terrain::Ground;
 use nalgebra::Vector3;
+use std::sync::Arc;
 
 /// A simulated robot. Implementations trust their input; [`crate::Ballbot`] checks it.
 pub trait Model: Send + Sync {
@@ -16,6 +18,12 @@ pub trait Model: Send + Sync {
     /// # Errors
     /// [`crate::Error::Inconsistent`] if the model cannot simulate such a robot; the old one is kept.
     fn set_params(&mut self, params: &Params) -> Result<()>;
+
+    /// Puts the robot on other ground, level without one, at rest upright at time zero.
+    ///
+    /// # Errors
+    /// [`crate::Error::Inconsistent`] if the model cannot simulate it; the old one is kept.
+    fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()>;
 
     /// Time step, s.
     fn sim_dt(&self) -> f64;

@@ -12,10 +12,12 @@ use crate::sim::ContactMotion;
 use crate::sim::RigidMotion;
 use crate::snapshot;
 use crate::state::{Contacts, State};
-use nalgebra::Vector3;
+use crate::terrain::{Ground, Terrain};
+use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
+use std::sync::Arc;
 
 /// Rungs of the ladder of models, from the simplest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,7 +26,7 @@ pub enum ModelKind {
     Planar,
     /// Coupled 3D motion without slip.
     Spatial,
-    /// Ball, body and wheels with unilateral contacts and Coulomb friction on a flat floor, by a solver of its own.
+    /// Ball, body and wheels with unilateral contacts and Coulomb friction on the ground, by a solver of its own.
     #[default]
     Contact,
     /// Rigid bodies with contacts and Coulomb friction, by rapier3d; needs the cargo feature `rigid`.
@@ -105,6 +107,7 @@ const CHECK_INTERVAL: usize = 64;
 pub struct Ballbot {
     kind: ModelKind,
     model: Box<dyn Model>,
+    ground: Option<Arc<Ground>>,
     /// Time and reason of a divergence; kept until a reset.
     diverged: Option<(f64, String)>,
 }
@@ -119,7 +122,7 @@ impl Ballbot {
     pub fn new(params: &Params, kind: ModelKind, sim_dt: f64) -> Result<Self> {
         params.validate()?;
         check_sim_dt(sim_dt)?;
-        Ok(Self { kind, model: kind.build(params, sim_dt)?, diverged: None })
+        Ok(Self { kind, model: kind.build(params, sim_dt)?, ground: None, diverged: None })
     }
 
     /// Which model this is.
@@ -130,6 +133,67 @@ impl Ballbot {
     /// The robot's parameters.
     pub fn params(&self) -> &Params {
         self.model.params()
+    }
+
+    /// The terrain; `None` for level ground.
+    pub fn terrain(&self) -> Option<&Arc<Terrain>> {
+        self.ground.as_ref().map(|ground| ground.terrain())
+    }
+
+    /// Puts the robot on a terrain, or on level ground, at rest upright above the origin at time zero. It outlives a reset and
+    /// a change of the parameters; of a later ball radius see [`Ground`].
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] if the ball does not reach into the terrain's narrowest valley, and for a model that does not
+    /// simulate the terrain: `planar` takes level ground alone, `spatial` planes. The robot is then left as it was.
+    pub fn set_terrain(&mut self, terrain: Option<&Arc<Terrain>>) -> Result<()> {
+        let ground = terrain.map(|terrain| Ground::new(terrain, self.params().ball_radius)).transpose()?.map(Arc::new);
+        self.set_ground(ground.as_ref())
+    }
+
+    /// [`Ballbot::set_terrain`] with the ground that robots share.
+    pub(crate) fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()> {
+        self.model.set_ground(ground)?;
+        self.ground = ground.cloned();
+        self.diverged = None;
+        Ok(())
+    }
+
+    /// The ground; `None` for level ground.
+    pub(crate) fn ground(&self) -> Option<&Arc<Ground>> {
+        self.ground.as_ref()
+    }
+
+    /// Another robot on the same ground, by the same model.
+    pub(crate) fn alike(&self, params: &Params) -> Result<Self> {
+        let mut robot = Self::new(params, self.kind, self.sim_dt())?;
+        if self.ground.is_some() {
+            robot.set_ground(self.ground())?;
+        }
+        Ok(robot)
+    }
+
+    /// Starts anew at rest with the ball on the ground, its center above x and y, m, turned to the heading `yaw`, rad. `tilt`
+    /// is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; `None` is the lean in which it
+    /// stands still on the slope there.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for a slope on which no lean holds the robot; those of [`Ballbot::reset`].
+    pub fn place_on_ground(&mut self, x: f64, y: f64, yaw: f64, tilt: Option<Vector2<f64>>) -> Result<()> {
+        for (name, value) in [("x", x), ("y", y), ("yaw", yaw)] {
+            check(name, value, "finite", |_| true)?;
+        }
+        let state = match &self.ground {
+            Some(ground) => ground.at_rest(self.params(), x, y, yaw, tilt)?,
+            None => {
+                let mut state = State::tilted_from_equilibrium(self.params(), tilt.unwrap_or_default(), yaw);
+                let offset = Vector3::new(x, y, 0.0);
+                state.ball_position += offset;
+                state.body_position += offset;
+                state
+            }
+        };
+        self.reset(&state)
     }
 
     /// Time step, s.
@@ -159,7 +223,7 @@ impl Ballbot {
     /// # Errors
     /// As [`Ballbot::reset`].
     pub fn accepts(&self, state: &State) -> Result<()> {
-        check_state(self.params(), state)?;
+        check_state(self.params(), self.ground.as_deref(), state)?;
         self.model.accepts(state)
     }
 
@@ -304,7 +368,12 @@ impl Ballbot {
 
     /// What must be equal for a snapshot to fit: model, time step and parameters.
     fn identity(&self) -> Identity {
-        Identity { model: self.kind.name().to_owned(), sim_dt: self.sim_dt(), parameters: self.params().numbers() }
+        Identity {
+            model: self.kind.name().to_owned(),
+            sim_dt: self.sim_dt(),
+            parameters: self.params().numbers(),
+            terrain: self.terrain().map(|terrain| terrain.fingerprint()),
+        }
     }
 
     /// Continues from bytes of [`Ballbot::save`] of a robot with the same model, parameters and time step.
@@ -318,7 +387,7 @@ impl Ballbot {
             return Err(Error::Decode {
                 what: "snapshot of a robot".into(),
                 reason: format!(
-                    "it is of a '{}' robot at sim_dt = {} s, this is a '{}' robot at {} s, or their parameters differ",
+                    "it is of a '{}' robot at sim_dt = {} s, this is a '{}' robot at {} s, or their parameters or terrains differ",
                     theirs.model, theirs.sim_dt, ours.model, ours.sim_dt
                 ),
             });
@@ -348,6 +417,7 @@ struct Identity {
     model: String,
     sim_dt: f64,
     parameters: Vec<f64>,
+    terrain: Option<u64>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -363,12 +433,19 @@ pub(crate) fn check_sim_dt(sim_dt: f64) -> Result<f64> {
 }
 
 /// Checks the bounds of a state that every model shares: finite, within the limits of a valid state, ball above the floor.
-pub(crate) fn check_state(params: &Params, state: &State) -> Result<()> {
+pub(crate) fn check_state(params: &Params, ground: Option<&Ground>, state: &State) -> Result<()> {
     state.validate()?;
     if let Some(reason) = LaneState::from(state).out_of_bounds() {
         return Err(Error::Inconsistent(reason));
     }
     let radius = params.ball_radius;
+    if let Some(ground) = ground {
+        let (gap, _) = ground.gap(&state.ball_position, radius);
+        check("gap of ball_position above the ground", gap, "at least 0 m within ball_radius / 1000", |gap| {
+            gap >= -1e-3 * radius
+        })?;
+        return Ok(());
+    }
     let lowest = radius * (1.0 - 1e-3);
     check(
         "ball_position[2]",

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BOTTOM: [&str; 17] = [
+const BOTTOM: [&str; 18] = [
     "error",
     "constants",
     "files",
@@ -26,6 +26,7 @@ const BOTTOM: [&str; 17] = [
     "snapshot",
     "lanes",
     "lane_state",
+    "terrain",
     "thread_pool",
 ];
 

@@ -139,6 +139,7 @@ impl Batch {
             config.model.bytes() + step.sizes().numbers() * size_of::<f64>() + of_events,
         )?;
         let params = Arc::new(config.params.clone());
+        let ground = config.ground()?;
         let width = if config.model == ModelKind::Contact { EIGHT } else { 1 };
         let mut watch = Watch::new();
         let chunk = |first: usize| -> Result<Box<dyn Chunk>> {
@@ -147,11 +148,16 @@ impl Batch {
             let used = (num_envs - first).min(width);
             Ok(match config.model {
                 ModelKind::Contact => {
-                    let robots = ContactLanes::new(&params, config.sim_dt);
+                    let mut robots = ContactLanes::new(&params, config.sim_dt);
+                    robots.set_ground(ground.as_ref());
                     Box::new(Environments::new(&config, &step, actuator.clone(), robots, plan.as_ref(), used, seed)?)
                 }
                 model => {
-                    let robot = Single::new(Ballbot::new(&params, model, config.sim_dt)?);
+                    let mut robot = Ballbot::new(&params, model, config.sim_dt)?;
+                    if ground.is_some() {
+                        robot.set_ground(ground.as_ref())?;
+                    }
+                    let robot = Single::new(robot);
                     Box::new(Environments::new(&config, &step, actuator.clone(), robot, plan.as_ref(), used, seed)?)
                 }
             })

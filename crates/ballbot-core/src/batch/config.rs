@@ -10,6 +10,7 @@ use crate::params::Params;
 use crate::robot::{Ballbot, ModelKind, check_sim_dt};
 use crate::sensor::{Onboard, SensorOptions};
 use crate::task::{Balance, RewardScales, Task, TaskDescription};
+use crate::terrain::{Ground, Terrain};
 use std::sync::Arc;
 
 /// Most observations that are given together.
@@ -34,6 +35,8 @@ pub struct EnvConfig<T> {
     /// Torque of an action of 1, N·m; at most the motors' limit. `None` is [`default_max_torque`], at which no wheel of
     /// the upright robot slips: an untrained policy then explores torques that balance a robot, not ones that throw it.
     pub max_wheel_torque: Option<f64>,
+    /// The ground; `None` for level ground. Starts are moved to it and lean as it does; an episode that leaves it is truncated.
+    pub terrain: Option<Arc<Terrain>>,
     /// The motors between actions and torques.
     pub actuators: MotorOptions,
     /// The sensors of the robots; `None` for robots without, which nothing can be read of.
@@ -71,6 +74,7 @@ impl<T: Task> Default for EnvConfig<T> {
             control_dt: 0.01,
             max_episode_steps: T::MAX_EPISODE_STEPS,
             max_wheel_torque: None,
+            terrain: None,
             actuators: MotorOptions::default(),
             sensors: None,
             observation: Observation::default(),
@@ -101,6 +105,11 @@ impl<T: Task> EnvConfig<T> {
         let estimator = estimated.then(|| self.params.numbers());
         let numbers =
             own.into_iter().chain(self.reward.values()).chain(options.copied()).chain(self.actuators.numbers());
+        let terrain = self.terrain.iter().flat_map(|terrain| {
+            let print = terrain.fingerprint();
+            [print as u32, (print >> 32) as u32].map(f64::from)
+        });
+        let numbers = numbers.chain(terrain);
         numbers.chain(observed).chain(sensors).chain(estimator.into_iter().flatten()).collect()
     }
 
@@ -208,6 +217,15 @@ impl<T: Task> EnvConfig<T> {
         self.validate_robot(&self.params)?;
         self.reward.validate()?;
         self.plan().and_then(|plan| plan.map_or(Ok(()), |plan| self.check_events(&plan, &self.params)))
+    }
+
+    /// The ground of the robots.
+    ///
+    /// # Errors
+    /// Those of [`Ground::new`].
+    pub(super) fn ground(&self) -> Result<Option<Arc<Ground>>> {
+        let ground = self.terrain.as_ref().map(|terrain| Ground::new(terrain, self.params.ball_radius));
+        Ok(ground.transpose()?.map(Arc::new))
     }
 
     /// The events as they are carried out, if there are any.

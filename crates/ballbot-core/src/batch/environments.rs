@@ -135,7 +135,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     fn check_starts(&self, i: usize) -> Result<()> {
         for start in self.step.task.extreme_starts(self.robots.params(i)) {
-            self.robots.accepts(i, &start).map_err(|error| {
+            self.robots.accepts(i, &self.on_ground(i, start)).map_err(|error| {
                 Error::Inconsistent(format!("the robot cannot start where the task may place it: {error}"))
             })?;
         }
@@ -183,10 +183,19 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.repeat_observation(i, observation);
     }
 
+    /// A start on level ground of robot `i` on its own.
+    fn on_ground(&self, i: usize, start: State) -> State {
+        match self.robots.ground() {
+            Some(ground) => ground.adapted(self.robots.params(i), self.robots.wheels(i), &start),
+            None => start,
+        }
+    }
+
     fn begin_at_random(&mut self, i: usize, observation: &mut [f32]) {
         self.renew(i);
         let (params, wheels) = (self.robots.params(i), self.robots.wheels(i));
         let start = self.step.task.start(params, wheels, &mut self.rngs[i]);
+        let start = self.on_ground(i, start);
         // The extreme starts were accepted, and bound this one.
         self.begin(i, &start, observation);
     }

@@ -11,8 +11,9 @@ use crate::params::Params;
 use crate::robot::ModelKind;
 use crate::sensor::SensorOptions;
 use crate::task::{Balance, Bare, Goal, Path, Push, Task, TaskDescription, Velocity};
+use crate::terrain::Terrain;
 use std::marker::PhantomData;
-use std::sync::{PoisonError, RwLock};
+use std::sync::{Arc, PoisonError, RwLock};
 
 /// A configuration of a task that is known by its name alone.
 pub trait TaskConfig: Send {
@@ -20,6 +21,10 @@ pub trait TaskConfig: Send {
     fn set_params(&mut self, params: Params);
     /// Replaces the model.
     fn set_model(&mut self, model: ModelKind);
+    /// Replaces the ground.
+    fn set_terrain(&mut self, terrain: Option<Arc<Terrain>>);
+    /// The ground.
+    fn terrain(&self) -> Option<&Arc<Terrain>>;
     /// Replaces the motors.
     fn set_actuators(&mut self, actuators: MotorOptions);
     /// The motors.
@@ -132,6 +137,14 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
 
     fn set_model(&mut self, model: ModelKind) {
         self.model = model;
+    }
+
+    fn set_terrain(&mut self, terrain: Option<Arc<Terrain>>) {
+        self.terrain = terrain;
+    }
+
+    fn terrain(&self) -> Option<&Arc<Terrain>> {
+        self.terrain.as_ref()
     }
 
     fn set_actuators(&mut self, actuators: MotorOptions) {

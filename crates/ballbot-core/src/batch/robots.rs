@@ -18,6 +18,7 @@ use crate::sim::contact::ContactLanes;
 use crate::snapshot;
 use crate::state::{Contacts, State};
 use crate::task::{ACTION_LEN, Task};
+use crate::terrain::Ground;
 use fearless_simd::Simd;
 use nalgebra::Vector3;
 
@@ -45,6 +46,9 @@ pub trait Robots: Send + Sync {
         ledger: &mut Ledger<Self::Cell>,
         one: &mut Ledger<f64>,
     );
+
+    /// The ground; `None` for level ground.
+    fn ground(&self) -> Option<&Ground>;
 
     /// Writes the states of all.
     fn read(&self, states: &mut StateCells<Self::Cell>);
@@ -164,6 +168,10 @@ impl Robots for Single {
         step.run_one(&robot, commands, com_directions, ledger);
     }
 
+    fn ground(&self) -> Option<&Ground> {
+        self.robot.ground().map(|ground| &**ground)
+    }
+
     fn read(&self, states: &mut StateCells<f64>) {
         LaneState::from(&self.robot.state()).store(states);
     }
@@ -179,11 +187,11 @@ impl Robots for Single {
     }
 
     fn accepts_as(&self, params: &Params, state: &State) -> Result<()> {
-        Ballbot::new(params, self.robot.kind(), self.robot.sim_dt())?.accepts(state)
+        self.robot.alike(params)?.accepts(state)
     }
 
     fn could_have(&self, params: &Params) -> Result<()> {
-        Ballbot::new(params, self.robot.kind(), self.robot.sim_dt()).map(|_| ())
+        self.robot.alike(params).map(|_| ())
     }
 
     fn state(&self, _: usize) -> State {
@@ -256,6 +264,10 @@ impl Robots for ContactLanes {
         run_eight(Conclude { step, states: &states, conditions: &conditions, commands, com_directions, ledger, one });
     }
 
+    fn ground(&self) -> Option<&Ground> {
+        ContactLanes::ground(self)
+    }
+
     fn read(&self, states: &mut StateCells<Eight>) {
         ContactLanes::read(self, states, &mut ConditionCells::default());
     }
@@ -269,13 +281,13 @@ impl Robots for ContactLanes {
     }
 
     fn accepts(&self, i: usize, state: &State) -> Result<()> {
-        check_state(self.lane_params(i), state)?;
-        CollisionShape::new(self.lane_params(i), self.lane_wheels(i)).require_above_floor(state)
+        check_state(self.lane_params(i), self.ground(), state)?;
+        CollisionShape::new(self.lane_params(i), self.lane_wheels(i)).require_above(self.ground(), state)
     }
 
     fn accepts_as(&self, params: &Params, state: &State) -> Result<()> {
-        check_state(params, state)?;
-        CollisionShape::new(params, &Omniwheels::new(params)).require_above_floor(state)
+        check_state(params, self.ground(), state)?;
+        CollisionShape::new(params, &Omniwheels::new(params)).require_above(self.ground(), state)
     }
 
     fn could_have(&self, params: &Params) -> Result<()> {
@@ -291,7 +303,7 @@ impl Robots for ContactLanes {
     }
 
     fn contacts(&self, i: usize) -> Contacts {
-        self.lane(i).contacts(&self.constants(i))
+        self.lane(i).contacts(&self.constants(i), self.ground())
     }
 
     fn params(&self, i: usize) -> &Params {

@@ -15,6 +15,8 @@ pub struct TaskStep<T, S> {
     scales: Vec<f64>,
     scaling: Option<RowScaling>,
     control_dt: f64,
+    /// Half lengths of the terrain along x and y, m.
+    half_size: Option<[f64; 2]>,
     /// Of one observation; those of a history are in the ledger, newest first.
     rows: usize,
     metrics: usize,
@@ -29,6 +31,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             scales: config.reward.values().collect(),
             scaling: config.scale_observations.then(|| description.scaling.clone()),
             control_dt: config.control_dt,
+            half_size: config.terrain.as_ref().map(|terrain| terrain.half_size()),
             rows,
             metrics: description.metrics.len(),
             sizes: Sizes {
@@ -98,7 +101,12 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         let terminated = !termination.le(zero);
         let success = self.task.success(&step, terminated, &mut memory);
         let steps = L::load(token, &episode.steps) + 1.0;
-        let truncated = !terminated & L::load(token, &episode.limit).le(steps);
+        let mut over = L::load(token, &episode.limit).le(steps);
+        if let Some([x, y]) = self.half_size {
+            let ball = &state.ball_position;
+            over = over | zero.splat(x).lt(ball.x.abs()) | zero.splat(y).lt(ball.y.abs());
+        }
+        let truncated = !terminated & over;
 
         let mut written = WriteTerms { cells: terms, scales: &self.scales, sound, sum: zero, next: 0 };
         self.task.reward(&step, terminated, &memory, &mut written);

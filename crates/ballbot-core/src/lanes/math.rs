@@ -3,6 +3,15 @@
 use super::Lane;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
+/// The largest whole number up to `x`, for magnitudes below 2⁵¹.
+#[inline(always)]
+pub fn floor<L: Lane>(x: L) -> L {
+    // Adding and subtracting 1.5 · 2⁵² rounds to a whole number.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    let rounded = (x + ROUND) - ROUND;
+    L::select(x.lt(rounded), rounded - 1.0, rounded)
+}
+
 /// Exponential e^(−x) for x ≥ 0, relative error 4e-14; e^(−64) for x > 64.
 #[inline(always)]
 pub fn exp_of_negative<L: Lane>(x: L) -> L {

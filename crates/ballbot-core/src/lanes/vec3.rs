@@ -287,6 +287,13 @@ impl<L: Lane> Rotation<L> {
         Vec3::new(self.rows[0].dot(v), self.rows[1].dot(v), self.rows[2].dot(v))
     }
 
+    /// The inverse.
+    #[inline(always)]
+    pub fn transposed(&self) -> Self {
+        let [a, b, c] = self.rows;
+        Self { rows: [Vec3::new(a.x, b.x, c.x), Vec3::new(a.y, b.y, c.y), Vec3::new(a.z, b.z, c.z)] }
+    }
+
     /// Vector rotated by the inverse.
     #[inline(always)]
     pub fn apply_transposed(&self, v: Vec3<L>) -> Vec3<L> {

@@ -11,6 +11,7 @@ mod losses;
 pub mod planar;
 mod planar_motion;
 mod rk4;
+mod slope;
 pub mod spatial;
 mod spatial_motion;
 

@@ -6,13 +6,15 @@ use super::{
     Motion, PlanarModel, Saved, WheelInertia, contact_loads, require_rolling, require_rolling_with, shaft_torques,
     sound,
 };
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::kinematics::Omniwheels;
 use crate::model::{Model, same_geometry};
 use crate::params::Params;
 use crate::snapshot;
 use crate::state::{Contacts, State, attitude, rolling_rate};
+use crate::terrain::Ground;
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
+use std::sync::Arc;
 
 /// Coordinates (x, θ_y), (y, θ_x), yaw and ball spin angle; their rates; wheel angles; ball quaternion.
 type Coordinates = SVector<f64, 19>;
@@ -147,6 +149,14 @@ impl Model for PlanarMotion {
             robot.wheel_torques = self.wheel_torques;
         }
         *self = robot;
+        Ok(())
+    }
+
+    fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()> {
+        if ground.is_some() {
+            return Err(Error::Inconsistent("the model 'planar' simulates level ground alone, not a terrain".into()));
+        }
+        self.place(&State::upright(&self.params.clone()));
         Ok(())
     }
 

@@ -1,13 +1,16 @@
 //! Simulation of the spatial model: RK4 for position, attitude and generalized velocity.
 
 use super::rk4::rk4;
+use super::slope::Slope;
 use super::{BallSpin, Saved, SpatialModel, WheelSpin, require_rolling, sound};
 use crate::error::Result;
 use crate::model::{Model, same_geometry};
 use crate::params::Params;
 use crate::snapshot;
 use crate::state::{Contacts, State, rolling_rate};
+use crate::terrain::{Ground, upright_on};
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
+use std::sync::Arc;
 
 /// Coordinates: ball position (2), body quaternion (4), ν (6), ball quaternion (4), wheel angles (3).
 type Coordinates = SVector<f64, 19>;
@@ -15,7 +18,10 @@ type Coordinates = SVector<f64, 19>;
 /// A robot with the equations of [`SpatialModel`], absolute wheel spin and free ball spin.
 #[derive(Clone, Debug)]
 pub struct SpatialMotion {
+    /// On the plane of `slope`, in its frame.
     model: SpatialModel,
+    params: Params,
+    slope: Option<Slope>,
     sim_dt: f64,
     steps: u64,
     healthy: bool,
@@ -26,9 +32,33 @@ pub struct SpatialMotion {
 impl SpatialMotion {
     /// A robot at rest upright.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
-        let model = SpatialModel::new(params, WheelSpin::Absolute, BallSpin::Free);
-        let coordinates = coordinates_of(&State::upright(params));
-        Self { model, sim_dt, steps: 0, healthy: true, coordinates, wheel_torques: Vector3::zeros() }
+        Self::on(params, None, sim_dt)
+    }
+
+    fn on(params: &Params, slope: Option<Slope>, sim_dt: f64) -> Self {
+        let there = slope.as_ref().map_or_else(|| params.clone(), |slope| slope.params_of(params));
+        let model = SpatialModel::new(&there, WheelSpin::Absolute, BallSpin::Free);
+        let mut motion = Self {
+            model,
+            params: params.clone(),
+            slope,
+            sim_dt,
+            steps: 0,
+            healthy: true,
+            coordinates: Coordinates::zeros(),
+            wheel_torques: Vector3::zeros(),
+        };
+        motion.place(&motion.upright());
+        motion
+    }
+
+    fn upright(&self) -> State {
+        upright_on(self.slope.as_ref().map(|slope| &*slope.ground), &self.params)
+    }
+
+    /// A state in the frame of the slope.
+    fn level(&self, state: &State) -> State {
+        self.slope.as_ref().map_or_else(|| state.clone(), |slope| slope.level(state))
     }
 
     fn velocity(&self) -> Vector6<f64> {
@@ -61,7 +91,7 @@ impl SpatialMotion {
 
 impl Model for SpatialMotion {
     fn params(&self) -> &Params {
-        self.model.params()
+        &self.params
     }
 
     fn sim_dt(&self) -> f64 {
@@ -69,7 +99,10 @@ impl Model for SpatialMotion {
     }
 
     fn set_params(&mut self, params: &Params) -> Result<()> {
-        let mut robot = Self::new(params, self.sim_dt);
+        if self.slope.is_some() {
+            params.require_level("the model 'spatial' on a terrain")?;
+        }
+        let mut robot = Self::on(params, self.slope.clone(), self.sim_dt);
         if same_geometry(self.params(), params) {
             robot.coordinates = self.coordinates;
             robot.steps = self.steps;
@@ -80,8 +113,14 @@ impl Model for SpatialMotion {
         Ok(())
     }
 
+    fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()> {
+        let slope = ground.map(|ground| Slope::new(ground, &self.params)).transpose()?;
+        *self = Self::on(&self.params.clone(), slope, self.sim_dt);
+        Ok(())
+    }
+
     fn place(&mut self, state: &State) {
-        self.coordinates = coordinates_of(state);
+        self.coordinates = coordinates_of(&self.level(state));
         self.steps = 0;
         self.healthy = true;
         self.wheel_torques = Vector3::zeros();
@@ -112,14 +151,14 @@ impl Model for SpatialMotion {
     }
 
     fn accepts(&self, state: &State) -> Result<()> {
-        require_rolling(self.model.params(), self.model.wheels(), state)
+        require_rolling(self.model.params(), self.model.wheels(), &self.level(state))
     }
 
     fn state(&self) -> State {
         let y = &self.coordinates;
         let velocity = self.velocity();
         let rolling = State::rolling_on(
-            self.params(),
+            self.model.params(),
             self.model.wheels(),
             Vector2::new(velocity[0], velocity[1]),
             velocity[5],
@@ -127,28 +166,37 @@ impl Model for SpatialMotion {
             velocity.fixed_rows::<3>(2).into_owned(),
         );
         let position = Vector3::new(y[0], y[1], self.params().ball_radius);
-        State {
+        let state = State {
             ball_position: position,
             body_position: position,
             ball_quaternion: quaternion_at(y, 12),
             wheel_angles: [y[16], y[17], y[18]],
             ..rolling
+        };
+        match &self.slope {
+            Some(slope) => slope.inertial(&state),
+            None => state,
         }
     }
 
     fn contacts(&self) -> Contacts {
-        self.model.contacts(&quaternion_at(&self.coordinates, 2), &self.velocity(), &self.wheel_torques)
+        let contacts = self.model.contacts(&quaternion_at(&self.coordinates, 2), &self.velocity(), &self.wheel_torques);
+        match &self.slope {
+            Some(slope) => Contacts { floor_force: slope.rotation.inverse() * contacts.floor_force, ..contacts },
+            None => contacts,
+        }
     }
 
     fn energy(&self) -> f64 {
-        let (p, y) = (self.params(), &self.coordinates);
+        let (p, y) = (self.model.params(), &self.coordinates);
         // Of the ball's place on the slope.
         let place = (p.ball_mass + p.body_mass) * p.gravity * p.up().xy().dot(&Vector2::new(y[0], y[1]));
         self.model.energy(&quaternion_at(y, 2), &self.velocity()) + place
     }
 
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
-        let jump = self.model.velocity_jump(&quaternion_at(&self.coordinates, 2), impulse, point);
+        let impulse = self.slope.as_ref().map_or(*impulse, |slope| slope.rotation * impulse);
+        let jump = self.model.velocity_jump(&quaternion_at(&self.coordinates, 2), &impulse, point);
         let mut velocity = self.coordinates.fixed_rows_mut::<6>(6);
         velocity += jump;
     }

@@ -1,6 +1,6 @@
 //! Encoders of the wheels.
 
-use super::floor::floor;
+use crate::lanes::floor;
 use crate::lanes::{Lane, Memory};
 
 /// Three encoders, which count ticks unless their angles are exact.

@@ -5,7 +5,6 @@ mod constants;
 mod encoders;
 pub mod estimator;
 mod exact;
-mod floor;
 mod onboard;
 mod options;
 mod period;

@@ -1,7 +1,7 @@
 //! When a sensor is sampled.
 
-use super::floor::floor;
 use crate::lanes::Lane;
+use crate::lanes::floor;
 
 /// Control steps of `dt` (s) nearest to the period of `rate` (Hz; 0: every control step), at least one.
 pub fn steps_of(rate: f64, dt: f64) -> f64 {

@@ -4,10 +4,15 @@ use crate::error::{Result, check};
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
 use crate::state::State;
+use crate::terrain::Ground;
 use nalgebra::{UnitQuaternion, Vector3};
+use std::f64::consts::TAU;
 
 /// Largest overlap of bot and floor in an accepted state, m.
 const MAX_FLOOR_OVERLAP: f64 = 1e-3;
+
+/// Points around a rim that are compared with uneven ground.
+const RIM_POINTS: usize = 16;
 
 /// Wheel centers in the body frame, m.
 pub fn wheel_centers(params: &Params, wheels: &Omniwheels) -> [Vector3<f64>; 3] {
@@ -65,12 +70,46 @@ impl CollisionShape {
         if wheel < body { ("wheels", wheel) } else { ("body", body) }
     }
 
-    /// Refuses a state in which the bot overlaps the floor.
+    /// The same above the ground: distances from its tangent planes below the wheels, and below points around both ends of
+    /// the body.
+    fn lowest_above(
+        &self,
+        ground: &Ground,
+        position: &Vector3<f64>,
+        attitude: &UnitQuaternion<f64>,
+    ) -> (&'static str, f64) {
+        let distance = |point: Vector3<f64>| {
+            let place = position + attitude * point;
+            let terrain = ground.terrain();
+            (place.z - terrain.height(place.x, place.y)) * terrain.normal(place.x, place.y).z
+        };
+        let wheel = self.wheel_centers.map(distance).into_iter().fold(f64::INFINITY, f64::min) - self.wheel_radius;
+        let rim = (0..RIM_POINTS).flat_map(|i| {
+            let (sin, cos) = (TAU * i as f64 / RIM_POINTS as f64).sin_cos();
+            [self.body.bottom, self.body.top].map(|z| Vector3::new(cos * self.body.radius, sin * self.body.radius, z))
+        });
+        let body = rim.map(distance).fold(f64::INFINITY, f64::min);
+        if wheel < body { ("wheels", wheel) } else { ("body", body) }
+    }
+
+    /// Least distance of the bot from the ground, m.
+    pub fn lowest_over(&self, ground: Option<&Ground>, position: &Vector3<f64>, attitude: &UnitQuaternion<f64>) -> f64 {
+        match ground {
+            Some(ground) => self.lowest_above(ground, position, attitude).1,
+            None => self.lowest_point(position, attitude).1,
+        }
+    }
+
+    /// Refuses a state in which the bot overlaps the ground, a level floor without one.
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] naming the part and its height.
-    pub fn require_above_floor(&self, state: &State) -> Result<()> {
-        let (part, height) = self.lowest_point(&state.body_position, &state.body_quaternion);
+    pub fn require_above(&self, ground: Option<&Ground>, state: &State) -> Result<()> {
+        let (position, attitude) = (&state.body_position, &state.body_quaternion);
+        let (part, height) = match ground {
+            Some(ground) => self.lowest_above(ground, position, attitude),
+            None => self.lowest_point(position, attitude),
+        };
         check(
             format_args!("height of the lowest point of the {part}"),
             height,

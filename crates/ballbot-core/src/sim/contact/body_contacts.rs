@@ -9,6 +9,7 @@ mod mast;
 
 use super::active_set::Conditions;
 use super::constants::{Constants, at3};
+use super::footing::{Footing, Relief};
 use super::phases::Start;
 use super::types::{PerRow, Velocities, select3};
 use crate::lanes::{Lane, Value, Vec3};
@@ -37,7 +38,7 @@ const BALL_MARGIN: f64 = 5e-3;
 const MAX_CENTER_OFFSET: f64 = 0.02;
 
 /// Distances at which the contacts of this module are considered in a step.
-pub struct Near<L: Lane> {
+pub struct Near<'a, L: Lane> {
     /// Robots that need the contacts of this module.
     pub mask: L::Mask,
     /// Those of them whose ball may touch wheels or body, so that all contacts are solved together.
@@ -46,11 +47,20 @@ pub struct Near<L: Lane> {
     ball_on_body: L::Mask,
     /// Height below which a point of the bot may touch the floor, m.
     floor_limit: L,
+    /// The ground, unless it is level.
+    footing: Option<&'a Footing<L::Cell>>,
+    token: L::Token,
 }
 
-impl<L: Lane> Near<L> {
+impl<'a, L: Lane> Near<'a, L> {
     #[inline(always)]
-    pub fn new<V: Value<L>>(c: &Constants<V>, start: &Start<L>, token: L::Token, push: &[L::Cell; 6]) -> Self {
+    pub fn new<V: Value<L>>(
+        c: &Constants<V>,
+        start: &Start<L>,
+        token: L::Token,
+        push: &[L::Cell; 6],
+        footing: Option<&'a Footing<L::Cell>>,
+    ) -> Self {
         let (pose, v) = (&start.pose, &start.velocities);
         let zero = pose.ball.x.zero();
         let dt = c.sim_dt.at(zero);
@@ -67,7 +77,10 @@ impl<L: Lane> Near<L> {
         let rim = upright.neg_mul_add(upright, zero.splat(1.0)).max(zero).sqrt() * c.body_radius.at(zero);
         let [bottom, top] = [at3(c.body_ends[0], zero), at3(c.body_ends[1], zero)];
         let cylinder = up.dot(bottom.into()).min(up.dot(top.into())) - rim;
-        let lowest = pose.body.z + (wheels - c.wheel_radius.at(zero)).min(cylinder);
+        let lowest = match footing {
+            None => pose.body.z + (wheels - c.wheel_radius.at(zero)).min(cylinder),
+            Some(footing) => lowest_over(c, start, &footing.relief(token), rim),
+        };
         let falling = sum_of_sizes(v.body_rate).mul_add(c.reach.at(zero), v.body.z.abs()) + pushed;
         let floor_limit = falling.mul_add(dt, zero.splat(FLOOR_MARGIN));
 
@@ -93,7 +106,7 @@ impl<L: Lane> Near<L> {
             wheels_near = wheels_near | a.min(b).min(d).lt(along + across);
         }
         let mask = lowest.lt(floor_limit) | ball_near;
-        Self { mask, coupled: mask & (wheels_near | ball_near), ball_on_body: ball_near, floor_limit }
+        Self { mask, coupled: mask & (wheels_near | ball_near), ball_on_body: ball_near, floor_limit, footing, token }
     }
 
     /// Adds the impulses of the rare contacts to the velocities of the robots in the mask, and solves for the impulses of
@@ -125,6 +138,28 @@ impl<L: Lane> Near<L> {
     }
 }
 
+/// Least height of a part of the bot above what the ground at most rises to there. `rim` is how far the rims of the body
+/// are below their centers, or beside them.
+#[inline(always)]
+fn lowest_over<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, relief: &Relief<'_, L>, rim: L) -> L {
+    let like = rim;
+    let (wheel, body) = (c.wheel_radius.at(like), c.body_radius.at(like));
+    let [bottom, top] = [at3(c.body_ends[0], like), at3(c.body_ends[1], like)];
+    let mut lowest = clearance(start, relief, c.wheel_center(0, like), [wheel, wheel]);
+    lowest = lowest.min(clearance(start, relief, c.wheel_center(1, like), [wheel, wheel]));
+    lowest = lowest.min(clearance(start, relief, c.wheel_center(2, like), [wheel, wheel]));
+    lowest = lowest.min(clearance(start, relief, bottom.into(), [body, rim]));
+    lowest.min(clearance(start, relief, top.into(), [body, rim]))
+}
+
+/// The same of a part that reaches `beside` and `below` its center, principal frame.
+#[inline(always)]
+fn clearance<L: Lane>(start: &Start<L>, relief: &Relief<'_, L>, center: Vec3<L>, [beside, below]: [L; 2]) -> L {
+    let point = start.pose.body + start.rotation.apply(center);
+    let along = point.x.mul_add(point.x, point.y.squared()).sqrt() + beside;
+    point.z - below - relief.rise(along, point.z.abs() + below)
+}
+
 /// Sum of the sizes of the components, an upper bound of the length.
 #[inline(always)]
 fn sum_of_sizes<L: Lane>(v: Vec3<L>) -> L {
@@ -147,10 +182,13 @@ impl<L: Lane> Contacts<L> {
     fn new<V: Value<L>>(
         c: &Constants<V>,
         start: &Start<L>,
-        near: &Near<L>,
+        near: &Near<'_, L>,
         (impulses, velocities): (PerRow<L>, Velocities<L>),
     ) -> Self {
-        let points = floor_points(c, start, near.floor_limit);
+        let points = match near.footing {
+            None => floor_points(c, start, near.floor_limit, None),
+            Some(footing) => floor_points(c, start, near.floor_limit, Some(&footing.relief(near.token))),
+        };
         let mut used = [false; POINTS];
         for (used, point) in used.iter_mut().zip(&points) {
             *used = point.may_touch(near.mask);
@@ -167,7 +205,7 @@ impl<L: Lane> Contacts<L> {
         c: &Constants<V>,
         start: &Start<L>,
         conditions: &Conditions<L, V>,
-        near: &Near<L>,
+        near: &Near<'_, L>,
         open: L::Mask,
     ) -> L {
         let mut v = self.velocities;

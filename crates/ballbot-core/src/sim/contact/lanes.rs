@@ -1,6 +1,7 @@
 //! Eight robots of the contact model side by side, with equal or individual parameters.
 
 use super::constants::{Constants, InLanes, LaneConstants};
+use super::footing::Footing;
 use super::state::{ContactState, Torques};
 use super::step::{advance, advance_wide};
 use crate::actuator::Actuator;
@@ -9,6 +10,7 @@ use crate::lane_state::{ConditionCells, StateCells};
 use crate::lanes::{EIGHT, Eight, Kernel, Lane, Memory, Scalar, Wide, run_eight};
 use crate::params::Params;
 use crate::state::State;
+use crate::terrain::{Ground, upright_on};
 use fearless_simd::Simd;
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -19,6 +21,7 @@ pub struct ContactLanes {
     wheels: [Arc<Omniwheels>; EIGHT],
     constants: LaneConstants,
     state: ContactState<Eight>,
+    footing: Option<Box<Footing<Eight>>>,
     sim_dt: f64,
 }
 
@@ -29,6 +32,7 @@ impl ContactLanes {
         let mut lanes = Self {
             constants: LaneConstants::shared(Constants::new(params, sim_dt)),
             state: ContactState::default(),
+            footing: None,
             params: std::array::from_fn(|_| Arc::clone(params)),
             wheels: std::array::from_fn(|_| Arc::clone(&wheels)),
             sim_dt,
@@ -45,6 +49,17 @@ impl ContactLanes {
     /// Wheels of robot `i`.
     pub fn lane_wheels(&self, i: usize) -> &Omniwheels {
         &self.wheels[i]
+    }
+
+    /// Puts all robots on other ground, level without one, at rest upright.
+    pub fn set_ground(&mut self, ground: Option<&Arc<Ground>>) {
+        self.footing = ground.map(|ground| Box::new(Footing::new(ground)));
+        (0..EIGHT).for_each(|i| self.place_upright(i));
+    }
+
+    /// The ground.
+    pub fn ground(&self) -> Option<&Ground> {
+        self.footing.as_ref().map(|footing| &*footing.ground)
     }
 
     /// Constants of robot `i`.
@@ -67,13 +82,13 @@ impl ContactLanes {
 
     /// Starts robot `i` anew from an accepted state.
     pub fn place_lane(&mut self, i: usize, state: &State) {
-        let placed = ContactState::at(&self.constants.lane(i), &self.wheels[i], state);
+        let placed = ContactState::at(&self.constants.lane(i), &self.wheels[i], self.ground(), state);
         self.state.set_lane(i, &placed);
     }
 
     /// Starts robot `i` anew at rest upright.
     pub fn place_upright(&mut self, i: usize) {
-        self.place_lane(i, &State::upright(&self.params[i]));
+        self.place_lane(i, &upright_on(self.ground(), &self.params[i]));
     }
 
     /// The solver's state of robot `i`.
@@ -115,10 +130,10 @@ impl ContactLanes {
     /// Advances all by `steps` time steps under constant torques. Not generic, so that it is compiled once for all
     /// actuators.
     fn advance(&mut self, torques: &Torques<Eight>, steps: usize) {
-        let state = &mut self.state;
+        let (state, footing) = (&mut self.state, self.footing.as_deref_mut());
         match &self.constants {
-            LaneConstants::Shared(constants) => run_eight(Advance { constants, state, torques, steps }),
-            LaneConstants::PerLane(constants) => run_eight(Advance { constants, state, torques, steps }),
+            LaneConstants::Shared(constants) => run_eight(Advance { constants, state, footing, torques, steps }),
+            LaneConstants::PerLane(constants) => run_eight(Advance { constants, state, footing, torques, steps }),
         }
     }
 
@@ -188,6 +203,7 @@ impl<V: InLanes, A: Actuator> Kernel for Actuate<'_, V, A> {
 struct Advance<'a, V> {
     constants: &'a Constants<V>,
     state: &'a mut ContactState<Eight>,
+    footing: Option<&'a mut Footing<Eight>>,
     torques: &'a Torques<Eight>,
     steps: usize,
 }
@@ -195,14 +211,15 @@ struct Advance<'a, V> {
 impl<V: InLanes> Kernel for Advance<'_, V> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        advance_wide(simd, self.constants, self.state, self.torques, self.steps);
+        advance_wide(simd, self.constants, self.state, self.footing, self.torques, self.steps);
     }
 
     fn run_one_by_one(self) {
+        let mut footing = self.footing.map(|all| Footing::new(&all.ground));
         for i in 0..EIGHT {
             let c = self.constants.map(|value| value.lane(i));
             let mut state = self.state.lane(i);
-            advance(&c, &mut state, &self.torques.map(|eight| eight.0[i]), self.steps);
+            advance(&c, &mut state, footing.as_mut(), &self.torques.map(|eight| eight.0[i]), self.steps);
             self.state.set_lane(i, &state);
         }
     }

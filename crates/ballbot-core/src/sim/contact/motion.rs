@@ -1,6 +1,7 @@
 //! Simulation of one robot of the contact model in `f64`.
 
 use super::constants::Constants;
+use super::footing::Footing;
 use super::state::ContactState;
 use super::step::advance;
 use crate::energy::mechanical_energy;
@@ -11,14 +12,17 @@ use crate::params::Params;
 use crate::sim::collision_shape::CollisionShape;
 use crate::snapshot;
 use crate::state::{Contacts, State};
+use crate::terrain::{Ground, upright_on};
 use nalgebra::Vector3;
+use std::sync::Arc;
 
-/// A ballbot on a flat floor, with unilateral contacts and friction.
+/// A ballbot on the ground, with unilateral contacts and friction.
 pub struct ContactMotion {
     params: Params,
     wheels: Omniwheels,
     constants: Constants<f64>,
     memory: ContactState<f64>,
+    footing: Option<Footing<f64>>,
 }
 
 impl ContactMotion {
@@ -28,6 +32,7 @@ impl ContactMotion {
             wheels: Omniwheels::new(params),
             constants: Constants::new(params, sim_dt),
             memory: ContactState::default(),
+            footing: None,
             params: params.clone(),
         };
         motion.place(&State::upright(params));
@@ -42,6 +47,10 @@ impl ContactMotion {
     /// State of the simulation, with warm-start impulses.
     pub fn memory(&self) -> &ContactState<f64> {
         &self.memory
+    }
+
+    fn ground(&self) -> Option<&Ground> {
+        self.footing.as_ref().map(|footing| &*footing.ground)
     }
 }
 
@@ -66,17 +75,23 @@ impl Model for ContactMotion {
             // Impulses of joint friction are reset: without friction no row would remove them.
             self.memory.joint_impulses = [0.0; 3];
         } else {
-            self.place(&State::upright(params));
+            self.place(&upright_on(self.ground(), params));
         }
         Ok(())
     }
 
+    fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()> {
+        self.footing = ground.map(Footing::new);
+        self.place(&upright_on(self.ground(), &self.params));
+        Ok(())
+    }
+
     fn place(&mut self, state: &State) {
-        self.memory = ContactState::at(&self.constants, &self.wheels, state);
+        self.memory = ContactState::at(&self.constants, &self.wheels, self.ground(), state);
     }
 
     fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
-        advance(&self.constants, &mut self.memory, wheel_torques, steps);
+        advance(&self.constants, &mut self.memory, self.footing.as_mut(), wheel_torques, steps);
     }
 
     fn time(&self) -> f64 {
@@ -88,7 +103,7 @@ impl Model for ContactMotion {
     }
 
     fn contacts(&self) -> Contacts {
-        self.memory.contacts(&self.constants)
+        self.memory.contacts(&self.constants, self.ground())
     }
 
     fn bot_on_floor(&self) -> bool {
@@ -105,7 +120,7 @@ impl Model for ContactMotion {
 
     fn accepts(&self, state: &State) -> Result<()> {
         state.validate()?;
-        CollisionShape::new(&self.params, &self.wheels).require_above_floor(state)
+        CollisionShape::new(&self.params, &self.wheels).require_above(self.ground(), state)
     }
 
     /// Acts during the next time step, so that the contact forces of that step include the reaction.

@@ -2,8 +2,8 @@
 
 use super::constants::{Constants, at3};
 use super::rows::{Rows, encoder_rate};
-use super::state::{ContactState, Torques};
-use super::types::{PerRow, Pose, Velocities};
+use super::state::ContactState;
+use super::types::{Actions, PerRow, Pose, Velocities};
 use crate::lanes::{Lane, Rotation, Value, Vec3};
 
 /// The robot at the start of a step.
@@ -50,7 +50,7 @@ pub fn free_velocities<L: Lane, V: Value<L>>(
     token: L::Token,
     state: &ContactState<L::Cell>,
     start: &Start<L>,
-    torques: &Torques<L::Cell>,
+    actions: &Actions<L::Cell>,
 ) -> Velocities<L> {
     let before = &start.velocities;
     let like = before.ball.x;
@@ -60,7 +60,7 @@ pub fn free_velocities<L: Lane, V: Value<L>>(
 
     let mut reaction = Vec3::zero(like);
     let mut spin_momentum = reaction;
-    let torques = Vec3::load(token, torques);
+    let torques = Vec3::load(token, &actions.torques);
     let wheel = [torques.x, torques.y, torques.z];
     for (i, torque) in wheel.into_iter().enumerate() {
         let u = c.u(i, like);
@@ -73,7 +73,7 @@ pub fn free_velocities<L: Lane, V: Value<L>>(
     let body_angular_impulse =
         start.rotation.apply_transposed(angular_impulse).plus(reaction + midpoint, c.sim_dt.at(like));
 
-    let (drag, fall) = (c.ball_drag.at(like), Vec3::from(at3(c.gravity_dt, like)));
+    let (drag, fall) = (c.ball_drag.at(like), Vec3::load(token, &actions.gravity_dt));
     let body = before.body.plus(impulse, c.body_mass_inverse.at(like));
     let spin = c.wheel_dt_inverse_inertia.at(like);
     Velocities {

@@ -6,6 +6,7 @@ use crate::kinematics::Omniwheels;
 use crate::lane_state::LaneState;
 use crate::lanes::{Scalar, run_one};
 use crate::state::{Contacts, State, wxyz};
+use crate::terrain::Ground;
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 
 /// Largest gap at which a contact of a new state starts with the impulse of its static load, m.
@@ -13,7 +14,7 @@ const CONTACT_TOLERANCE: f64 = 1e-4;
 
 impl ContactState<f64> {
     /// Solver state at time zero in an accepted `state`.
-    pub fn at(c: &Constants<f64>, wheels: &Omniwheels, state: &State) -> Self {
+    pub fn at(c: &Constants<f64>, wheels: &Omniwheels, ground: Option<&Ground>, state: &State) -> Self {
         let (com, axes) = (Vector3::from(c.com), rotation(c.principal_axes));
         let spins = Vector3::from(state.wheel_speeds) - wheels.u * state.body_angular_velocity;
         let (mut attitude, mut rate) = (state.body_quaternion, state.body_angular_velocity);
@@ -27,7 +28,11 @@ impl ContactState<f64> {
             let center = position + attitude * Vector3::from(c.wheel_centers[i]);
             (center - state.ball_position).norm() - c.ball_radius - c.wheel_radius <= CONTACT_TOLERANCE
         };
-        let on_floor = state.ball_position.z - c.ball_radius <= CONTACT_TOLERANCE;
+        let (gap, normal) = match ground {
+            Some(ground) => ground.gap(&state.ball_position, c.ball_radius),
+            None => (state.ball_position.z - c.ball_radius, Vector3::z()),
+        };
+        let load = if gap <= CONTACT_TOLERANCE { c.static_floor_load * c.sim_dt } else { 0.0 };
         Self {
             ball_position: state.ball_position.into(),
             ball_quaternion: wxyz(&state.ball_quaternion),
@@ -40,7 +45,7 @@ impl ContactState<f64> {
             wheel_angles: state.wheel_angles,
             wheel_spins: spins.into(),
             normal_impulses: [0, 1, 2].map(|i| if touches(i) { c.wheel_loads[i] * c.sim_dt } else { 0.0 }),
-            floor_impulse: [if on_floor { c.static_floor_load * c.sim_dt } else { 0.0 }, 0.0, 0.0],
+            floor_impulse: [load * normal.z, load * normal.x, load * normal.y],
             ..Self::default()
         }
     }
@@ -54,7 +59,7 @@ impl ContactState<f64> {
     }
 
     /// Contact forces of the last step; zeros before the first.
-    pub fn contacts(&self, c: &Constants<f64>) -> Contacts {
+    pub fn contacts(&self, c: &Constants<f64>, ground: Option<&Ground>) -> Contacts {
         // Before the first step the impulses are only the solver's initial guess.
         let per_second = if self.steps > 0.0 { c.sim_dt.recip() } else { 0.0 };
         let [z, x, y] = self.floor_impulse;
@@ -64,10 +69,17 @@ impl ContactState<f64> {
             wheel_tractions: self.drive_impulses.map(|impulse| -impulse * per_second),
             wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(c, i)),
             floor_force: Vector3::new(x, y, z) * per_second,
-            floor_slip_velocity: Vector2::new(
-                self.ball_velocity[0] - r * self.ball_rate[1],
-                self.ball_velocity[1] + r * self.ball_rate[0],
-            ),
+            floor_slip_velocity: match ground {
+                Some(ground) => {
+                    let (_, normal) = ground.gap(&self.ball_position.into(), r);
+                    let surface = Vector3::from(self.ball_rate).cross(&normal) * r;
+                    (Vector3::from(self.ball_velocity) - surface).xy()
+                }
+                None => Vector2::new(
+                    self.ball_velocity[0] - r * self.ball_rate[1],
+                    self.ball_velocity[1] + r * self.ball_rate[0],
+                ),
+            },
             bot_on_floor: self.bot_on_floor > 0.0,
             searched_steps: self.searched_steps as u64,
             unsolved_steps: self.unsolved_steps as u64,

@@ -14,30 +14,36 @@
 //! velocities = free + M^-1 J^T impulses   velocities at the end of the step                   (Active set)
 //! pose       = pose + dt velocities       attitudes by rotation vectors                       (Semi-implicit Euler)
 //! ```
+//!
+//! The floor is the plane z = 0. On a terrain a step is computed in the frame of the ground under the ball: [`Footing`].
 
 #[cfg(test)]
 mod flops;
 
 use super::active_set::Conditions;
 use super::body_contacts::Near;
-use super::constants::{Constants, InLanes};
+use super::constants::{Constants, InLanes, at3};
 use super::delassus::Delassus;
+use super::footing::Footing;
 use super::friction::{Friction, JointFriction};
 use super::losses::brake;
 use super::phases::{Start, finish, free_velocities};
 use super::state::{ContactState, Torques};
-use crate::lanes::{Eight, Lane, Scalar, Value, Wide, run_one};
+use super::types::Actions;
+use crate::lanes::{Eight, Lane, Scalar, Value, Vec3, Wide, run_one};
 use fearless_simd::Simd;
 
-/// Advances one robot by `steps` time steps under constant torques.
-pub fn advance(c: &Constants<f64>, state: &mut ContactState<f64>, torques: &Torques<f64>, steps: usize) {
+/// Advances one robot by `steps` time steps under constant torques, on level ground without a `footing`.
+pub fn advance(
+    c: &Constants<f64>,
+    state: &mut ContactState<f64>,
+    footing: Option<&mut Footing<f64>>,
+    torques: &Torques<f64>,
+    steps: usize,
+) {
     run_one(
         #[inline(always)]
-        || {
-            for _ in 0..steps {
-                step::<f64, f64>(c, Scalar, state, torques);
-            }
-        },
+        || several::<f64, f64>(c, Scalar, state, footing, torques, steps),
     );
 }
 
@@ -47,6 +53,7 @@ pub fn advance_wide<S: Simd, V: InLanes>(
     simd: S,
     constants: &Constants<V>,
     state: &mut ContactState<Eight>,
+    footing: Option<&mut Footing<Eight>>,
     torques: &Torques<Eight>,
     steps: usize,
 ) {
@@ -54,21 +61,41 @@ pub fn advance_wide<S: Simd, V: InLanes>(
         constants,
         simd,
         #[inline(always)]
-        |c| {
-            for _ in 0..steps {
-                step::<Wide<S>, V::Wide<S>>(c, simd, state, torques);
-            }
-        },
+        |c| several::<Wide<S>, V::Wide<S>>(c, simd, state, footing, torques, steps),
     );
 }
 
-/// One step of all robots of the lanes.
+#[inline(always)]
+fn several<L: Lane, V: Value<L>>(
+    c: &Constants<V>,
+    token: L::Token,
+    state: &mut ContactState<L::Cell>,
+    mut footing: Option<&mut Footing<L::Cell>>,
+    torques: &Torques<L::Cell>,
+    steps: usize,
+) {
+    let mut actions = Actions { torques: *torques, gravity_dt: *torques };
+    let like = L::load(token, &state.steps);
+    Vec3::from(at3(c.gravity_dt, like)).store(&mut actions.gravity_dt);
+    for _ in 0..steps {
+        if let Some(footing) = &mut footing {
+            footing.enter(c, token, state, &mut actions.gravity_dt);
+        }
+        step::<L, V>(c, token, state, footing.as_deref(), &actions);
+        if let Some(footing) = &footing {
+            footing.leave::<L>(token, state);
+        }
+    }
+}
+
+/// One step of all robots of the lanes, in the frame of the floor.
 #[inline(always)]
 fn step<L: Lane, V: Value<L>>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
-    torques: &Torques<L::Cell>,
+    footing: Option<&Footing<L::Cell>>,
+    actions: &Actions<L::Cell>,
 ) {
     let share = c.loss_share.at(L::load(token, &state.steps));
     if L::any(share.zero().lt(share)) {
@@ -79,7 +106,7 @@ fn step<L: Lane, V: Value<L>>(
         );
     }
     let start = Start::new(c, token, state);
-    let near = Near::new(c, &start, token, &state.push);
+    let near = Near::new(c, &start, token, &state.push, footing);
     if L::any(near.mask) {
         // Nothing but references to memory goes there, so that the usual step keeps its numbers in registers.
         L::rarely(
@@ -87,12 +114,12 @@ fn step<L: Lane, V: Value<L>>(
             #[inline(always)]
             || {
                 let start = Start::new(c, token, state);
-                let near = Near::new(c, &start, token, &state.push);
-                step_from::<L, V, true>(c, token, state, torques, &start, &near);
+                let near = Near::new(c, &start, token, &state.push, footing);
+                step_from::<L, V, true>(c, token, state, actions, &start, &near);
             },
         );
     } else {
-        step_from::<L, V, false>(c, token, state, torques, &start, &near);
+        step_from::<L, V, false>(c, token, state, actions, &start, &near);
     }
 }
 
@@ -101,15 +128,15 @@ fn step_from<L: Lane, V: Value<L>, const NEAR: bool>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
-    torques: &Torques<L::Cell>,
+    actions: &Actions<L::Cell>,
     start: &Start<L>,
-    near: &Near<L>,
+    near: &Near<'_, L>,
 ) {
     let joints = JointFriction::new(c, start.rows.floor_gap);
     if joints.any() {
-        step_with::<L, V, true, NEAR>(c, token, state, torques, start, &joints, near);
+        step_with::<L, V, true, NEAR>(c, token, state, actions, start, &joints, near);
     } else {
-        step_with::<L, V, false, NEAR>(c, token, state, torques, start, &joints, near);
+        step_with::<L, V, false, NEAR>(c, token, state, actions, start, &joints, near);
     }
 }
 
@@ -118,13 +145,13 @@ fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const NEAR: bool>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
-    torques: &Torques<L::Cell>,
+    actions: &Actions<L::Cell>,
     start: &Start<L>,
     joint_friction: &JointFriction<L>,
-    near: &Near<L>,
+    near: &Near<'_, L>,
 ) {
     let friction = Friction::new(c, &start.rows, &start.velocities);
-    let mut velocities = free_velocities(c, token, state, start, torques);
+    let mut velocities = free_velocities(c, token, state, start, actions);
     let like = velocities.ball.x;
     let conditions = Conditions {
         delassus: &Delassus::new::<JOINTS>(c, &start.rows),

@@ -2,6 +2,7 @@
 
 use super::constants::LaneConstants;
 use super::delassus::Delassus;
+use super::footing::Footing;
 use super::phases::Start;
 use super::principal::PrincipalAxes;
 use super::*;
@@ -10,8 +11,10 @@ use crate::lanes::{EIGHT, Eight, Scalar};
 use crate::model::Model;
 use crate::params::Params;
 use crate::state::State;
+use crate::terrain::{Ground, Terrain};
 use fearless_simd::{Level, Simd};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use std::sync::Arc;
 
 const STEPS: usize = 500;
 /// A lane with nothing but zeros, whose signs are bits too, and one in the air.
@@ -124,19 +127,21 @@ fn event(i: usize, step: usize, calm: bool, memory: &mut ContactState<f64>) {
     }
 }
 
-fn alone(i: usize, calm: bool) -> Vec<ContactState<f64>> {
+fn alone(i: usize, calm: bool, ground: Option<&Arc<Ground>>) -> Vec<ContactState<f64>> {
     let constants = constants_of(i, calm);
+    let mut footing = ground.map(Footing::new);
     let mut memory = start(i, calm);
     let step = |k| {
         event(i, k, calm, &mut memory);
-        advance(&constants, &mut memory, &torques(i, k), 1);
+        advance(&constants, &mut memory, footing.as_mut(), &torques(i, k), 1);
         memory.clone()
     };
     (0..STEPS).map(step).collect()
 }
 
 #[inline(always)]
-fn side_by_side<S: Simd>(simd: S, calm: Calm) -> Vec<ContactState<Eight>> {
+fn side_by_side<S: Simd>(simd: S, calm: Calm, ground: Option<&Arc<Ground>>) -> Vec<ContactState<Eight>> {
+    let mut footing = ground.map(Footing::new);
     let mut constants = LaneConstants::shared(constants_of(0, true));
     let mut robots = ContactState::<Eight>::default();
     for (i, &calm) in calm.iter().enumerate() {
@@ -157,8 +162,8 @@ fn side_by_side<S: Simd>(simd: S, calm: Calm) -> Vec<ContactState<Eight>> {
         simd.vectorize(
             #[inline(always)]
             || match &constants {
-                LaneConstants::Shared(constants) => advance_wide(simd, constants, &mut robots, &all, 1),
-                LaneConstants::PerLane(constants) => advance_wide(simd, constants, &mut robots, &all, 1),
+                LaneConstants::Shared(c) => advance_wide(simd, c, &mut robots, footing.as_mut(), &all, 1),
+                LaneConstants::PerLane(c) => advance_wide(simd, c, &mut robots, footing.as_mut(), &all, 1),
             },
         );
         out.push(robots.clone());
@@ -167,21 +172,21 @@ fn side_by_side<S: Simd>(simd: S, calm: Calm) -> Vec<ContactState<Eight>> {
 }
 
 /// The run with every instruction set that this machine has.
-fn runs(calm: Calm) -> Vec<(&'static str, Vec<ContactState<Eight>>)> {
+fn runs(calm: Calm, ground: Option<&Arc<Ground>>) -> Vec<(&'static str, Vec<ContactState<Eight>>)> {
     let level = Level::new();
     let mut out = Vec::new();
     #[cfg(target_arch = "x86_64")]
     {
         if let Some(simd) = level.as_avx512() {
-            out.push(("AVX-512", side_by_side(simd, calm)));
+            out.push(("AVX-512", side_by_side(simd, calm, ground)));
         }
         if let Some(simd) = level.as_avx2() {
-            out.push(("AVX2", side_by_side(simd, calm)));
+            out.push(("AVX2", side_by_side(simd, calm, ground)));
         }
     }
     #[cfg(target_arch = "aarch64")]
     if let Some(simd) = level.as_neon() {
-        out.push(("NEON", side_by_side(simd, calm)));
+        out.push(("NEON", side_by_side(simd, calm, ground)));
     }
     println!("{level:?}: {:?}", out.iter().map(|(name, _)| name).collect::<Vec<_>>());
     out
@@ -197,21 +202,37 @@ fn assert_same(label: &str, found: &ContactState<f64>, expected: &ContactState<f
     assert!(bits(found) == bits(expected), "{label}:\n{found:?}\n{expected:?}");
 }
 
-#[test]
-fn robots_in_lanes_equal_single_robots() {
-    // Near the floor all eight take another kind of step, so once with a fall and once without.
-    for falling in [true, false] {
-        let mut calm = [false; EIGHT];
-        calm[FALLING] = !falling;
-        let expected = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| alone(i, calm[i]));
-        for (name, run) in runs(calm) {
-            for (k, robots) in run.iter().enumerate() {
-                for (i, alone) in expected.iter().enumerate() {
-                    assert_same(&format!("{name}, lane {i}, step {k}"), &robots.lane(i), &alone[k]);
-                }
+/// Runs with events; near the floor all eight take another kind of step, so with a fall or without.
+fn assert_lanes_equal_robots(falling: bool, ground: Option<&Arc<Ground>>) -> [Vec<ContactState<f64>>; EIGHT] {
+    let mut calm = [false; EIGHT];
+    calm[FALLING] = !falling;
+    let expected = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| alone(i, calm[i], ground));
+    for (name, run) in runs(calm, ground) {
+        for (k, robots) in run.iter().enumerate() {
+            for (i, alone) in expected.iter().enumerate() {
+                assert_same(&format!("{name}, lane {i}, step {k}"), &robots.lane(i), &alone[k]);
             }
         }
-        assert_eventful(&expected, falling);
+    }
+    expected
+}
+
+#[test]
+fn robots_in_lanes_equal_single_robots() {
+    for falling in [true, false] {
+        assert_eventful(&assert_lanes_equal_robots(falling, None), falling);
+    }
+}
+
+#[test]
+fn robots_in_lanes_on_a_terrain_equal_single_robots() {
+    let parameters = [("slope", 0.2), ("wavelength", 0.8), ("size_x", 3.0), ("size_y", 3.0), ("apron", 0.05)];
+    let terrain = Arc::new(Terrain::generate("noise", 1, &parameters).unwrap());
+    let ground = Arc::new(Ground::new(&terrain, params().ball_radius).unwrap());
+    for falling in [true, false] {
+        let robots = assert_lanes_equal_robots(falling, Some(&ground));
+        assert_eq!(robots[FALLING][STEPS - 1].bot_on_floor > 0.0, falling);
+        assert!(robots[SLIPPING][STEPS - 1].ball_position[2] != robots[AT_REST][STEPS - 1].ball_position[2]);
     }
 }
 
@@ -233,11 +254,11 @@ fn assert_eventful(expected: &[Vec<ContactState<f64>>; EIGHT], falling: bool) {
 /// A robot that falls, diverges, is pushed, reset or differs leaves its neighbors as they are, to the last bit.
 #[test]
 fn lanes_do_not_depend_on_their_neighbors() {
-    let calm = runs([true; EIGHT]);
+    let calm = runs([true; EIGHT], None);
     for eventful in [LIFTED, FRICTION, FALLING, DIVERGING, PUSHED, RESET, SLIPPING] {
         let mut only = [true; EIGHT];
         only[eventful] = false;
-        for ((name, found), (_, expected)) in runs(only).iter().zip(&calm) {
+        for ((name, found), (_, expected)) in runs(only, None).iter().zip(&calm) {
             for (k, (found, expected)) in found.iter().zip(expected).enumerate() {
                 for i in (0..EIGHT).filter(|&i| i != eventful) {
                     let label = format!("{name}, lane {i} beside {eventful}, step {k}");
@@ -254,9 +275,9 @@ fn lanes_do_not_depend_on_their_neighbors() {
 fn one_call_of_many_steps_equals_many_calls() {
     let constants = constants_of(1, false);
     let (mut once, mut singly) = (start(1, false), start(1, false));
-    advance(&constants, &mut once, &[0.02, -0.01, 0.03], 200);
+    advance(&constants, &mut once, None, &[0.02, -0.01, 0.03], 200);
     for _ in 0..200 {
-        advance(&constants, &mut singly, &[0.02, -0.01, 0.03], 1);
+        advance(&constants, &mut singly, None, &[0.02, -0.01, 0.03], 1);
     }
     assert_same("200 steps", &once, &singly);
 }
@@ -363,13 +384,13 @@ fn motion_does_not_depend_on_the_principal_axes() {
             start.body_angular_velocity = Vector3::new(0.2, -0.1, 0.3);
             let [one, other] = [0, 1].map(|which| {
                 let c = Constants::in_axes(&even, 1e-3, &axes[which]);
-                let mut robot = ContactState::at(&c, &wheels, &start);
+                let mut robot = ContactState::at(&c, &wheels, None, &start);
                 let step = |step| {
                     if step == 100 {
                         robot.push(&c, blow, &Vector3::new(0.05, -0.1, 0.2));
                     }
-                    advance(&c, &mut robot, torques, 1);
-                    (State::from(robot.read(&c)), robot.contacts(&c))
+                    advance(&c, &mut robot, None, torques, 1);
+                    (State::from(robot.read(&c)), robot.contacts(&c, None))
                 };
                 (0..1500).map(step).collect::<Vec<_>>()
             });

@@ -1,6 +1,22 @@
-//! Value types of the solver: pose, velocities, and one number per contact row.
+//! Value types of the solver: actions, pose, velocities, and one number per contact row.
 
 use crate::lanes::{Lane, Quat, Vec3};
+
+/// What acts on robots in a step besides contacts.
+pub struct Actions<T> {
+    /// Torques of the motors, N·m.
+    pub torques: [T; 3],
+    /// What gravity takes from a velocity in a step, in the frame of the floor.
+    pub gravity_dt: [T; 3],
+}
+
+impl Actions<f64> {
+    /// Torques on level ground.
+    #[cfg(test)]
+    pub fn level(gravity_dt: [f64; 3], torques: &[f64; 3]) -> Self {
+        Self { torques: *torques, gravity_dt }
+    }
+}
 
 /// Positions and attitudes of all parts.
 pub struct Pose<L> {

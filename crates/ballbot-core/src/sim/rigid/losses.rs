@@ -25,9 +25,10 @@ impl RigidMotion {
     pub(super) fn losses(&self, motion: &Motion, contacts: &[WheelContact; 3]) -> Losses {
         let (p, parts) = (&self.params, &self.parts);
         let share = p.loss_share();
-        let floor_load = (self.sim_state.floor_force[2] * self.settings.dt).max(0.0);
+        let floor_load =
+            (motion.floor_normal.dot(&Vector3::from(self.sim_state.floor_force)) * self.settings.dt).max(0.0);
         let [ball_velocity, ball_rate] = motion.velocities.ball;
-        let up = motion.to_body.column(2).into_owned();
+        let [_, _, up] = motion.floor_axes;
         let spinning = up * up.dot(&ball_rate);
         let rolling = ball_rate - spinning;
         let braked = |rate: Vector3<f64>, lever: f64| {

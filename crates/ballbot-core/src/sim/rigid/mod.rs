@@ -12,6 +12,7 @@
 mod bodies;
 mod bot;
 mod convert;
+mod floor;
 mod losses;
 mod motion;
 mod rows;

@@ -3,6 +3,7 @@
 use super::bodies::BodyLink;
 use super::bot::{Bot, Coordinates};
 use super::convert::{from_rapier, rotation_from_rapier, rotation_to_rapier, to_rapier};
+use super::floor::Floor;
 use super::rows::{Parts, Velocities, WheelContact};
 use super::solve::{ROWS, TRACTION};
 use super::world::{Handles, World, integration_parameters, new_pipeline};
@@ -14,17 +15,20 @@ use crate::params::Params;
 use crate::sim::collision_shape::CollisionShape;
 use crate::snapshot;
 use crate::state::{Contacts, State};
-use nalgebra::{Vector2, Vector3};
+use crate::terrain::{Ground, upright_on};
+use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
-/// A ballbot of rigid bodies on a flat floor.
+/// A ballbot of rigid bodies on the ground.
 pub struct RigidMotion {
     pub(super) params: Params,
     pub(super) wheels: Omniwheels,
     /// CoM of the body without its wheels, body frame, m: the root of the multibody.
     pub(super) root: Vector3<f64>,
     pub(super) collision_shape: CollisionShape,
+    pub(super) ground: Option<Arc<Ground>>,
     pub(super) bot: Bot,
     pub(super) parts: Parts,
     pub(super) template: World,
@@ -90,13 +94,18 @@ impl RigidMotion {
     /// # Errors
     /// [`Error::Inconsistent`] if the wheels have more inertia than the whole bot.
     pub fn new(params: &Params, sim_dt: f64) -> Result<Self> {
+        Self::on(params, None, sim_dt)
+    }
+
+    fn on(params: &Params, ground: Option<&Arc<Ground>>, sim_dt: f64) -> Result<Self> {
         let wheels = Omniwheels::new(params);
-        let (template, handles) = World::new(params, &wheels)?;
+        let (template, handles) = World::new(params, &wheels, ground.is_none())?;
         let link = BodyLink::new(params, &wheels)?;
         let mass = template.upright_mass(&handles);
         let mut motion = Self {
             root: link.com,
             collision_shape: CollisionShape::new(params, &wheels),
+            ground: ground.cloned(),
             bot: Bot::new(params, &wheels, &link, &mass, sim_dt),
             parts: Parts {
                 ball_radius: params.ball_radius,
@@ -113,7 +122,7 @@ impl RigidMotion {
             sim_state: SimulationState::new(),
             params: params.clone(),
         };
-        motion.place(&State::upright(params));
+        motion.place(&upright_on(ground.map(|ground| &**ground), params));
         Ok(motion)
     }
 
@@ -128,11 +137,13 @@ impl RigidMotion {
         (velocities.fixed_rows::<3>(0).into_owned(), velocities.fixed_rows::<3>(3).into_owned())
     }
 
-    pub(super) fn floor_slip(&self) -> Vector2<f64> {
+    /// Velocity of the ball's surface where it touches the floor, inertial frame, m/s.
+    pub(super) fn floor_slip(&self) -> Vector3<f64> {
         let ball = &self.world.bodies[self.handles.ball];
-        let (velocity, rate) = (ball.linvel(), ball.angvel());
         let radius = self.params.ball_radius;
-        Vector2::new(velocity.x - rate.y * radius, velocity.y + rate.x * radius)
+        let [_, _, normal] = Floor::under(self.ground.as_deref(), &from_rapier(ball.translation()), radius).axes;
+        let slip = from_rapier(ball.linvel()) - from_rapier(ball.angvel()).cross(&normal) * radius;
+        slip - normal * normal.dot(&slip)
     }
 
     /// Rapier's part of the joint friction: viscous friction acts within its step; dry friction is a row of ours.
@@ -187,7 +198,7 @@ impl Model for RigidMotion {
             self.params = params.clone();
             self.bot = Bot::new(params, &self.wheels, &link, &self.bot.undamped, self.settings.dt);
         } else {
-            let mut robot = Self::new(params, self.settings.dt)?;
+            let mut robot = Self::on(params, self.ground.as_ref(), self.settings.dt)?;
             if same_geometry(&self.params, params) {
                 let state = self.state();
                 robot.set_motion(&state);
@@ -201,6 +212,11 @@ impl Model for RigidMotion {
             *self = robot;
         }
         self.apply_joint_friction();
+        Ok(())
+    }
+
+    fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()> {
+        *self = Self::on(&self.params, ground, self.settings.dt)?;
         Ok(())
     }
 
@@ -228,7 +244,7 @@ impl Model for RigidMotion {
 
     fn accepts(&self, state: &State) -> Result<()> {
         state.validate()?;
-        self.collision_shape.require_above_floor(state)
+        self.collision_shape.require_above(self.ground.as_deref(), state)
     }
 
     fn state(&self) -> State {
@@ -263,7 +279,7 @@ impl Model for RigidMotion {
             wheel_tractions: [0, 1, 2].map(|i| -force(TRACTION + i)),
             wheel_slip_speeds: [0, 1, 2].map(|i| WheelContact::new(&self.parts, &self.bot, &motion, i).slip),
             floor_force: self.sim_state.floor_force.into(),
-            floor_slip_velocity: self.floor_slip(),
+            floor_slip_velocity: self.floor_slip().xy(),
             bot_on_floor: self.bot_on_floor(),
             searched_steps: self.sim_state.searched_steps,
             unsolved_steps: self.sim_state.unsolved_steps,
@@ -272,7 +288,8 @@ impl Model for RigidMotion {
 
     fn bot_on_floor(&self) -> bool {
         let h = &self.handles;
-        let on_floor = |collider| self.world.touch(h.floor_collider, collider);
+        let plane = h.bot_floor_collider.unwrap_or(h.floor_collider);
+        let on_floor = |collider| self.world.touch(plane, collider);
         on_floor(h.body_collider) || h.wheel_colliders.iter().any(|&wheel| on_floor(wheel))
     }
 

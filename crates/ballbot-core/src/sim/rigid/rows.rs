@@ -25,6 +25,10 @@ pub struct Motion {
     pub velocities: Velocities,
     /// Gap between ball and floor, m.
     pub floor_gap: f64,
+    /// Two tangents and the normal of the floor.
+    pub floor_axes: [Vector3<f64>; 3],
+    /// The normal in the inertial frame.
+    pub floor_normal: Vector3<f64>,
     /// From the inertial frame to body axes.
     pub to_body: Matrix3<f64>,
 }
@@ -142,7 +146,7 @@ impl Rows {
             rows.ball_torque.set_column(TRACTION + i, &-arm);
             rows.bot[(6 + i, JOINT + i)] = 1.0;
         }
-        let [x, y, z] = [0, 1, 2].map(|i| motion.to_body.column(i).into_owned());
+        let [x, y, z] = motion.floor_axes;
         for (k, direction) in [z, x, y].into_iter().enumerate() {
             rows.ball_force.set_column(FLOOR + k, &direction);
             rows.ball_torque.set_column(FLOOR + k, &(z.cross(&direction) * -parts.ball_radius));

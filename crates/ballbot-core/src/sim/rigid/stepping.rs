@@ -2,6 +2,7 @@
 
 use super::bot::{Coordinates, join, split};
 use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
+use super::floor::{Floor, plane, plane_below};
 use super::losses::Losses;
 use super::motion::RigidMotion;
 use super::rows::{Motion, Rows, Velocities, WheelContact, biases};
@@ -50,6 +51,7 @@ struct Plan {
 
 impl RigidMotion {
     pub(super) fn step(&mut self, wheel_torques: &[f64; 3]) {
+        self.move_floor();
         let plan = self.plan(wheel_torques);
         let alone = self.only_wheels_and_ball_touch(&plan.motion);
         self.world.set_bot_colliders(&self.handles, !alone);
@@ -66,6 +68,23 @@ impl RigidMotion {
         self.sim_state.steps += 1;
         self.sim_state.searched_steps += u64::from(settling != Settling::AtOnce);
         self.sim_state.unsolved_steps += u64::from(settling == Settling::Unsolved);
+    }
+
+    /// Moves rapier's planes to where they touch the ground, unless it is level.
+    fn move_floor(&mut self) {
+        let Some(ground) = &self.ground else { return };
+        let radius = self.params.ball_radius;
+        let ball = from_rapier(self.world.bodies[self.handles.ball].translation());
+        let (gap, normal) = ground.gap(&ball, radius);
+        self.world.colliders[self.handles.floor_collider]
+            .set_position(plane(&(ball - normal * (gap + radius)), &normal));
+        let body = self.world.bodies[self.handles.body].position();
+        let shape = &self.collision_shape.body;
+        let center = Vector3::z() * (0.5 * (shape.bottom + shape.top));
+        let middle = from_rapier(body.translation) + rotation_from_rapier(body.rotation) * (center - self.root);
+        if let Some(collider) = self.handles.bot_floor_collider {
+            self.world.colliders[collider].set_position(plane_below(ground, &middle));
+        }
     }
 
     /// Repeats a step until what rapier's contacts of the bot do to the velocities is what the wheels' forces were solved
@@ -102,12 +121,12 @@ impl RigidMotion {
         let wheels_on_ball = plan.rows.on_ball(&impulses);
         self.apply(plan, &acceleration, &wheels_on_ball);
         self.sim_state.healthy &= self.world.step(&mut self.pipeline, &self.params.gravity_vector(), &self.settings);
-        let floor_force = self.world.floor_force(&self.handles, dt);
+        let floor_force = self.world.floor_force(&self.handles, &plan.motion.floor_normal, dt);
         self.sim_state.floor_force = floor_force.into();
 
         let [push, turn] = wheels_on_ball;
         let floor = plan.motion.to_body * floor_force * dt;
-        let up = plan.motion.to_body.column(2).into_owned();
+        let [_, _, up] = plan.motion.floor_axes;
         let expected = Velocities {
             bot: plan.motion.velocities.bot + acceleration * dt,
             ball: [
@@ -125,7 +144,7 @@ impl RigidMotion {
         let contacts = [0, 1, 2].map(|i| WheelContact::new(&self.parts, &self.bot, &motion, i));
         let down = self.gravity_in_body(&motion);
         let velocity = from_rapier(self.world.bodies[self.handles.ball].linvel());
-        let drag = Vector3::new(velocity.x, velocity.y, 0.0) * -p.ball_viscous_friction;
+        let drag = (velocity - motion.floor_normal * motion.floor_normal.dot(&velocity)) * -p.ball_viscous_friction;
         let [fx, fy, fz, tx, ty, tz] = std::mem::take(&mut self.sim_state.push).map(|v| v / dt);
         let [force, torque] = [Vector3::new(fx, fy, fz), Vector3::new(tx, ty, tz)].map(|v| motion.to_body * v);
         let losses = if p.has_losses() { self.losses(&motion, &contacts) } else { Losses::none() };
@@ -168,10 +187,13 @@ impl RigidMotion {
         let root = self.world.bodies[self.handles.body].position();
         let to_body = rotation_from_rapier(root.rotation).to_rotation_matrix().into_inner().transpose();
         let ball = &self.world.bodies[self.handles.ball];
+        let floor = Floor::under(self.ground.as_deref(), &from_rapier(ball.translation()), self.params.ball_radius);
         Motion {
             ball: to_body * from_rapier(ball.translation() - root.translation),
             velocities: self.velocities(&to_body),
-            floor_gap: ball.translation().z - self.params.ball_radius,
+            floor_gap: floor.gap,
+            floor_axes: floor.axes.map(|axis| to_body * axis),
+            floor_normal: floor.axes[2],
             to_body,
         }
     }
@@ -206,7 +228,8 @@ impl RigidMotion {
         let position = from_rapier(pose.translation) - attitude * self.root;
         let [velocity, rate, _] = split(&motion.velocities.bot);
         let fastest = velocity.norm() + rate.norm() * (shape.body.top + shape.body.radius + self.root.xy().norm());
-        shape.lowest_point(&position, &attitude).1 > FLOOR_CLEARANCE + 2.0 * fastest * self.settings.dt
+        shape.lowest_over(self.ground.as_deref(), &position, &attitude)
+            > FLOOR_CLEARANCE + 2.0 * fastest * self.settings.dt
     }
 
     /// Friction limits by the slip at the start of the step. Sets that of rapier's floor, too.

@@ -33,9 +33,18 @@ pub struct Handles {
     pub wheels: [RigidBodyHandle; 3],
     pub bot: MultibodyIndex,
     pub floor_collider: ColliderHandle,
+    /// On uneven ground the plane of the bot; the other one is then of the ball alone.
+    pub bot_floor_collider: Option<ColliderHandle>,
     pub ball_collider: ColliderHandle,
     pub body_collider: ColliderHandle,
     pub wheel_colliders: [ColliderHandle; 3],
+}
+
+impl Handles {
+    /// The planes that are the ground.
+    fn planes(&self) -> impl Iterator<Item = ColliderHandle> {
+        [self.floor_collider].into_iter().chain(self.bot_floor_collider)
+    }
 }
 
 /// Largest speed of recovery from an overlap, m/s.
@@ -44,6 +53,9 @@ pub const MAX_RECOVERY_SPEED: f64 = 1.0;
 /// Colliders of the ball, and of the wheels, whose contact with the ball is not rapier's.
 const BALL: Group = Group::GROUP_1;
 const WHEEL: Group = Group::GROUP_2;
+/// Those of the body and of planes.
+const BODY: Group = Group::GROUP_3;
+const PLANE: Group = Group::GROUP_4;
 
 /// Recovery from overlap: the rate of a spring of 200 Hz natural frequency and damping ratio 5, without the compliance of
 /// that spring, so that a contact carries its load from the first step on.
@@ -81,8 +93,8 @@ pub fn new_pipeline() -> PhysicsPipeline {
 }
 
 impl World {
-    /// World of a robot at rest upright at the origin.
-    pub fn new(params: &Params, wheels: &Omniwheels) -> Result<(Self, Handles)> {
+    /// World of a robot at rest upright at the origin, on level ground or on planes that follow it.
+    pub fn new(params: &Params, wheels: &Omniwheels, level: bool) -> Result<(Self, Handles)> {
         let mut world = Self {
             bodies: RigidBodySet::new(),
             colliders: ColliderSet::new(),
@@ -93,12 +105,16 @@ impl World {
             narrow_phase: NarrowPhase::new(),
             soft_bodies: SoftBodySet::new(),
         };
-        let floor_collider = world.colliders.insert(
+        let plane = |touched: Group| {
             ColliderBuilder::new(SharedShape::halfspace(Vector::Z))
                 .friction(params.floor_dynamic_friction)
                 // The friction of all floor contacts is that of the floor.
-                .friction_combine_rule(CoefficientCombineRule::Max),
-        );
+                .friction_combine_rule(CoefficientCombineRule::Max)
+                .collision_groups(InteractionGroups::new(PLANE, touched, InteractionTestMode::And))
+        };
+        let touched = if level { Group::ALL } else { BALL };
+        let floor_collider = world.colliders.insert(plane(touched));
+        let bot_floor_collider = (!level).then(|| world.colliders.insert(plane(WHEEL | BODY)));
         let (ball, ball_collider) = world.insert_ball(params);
         let link = BodyLink::new(params, wheels)?;
         let (body, body_collider) = world.insert_body(params, &link);
@@ -115,6 +131,7 @@ impl World {
             wheels: wheel_handles,
             bot,
             floor_collider,
+            bot_floor_collider,
             ball_collider,
             body_collider,
             wheel_colliders: links.map(|(_, collider)| collider),
@@ -170,7 +187,8 @@ impl World {
                 .translation(to_rapier(&(Vector3::z() * params.ball_radius + link.com)))
                 .additional_mass_properties(MassProperties::with_inertia_matrix(Vector::ZERO, link.mass, inertia)),
             ColliderBuilder::cylinder(0.5 * (shape.top - shape.bottom), shape.radius)
-                .position(Pose::from_parts(to_rapier(&center), upright)),
+                .position(Pose::from_parts(to_rapier(&center), upright))
+                .collision_groups(InteractionGroups::new(BODY, Group::ALL, InteractionTestMode::And)),
         )
     }
 
@@ -246,11 +264,10 @@ impl World {
     /// Whether the world contains all parts of the robot.
     pub fn holds(&self, handles: &Handles) -> bool {
         let bodies = [handles.ball, handles.body].into_iter().chain(handles.wheels);
-        let colliders = [handles.floor_collider, handles.ball_collider, handles.body_collider]
-            .into_iter()
-            .chain(handles.wheel_colliders);
+        let mut colliders =
+            handles.planes().chain([handles.ball_collider, handles.body_collider]).chain(handles.wheel_colliders);
         bodies.into_iter().all(|body| self.bodies.contains(body))
-            && colliders.into_iter().all(|collider| self.colliders.get(collider).is_some())
+            && colliders.all(|collider| self.colliders.get(collider).is_some())
             && self
                 .multibody_joints
                 .get_multibody(handles.bot)
@@ -269,8 +286,10 @@ impl World {
     /// Sets the floor's friction coefficient.
     pub fn set_floor_friction(&mut self, handles: &Handles, friction: f64) {
         // A changed collider is processed again by rapier, so changes without effect are skipped.
-        if (self.colliders[handles.floor_collider].friction() - friction).abs() > 1e-6 {
-            self.colliders[handles.floor_collider].set_friction(friction);
+        for plane in handles.planes() {
+            if (self.colliders[plane].friction() - friction).abs() > 1e-6 {
+                self.colliders[plane].set_friction(friction);
+            }
         }
     }
 
@@ -283,7 +302,7 @@ impl World {
     }
 
     /// Force of the floor on the ball over the last step, inertial frame, N.
-    pub fn floor_force(&self, handles: &Handles, sim_dt: f64) -> Vector3<f64> {
+    pub fn floor_force(&self, handles: &Handles, normal: &Vector3<f64>, sim_dt: f64) -> Vector3<f64> {
         let mut impulse = Vector3::zeros();
         let Some(pair) = self.narrow_phase.contact_pair(handles.floor_collider, handles.ball_collider) else {
             return impulse;
@@ -291,7 +310,7 @@ impl World {
         let on_ball = if pair.collider1 == handles.floor_collider { -1.0 } else { 1.0 };
         for point in self.points(handles.floor_collider, handles.ball_collider) {
             impulse += super::convert::from_rapier(point.data.warmstart_tangent_world) * on_ball;
-            impulse.z += point.data.impulse;
+            impulse += normal * point.data.impulse;
         }
         impulse / sim_dt
     }

@@ -10,6 +10,7 @@ use crate::sim::contact::friction::Friction;
 use crate::sim::contact::phases::{Start, free_velocities};
 use crate::sim::contact::state::ContactState;
 use crate::sim::contact::step::advance;
+use crate::sim::contact::types::Actions;
 use crate::sim::contact::types::{PerRow, Velocities};
 use crate::state::State;
 use nalgebra::{DMatrix, DVector, Vector2};
@@ -41,7 +42,7 @@ impl Step {
     fn new(c: &Constants<f64>, state: &ContactState<f64>, torques: &[f64; 3]) -> Self {
         let start = Start::<f64>::new(c, Scalar, state);
         Self {
-            free: free_velocities(c, Scalar, state, &start, torques),
+            free: free_velocities(c, Scalar, state, &start, &Actions::level(c.gravity_dt, torques)),
             friction: Friction::new(c, &start.rows, &start.velocities),
             start,
         }
@@ -97,8 +98,9 @@ fn random_steps(params: &Params, size: f64, steps: usize, seed: u64, mut check: 
             torques = [0; 3].map(|_| rng.within(size));
         }
         let step = Step::new(&c, &state, &torques);
-        let near = crate::sim::contact::body_contacts::Near::<f64>::new(&c, &step.start, Scalar, &state.push).mask;
-        advance(&c, &mut state, &torques, 1);
+        let near =
+            crate::sim::contact::body_contacts::Near::<f64>::new(&c, &step.start, Scalar, &state.push, None).mask;
+        advance(&c, &mut state, None, &torques, 1);
         let up = step.start.rotation.rows[2].z;
         if near || up < 20_f64.to_radians().cos() {
             state = random_start(params, &mut rng);

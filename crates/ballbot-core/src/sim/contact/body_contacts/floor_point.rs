@@ -1,12 +1,14 @@
 //! Contact points of bot and floor: one per wheel, and three on the rims of the body cylinder.
 
 use super::mast::MastFrame;
-use crate::lanes::{Lane, Rotation, Value, Vec3, map3};
+use crate::lanes::{Lane, Value, Vec3, map3};
 use crate::sim::contact::constants::{Constants, at3};
+use crate::sim::contact::footing::Relief;
 use crate::sim::contact::friction::in_disc;
 use crate::sim::contact::phases::Start;
 use crate::sim::contact::rows::allowance;
 use crate::sim::contact::types::Velocities;
+use crate::terrain::Frame;
 
 /// Number of points.
 pub const POINTS: usize = 6;
@@ -17,7 +19,7 @@ const THIRD: [f64; 2] = [-0.5, 0.866_025_403_784_438_6];
 /// Horizontal part of the mast's direction below which a rim has no lowest point.
 const UPRIGHT: f64 = 1e-6;
 
-/// A row of a contact point, along an inertial axis.
+/// A row of a contact point, along an axis of its plane.
 #[derive(Clone, Copy)]
 struct Row<L> {
     /// Factor of the body rate, principal frame, m.
@@ -36,19 +38,21 @@ struct Row<L> {
 pub struct FloorPoint<L: Lane> {
     /// Wheel of the point; `None` for a point of the body.
     wheel: Option<usize>,
+    /// Normal and two tangents of the floor at the point, inertial frame.
+    axes: [Vec3<L>; 3],
     /// Height above the floor, m.
     gap: L,
     /// Whether the point may touch in this step.
     candidate: L::Mask,
-    /// Rows along the normal, x and y.
+    /// Rows along the axes.
     rows: [Row<L>; 3],
     /// Inverse of the change of the normal velocity per normal impulse, kg.
     normal_inverse: L,
     /// Inverse of the largest change of the tangential velocity per tangential impulse, kg.
     tangent_inverse: L,
-    /// Change of the velocity along x and y per normal impulse, 1/kg.
+    /// Change of the tangential velocities per normal impulse, 1/kg.
     couplings: [L; 2],
-    /// Impulses along the normal, x and y, N·s.
+    /// Impulses along the axes, N·s.
     pub impulses: [L; 3],
 }
 
@@ -87,13 +91,55 @@ impl<L: Lane> Row<L> {
     }
 }
 
+/// The floor below a point of the bot.
+struct Below<L> {
+    /// Normal and two tangents, inertial frame.
+    axes: [Vec3<L>; 3],
+    /// The same in the principal frame.
+    turned: [Vec3<L>; 3],
+    /// Height of the point above it, m.
+    height: L,
+}
+
+impl<L: Lane> Below<L> {
+    /// The floor below a point (principal frame); a `relief` of it, or the plane z = 0.
+    #[inline(always)]
+    fn new(start: &Start<L>, relief: Option<&Relief<'_, L>>, point: Vec3<L>) -> Self {
+        let rotation = &start.rotation;
+        let Some(relief) = relief else {
+            let (zero, one) = (point.x.zero(), point.x.splat(1.0));
+            let [x, y, z] = rotation.rows;
+            return Self {
+                axes: [Vec3::new(zero, zero, one), Vec3::new(one, zero, zero), Vec3::new(zero, one, zero)],
+                turned: [z, x, y],
+                height: start.pose.body.z + z.dot(point),
+            };
+        };
+        let (height, normal) = relief.below(start.pose.body + rotation.apply(point));
+        // The smallest rotation from z to the normal.
+        let [x, y, _] = Frame::of_normal(normal).rotation.rows;
+        let axes = [normal, x, y];
+        let turned = map3(
+            axes,
+            #[inline(always)]
+            |axis| rotation.apply_transposed(axis),
+        );
+        Self { axes, turned, height }
+    }
+}
+
 /// The points of a robot that touch the floor in this step if they are below `limit`.
 #[inline(always)]
-pub fn floor_points<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, limit: L) -> [FloorPoint<L>; POINTS] {
-    let rotation = &start.rotation;
-    let height = start.pose.body.z;
-    let frame = MastFrame::new(c, height);
-    let up = frame.vector(rotation.rows[2]);
+pub fn floor_points<L: Lane, V: Value<L>>(
+    c: &Constants<V>,
+    start: &Start<L>,
+    limit: L,
+    relief: Option<&Relief<'_, L>>,
+) -> [FloorPoint<L>; POINTS] {
+    let like = start.pose.body.z;
+    let frame = MastFrame::new(c, like);
+    // Of the floor below the CoM.
+    let up = frame.vector(Below::new(start, relief, Vec3::zero(like)).turned[0]);
     let [dx, dy] = lowest_direction(up);
     let (cos, sin) = (dx.splat(THIRD[0]), dx.splat(THIRD[1]));
     let directions = [
@@ -122,12 +168,12 @@ pub fn floor_points<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, li
     );
     let third_limit = L::select(lies, limit.splat(f64::NEG_INFINITY), limit);
     [
-        FloorPoint::of_wheel(c, rotation, height, limit, 0),
-        FloorPoint::of_wheel(c, rotation, height, limit, 1),
-        FloorPoint::of_wheel(c, rotation, height, limit, 2),
-        FloorPoint::of_body(c, rotation, height, limit, arms[0]),
-        FloorPoint::of_body(c, rotation, height, limit, arms[1]),
-        FloorPoint::of_body(c, rotation, height, third_limit, arms[2]),
+        FloorPoint::of_wheel(c, start, relief, limit, 0),
+        FloorPoint::of_wheel(c, start, relief, limit, 1),
+        FloorPoint::of_wheel(c, start, relief, limit, 2),
+        FloorPoint::of_body(c, start, relief, limit, arms[0]),
+        FloorPoint::of_body(c, start, relief, limit, arms[1]),
+        FloorPoint::of_body(c, start, relief, third_limit, arms[2]),
     ]
 }
 
@@ -142,38 +188,53 @@ fn lowest_direction<L: Lane>(up: Vec3<L>) -> [L; 2] {
 }
 
 impl<L: Lane> FloorPoint<L> {
-    /// The lowest point of wheel `i`. About the axle the wheel rotates with its own spin instead of the body rate.
+    /// The point of wheel `i` nearest to the floor. About the axle the wheel rotates with its own spin instead of the body
+    /// rate.
     #[inline(always)]
-    fn of_wheel<V: Value<L>>(c: &Constants<V>, rotation: &Rotation<L>, height: L, limit: L, i: usize) -> Self {
-        let (center, u) = (c.wheel_center(i, height), c.u(i, height));
-        let radius = c.wheel_radius.at(height);
+    fn of_wheel<V: Value<L>>(
+        c: &Constants<V>,
+        start: &Start<L>,
+        relief: Option<&Relief<'_, L>>,
+        limit: L,
+        i: usize,
+    ) -> Self {
+        let (center, u) = (c.wheel_center(i, limit), c.u(i, limit));
+        let radius = c.wheel_radius.at(limit);
+        let below = Below::new(start, relief, center);
+        let normal = below.turned[0];
         let rows = map3(
-            [rotation.rows[2], rotation.rows[0], rotation.rows[1]],
+            below.turned,
             #[inline(always)]
             |axis| {
-                let across = rotation.rows[2].cross(axis);
+                let across = normal.cross(axis);
                 let along = across.dot(u);
                 let arm = center.cross(axis) - (across - u * along) * radius;
                 Row::new(c, arm, along * radius)
             },
         );
-        let gap = height + rotation.rows[2].dot(center) - radius;
-        Self::new(Some(i), gap, limit, rows)
+        Self::new(Some(i), below.axes, below.height - radius, limit, rows)
     }
 
     /// A point fixed to the body.
     #[inline(always)]
-    fn of_body<V: Value<L>>(c: &Constants<V>, rotation: &Rotation<L>, height: L, limit: L, arm: Vec3<L>) -> Self {
+    fn of_body<V: Value<L>>(
+        c: &Constants<V>,
+        start: &Start<L>,
+        relief: Option<&Relief<'_, L>>,
+        limit: L,
+        arm: Vec3<L>,
+    ) -> Self {
+        let below = Below::new(start, relief, arm);
         let rows = map3(
-            [rotation.rows[2], rotation.rows[0], rotation.rows[1]],
+            below.turned,
             #[inline(always)]
-            |axis| Row::new(c, arm.cross(axis), height.zero()),
+            |axis| Row::new(c, arm.cross(axis), limit.zero()),
         );
-        Self::new(None, height + rotation.rows[2].dot(arm), limit, rows)
+        Self::new(None, below.axes, below.height, limit, rows)
     }
 
     #[inline(always)]
-    fn new(wheel: Option<usize>, gap: L, limit: L, rows: [Row<L>; 3]) -> Self {
+    fn new(wheel: Option<usize>, axes: [Vec3<L>; 3], gap: L, limit: L, rows: [Row<L>; 3]) -> Self {
         let one = gap.splat(1.0);
         let [normal, x, y] = &rows;
         // The larger eigenvalue of the tangential matrix. One value for both axes keeps friction opposite to the slip.
@@ -182,6 +243,7 @@ impl<L: Lane> FloorPoint<L> {
         let largest = (x.compliance + y.compliance) * 0.5 + half.mul_add(half, coupling.squared()).sqrt();
         Self {
             wheel,
+            axes,
             gap,
             candidate: gap.lt(limit),
             normal_inverse: one / normal.compliance,
@@ -206,7 +268,8 @@ impl<L: Lane> FloorPoint<L> {
         let [n, tx, ty] = self.impulses;
         // All speeds at once, and the effect of the normal impulse on the others by its coupling.
         let speed = |row: &Row<L>, along: L| row.speed(self.wheel, along, v);
-        let (sn, sx, sy) = (speed(normal, v.body.z), speed(x, v.body.x), speed(y, v.body.y));
+        let [up, across, along] = self.axes;
+        let (sn, sx, sy) = (speed(normal, up.dot(v.body)), speed(x, across.dot(v.body)), speed(y, along.dot(v.body)));
         let pressed = (sn + allowance(c, self.gap)).neg_mul_add(self.normal_inverse, n).max(zero);
         let pressed = L::select(self.candidate, pressed, zero);
         let dn = pressed - n;
@@ -223,7 +286,8 @@ impl<L: Lane> FloorPoint<L> {
 
     #[inline(always)]
     fn push<V: Value<L>>(&self, c: &Constants<V>, [n, x, y]: [L; 3], v: &mut Velocities<L>) {
-        v.body = v.body.plus(Vec3::new(x, y, n), c.body_mass_inverse.at(n));
+        let [up, across, along] = self.axes;
+        v.body = v.body.plus(up * n + across * x + along * y, c.body_mass_inverse.at(n));
         for (row, impulse) in self.rows.iter().zip([n, x, y]) {
             row.push(self.wheel, impulse, v);
         }

@@ -4,6 +4,7 @@ use super::super::ContactMotion;
 use super::super::delassus::Delassus;
 use super::super::friction::{Friction, JointFriction};
 use super::super::phases::{Start, free_velocities};
+use super::super::types::Actions;
 use super::step;
 use crate::lanes::{Lane, Scalar};
 use crate::model::Model;
@@ -186,7 +187,8 @@ fn operations(params: &Params) -> Operations {
     let mut memory = motion.memory().clone();
     motion.advance(&TORQUES, 1);
     DONE.set(Operations::default());
-    step::<Counted, f64>(motion.constants(), Scalar, &mut memory, &TORQUES);
+    let c = motion.constants();
+    step::<Counted, f64>(c, Scalar, &mut memory, None, &Actions::level(c.gravity_dt, &TORQUES));
     assert_eq!(&memory, motion.memory());
     DONE.take()
 }
@@ -211,7 +213,7 @@ fn operations_of_a_sweep_are_as_counted_by_hand() {
     let start = Start::<Counted>::new(c, Scalar, memory);
     let friction = Friction::new(c, &start.rows, &start.velocities);
     let joint_friction = JointFriction::new(c, start.rows.floor_gap);
-    let free = free_velocities(c, Scalar, memory, &start, &TORQUES);
+    let free = free_velocities(c, Scalar, memory, &start, &Actions::level(c.gravity_dt, &TORQUES));
     let mut residuals = start.rows.residuals(c, &free);
     let mut impulses = memory.impulses(Scalar);
     let delassus = Delassus::new::<false>(c, &start.rows);

@@ -1,0 +1,128 @@
+//! A terrain as the ground of balls of one radius.
+
+use super::frame::Frame;
+use super::patch::Patch;
+use super::spline::Spline;
+use super::{Terrain, normal_of};
+use crate::error::{Error, Result, positive};
+use crate::lanes::{Lane, Scalar, run_one};
+use crate::params::Params;
+use nalgebra::{Matrix2, Vector2, Vector3};
+use std::sync::Arc;
+
+/// Largest curvature of a valley as a share of that of the ball.
+const MOST_CURVED: f64 = 0.5;
+
+/// Steps of Newton's method to a point of contact, and where they end, m.
+const MOST_STEPS: usize = 30;
+const FOUND: f64 = 1e-13;
+
+/// A terrain with the surface of the centers of balls that touch it, at the distance of the ball's radius along the normal.
+///
+/// The normal of that surface is the ground's in the point of contact, so a robot needs one evaluation a step. It is made
+/// for one radius. A ball of another radius r has its center higher by the difference along the normal; the normal is then
+/// off by the curvature times the difference, in radians.
+#[derive(Debug)]
+pub struct Ground {
+    terrain: Arc<Terrain>,
+    centers: Spline,
+    ball_radius: f64,
+}
+
+impl Ground {
+    /// The ground of balls of a radius, m.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] if the ball does not reach into the narrowest valley: its curvature is at most half of the
+    /// ball's.
+    pub fn new(terrain: &Arc<Terrain>, ball_radius: f64) -> Result<Self> {
+        positive("ball_radius", ball_radius)?;
+        let ([valley, _], limit) = (terrain.curvature(), MOST_CURVED / ball_radius);
+        if valley > limit {
+            return Err(Error::Inconsistent(format!(
+                "the terrain's narrowest valley has a curvature of {valley:.3} 1/m, but a ball of ball_radius = {ball_radius} m \
+                 takes at most {MOST_CURVED} / ball_radius = {limit:.3} 1/m"
+            )));
+        }
+        let surface = terrain.surface();
+        let nodes = surface.nodes();
+        let mut heights = crate::memory::try_zeros::<f64>("heights of ball centers", &nodes)?;
+        for (j, row) in heights.chunks_exact_mut(nodes[0]).enumerate() {
+            for (i, height) in row.iter_mut().enumerate() {
+                *height = center_height(surface, surface.node(i, j), ball_radius)?;
+            }
+        }
+        let centers = Spline::through(&heights, nodes, surface.node(0, 0), surface.cell());
+        Ok(Self { terrain: Arc::clone(terrain), centers, ball_radius })
+    }
+
+    /// The terrain.
+    pub fn terrain(&self) -> &Arc<Terrain> {
+        &self.terrain
+    }
+
+    /// Radius of the balls that it is made for, m.
+    pub fn ball_radius(&self) -> f64 {
+        self.ball_radius
+    }
+
+    /// Gap of balls of `radius` with their centers at `ball`, m, and the frame of the ground under them.
+    #[inline(always)]
+    pub fn under<L: Lane>(
+        &self,
+        token: L::Token,
+        [x, y, z]: [L; 3],
+        radius: L,
+        patch: &mut Patch<L::Cell>,
+    ) -> (L, Frame<L>) {
+        let height = self.centers.at(token, [x, y], patch);
+        let frame = Frame::of_gradient(height.gradient);
+        let gap = (z - height.z).mul_add(frame.normal.z, -(radius - self.ball_radius));
+        (gap, frame)
+    }
+
+    /// Gap of one ball, m, and the ground's normal in the point of contact.
+    pub fn gap(&self, center: &Vector3<f64>, radius: f64) -> (f64, Vector3<f64>) {
+        let (gap, frame) = run_one(
+            #[inline(always)]
+            || self.under::<f64>(Scalar, (*center).into(), radius, &mut Patch::default()),
+        );
+        (gap, Vector3::new(frame.normal.x, frame.normal.y, frame.normal.z))
+    }
+
+    /// Center of the ball of a robot that touches the ground above x and y, and the normal there.
+    pub fn ball_center(&self, params: &Params, x: f64, y: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let jet = self.centers.jet(x, y);
+        let normal = normal_of(jet.gradient);
+        (Vector3::new(x, y, jet.z + (params.ball_radius - self.ball_radius) / normal.z), normal)
+    }
+}
+
+/// Height of the center of a ball of radius `r` that touches the surface, above the place of the center: the point of
+/// contact p is where p − r ∇h / √(1 + |∇h|²) is that place.
+fn center_height(surface: &Spline, place: [f64; 2], r: f64) -> Result<f64> {
+    let place = Vector2::from(place);
+    let root = |gradient: &Vector2<f64>| (1.0 + gradient.norm_squared()).sqrt();
+    let gradient_at = |p: &Vector2<f64>| Vector2::from(surface.jet(p.x, p.y).gradient);
+    let first = gradient_at(&place);
+    let mut p = place + first * (r / root(&first));
+    for _ in 0..MOST_STEPS {
+        let jet = surface.jet(p.x, p.y);
+        let gradient = Vector2::from(jet.gradient);
+        let length = root(&gradient);
+        let miss = p - gradient * (r / length) - place;
+        if miss.norm() <= FOUND * (1.0 + place.norm()) {
+            return Ok(jet.z + r / length);
+        }
+        let [xx, xy, yy] = jet.hessian;
+        let hessian = Matrix2::new(xx, xy, xy, yy);
+        let slope = Matrix2::identity() - gradient * gradient.transpose() / (length * length);
+        let change = Matrix2::identity() - slope * hessian * (r / length);
+        let Some(inverse) = change.try_inverse() else { break };
+        p -= inverse * miss;
+    }
+    Err(Error::Inconsistent(format!(
+        "no point of contact was found for a ball of ball_radius = {r} m above x = {} m, y = {} m of the terrain",
+        place.x, place.y
+    )))
+}

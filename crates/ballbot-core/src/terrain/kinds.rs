@@ -1,0 +1,300 @@
+//! Terrains by name: seeded generators whose difficulty is a slope, never a height scaled to fit.
+
+use super::Terrain;
+use super::noise::{Noise, Uniform};
+use crate::error::{Error, Result, check};
+use crate::fields::Limit;
+use std::f64::consts::TAU;
+
+/// Largest slope of (1 − q²)³ and of the quintic step, each of height and width 1.
+const BUMP_SLOPE: f64 = 1.717_300_206_719_834;
+const STEP_SLOPE: f64 = 1.875;
+
+/// Most bumps of a terrain.
+const MOST_BUMPS: f64 = 1e5;
+
+/// A number that a generator takes.
+pub struct Parameter {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit; empty for a pure number.
+    pub unit: &'static str,
+    /// Its value if none is given.
+    pub default: f64,
+    /// What it may be.
+    pub limit: Limit,
+    /// What it is.
+    pub doc: &'static str,
+}
+
+const fn parameter(name: &'static str, unit: &'static str, default: f64, limit: Limit, doc: &'static str) -> Parameter {
+    Parameter { name, unit, default, limit, doc }
+}
+
+const SLOPES: Limit = Limit::from(0.0).to(super::STEEPEST);
+const LENGTHS: Limit = Limit::from(1e-3).to(1e4);
+
+/// What all generators take.
+const COMMON: [Parameter; 5] = [
+    parameter("size_x", "m", 8.0, LENGTHS, "length along x"),
+    parameter("size_y", "m", 8.0, LENGTHS, "length along y"),
+    parameter("cell", "m", 0.02, Limit::from(1e-4).to(1e3), "distance of neighboring heights, at most"),
+    parameter("apron", "m", 0.0, Limit::from(0.0).to(1e4), "radius of the level place around the origin; 0 for none"),
+    parameter(
+        "apron_blend",
+        "m",
+        0.5,
+        Limit::above(0.0).to(1e4),
+        "width of the ring in which the ground rises from it",
+    ),
+];
+
+/// A function of x and y.
+type Height = Box<dyn Fn(f64, f64) -> f64>;
+
+/// A generator of terrains.
+#[derive(Clone, Copy)]
+pub struct TerrainKind {
+    /// Its name.
+    pub name: &'static str,
+    /// What it makes.
+    pub doc: &'static str,
+    /// Its own parameters, besides those of all kinds.
+    pub parameters: &'static [Parameter],
+    height: fn(&Values, u64) -> Result<Height>,
+}
+
+/// Values of the parameters of a kind.
+struct Values(Vec<(&'static str, f64)>);
+
+impl Values {
+    fn get(&self, name: &str) -> f64 {
+        self.0.iter().find(|(known, _)| *known == name).expect("a parameter of the kind").1
+    }
+}
+
+impl TerrainKind {
+    /// All kinds.
+    pub const ALL: [Self; 8] = [PLANE, WAVE, BOWL, NOISE, BUMPS, CURB, COBBLES, MIX];
+
+    /// All parameters.
+    pub fn all_parameters(&self) -> impl Iterator<Item = &'static Parameter> {
+        self.parameters.iter().chain(&COMMON)
+    }
+
+    /// A kind by its name.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] if there is none.
+    pub fn named(name: &str) -> Result<Self> {
+        crate::names::find("kind of terrain", name, Self::ALL, |kind| kind.name)
+    }
+
+    fn values(&self, given: &[(&str, f64)]) -> Result<Values> {
+        for (name, _) in given {
+            if !self.all_parameters().any(|known| known.name == *name) {
+                let known: Vec<_> = self.all_parameters().map(|known| known.name).collect();
+                return Err(Error::unknown("parameter of the terrain", name, &known));
+            }
+        }
+        let value = |known: &Parameter| {
+            let value =
+                given.iter().rev().find(|(name, _)| *name == known.name).map_or(known.default, |(_, value)| *value);
+            check(known.name, value, known.limit, |value| known.limit.contains(value))?;
+            Ok((known.name, value))
+        };
+        self.all_parameters().map(value).collect::<Result<_>>().map(Values)
+    }
+}
+
+impl Terrain {
+    /// A terrain of a kind, the same for the same seed and parameters on every machine; a parameter that is not given has its
+    /// default.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] for a kind or a parameter that is not known; [`Error::OutOfRange`] for a value beyond its
+    /// limit; [`Error::Inconsistent`] for a surface steeper than [`super::STEEPEST`].
+    pub fn generate(kind: &str, seed: u64, parameters: &[(&str, f64)]) -> Result<Self> {
+        let kind = TerrainKind::named(kind)?;
+        let values = kind.values(parameters)?;
+        let height = (kind.height)(&values, seed)?;
+        let size = [values.get("size_x"), values.get("size_y")];
+        let (apron, blend) = (values.get("apron"), values.get("apron_blend"));
+        if apron == 0.0 {
+            return Self::from_function(height, size, values.get("cell"));
+        }
+        let middle = height(0.0, 0.0);
+        let raised = move |x: f64, y: f64| (height(x, y) - middle) * smooth_step((x.hypot(y) - apron) / blend);
+        Self::from_function(raised, size, values.get("cell"))
+    }
+}
+
+/// From 0 at 0 to 1 at 1, with two derivatives that are zero at both.
+pub(super) fn smooth_step(t: f64) -> f64 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * t * (t * (6.0 * t - 15.0) + 10.0)
+}
+
+const PLANE: TerrainKind = TerrainKind {
+    name: "plane",
+    doc: "a plane through the origin",
+    parameters: &[
+        parameter("slope", "rad", 0.1, SLOPES, "its slope"),
+        parameter("direction", "rad", 0.0, Limit::FINITE, "angle from the x axis towards which it rises"),
+    ],
+    height: |values, _| {
+        let (rise, direction) = (values.get("slope").tan(), values.get("direction"));
+        let (gx, gy) = (rise * direction.cos(), rise * direction.sin());
+        Ok(Box::new(move |x, y| gx * x + gy * y))
+    },
+};
+
+const WAVE: TerrainKind = TerrainKind {
+    name: "wave",
+    doc: "a sine wave; the origin is halfway up",
+    parameters: &[
+        parameter("slope", "rad", 0.1, SLOPES, "its steepest slope"),
+        parameter("wavelength", "m", 1.0, LENGTHS, "its length"),
+        parameter("direction", "rad", 0.0, Limit::FINITE, "angle from the x axis along which it runs"),
+    ],
+    height: |values, _| {
+        let number = TAU / values.get("wavelength");
+        let amplitude = values.get("slope").tan() / number;
+        let (sin, cos) = values.get("direction").sin_cos();
+        Ok(Box::new(move |x, y| amplitude * (number * (x * cos + y * sin)).sin()))
+    },
+};
+
+const BOWL: TerrainKind = TerrainKind {
+    name: "bowl",
+    doc: "a hyperboloid: a bowl at the origin that becomes a cone",
+    parameters: &[
+        parameter("slope", "rad", 0.2, SLOPES, "the slope of the cone"),
+        parameter("radius", "m", 1.0, LENGTHS, "radius of curvature at the origin"),
+    ],
+    height: |values, _| {
+        let rise = values.get("slope").tan();
+        let width = rise * values.get("radius");
+        Ok(Box::new(move |x, y| rise * ((x * x + y * y + width * width).sqrt() - width)))
+    },
+};
+
+const NOISE: TerrainKind = TerrainKind {
+    name: "noise",
+    doc: "fractal noise: octaves of waves with random directions and phases",
+    parameters: &[
+        parameter("slope", "rad", 0.15, SLOPES, "the 95th percentile of its slope over all seeds"),
+        parameter("wavelength", "m", 1.0, LENGTHS, "length of the longest waves"),
+        parameter("octaves", "", 3.0, Limit::from(1.0).to(12.0), "how many, a whole number"),
+        parameter("persistence", "", 0.25, Limit::above(0.0).to(1.0), "amplitude of an octave over that of the last"),
+        parameter("lacunarity", "", 2.0, Limit::from(1.0).to(10.0), "wavelength of an octave over that of the next"),
+    ],
+    height: |values, seed| {
+        let octaves = values.get("octaves");
+        check("octaves", octaves, "a whole number", |n| n.fract() == 0.0)?;
+        let noise = Noise::new(
+            seed,
+            values.get("slope").tan(),
+            values.get("wavelength"),
+            octaves as usize,
+            values.get("persistence"),
+            values.get("lacunarity"),
+        );
+        Ok(Box::new(move |x, y| noise.at(x, y)))
+    },
+};
+
+const BUMPS: TerrainKind = TerrainKind {
+    name: "bumps",
+    doc: "round bumps at random places, half of them hollows",
+    parameters: &[
+        parameter("slope", "rad", 0.15, SLOPES, "the steepest slope of one bump"),
+        parameter("radius", "m", 0.4, LENGTHS, "mean radius; each has from 0.7 to 1.3 times this"),
+        parameter("density", "1/m^2", 1.0, Limit::from(0.0).to(1e3), "bumps a square meter"),
+    ],
+    height: |values, seed| {
+        let (rise, radius) = (values.get("slope").tan(), values.get("radius"));
+        let half = [0.5 * values.get("size_x"), 0.5 * values.get("size_y")];
+        let count = (values.get("density") * 4.0 * half[0] * half[1]).round();
+        check("number of bumps, density times the area,", count, format_args!("at most {MOST_BUMPS}"), |n| {
+            n <= MOST_BUMPS
+        })?;
+        let mut random = Uniform::new(seed, 1);
+        // Strips along y, as wide as the largest bump: a place is reached from its own and the two beside it.
+        let largest = 1.3 * radius;
+        let strip = move |x: f64| ((x + half[0]) / largest).max(0.0) as usize;
+        let mut strips = vec![Vec::new(); strip(half[0]) + 3];
+        for _ in 0..count as usize {
+            let [x, y] = half.map(|half| random.within([-half, half]));
+            let radius = radius * random.within([0.7, 1.3]);
+            let up = if random.draw() < 0.5 { 1.0 } else { -1.0 };
+            let height = up * rise * random.within([0.5, 1.0]) * radius / BUMP_SLOPE;
+            (0..3).for_each(|beside| strips[strip(x) + beside].push((x, y, radius, height)));
+        }
+        Ok(Box::new(move |x, y| {
+            let bump = |(bx, by, radius, height): &(f64, f64, f64, f64)| {
+                let left = 1.0 - ((x - bx).powi(2) + (y - by).powi(2)) / (radius * radius);
+                if left > 0.0 { height * left.powi(3) } else { 0.0 }
+            };
+            strips.get(strip(x) + 1).map_or(0.0, |strip| strip.iter().map(bump).sum())
+        }))
+    },
+};
+
+const CURB: TerrainKind = TerrainKind {
+    name: "curb",
+    doc: "a rounded step across the x axis",
+    parameters: &[
+        parameter("slope", "rad", 0.3, Limit::above(0.0).to(super::STEEPEST), "its steepest slope"),
+        parameter("height", "m", 0.01, Limit::from(-10.0).to(10.0), "how high it rises"),
+        parameter("distance", "m", 1.0, Limit::FINITE, "x of its middle"),
+    ],
+    height: |values, _| {
+        let (height, distance) = (values.get("height"), values.get("distance"));
+        let width = STEP_SLOPE * height.abs() / values.get("slope").tan();
+        if width == 0.0 {
+            return Ok(Box::new(|_, _| 0.0));
+        }
+        Ok(Box::new(move |x, _| height * smooth_step((x - distance) / width + 0.5)))
+    },
+};
+
+const COBBLES: TerrainKind = TerrainKind {
+    name: "cobbles",
+    doc: "a regular field of short crossed waves, shifted at random",
+    parameters: &[
+        parameter("slope", "rad", 0.1, SLOPES, "its steepest slope"),
+        parameter("wavelength", "m", 0.3, LENGTHS, "distance of two cobbles"),
+    ],
+    height: |values, seed| {
+        let number = TAU / values.get("wavelength");
+        let mut random = Uniform::new(seed, 2);
+        let phases = [random.draw() * TAU, random.draw() * TAU];
+        // The slope of cos u cos v is at most k times the amplitude.
+        let amplitude = values.get("slope").tan() / number;
+        Ok(Box::new(move |x, y| amplitude * (number * x + phases[0]).cos() * (number * y + phases[1]).cos()))
+    },
+};
+
+const MIX: TerrainKind = TerrainKind {
+    name: "mix",
+    doc: "noise, bumps and waves across each other, each with a share of the slope",
+    parameters: &[
+        parameter("slope", "rad", 0.15, SLOPES, "the sum of the slopes of its parts"),
+        parameter("wavelength", "m", 1.0, LENGTHS, "length of the waves"),
+    ],
+    height: |values, seed| {
+        let (slope, wavelength) = (values.get("slope"), values.get("wavelength"));
+        let share = |share: f64| (share * slope.tan()).atan();
+        let size = [("size_x", values.get("size_x")), ("size_y", values.get("size_y"))];
+        let part = |kind: &TerrainKind, own: &[(&str, f64)]| {
+            let given: Vec<_> = own.iter().copied().chain(size).collect();
+            (kind.height)(&kind.values(&given)?, seed)
+        };
+        let turn = Uniform::new(seed, 3).draw() * TAU;
+        let noise = part(&NOISE, &[("slope", share(0.5)), ("wavelength", wavelength)])?;
+        let bumps = part(&BUMPS, &[("slope", share(0.25)), ("radius", 0.5 * wavelength)])?;
+        let wave = part(&WAVE, &[("slope", share(0.25)), ("wavelength", 1.5 * wavelength), ("direction", turn)])?;
+        Ok(Box::new(move |x, y| noise(x, y) + bumps(x, y) + wave(x, y)))
+    },
+};

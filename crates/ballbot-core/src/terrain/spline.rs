@@ -1,0 +1,228 @@
+//! Uniform bicubic B-splines: functions of x and y with continuous second derivatives.
+//!
+//! A spline goes through the heights on its grid, whose rows are along y. On the edges of the grid its second derivative
+//! across the edge is zero. Beyond the grid it goes on as the tangent plane of the nearest point of the edge.
+
+use super::patch::Patch;
+use crate::lanes::{Lane, floor};
+
+/// A function of x and y on a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spline {
+    /// Rows of [`Spline::columns`] coefficients.
+    coefficients: Vec<f64>,
+    columns: usize,
+    /// Cells along x and y.
+    cells: [usize; 2],
+    /// Coordinates of the first node.
+    corner: [f64; 2],
+    cell: f64,
+    cell_inverse: f64,
+}
+
+/// Height and gradient.
+#[derive(Clone, Copy, Debug)]
+pub struct Height<L> {
+    /// Height, m.
+    pub z: L,
+    /// Derivatives by x and y.
+    pub gradient: [L; 2],
+}
+
+/// Height and its derivatives up to the second.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Jet {
+    /// Height, m.
+    pub z: f64,
+    /// Derivatives by x and y.
+    pub gradient: [f64; 2],
+    /// Second derivatives, 1/m: xx, xy, yy.
+    pub hessian: [f64; 3],
+}
+
+/// Where a coordinate is in the grid.
+struct Place<L> {
+    /// Number of the cell.
+    cell: L,
+    /// Share of the cell.
+    share: L,
+    /// Distance beyond the grid, m, with its sign.
+    beyond: L,
+}
+
+impl Spline {
+    /// The spline through `heights`: rows of `nodes[0]` numbers along x, `nodes[1]` of them along y, at least two each.
+    /// `corner` is where the first number is, `cell` the distance of neighbors.
+    pub fn through(heights: &[f64], nodes: [usize; 2], corner: [f64; 2], cell: f64) -> Self {
+        let [nx, ny] = nodes;
+        debug_assert!(nx >= 2 && ny >= 2 && heights.len() == nx * ny);
+        let columns = nx + 2;
+        let mut coefficients = vec![0.0; columns * (ny + 2)];
+        let mut room = vec![0.0; nx.max(ny)];
+        let mut line = vec![0.0; nx.max(ny) + 2];
+        for (row, heights) in heights.chunks_exact(nx).enumerate() {
+            interpolate(heights, &mut line[..nx + 2], &mut room);
+            coefficients[(row + 1) * columns..][..columns].copy_from_slice(&line[..nx + 2]);
+        }
+        let mut values = vec![0.0; ny];
+        for column in 0..columns {
+            for (row, value) in values.iter_mut().enumerate() {
+                *value = coefficients[(row + 1) * columns + column];
+            }
+            interpolate(&values, &mut line[..ny + 2], &mut room);
+            for (row, value) in line[..ny + 2].iter().enumerate() {
+                coefficients[row * columns + column] = *value;
+            }
+        }
+        Self { coefficients, columns, cells: [nx - 1, ny - 1], corner, cell, cell_inverse: cell.recip() }
+    }
+
+    /// FNV-1a of the numbers that make it.
+    pub(super) fn fingerprint(&self) -> u64 {
+        let own = [self.columns as f64, self.corner[0], self.corner[1], self.cell];
+        let bits = own.iter().chain(&self.coefficients).map(|value| value.to_bits());
+        bits.fold(0xcbf2_9ce4_8422_2325, |hash, bits| (hash ^ bits).wrapping_mul(0x0000_0100_0000_01b3))
+    }
+
+    /// Distance of neighboring nodes, m.
+    pub fn cell(&self) -> f64 {
+        self.cell
+    }
+
+    /// Nodes along x and y.
+    pub fn nodes(&self) -> [usize; 2] {
+        self.cells.map(|cells| cells + 1)
+    }
+
+    /// Coordinates of a node.
+    pub fn node(&self, i: usize, j: usize) -> [f64; 2] {
+        [self.corner[0] + i as f64 * self.cell, self.corner[1] + j as f64 * self.cell]
+    }
+
+    #[inline(always)]
+    fn place<L: Lane>(&self, axis: usize, x: L) -> Place<L> {
+        let cells = self.cells[axis] as f64;
+        let along = (x - self.corner[axis]) * self.cell_inverse;
+        let within = along.max(x.zero()).min(x.splat(cells));
+        let cell = floor(within).min(x.splat(cells - 1.0));
+        Place { cell, share: within - cell, beyond: (along - within) * self.cell }
+    }
+
+    /// Height and gradient at x and y; `patch` keeps the coefficients from one call to the next.
+    #[inline(always)]
+    pub fn at<L: Lane>(&self, token: L::Token, [x, y]: [L; 2], patch: &mut Patch<L::Cell>) -> Height<L> {
+        let (across, along) = (self.place(0, x), self.place(1, y));
+        let index = along.cell.mul_add(x.splat(self.columns as f64), across.cell);
+        patch.move_to(token, index, &self.coefficients, self.columns);
+        let (wx, wy) = (weights(across.share), weights(along.share));
+        let (dx, dy) = (slopes(across.share), slopes(along.share));
+        let rows = [patch.row(token, 0), patch.row(token, 1), patch.row(token, 2), patch.row(token, 3)];
+        let values = of_rows(&rows, &wx);
+        let slants = of_rows(&rows, &dx);
+        let scale = x.splat(self.cell_inverse);
+        let mut height = Height {
+            z: product(&values, &wy),
+            gradient: [product(&slants, &wy) * scale, product(&values, &dy) * scale],
+        };
+        let [bx, by] = [across.beyond, along.beyond];
+        let zero = x.zero();
+        if L::any(zero.lt(bx.abs() + by.abs())) {
+            let twist = product(&slants, &dy) * (scale * scale);
+            let [gx, gy] = height.gradient;
+            height.z = gy.mul_add(by, gx.mul_add(bx, height.z));
+            height.gradient = [
+                L::select(bx.abs().le(zero), twist.mul_add(by, gx), gx),
+                L::select(by.abs().le(zero), twist.mul_add(bx, gy), gy),
+            ];
+        }
+        height
+    }
+
+    /// Height and derivatives at x and y.
+    pub fn jet(&self, x: f64, y: f64) -> Jet {
+        let (across, along) = (self.place(0, x), self.place(1, y));
+        let first = (along.cell as usize) * self.columns + across.cell as usize;
+        let rows = [0, 1, 2, 3].map(|row| {
+            let start = first + row * self.columns;
+            [0, 1, 2, 3].map(|column| self.coefficients[start + column])
+        });
+        let (wx, wy) = (weights(across.share), weights(along.share));
+        let (dx, dy) = (slopes(across.share), slopes(along.share));
+        let (cx, cy) = (bends(across.share), bends(along.share));
+        let (values, slants) = (of_rows(&rows, &wx), of_rows(&rows, &dx));
+        let scale = self.cell_inverse;
+        let twist = product(&slants, &dy) * scale * scale;
+        let [gx, gy] = [product(&slants, &wy) * scale, product(&values, &dy) * scale];
+        let (bx, by) = (across.beyond, along.beyond);
+        let inside = |beyond: f64, bend: f64| if beyond == 0.0 { bend } else { 0.0 };
+        Jet {
+            z: gy.mul_add(by, gx.mul_add(bx, product(&values, &wy))),
+            gradient: [gx + inside(bx, twist * by), gy + inside(by, twist * bx)],
+            hessian: [
+                inside(bx, product(&of_rows(&rows, &cx), &wy) * scale * scale),
+                if bx != 0.0 && by != 0.0 { 0.0 } else { twist },
+                inside(by, product(&values, &cy) * scale * scale),
+            ],
+        }
+    }
+}
+
+/// Coefficients of the cubic spline through `values` with zero curvature at its ends; `room` is as long as they are.
+fn interpolate(values: &[f64], coefficients: &mut [f64], room: &mut [f64]) {
+    let last = values.len() - 1;
+    let inner = &mut coefficients[1..=last + 1];
+    inner[0] = values[0];
+    inner[last] = values[last];
+    // (c[i-1] + 4 c[i] + c[i+1]) / 6 = values[i] by elimination and substitution.
+    let mut pivot = 0.0;
+    for i in 1..last {
+        let factor = 1.0 / (4.0 - pivot);
+        let known = if i + 1 == last { values[last] } else { 0.0 };
+        inner[i] = (6.0f64.mul_add(values[i], -inner[i - 1]) - known) * factor;
+        room[i] = factor;
+        pivot = factor;
+    }
+    for i in (1..last.saturating_sub(1)).rev() {
+        inner[i] -= room[i] * inner[i + 1];
+    }
+    coefficients[0] = 2.0f64.mul_add(values[0], -coefficients[2]);
+    let end = coefficients.len() - 1;
+    coefficients[end] = 2.0f64.mul_add(values[last], -coefficients[end - 2]);
+}
+
+/// Shares of four coefficients in the height.
+#[inline(always)]
+fn weights<L: Lane>(t: L) -> [L; 4] {
+    let (sixth, one) = (1.0 / 6.0, t.splat(1.0));
+    let rest = one - t;
+    let (square, rest_square) = (t.squared(), rest.squared());
+    let middle = t.mul_add_all(3.0, t.splat(-6.0)).mul_add(square, t.splat(4.0)) * sixth;
+    let other = rest.mul_add_all(3.0, t.splat(-6.0)).mul_add(rest_square, t.splat(4.0)) * sixth;
+    [rest_square * rest * sixth, middle, other, square * t * sixth]
+}
+
+/// Derivatives of the shares by the place in the cell.
+#[inline(always)]
+fn slopes<L: Lane>(t: L) -> [L; 4] {
+    let rest = t.splat(1.0) - t;
+    let middle = t.mul_add_all(1.5, t.splat(-2.0)) * t;
+    let other = rest.mul_add_all(1.5, t.splat(-2.0)) * rest;
+    [-(rest.squared() * 0.5), middle, -other, t.squared() * 0.5]
+}
+
+/// Second derivatives of the shares.
+fn bends(t: f64) -> [f64; 4] {
+    [1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t]
+}
+
+#[inline(always)]
+fn product<L: Lane>(values: &[L; 4], weights: &[L; 4]) -> L {
+    let [a, b, c, d] = values;
+    let [p, q, r, s] = weights;
+    d.mul_add(*s, c.mul_add(*r, b.mul_add(*q, *a * *p)))
+}
+
+#[inline(always)]
+fn of_rows<L: Lane>(rows: &[[L; 4]; 4], weights: &[L; 4]) -> [L; 4] {
+    [product(&rows[0], weights), product(&rows[1], weights), product(&rows[2], weights), product(&rows[3], weights)]
+}
