@@ -37,11 +37,13 @@ __all__ = [
     "Renderer",
     "SpatialModel",
     "State",
+    "Terrain",
     "__version__",
     "estimator_constants",
     "load_actuators",
     "load_events",
     "load_sensors",
+    "terrain_kinds",
     "virtual_to_wheel_torques",
     "wheel_to_virtual_torques",
 ]
@@ -301,6 +303,8 @@ class Params:
         """Tilt (x, y) from the floor's normal in which the robot stands still on the slope of `floor_tilt`, rad, as
         `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
         """
+    def slope_limits(self, fall_tilt: float = ...) -> dict[str, float]:
+        """x"""
     def holding_torques(self, yaw: float = 0.0) -> tuple[float, float, float]:
         """Motor torques that hold the robot still in `slope_lean` at the heading `yaw` (rad), N·m. Raises ValueError as
         `slope_lean`.
@@ -363,6 +367,7 @@ class Params:
     def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, float | tuple[float, ...]]]: ...
 
 _Robot = Params | str | PathLike[str]
+_Ground = Terrain | Mapping[str, Any]
 
 @final
 class State:
@@ -498,6 +503,58 @@ class Contacts:
         """
 
 @disjoint_base
+@final
+class Terrain:
+    """x"""
+
+    @staticmethod
+    def plane(slope: float, direction: float = 0.0) -> Terrain:
+        """x"""
+    @staticmethod
+    def from_heights(heights: npt.ArrayLike, cell: float) -> Terrain:
+        """x"""
+    @staticmethod
+    def from_function(
+        height: Callable[[npt.NDArray[np.float64], npt.NDArray[np.float64]], npt.ArrayLike],
+        size: npt.ArrayLike,
+        cell: float = 0.02,
+    ) -> Terrain:
+        """x"""
+    @staticmethod
+    def generate(kind: str, seed: int = 0, **parameters: float) -> Terrain:
+        """x"""
+    def height(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Any:
+        """x"""
+    def normal(self, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """x"""
+    def gradient(self, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """x"""
+    def slope_at(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Any:
+        """x"""
+    def curvatures_at(self, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """x"""
+    def contains(self, x: float, y: float) -> bool:
+        """x"""
+    @property
+    def slope(self) -> float:
+        """x"""
+    @property
+    def curvature(self) -> tuple[float, float]:
+        """x"""
+    @property
+    def size(self) -> tuple[float, float]:
+        """x"""
+    def heights(self, cell: float | None = None) -> tuple[npt.NDArray[np.float64], float]:
+        """x"""
+    @property
+    def recipe(self) -> dict[str, Any] | None:
+        """x"""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+    def __repr__(self) -> str: ...
+    __hash__: ClassVar[None]  # type: ignore[assignment]
+
 class Ballbot:
     """A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, change its parameters (`set_params`).
 
@@ -511,7 +568,20 @@ class Ballbot:
         ValueError: an unknown model, or a number out of range.
     """
 
-    def __new__(cls, params: _Robot | None = None, model: _Model | str = "contact", sim_dt: float = 0.001) -> Self: ...
+    def __new__(
+        cls,
+        params: _Robot | None = None,
+        model: _Model | str = "contact",
+        sim_dt: float = 0.001,
+        terrain: _Ground | None = None,
+    ) -> Self: ...
+    @property
+    def terrain(self) -> Terrain | None:
+        """x"""
+    def set_terrain(self, terrain: _Ground | None) -> None:
+        """x"""
+    def place_on_ground(self, x: float, y: float, yaw: float = 0.0, tilt: npt.ArrayLike | None = None) -> None:
+        """x"""
     def reset(self, state: State | None = None) -> None:
         """Starts anew from `state`; None is at rest upright.
 
@@ -685,6 +755,12 @@ def estimator_constants(
     Raises:
         ValueError: a number out of range.
     """
+
+def terrain_kinds() -> dict[str, dict[str, dict[str, Any]]]:
+    """x"""
+
+def _terrain_of(recipe: Mapping[str, Any]) -> Terrain:
+    """x"""
 
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
     """Motors by name (`ACTUATORS` has them), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, of
@@ -1371,6 +1447,7 @@ class Renderer:
         samples: int = 1,
         camera: dict[str, Any] | None = None,
         num_threads: int | None = None,
+        terrain: _Ground | None = None,
     ) -> Self: ...
     def render(
         self, state: State, contacts: Contacts | None = None, arrows: npt.ArrayLike | None = None

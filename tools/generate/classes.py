@@ -30,7 +30,7 @@ def options() -> str:
         "from collections.abc import Mapping, Sequence\nfrom os import PathLike",
         "from typing import TYPE_CHECKING, Any, Literal\n",
         "import numpy.typing as npt\nfrom typing_extensions import TypedDict\n",
-        "if TYPE_CHECKING:\n    from ballbot_rs._core import Params\n",
+        "if TYPE_CHECKING:\n    from ballbot_rs._core import Params, Terrain\n",
         f"Model = Literal[{_names(MODELS)}]",
         f"Observed = Literal[{_names(OBSERVATIONS)}]\n\n",
         _options_of("Actuators", "motors; docs/actuators.md", ACTUATOR_OPTIONS),
@@ -67,7 +67,7 @@ def _options_of(name: str, what: str, options: Iterable[Any]) -> str:
 
 
 def _quoted(kind: str) -> str:
-    return f'"{kind}"' if "Params" in kind else kind
+    return f'"{kind}"' if "Params" in kind or "Terrain" in kind else kind
 
 
 def tasks() -> str:

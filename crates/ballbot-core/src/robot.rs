@@ -12,9 +12,10 @@ use crate::sim::ContactMotion;
 use crate::sim::RigidMotion;
 use crate::snapshot;
 use crate::state::{Contacts, State};
-use crate::terrain::{Ground, Terrain};
+use crate::terrain::{Ground, Terrain, upright_on};
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
 use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -173,6 +174,11 @@ impl Ballbot {
         Ok(robot)
     }
 
+    /// State at rest upright with the ball on the ground above the origin.
+    pub fn upright(&self) -> State {
+        upright_on(self.ground.as_deref(), self.params())
+    }
+
     /// Starts anew at rest with the ball on the ground, its center above x and y, m, turned to the heading `yaw`, rad. `tilt`
     /// is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; `None` is the lean in which it
     /// stands still on the slope there.
@@ -182,6 +188,9 @@ impl Ballbot {
     pub fn place_on_ground(&mut self, x: f64, y: f64, yaw: f64, tilt: Option<Vector2<f64>>) -> Result<()> {
         for (name, value) in [("x", x), ("y", y), ("yaw", yaw)] {
             check(name, value, "finite", |_| true)?;
+        }
+        for (i, value) in tilt.iter().flatten().enumerate() {
+            check(format_args!("tilt[{i}]"), *value, "within ±pi", |tilt| tilt.abs() <= PI)?;
         }
         let state = match &self.ground {
             Some(ground) => ground.at_rest(self.params(), x, y, yaw, tilt)?,

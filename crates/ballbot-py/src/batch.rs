@@ -15,6 +15,7 @@ use crate::rollout::{CONTACT_PARTS, ClosedLoop, Stepped, Targets};
 use crate::sensors::readings;
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
+use crate::terrain::PyTerrain;
 use ballbot_core::batch::{Autoreset, Batch, Outcome, Outside, ResetRequest, StepBuffers, Under, task_kind};
 use ballbot_core::control::MOTION_PARTS;
 use ballbot_core::task::ACTION_LEN;
@@ -24,6 +25,7 @@ use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use pyo3::{PyTraverseError, PyVisit};
+use std::sync::Arc;
 
 /// Environments of one task that are stepped together in Rust; the front ends are made of it.
 ///
@@ -656,6 +658,20 @@ impl PyBatch {
         dict.set_item("searched_steps", PyArray1::from_iter(py, all.iter().map(|c| c.searched_steps)))?;
         dict.set_item("unsolved_steps", PyArray1::from_iter(py, all.iter().map(|c| c.unsolved_steps)))?;
         Ok(dict.into_any())
+    }
+
+    /// The ground; None is level.
+    #[getter]
+    fn terrain(&self) -> PyResult<Option<PyTerrain>> {
+        Ok(self.inner.read()?.batch.terrain().map(|terrain| PyTerrain(Arc::clone(terrain))))
+    }
+
+    /// A state on level ground of the robot of environment `index`, at the same place of the ground here, as starts are
+    /// moved: the ball touches it and rolls with the same horizontal velocity, and the static lean there is added to the
+    /// tilt. The same state on level ground.
+    #[pyo3(signature = (state, index=0))]
+    fn on_ground(&self, state: &PyState, #[pyo3(from_py_with = index)] index: usize) -> PyResult<PyState> {
+        self.inner.read()?.batch.on_ground(index, &state.0).map(PyState).map_err(to_python)
     }
 
     /// Parameters of the robot of environment `index`.

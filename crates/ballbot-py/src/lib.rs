@@ -25,6 +25,7 @@ mod sensors;
 mod signals;
 mod state;
 mod tasks;
+mod terrain;
 
 use pyo3::prelude::*;
 
@@ -48,6 +49,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<params::PyParams>()?;
     module.add_class::<state::PyState>()?;
     module.add_class::<state::PyContacts>()?;
+    module.add_class::<terrain::PyTerrain>()?;
     module.add_class::<robot::PyBallbot>()?;
     module.add_class::<models::PyLinearModel>()?;
     module.add_class::<models::PySpatialModel>()?;
@@ -58,6 +60,8 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<reference::PyReference>()?;
     module.add_class::<batch::PyBatch>()?;
     module.add_class::<render::PyRenderer>()?;
+    module.add_function(wrap_pyfunction!(terrain::terrain_kinds, module)?)?;
+    module.add_function(wrap_pyfunction!(terrain::_terrain_of, module)?)?;
     module.add_function(wrap_pyfunction!(actuators::load_actuators, module)?)?;
     module.add_function(wrap_pyfunction!(sensors::load_sensors, module)?)?;
     module.add_function(wrap_pyfunction!(sensors::estimator_constants, module)?)?;

@@ -6,6 +6,7 @@ use crate::events::{events, to_list};
 use crate::numbers::one_or_more;
 use crate::params::or_paper;
 use crate::sensors::{sensors, sensors_object};
+use crate::terrain::{terrain, terrain_object};
 use ballbot_core::batch::TaskConfig;
 use ballbot_core::task::TaskDescription;
 use pyo3::exceptions::PyTypeError;
@@ -25,6 +26,7 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
             let model: String = value.extract().map_err(|_| wrong("the name of a model"))?;
             config.set_model(model.parse().map_err(to_python)?);
         }
+        "terrain" => config.set_terrain(terrain(value)?),
         "actuators" => config.set_actuators(actuators(value)?),
         "sensors" => config.set_sensors(sensors(value)?),
         "observation" => {
@@ -70,6 +72,7 @@ pub(crate) fn resolved<'py>(
             numbers => resolved.set_item(name, numbers)?,
         }
     }
+    resolved.set_item("terrain", terrain_object(py, config.terrain())?)?;
     resolved.set_item("actuators", to_object(py, config.actuators())?)?;
     resolved.set_item("sensors", sensors_object(py, config.sensors())?)?;
     resolved.set_item("observation", config.observation().name())?;

@@ -317,6 +317,23 @@ impl PyParams {
         self.0.slope_lean().map(|lean| (lean.x, lean.y)).map_err(to_python)
     }
 
+    /// Slopes on which the robot can stand still, rad, pi/2 where nothing limits it: `fall`, at which its lean is `fall_tilt`
+    /// (rad); `traction`, at which a wheel or the ball slips; `motor`, at which a motor gives its largest torque. Loads of the
+    /// wheels are those upright. Raises ValueError for a `fall_tilt` out of (0, pi/2].
+    #[pyo3(signature = (fall_tilt=0.349_065_850_398_865_9))]
+    fn slope_limits<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = real)] fall_tilt: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let limits = self.0.slope_limits(fall_tilt).map_err(to_python)?;
+        let out = PyDict::new(py);
+        for (name, limit) in [("fall", limits.fall), ("traction", limits.traction), ("motor", limits.motor)] {
+            out.set_item(name, limit)?;
+        }
+        Ok(out)
+    }
+
     /// Motor torques that hold the robot still in `slope_lean` at the heading `yaw` (rad), N·m. Raises ValueError as
     /// `slope_lean`.
     #[pyo3(signature = (yaw=0.0))]

@@ -6,6 +6,7 @@ use crate::numbers::{count, optional_whole, real, whole};
 use crate::params::or_paper;
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
+use crate::terrain::terrain as ground;
 use ballbot_core::render::{Arrow, Camera, Picture, Renderer, Scene, force_arrows, srgb};
 use ballbot_core::{Params, State, try_zeros};
 use numpy::{Element, PyArray1, PyArray3, PyArray4, PyArrayMethods};
@@ -26,6 +27,7 @@ use std::path::PathBuf;
 ///         counter-clockwise from x), `elevation` (rad), `field_of_view` (vertical, rad), `follows` (bool: the camera
 ///         moves with the ball, and `target` is relative to its contact point with the floor).
 ///     num_threads: number of threads, at most 256; None is one per core. Pictures do not depend on it.
+///     terrain: the ground, a `Terrain` or a dict of what generates one; None is level.
 ///
 /// Raises:
 ///     ValueError: a number out of range. TypeError: an unknown camera setting.
@@ -73,7 +75,9 @@ fn picture<'py, T: Element + Clone + Default + Send>(
 #[pymethods]
 impl PyRenderer {
     #[new]
-    #[pyo3(signature = (params=None, *, urdf=None, width=640, height=480, samples=1, camera=None, num_threads=None))]
+    #[pyo3(signature = (params=None, *, urdf=None, width=640, height=480, samples=1, camera=None, num_threads=None,
+                        terrain=None))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         params: Option<&Bound<'_, PyAny>>,
         urdf: Option<(PathBuf, PathBuf)>,
@@ -82,7 +86,9 @@ impl PyRenderer {
         #[pyo3(from_py_with = whole)] samples: i64,
         camera: Option<&Bound<'_, PyDict>>,
         #[pyo3(from_py_with = optional_whole)] num_threads: Option<i64>,
+        terrain: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let ground = terrain.map_or(Ok(None), ground)?;
         let (params, scene) = match urdf {
             None => {
                 let params = or_paper(params)?;
@@ -102,7 +108,7 @@ impl PyRenderer {
         let camera = camera_with(Camera::following(scene.height()), camera)?;
         let num_threads = num_threads.map(|n| count("num_threads", n, 1)).transpose()?;
         let renderer = call(|| {
-            let renderer = Renderer::new(scene, width, height, samples, camera)?;
+            let renderer = Renderer::new(scene.on(ground), width, height, samples, camera)?;
             match num_threads {
                 Some(n) => renderer.with_threads(n),
                 None => Ok(renderer),

@@ -7,9 +7,11 @@ use crate::numbers::{count, real, whole};
 use crate::params::{PyParams, or_paper};
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
-use ballbot_core::{Ballbot, State};
+use crate::terrain::{PyTerrain, terrain as ground};
+use ballbot_core::Ballbot;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use std::sync::Arc;
 
 /// Steps that take no time worth interrupting.
 const SHORT_RUN: usize = 1000;
@@ -18,26 +20,78 @@ const SHORT_RUN: usize = 1000;
 ///
 /// Args:
 ///     params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
-///     model: "contact" (contacts and friction on a flat floor, specialized), "rigid" (the same by rapier3d), "spatial"
+///     model: "contact" (contacts and friction on the ground, specialized), "rigid" (the same by rapier3d), "spatial"
 ///         (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
 ///     sim_dt: time step, s.
+///     terrain: the ground, a `Terrain` or a dict of what generates one; None is level. "contact" and "rigid" take any,
+///         "spatial" planes, "planar" none.
 ///
 /// Raises:
-///     ValueError: an unknown model, or a number out of range.
+///     ValueError: an unknown model, a number out of range, or ground that the model does not simulate.
 #[pyclass(name = "Ballbot", module = "ballbot_rs", subclass, frozen)]
 pub(crate) struct PyBallbot(Exclusive<Ballbot>);
 
 #[pymethods]
 impl PyBallbot {
     #[new]
-    #[pyo3(signature = (params=None, model="contact", sim_dt=0.001))]
-    fn new(params: Option<&Bound<'_, PyAny>>, model: &str, #[pyo3(from_py_with = real)] sim_dt: f64) -> PyResult<Self> {
+    #[pyo3(signature = (params=None, model="contact", sim_dt=0.001, terrain=None))]
+    fn new(
+        params: Option<&Bound<'_, PyAny>>,
+        model: &str,
+        #[pyo3(from_py_with = real)] sim_dt: f64,
+        terrain: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
         let kind = model.parse().map_err(to_python)?;
         let params = or_paper(params)?;
-        call(|| Ballbot::new(&params, kind, sim_dt)).map(|robot| Self(Exclusive::new("Ballbot", robot)))
+        let ground = terrain.map_or(Ok(None), ground)?;
+        let robot = call(|| {
+            let mut robot = Ballbot::new(&params, kind, sim_dt)?;
+            if ground.is_some() {
+                robot.set_terrain(ground.as_ref())?;
+            }
+            Ok(robot)
+        });
+        robot.map(|robot| Self(Exclusive::new("Ballbot", robot)))
     }
 
-    /// Starts anew from `state`; None is at rest upright.
+    /// The ground; None is level.
+    #[getter]
+    fn terrain(&self) -> PyResult<Option<PyTerrain>> {
+        Ok(self.0.read()?.terrain().map(|terrain| PyTerrain(Arc::clone(terrain))))
+    }
+
+    /// Puts the robot on other ground, a `Terrain` or a dict of what generates one, None for level ground: at rest upright
+    /// above the origin.
+    ///
+    /// Raises:
+    ///     ValueError: ground that the model does not simulate, or with valleys too narrow for the ball; the robot is as it
+    ///         was then.
+    fn set_terrain(&self, terrain: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        let ground = terrain.map_or(Ok(None), ground)?;
+        let mut robot = self.0.write()?;
+        call(|| robot.set_terrain(ground.as_ref()))
+    }
+
+    /// Starts anew at rest with the ball on the ground, its center above `x` and `y`, m, turned to the heading `yaw`, rad.
+    /// `tilt` is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; None is the lean in which
+    /// it stands still on the slope there.
+    ///
+    /// Raises:
+    ///     ValueError: no lean holds the robot on the slope, or a part of it would be below the ground.
+    #[pyo3(signature = (x, y, yaw=0.0, tilt=None))]
+    fn place_on_ground(
+        &self,
+        #[pyo3(from_py_with = real)] x: f64,
+        #[pyo3(from_py_with = real)] y: f64,
+        #[pyo3(from_py_with = real)] yaw: f64,
+        tilt: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let tilt = tilt.map(|tilt| numbers::<2>("tilt", tilt)).transpose()?;
+        let mut robot = self.0.write()?;
+        call(|| robot.place_on_ground(x, y, yaw, tilt.map(Into::into)))
+    }
+
+    /// Starts anew from `state`; None is at rest upright above the origin.
     ///
     /// A state has no contact forces: `contact` and `rigid` find them anew in their next step. A snapshot has them.
     ///
@@ -46,7 +100,7 @@ impl PyBallbot {
     #[pyo3(signature = (state=None))]
     fn reset(&self, state: Option<&PyState>) -> PyResult<()> {
         let mut robot = self.0.write()?;
-        let start = state.map_or_else(|| State::upright(robot.params()), |state| state.0.clone());
+        let start = state.map_or_else(|| robot.upright(), |state| state.0.clone());
         call(|| robot.reset(&start))
     }
 

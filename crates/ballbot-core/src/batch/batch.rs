@@ -19,6 +19,7 @@ use crate::sensor::Sensor;
 use crate::sim::contact::ContactLanes;
 use crate::state::{Contacts, State};
 use crate::task::{ACTION_LEN, Task, TaskDescription};
+use crate::terrain::Ground;
 use crate::thread_pool::{WorkerThreads, thread_count};
 use nalgebra::Vector3;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -37,6 +38,7 @@ pub struct Batch {
     scaled: bool,
     pub(super) history: usize,
     len: usize,
+    pub(super) ground: Option<Arc<Ground>>,
     pub(super) plan: Option<Arc<Plan>>,
     /// Options of the stages, without events.
     pub(super) stages: Stages,
@@ -174,6 +176,7 @@ impl Batch {
             control_dt: config.control_dt,
             substeps,
             max_episode_steps: config.max_episode_steps,
+            ground,
             max_wheel_torque: config.action_torque(),
             scaled: config.scale_observations,
             history: config.history,

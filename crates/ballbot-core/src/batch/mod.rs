@@ -28,6 +28,7 @@ mod renewing;
 mod resetting;
 mod robots;
 mod saving;
+mod standing;
 mod task_step;
 
 pub use autoreset::Autoreset;

@@ -266,11 +266,21 @@ impl Frame<'_> {
         }
     }
 
+    /// Depth of the floor along a ray, infinite without, and its normal there.
+    fn floor(&self, direction: &Vector3<f64>) -> (f64, Vector3<f64>) {
+        let origin = &self.view.position;
+        match &self.renderer.scene.terrain {
+            Some(terrain) => terrain.cast(origin, direction, f64::INFINITY).unwrap_or((f64::INFINITY, Vector3::z())),
+            None if direction.z < 0.0 => (-origin.z / direction.z, Vector3::z()),
+            None => (f64::INFINITY, Vector3::z()),
+        }
+    }
+
     fn trace(&self, direction: &Vector3<f64>, near: &[usize], shaded: bool) -> PixelSample {
         let origin = &self.view.position;
         let length_squared = direction.norm_squared();
-        let mut limit = if direction.z < 0.0 { -origin.z / direction.z } else { f64::INFINITY };
         let mut first = None;
+        let (mut limit, floor_normal) = self.floor(direction);
         for &i in near {
             let part = &self.parts[i];
             if part.near(origin, direction, length_squared)
@@ -288,7 +298,7 @@ impl Frame<'_> {
             }),
             None if limit.is_finite() => (Label::Floor, &|| {
                 let point = origin + direction * limit;
-                self.light.floor(&point, direction, limit, &self.view, self.parts)
+                self.light.floor(&point, &floor_normal, direction, limit, &self.view, self.parts)
             }),
             None => (Label::Sky, &|| self.light.sky(direction)),
         };

@@ -5,7 +5,9 @@ use super::shape::{Hit, Shape};
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
 use crate::state::State;
+use crate::terrain::Terrain;
 use nalgebra::{Matrix3, UnitQuaternion, UnitVector3, Vector3};
+use std::sync::Arc;
 
 /// The link that a part is fixed to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,6 +81,8 @@ pub struct Part {
 #[derive(Clone, Debug)]
 pub struct Scene {
     pub(super) parts: Vec<Part>,
+    /// The ground; `None` for the plane z = 0.
+    pub(super) terrain: Option<Arc<Terrain>>,
     ball_radius: f64,
     wheel_centers: [Vector3<f64>; 3],
     axles: [UnitVector3<f64>; 3],
@@ -91,10 +95,17 @@ impl Scene {
         let axle = |i: usize| UnitVector3::new_normalize(-wheels.u.row(i).transpose());
         Self {
             parts,
+            terrain: None,
             ball_radius: params.ball_radius,
             wheel_centers: wheels.contact_directions.map(|p| p * (params.ball_radius + params.wheel_radius)),
             axles: [0, 1, 2].map(axle),
         }
+    }
+
+    /// The same on other ground; `None` is level.
+    #[must_use]
+    pub fn on(self, terrain: Option<Arc<Terrain>>) -> Self {
+        Self { terrain, ..self }
     }
 
     /// Height of the upright robot, m.

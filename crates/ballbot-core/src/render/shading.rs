@@ -1,4 +1,4 @@
-//! Shading: sun, sky, soft shadows and the checkered floor.
+//! Shading: sun, sky, soft shadows and the checkered floor. The ground casts no shadows on itself.
 
 use super::camera::View;
 use super::color::{Color, srgb};
@@ -81,25 +81,26 @@ impl Light {
         color * (around + 0.78 * lit) + Color::repeat(gloss)
     }
 
-    /// Color of a point of the floor at depth `t` of a ray.
+    /// Color of a point of the floor, with its normal, at depth `t` of a ray.
     pub fn floor(
         &self,
         point: &Vector3<f64>,
+        normal: &Vector3<f64>,
         direction: &Vector3<f64>,
         t: f64,
         view: &View,
         parts: &[Placed<'_>],
     ) -> Color {
         let across = t * view.pixel;
-        let along = across * direction.norm() / direction.z.abs();
+        let along = across * direction.norm() / direction.dot(normal).abs();
         let horizontal = direction.xy() / direction.xy().norm().max(1e-12);
         let width = horizontal.map(f64::abs) * along
             + Vector3::new(horizontal.y, horizontal.x, 0.0).xy().map(f64::abs) * across;
         let share = checker(point.x, point.y, width.x, width.y);
         let lines = 1.0 - (1.0 - grid(point.x, width.x)) * (1.0 - grid(point.y, width.y));
         let color = self.squares[0].lerp(&self.squares[1], share).lerp(&self.line, lines);
-        let normal = Vector3::z();
-        let lit = self.sun.z * self.sunlight(point, &normal, parts);
+        let facing = self.sun.dot(normal).max(0.0);
+        let lit = facing * self.sunlight(point, normal, parts);
         let shade = 0.36 * self.openness(point, parts) + 0.76 * lit;
         let haze = (t / HAZE_DISTANCE).powi(2);
         (color * shade).lerp(&self.horizon, 1.0 - (-haze).exp())

@@ -1,7 +1,7 @@
 //! Terrains by name: seeded generators whose difficulty is a slope, never a height scaled to fit.
 
-use super::Terrain;
 use super::noise::{Noise, Uniform};
+use super::{Recipe, Terrain};
 use crate::error::{Error, Result, check};
 use crate::fields::Limit;
 use std::f64::consts::TAU;
@@ -77,9 +77,10 @@ impl TerrainKind {
     /// All kinds.
     pub const ALL: [Self; 8] = [PLANE, WAVE, BOWL, NOISE, BUMPS, CURB, COBBLES, MIX];
 
-    /// All parameters.
+    /// All parameters; a plane has no edges and no grid.
     pub fn all_parameters(&self) -> impl Iterator<Item = &'static Parameter> {
-        self.parameters.iter().chain(&COMMON)
+        let common = if self.name == PLANE.name { &[] } else { &COMMON[..] };
+        self.parameters.iter().chain(common)
     }
 
     /// A kind by its name.
@@ -117,15 +118,26 @@ impl Terrain {
     pub fn generate(kind: &str, seed: u64, parameters: &[(&str, f64)]) -> Result<Self> {
         let kind = TerrainKind::named(kind)?;
         let values = kind.values(parameters)?;
-        let height = (kind.height)(&values, seed)?;
+        if kind.name == PLANE.name {
+            return Self::plane(values.get("slope"), values.get("direction"));
+        }
+        let mut terrain = kind.made(&values, seed)?;
+        terrain.recipe = Some(Recipe { kind: kind.name, seed, parameters: values.0 });
+        Ok(terrain)
+    }
+}
+
+impl TerrainKind {
+    fn made(&self, values: &Values, seed: u64) -> Result<Terrain> {
+        let height = (self.height)(values, seed)?;
         let size = [values.get("size_x"), values.get("size_y")];
         let (apron, blend) = (values.get("apron"), values.get("apron_blend"));
         if apron == 0.0 {
-            return Self::from_function(height, size, values.get("cell"));
+            return Terrain::from_function(height, size, values.get("cell"));
         }
         let middle = height(0.0, 0.0);
         let raised = move |x: f64, y: f64| (height(x, y) - middle) * smooth_step((x.hypot(y) - apron) / blend);
-        Self::from_function(raised, size, values.get("cell"))
+        Terrain::from_function(raised, size, values.get("cell"))
     }
 }
 
@@ -137,16 +149,13 @@ pub(super) fn smooth_step(t: f64) -> f64 {
 
 const PLANE: TerrainKind = TerrainKind {
     name: "plane",
-    doc: "a plane through the origin",
+    doc: "a plane through the origin, without edges",
     parameters: &[
         parameter("slope", "rad", 0.1, SLOPES, "its slope"),
         parameter("direction", "rad", 0.0, Limit::FINITE, "angle from the x axis towards which it rises"),
     ],
-    height: |values, _| {
-        let (rise, direction) = (values.get("slope").tan(), values.get("direction"));
-        let (gx, gy) = (rise * direction.cos(), rise * direction.sin());
-        Ok(Box::new(move |x, y| gx * x + gy * y))
-    },
+    // `Terrain::plane` makes it.
+    height: |_, _| Ok(Box::new(|_, _| 0.0)),
 };
 
 const WAVE: TerrainKind = TerrainKind {

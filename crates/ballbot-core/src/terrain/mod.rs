@@ -11,6 +11,7 @@ mod limits;
 mod noise;
 mod patch;
 mod placement;
+mod ray;
 mod spline;
 
 pub use frame::Frame;
@@ -46,6 +47,18 @@ pub struct Terrain {
     plane: Option<[f64; 2]>,
     steepness: Steepness,
     fingerprint: u64,
+    recipe: Option<Recipe>,
+}
+
+/// What a generator makes a terrain of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recipe {
+    /// Name of its [`TerrainKind`].
+    pub kind: &'static str,
+    /// Seed of its random numbers.
+    pub seed: u64,
+    /// All parameters of the kind.
+    pub parameters: Vec<(&'static str, f64)>,
 }
 
 /// Extremes of a terrain.
@@ -78,6 +91,8 @@ impl Terrain {
         let mut terrain = Self::of(Spline::through(&heights, [2, 2], [-1.0; 2], 2.0))?;
         terrain.half_size = [f64::INFINITY; 2];
         terrain.plane = Some(gradient);
+        let parameters = vec![("slope", slope), ("direction", direction)];
+        terrain.recipe = Some(Recipe { kind: "plane", seed: 0, parameters });
         terrain.steepness = Steepness { slope, ..Steepness::default() };
         Ok(terrain)
     }
@@ -117,9 +132,8 @@ impl Terrain {
     /// # Errors
     /// As [`Terrain::from_heights`]; [`Error::OutOfRange`] for lengths that are not above zero.
     pub fn from_function(height: impl Fn(f64, f64) -> f64, size: [f64; 2], cell: f64) -> Result<Self> {
-        let (nodes, cell) = grid(size, cell)?;
-        let half = [0, 1].map(|axis| 0.5 * cell * (nodes[axis] - 1) as f64);
-        let place = |i: usize, axis: usize| i as f64 * cell - half[axis];
+        let (nodes, cell) = Self::grid(size, cell)?;
+        let place = |i: usize, axis: usize| Self::node(nodes, cell, i, axis);
         let mut heights = crate::memory::try_zeros::<f64>("heights of a terrain", &nodes)?;
         for (row, heights) in heights.chunks_exact_mut(nodes[0]).enumerate() {
             for (column, value) in heights.iter_mut().enumerate() {
@@ -127,6 +141,31 @@ impl Terrain {
             }
         }
         Self::from_heights(&heights, nodes, cell)
+    }
+
+    /// Nodes along x and y, and their distance, m, of [`Terrain::from_function`].
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for lengths or a cell that cannot be, and for more nodes than a terrain has.
+    pub fn grid(size: [f64; 2], cell: f64) -> Result<([usize; 2], f64)> {
+        let words = format_args!("from {} to {} m", CELLS.start(), CELLS.end());
+        check("cell", cell, words, |c| CELLS.contains(&c))?;
+        for (name, length) in [("size along x", size[0]), ("size along y", size[1])] {
+            check(name, length, format_args!("at least 3 cells of {cell} m"), |s| s >= 3.0 * cell)?;
+            check(name, length, format_args!("at most {MOST_NODES} cells"), |s| s / cell <= MOST_NODES as f64)?;
+        }
+        // The lengths are a whole number of cells: the one along x exactly, the other up to one cell more.
+        let along = (size[0] / cell - 1e-9).ceil();
+        let cell = size[0] / along;
+        let nodes = [along as usize + 1, (size[1] / cell - 1e-9).ceil() as usize + 1];
+        let count = nodes[0].saturating_mul(nodes[1]);
+        check("number of heights", count as f64, format_args!("at most {MOST_NODES}"), |n| n <= MOST_NODES as f64)?;
+        Ok((nodes, cell))
+    }
+
+    /// Coordinate along an axis of node `i` of such a grid, whose middle is the origin.
+    pub fn node(nodes: [usize; 2], cell: f64, i: usize, axis: usize) -> f64 {
+        i as f64 * cell - 0.5 * cell * (nodes[axis] - 1) as f64
     }
 
     fn of(surface: Spline) -> Result<Self> {
@@ -138,6 +177,7 @@ impl Terrain {
             plane: None,
             steepness,
             fingerprint: surface.fingerprint(),
+            recipe: None,
             surface,
         })
     }
@@ -203,6 +243,11 @@ impl Terrain {
         &self.surface
     }
 
+    /// What it was generated from; `None` for heights and functions.
+    pub fn recipe(&self) -> Option<&Recipe> {
+        self.recipe.as_ref()
+    }
+
     /// A number that differs for terrains that differ, with a probability of 1 - 2⁻⁶⁴.
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint
@@ -212,23 +257,6 @@ impl Terrain {
     pub(crate) fn bend(&self) -> f64 {
         self.steepness.bend
     }
-}
-
-/// Nodes along x and y, and their distance, for a rectangle of the given lengths.
-fn grid(size: [f64; 2], cell: f64) -> Result<([usize; 2], f64)> {
-    let words = format_args!("from {} to {} m", CELLS.start(), CELLS.end());
-    check("cell", cell, words, |c| CELLS.contains(&c))?;
-    for (name, length) in [("size along x", size[0]), ("size along y", size[1])] {
-        check(name, length, format_args!("at least 3 cells of {cell} m"), |s| s >= 3.0 * cell)?;
-        check(name, length, format_args!("at most {MOST_NODES} cells"), |s| s / cell <= MOST_NODES as f64)?;
-    }
-    // The lengths are a whole number of cells: the one along x exactly, the other up to one cell more.
-    let along = (size[0] / cell - 1e-9).ceil();
-    let cell = size[0] / along;
-    let nodes = [along as usize + 1, (size[1] / cell - 1e-9).ceil() as usize + 1];
-    let count = nodes[0].saturating_mul(nodes[1]);
-    check("number of heights", count as f64, format_args!("at most {MOST_NODES}"), |n| n <= MOST_NODES as f64)?;
-    Ok((nodes, cell))
 }
 
 /// Upward unit vector across a surface with this gradient.

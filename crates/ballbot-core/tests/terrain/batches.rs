@@ -92,7 +92,7 @@ fn starts_touch_the_ground_and_lean_as_it_does() {
 
 #[test]
 fn an_episode_that_leaves_the_terrain_is_truncated() {
-    let small = Arc::new(Terrain::generate("plane", 0, &[("slope", 0.1), ("size_x", 0.6), ("size_y", 0.6)]).unwrap());
+    let small = Arc::new(Terrain::from_function(|x, _| 0.1 * x, [0.6, 0.6], 0.05).unwrap());
     let fast = [("reset_ball_speed", 2.0), ("reset_tilt", 0.0)];
     let mut run = run("bare", Some(&small), ModelKind::Contact, 8, 1, &fast);
     let mut left = 0;

@@ -103,7 +103,11 @@ fn a_ball_of_another_radius_touches_to_the_second_order() {
 fn every_kind_has_the_slope_that_it_is_asked_for() {
     for kind in TerrainKind::ALL {
         for slope in [0.05, 0.15] {
-            let terrain = Terrain::generate(kind.name, 3, &[("slope", slope), ("cell", 0.03)]).unwrap();
+            let coarse: &[_] = if kind.name == "plane" { &[] } else { &[("cell", 0.03)] };
+            let parameters: Vec<_> = coarse.iter().copied().chain([("slope", slope)]).collect();
+            let terrain = Terrain::generate(kind.name, 3, &parameters).unwrap();
+            let recipe = terrain.recipe().unwrap();
+            assert_eq!(Terrain::generate(recipe.kind, recipe.seed, &recipe.parameters).unwrap(), terrain);
             let found = terrain.slope();
             let most = match kind.name {
                 // A percentile, of any seed; and hollows that overlap.
@@ -116,7 +120,7 @@ fn every_kind_has_the_slope_that_it_is_asked_for() {
             assert!(found > least * slope && found < most * slope, "{}: {found} for {slope}", kind.name);
             assert!(terrain.heights()[0] <= terrain.heights()[1]);
         }
-        let flat = Terrain::generate(kind.name, 3, &[("slope", 1e-9), ("cell", 0.05)]).unwrap();
+        let flat = Terrain::generate(kind.name, 3, &[("slope", 1e-9)]).unwrap();
         assert!(flat.slope() < 1e-8);
     }
 }
@@ -182,6 +186,41 @@ fn what_cannot_be_is_refused_with_the_value_and_the_limit() {
     let message = Ground::new(&valley, 0.112).unwrap_err().to_string();
     let curvature = format!("{:.3}", valley.curvature()[0]);
     assert!(message.contains(&curvature) && message.contains("4.464"), "{message}");
+}
+
+#[test]
+fn rays_meet_the_ground() {
+    let terrain = Terrain::from_function(hills, [4.0, 4.0], 0.02).unwrap();
+    for i in 0..200 {
+        let angle = 0.1 * f64::from(i);
+        let origin = Vector3::new(0.5 * angle.cos(), 0.7 * angle.sin(), 0.4);
+        let direction = Vector3::new((2.3 * angle).cos(), (2.3 * angle).sin(), -0.05 - 0.004 * f64::from(i));
+        let hit = terrain.cast(&origin, &direction, f64::INFINITY);
+        // The same by small steps.
+        let walked = (0..400_000).map(|k| f64::from(k) * 2e-5).find(|share| {
+            let at = origin + direction * *share;
+            !terrain.contains(at.x, at.y) || at.z < terrain.height(at.x, at.y)
+        });
+        let walked = walked.filter(|share| {
+            let at = origin + direction * *share;
+            terrain.contains(at.x, at.y)
+        });
+        match (hit, walked) {
+            (Some((share, normal)), Some(walked)) => {
+                assert!((share - walked).abs() < 3e-5, "ray {i}: {share}, walked {walked}");
+                let at = origin + direction * share;
+                assert!((normal - terrain.normal(at.x, at.y)).norm() < 1e-9);
+            }
+            (None, None) => (),
+            (hit, walked) => panic!("ray {i}: {hit:?}, walked {walked:?}"),
+        }
+    }
+    let plane = Terrain::plane(0.3, 0.0).unwrap();
+    let (share, _) = plane.cast(&Vector3::new(0.0, 0.0, 2.0), &Vector3::new(1.0, 0.0, -1.0), f64::INFINITY).unwrap();
+    assert!((share - 2.0 / (1.0 + 0.3_f64.tan())).abs() < 1e-12);
+    assert!(plane.cast(&Vector3::new(0.0, 0.0, 2.0), &Vector3::new(-1.0, 0.0, 0.0), f64::INFINITY).is_none());
+    assert!(terrain.cast(&Vector3::new(0.0, 0.0, 2.0), &Vector3::z(), f64::INFINITY).is_none());
+    assert!(terrain.cast(&Vector3::new(9.0, 0.0, 2.0), &-Vector3::z(), f64::INFINITY).is_none());
 }
 
 #[test]

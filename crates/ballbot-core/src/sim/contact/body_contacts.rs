@@ -79,7 +79,11 @@ impl<'a, L: Lane> Near<'a, L> {
         let cylinder = up.dot(bottom.into()).min(up.dot(top.into())) - rim;
         let lowest = match footing {
             None => pose.body.z + (wheels - c.wheel_radius.at(zero)).min(cylinder),
-            Some(footing) => lowest_over(c, start, &footing.relief(token), rim),
+            Some(footing) => L::rarely(
+                token,
+                #[inline(always)]
+                || lowest_over(c, start, &footing.relief(token), rim),
+            ),
         };
         let falling = sum_of_sizes(v.body_rate).mul_add(c.reach.at(zero), v.body.z.abs()) + pushed;
         let floor_limit = falling.mul_add(dt, zero.splat(FLOOR_MARGIN));

@@ -78,12 +78,21 @@ fn several<L: Lane, V: Value<L>>(
     let like = L::load(token, &state.steps);
     Vec3::from(at3(c.gravity_dt, like)).store(&mut actions.gravity_dt);
     for _ in 0..steps {
+        // Apart from the step, which so keeps its registers on level ground.
         if let Some(footing) = &mut footing {
-            footing.enter(c, token, state, &mut actions.gravity_dt);
+            L::rarely(
+                token,
+                #[inline(always)]
+                || footing.enter(c, token, state, &mut actions.gravity_dt),
+            );
         }
         step::<L, V>(c, token, state, footing.as_deref(), &actions);
         if let Some(footing) = &footing {
-            footing.leave::<L>(token, state);
+            L::rarely(
+                token,
+                #[inline(always)]
+                || footing.leave::<L>(token, state),
+            );
         }
     }
 }

@@ -1,0 +1,323 @@
+//! `Terrain`.
+
+use crate::convert::elements;
+use crate::errors::{call, to_python};
+use crate::numbers::{count, real, whole};
+use ballbot_core::terrain::{Terrain, TerrainKind};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyMapping};
+use std::sync::Arc;
+
+/// Ground that is not level: a smooth surface (a bicubic spline with continuous curvature), shared by all robots on it.
+///
+/// Made by `plane`, `from_heights`, `from_function` or `generate`. Its middle is the origin. Beyond its edges it goes on along
+/// the tangent planes there; an episode of an environment that leaves it is truncated.
+///
+/// Raises:
+///     ValueError: a surface steeper than 1.05 rad, or numbers that make no surface.
+#[pyclass(name = "Terrain", module = "ballbot_rs", frozen, eq)]
+#[derive(PartialEq)]
+pub(crate) struct PyTerrain(pub(crate) Arc<Terrain>);
+
+fn made(terrain: ballbot_core::Result<Terrain>) -> PyResult<PyTerrain> {
+    terrain.map(|terrain| PyTerrain(Arc::new(terrain))).map_err(to_python)
+}
+
+/// Numbers of a function of x and y, of the shape that the two have together.
+fn mapped<'py>(
+    py: Python<'py>,
+    x: &Bound<'py, PyAny>,
+    y: &Bound<'py, PyAny>,
+    mut value: impl FnMut(f64, f64, &mut Vec<f64>),
+    width: usize,
+) -> PyResult<Bound<'py, PyAny>> {
+    let numpy = py.import("numpy")?;
+    let pair = numpy.call_method1("broadcast_arrays", (x, y))?;
+    let (x, y) = (pair.get_item(0)?, pair.get_item(1)?);
+    let shape = x.getattr("shape")?;
+    let flat = |name: &str, values: &Bound<'py, PyAny>| elements::<f64>(name, &values.call_method0("ravel")?, &[None]);
+    let (xs, ys) = (flat("x", &x)?, flat("y", &y)?);
+    let mut out = Vec::with_capacity(xs.len() * width);
+    xs.iter().zip(&ys).for_each(|(x, y)| value(*x, *y, &mut out));
+    let out = out.into_pyarray(py).into_any();
+    let shape: Vec<usize> = shape.extract()?;
+    let shape: Vec<usize> = if width == 1 { shape } else { shape.into_iter().chain([width]).collect() };
+    let out = out.call_method1("reshape", (shape,))?;
+    if out.getattr("ndim")?.extract::<usize>()? == 0 { out.call_method0("item") } else { Ok(out) }
+}
+
+#[pymethods]
+impl PyTerrain {
+    /// A plane through the origin of the angle `slope`, rad, that rises towards `direction`, an angle from the x axis, rad. It
+    /// has no edges.
+    #[staticmethod]
+    #[pyo3(signature = (slope, direction=0.0))]
+    fn plane(#[pyo3(from_py_with = real)] slope: f64, #[pyo3(from_py_with = real)] direction: f64) -> PyResult<Self> {
+        made(Terrain::plane(slope, direction))
+    }
+
+    /// The surface through `heights`, m, shape (rows along y, columns along x), `cell` meters between neighbors.
+    #[staticmethod]
+    fn from_heights(heights: &Bound<'_, PyAny>, #[pyo3(from_py_with = real)] cell: f64) -> PyResult<Self> {
+        let values = elements::<f64>("heights", heights, &[None, None])?;
+        let rows = heights.len()?;
+        made(Terrain::from_heights(&values, [values.len() / rows.max(1), rows], cell))
+    }
+
+    /// The surface of a function over a rectangle of `size`, the lengths along x and y, m, from its values in steps of at
+    /// most `cell`, m. `height(x, y)` gets two arrays of the same shape and returns one.
+    #[staticmethod]
+    #[pyo3(signature = (height, size, cell=0.02))]
+    fn from_function<'py>(
+        py: Python<'py>,
+        height: &Bound<'py, PyAny>,
+        size: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = real)] cell: f64,
+    ) -> PyResult<Self> {
+        let lengths = elements::<f64>("size", size, &[Some(2)])?;
+        let (nodes, cell) = call(|| Terrain::grid([lengths[0], lengths[1]], cell))?;
+        let coordinates = |axis: usize| {
+            let values: Vec<_> = (0..nodes[axis]).map(|i| Terrain::node(nodes, cell, i, axis)).collect();
+            PyArray1::from_vec(py, values)
+        };
+        let mesh = py.import("numpy")?.call_method1("meshgrid", (coordinates(0), coordinates(1)))?;
+        let heights = height.call1((mesh.get_item(0)?, mesh.get_item(1)?))?;
+        let heights = elements::<f64>("heights of the function", &heights, &[Some(nodes[1]), Some(nodes[0])])?;
+        made(Terrain::from_heights(&heights, nodes, cell))
+    }
+
+    /// A terrain of a kind, the same for the same seed and parameters everywhere: "plane", "wave", "bowl", "noise", "bumps",
+    /// "curb", "cobbles" or "mix". `terrain_kinds()` has their parameters.
+    #[staticmethod]
+    #[pyo3(signature = (kind, seed=0, **parameters))]
+    fn generate(
+        kind: &str,
+        #[pyo3(from_py_with = whole)] seed: i64,
+        parameters: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let seed = count("seed", seed, 0)? as u64;
+        let mut numbers = Vec::new();
+        for (name, value) in parameters.into_iter().flatten() {
+            let name: String = name.extract()?;
+            let value = real(&value).map_err(|_| PyTypeError::new_err(format!("{name} must be a number")))?;
+            numbers.push((name, value));
+        }
+        let numbers: Vec<_> = numbers.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+        call(|| Terrain::generate(kind, seed, &numbers)).map(|terrain| Self(Arc::new(terrain)))
+    }
+
+    /// Height at `x` and `y`, m: a number, or an array of the shape that both have together.
+    fn height<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        y: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        mapped(py, x, y, |x, y, out| out.push(self.0.height(x, y)), 1)
+    }
+
+    /// Upward unit vector across the ground at `x` and `y`, shape (..., 3).
+    fn normal<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        y: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        mapped(py, x, y, |x, y, out| out.extend(self.0.normal(x, y).iter()), 3)
+    }
+
+    /// Derivatives of the height by x and y at `x` and `y`, shape (..., 2).
+    fn gradient<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        y: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        mapped(py, x, y, |x, y, out| out.extend(self.0.gradient(x, y)), 2)
+    }
+
+    /// Angle between the ground at `x` and `y` and the horizontal plane, rad.
+    fn slope_at<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        y: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        mapped(py, x, y, |x, y, out| out.push(self.0.slope_at(x, y)), 1)
+    }
+
+    /// Principal curvatures at `x` and `y`, 1/m, shape (..., 2), the larger first: valleys are positive, crests negative.
+    fn curvatures_at<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        y: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        mapped(py, x, y, |x, y, out| out.extend(self.0.curvatures_at(x, y)), 2)
+    }
+
+    /// Whether `x` and `y` are on the terrain.
+    fn contains(&self, #[pyo3(from_py_with = real)] x: f64, #[pyo3(from_py_with = real)] y: f64) -> bool {
+        self.0.contains(x, y)
+    }
+
+    /// Steepest slope anywhere, rad.
+    #[getter]
+    fn slope(&self) -> f64 {
+        self.0.slope()
+    }
+
+    /// Largest curvature of a valley and of a crest anywhere, 1/m. A ball takes valleys of at most half its own curvature.
+    #[getter]
+    fn curvature(&self) -> (f64, f64) {
+        let [valley, crest] = self.0.curvature();
+        (valley, crest)
+    }
+
+    /// Lengths along x and y, m; infinite for a plane.
+    #[getter]
+    fn size(&self) -> (f64, f64) {
+        let [x, y] = self.0.half_size();
+        (2.0 * x, 2.0 * y)
+    }
+
+    /// Heights at the nodes of a grid over the terrain, rows along y, and their distance, m; ValueError for a plane, which has
+    /// no edges.
+    #[pyo3(signature = (cell=None))]
+    fn heights<'py>(&self, py: Python<'py>, cell: Option<f64>) -> PyResult<(Bound<'py, PyArray2<f64>>, f64)> {
+        if self.0.as_plane().is_some() {
+            return Err(PyValueError::new_err("a plane has no edges, and so no grid of heights"));
+        }
+        let [x, y] = self.0.half_size();
+        let wanted = cell.unwrap_or_else(|| self.0.surface().cell());
+        let (nodes, cell) = call(|| Terrain::grid([2.0 * x, 2.0 * y], wanted))?;
+        let place = |i: usize, axis: usize| Terrain::node(nodes, cell, i, axis);
+        let mut heights = Vec::with_capacity(nodes[0] * nodes[1]);
+        for row in 0..nodes[1] {
+            heights.extend((0..nodes[0]).map(|column| self.0.height(place(column, 0), place(row, 1))));
+        }
+        let heights = PyArray1::from_vec(py, heights).reshape([nodes[1], nodes[0]])?;
+        Ok((heights, cell))
+    }
+
+    /// What `generate` makes this terrain of: a dict with `kind`, `seed` and all parameters, as the option `terrain` of
+    /// environments takes it; None for one from heights or a function.
+    #[getter]
+    fn recipe<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(recipe) = self.0.recipe() else { return Ok(None) };
+        let out = PyDict::new(py);
+        out.set_item("kind", recipe.kind)?;
+        out.set_item("seed", recipe.seed)?;
+        for (name, value) in &recipe.parameters {
+            out.set_item(name, value)?;
+        }
+        Ok(Some(out))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let class = py.get_type::<Self>();
+        if let Some(recipe) = self.recipe(py)? {
+            let restore = py.import("ballbot_rs._core")?.getattr("_terrain_of")?;
+            return Ok((restore, (recipe,)).into_pyobject(py)?.into_any());
+        }
+        let surface = self.0.surface();
+        let nodes = surface.nodes();
+        let mut heights = Vec::with_capacity(nodes[0] * nodes[1]);
+        for j in 0..nodes[1] {
+            heights.extend((0..nodes[0]).map(|i| {
+                let [x, y] = surface.node(i, j);
+                surface.jet(x, y).z
+            }));
+        }
+        let heights = PyArray1::from_vec(py, heights).reshape([nodes[1], nodes[0]])?;
+        Ok((class.getattr("from_heights")?, (heights, surface.cell())).into_pyobject(py)?.into_any())
+    }
+
+    fn __repr__(&self) -> String {
+        let name = self.0.recipe().map_or("heights", |recipe| recipe.kind);
+        let ([x, y], [valley, crest]) = (self.0.half_size(), self.0.curvature());
+        format!(
+            "Terrain({name}, {:.6} x {:.6} m, slope up to {:.3} rad, curvature from -{crest:.3} to {valley:.3} 1/m)",
+            2.0 * x,
+            2.0 * y,
+            self.0.slope()
+        )
+    }
+}
+
+/// Kinds of terrains by name: a dict of what `Terrain.generate` takes, each with `default`, `unit`, `limit` and `doc`.
+#[pyfunction]
+pub(crate) fn terrain_kinds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let out = PyDict::new(py);
+    for kind in TerrainKind::ALL {
+        let parameters = PyDict::new(py);
+        for parameter in kind.all_parameters() {
+            let one = PyDict::new(py);
+            one.set_item("default", parameter.default)?;
+            one.set_item("unit", parameter.unit)?;
+            one.set_item("limit", parameter.limit.to_string())?;
+            one.set_item("doc", parameter.doc)?;
+            parameters.set_item(parameter.name, one)?;
+        }
+        out.set_item(kind.name, parameters)?;
+    }
+    Ok(out)
+}
+
+/// The terrain of a recipe.
+#[pyfunction]
+pub(crate) fn _terrain_of(recipe: &Bound<'_, PyMapping>) -> PyResult<PyTerrain> {
+    of_recipe(recipe)
+}
+
+fn of_recipe(recipe: &Bound<'_, PyMapping>) -> PyResult<PyTerrain> {
+    let parameters = PyDict::new(recipe.py());
+    let (mut kind, mut seed) = (None, 0);
+    for item in recipe.items()? {
+        let (name, value): (String, Bound<'_, PyAny>) = item.extract()?;
+        match name.as_str() {
+            "kind" => kind = Some(value.extract::<String>()?),
+            "seed" => seed = whole(&value)?,
+            "fingerprint" => {
+                return Err(PyValueError::new_err(
+                    "this terrain was made of heights or a function, which options do not keep: pass it as terrain=",
+                ));
+            }
+            _ => parameters.set_item(name, value)?,
+        }
+    }
+    let kind = kind.ok_or_else(|| PyValueError::new_err("terrain: a dict needs the name of a kind, 'kind'"))?;
+    PyTerrain::generate(&kind, seed, Some(&parameters))
+}
+
+/// A terrain from None (level ground), a `Terrain` or a recipe.
+pub(crate) fn terrain(value: &Bound<'_, PyAny>) -> PyResult<Option<Arc<Terrain>>> {
+    if value.is_none() {
+        return Ok(None);
+    }
+    if let Ok(terrain) = value.cast::<PyTerrain>() {
+        return Ok(Some(Arc::clone(&terrain.get().0)));
+    }
+    if let Ok(recipe) = value.cast::<PyMapping>() {
+        return of_recipe(recipe).map(|terrain| Some(terrain.0));
+    }
+    let kind = value.get_type().name()?;
+    Err(PyTypeError::new_err(format!("terrain must be a Terrain, a dict of what generates one, or None, not {kind}")))
+}
+
+/// What options keep of a terrain: its recipe, or the fingerprint of its heights.
+pub(crate) fn terrain_object<'py>(
+    py: Python<'py>,
+    terrain: Option<&Arc<Terrain>>,
+) -> PyResult<Option<Bound<'py, PyDict>>> {
+    let Some(terrain) = terrain else { return Ok(None) };
+    let terrain = PyTerrain(Arc::clone(terrain));
+    if let Some(recipe) = terrain.recipe(py)? {
+        return Ok(Some(recipe));
+    }
+    let out = PyDict::new(py);
+    out.set_item("fingerprint", format!("{:016x}", terrain.0.fingerprint()))?;
+    Ok(Some(out))
+}
