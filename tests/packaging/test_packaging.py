@@ -24,6 +24,7 @@ LEARNING = {
     "training/checkpoint.py",
     "training/export.py",
     "training/scaled_rewards.py",
+    "training/teacher.py",
     "training/train.py",
 }
 

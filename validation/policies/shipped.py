@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import ballbot_rs as bb
 from ballbot_rs.scenarios.scale import Scale
+from ballbot_rs.training import config
 from validation.claim import Claim
 from validation.page import table
 from validation.policies.judging import CONTACT, MUJOCO, RIGID, Cell, Judge, results
@@ -129,6 +130,9 @@ def _topic(one: Shipped, folder: "Path") -> Topic:
         f"`assets/policies/{one.file}`: seed 0 of `ballbot train {one.recipe.task}{variant}`. The figure has its "
         "training and that of two more seeds."
     )
+    taught = config.parse(config.default_text(one.recipe.task, one.recipe.variant), one.file).teacher
+    if taught is not None:
+        text += f" At 0 steps it has been fitted to `{taught.controller}`, from which PPO goes on."
     return Topic(name, one.title, text, lambda: _run(one, str(folder / one.file)))
 
 

@@ -97,7 +97,13 @@ def run(arguments: argparse.Namespace) -> None:
             task,
             folder,
             lambda: train.train(
-                config, text, folder, seed=seed, overwrite=bool(arguments.overwrite), progress_bar=progress_bar
+                config,
+                text,
+                folder,
+                seed=seed,
+                overwrite=bool(arguments.overwrite),
+                progress_bar=progress_bar,
+                tell=_tell if progress_bar else lambda _: None,
             ),
         )
     seconds = time.perf_counter() - started

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs import _toml
-from ballbot_rs._core import TASKS
+from ballbot_rs._core import CONTROLLERS, TASKS
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
 
 ALGORITHMS = ("PPO", "SAC")
@@ -19,6 +19,47 @@ class Evaluation:
 
     every_timesteps: int = 61_440
     episodes: int = 50
+
+
+#: Most observations that a fit to a teacher keeps; with 16 rows each they take 1.5 GB.
+MAX_TAUGHT = 20_000_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Teacher:
+    """A classical law that the policy is fitted to before PPO goes on from there; `training.teacher` has the method.
+
+    Its steps come in addition to `total_timesteps`.
+    """
+
+    #: A law of the core, one of `controllers()`.
+    controller: str
+    #: Its options, as `make_controller` takes them.
+    options: dict[str, Any] = dataclasses.field(default_factory=dict)
+    #: How often robots are driven and the actor is fitted to all states so far.
+    rounds: int = 15
+    #: Control steps of all environments in a round.
+    steps: int = 200
+    #: Of a round's fit; the rate falls linearly over the rounds.
+    epochs: int = 6
+    batch_size: int = 1024
+    learning_rate: float = 1e-3
+    #: Standard deviation of what is added to the actions of half of the robots.
+    noise: float = 0.1
+    #: Rollouts of PPO from which only the value function learns.
+    value_rollouts: int = 40
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.controller, str) or self.controller not in CONTROLLERS:
+            known = ", ".join(CONTROLLERS)
+            raise ValueError(f"teacher.controller = {self.controller!r} is no law: expected one of {known}")
+        if not isinstance(self.options, dict):
+            raise ValueError(f"teacher.options = {self.options!r} must be a table")
+        least = {"rounds": 1, "steps": 1, "epochs": 1, "batch_size": 1, "value_rollouts": 0}
+        for name, bound in least.items():
+            _check_whole(f"teacher.{name}", getattr(self, name), bound)
+        _check_number("teacher.learning_rate", self.learning_rate, "1e-9", "1")
+        _check_number("teacher.noise", self.noise, "0", "1")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,6 +76,8 @@ class TrainConfig:
     reward_scale: float = 1.0
     env: dict[str, Any] = dataclasses.field(default_factory=dict)
     evaluation: Evaluation = dataclasses.field(default_factory=Evaluation)
+    #: None learns from rewards alone.
+    teacher: Teacher | None = None
     algorithm_arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
     schedule: dict[str, str] = dataclasses.field(default_factory=dict)
     policy: dict[str, Any] = dataclasses.field(default_factory=dict)
@@ -55,11 +98,10 @@ class TrainConfig:
             "evaluation.episodes": self.evaluation.episodes,
         }
         for name, value in counts.items():
-            if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-                raise ValueError(f"{name} = {value!r} is out of range: it must be a whole number of at least 1")
-        scale = self.reward_scale
-        if isinstance(scale, bool) or not isinstance(scale, (int, float)) or not 1e-6 <= scale <= 1e6:
-            raise ValueError(f"reward_scale = {scale!r} is out of range: it must be from 1e-6 to 1e6")
+            _check_whole(name, value, 1)
+        _check_number("reward_scale", self.reward_scale, "1e-6", "1e6")
+        if self.teacher is not None:
+            self._check_teacher(self.teacher)
         for name, kind in self.schedule.items():
             if kind != "linear":
                 raise ValueError(f"schedule.{name} = '{kind}': expected 'linear'")
@@ -68,6 +110,26 @@ class TrainConfig:
             initial = self.algorithm_arguments[name]
             if not isinstance(initial, (int, float)):
                 raise ValueError(f"algorithm_arguments.{name} = {initial!r}: a scheduled value must be a number")
+
+    def _check_teacher(self, teacher: Teacher) -> None:
+        if self.algorithm != "PPO":
+            raise ValueError(f"teacher: {self.algorithm} has none, only PPO")
+        taught = teacher.rounds * teacher.steps * self.num_envs
+        if taught > MAX_TAUGHT:
+            raise ValueError(
+                f"teacher.rounds * teacher.steps * num_envs = {taught} is out of range: it must be at most {MAX_TAUGHT}"
+            )
+
+
+def _check_whole(name: str, value: Any, least: int) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+        raise ValueError(f"{name} = {value!r} is out of range: it must be a whole number of at least {least}")
+
+
+def _check_number(name: str, value: Any, least: str, most: str) -> None:
+    """`least` and `most` as a message has them."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not float(least) <= value <= float(most):
+        raise ValueError(f"{name} = {value!r} is out of range: it must be from {least} to {most}")
 
 
 def parse(text: str, source: str) -> TrainConfig:
@@ -84,12 +146,16 @@ def parse(text: str, source: str) -> TrainConfig:
         known = ", ".join(field.name for field in dataclasses.fields(TrainConfig))
         raise ValueError(f"{source}: it is empty, expected at least one of {known}")
     _check_keys(source, table, TrainConfig)
-    if "evaluation" in table:
-        if not isinstance(table["evaluation"], dict):
-            raise ValueError(f"{source}: evaluation = {table['evaluation']!r} must be a table")
-        _check_keys(f"{source}: [evaluation]", table["evaluation"], Evaluation)
-        table["evaluation"] = Evaluation(**table["evaluation"])
+    inner = {"evaluation": Evaluation, "teacher": Teacher}
+    for name, kind in inner.items():
+        if name in table:
+            if not isinstance(table[name], dict):
+                raise ValueError(f"{source}: {name} = {table[name]!r} must be a table")
+            _check_keys(f"{source}: [{name}]", table[name], kind)
+    if "controller" not in table.get("teacher", {"controller": None}):
+        raise ValueError(f"{source}: [teacher]: it has no controller, expected one of {', '.join(CONTROLLERS)}")
     try:
+        table |= {name: kind(**table[name]) for name, kind in inner.items() if name in table}
         return TrainConfig(**table)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{source}: {error}") from error

@@ -20,7 +20,7 @@ from ballbot_rs.control.sb3_policy import METADATA, algorithms, metadata
 from ballbot_rs.envs.registration import description_of, task_of
 from ballbot_rs.envs.sb3 import BallbotVecEnv
 from ballbot_rs.training import config as config_module
-from ballbot_rs.training import run_folder
+from ballbot_rs.training import run_folder, teacher
 from ballbot_rs.training.callbacks import Checkpoints, KeepBest
 from ballbot_rs.training.checkpoint import restore_newest
 from ballbot_rs.training.config import TrainConfig
@@ -43,6 +43,7 @@ def train(
     seed: int = 0,
     overwrite: bool = False,
     progress_bar: bool = True,
+    tell: Callable[[str], None] = lambda text: None,  # noqa: ARG005
 ) -> Path:
     """Trains a policy and returns its file.
 
@@ -53,6 +54,7 @@ def train(
         seed: seeds the environments and the learner.
         overwrite: whether to delete what an earlier run left in `folder`.
         progress_bar: whether to show one.
+        tell: called with a text about the fit to a teacher.
 
     Raises:
         FileExistsError: the folder holds an earlier run.
@@ -65,11 +67,19 @@ def train(
     torch.set_num_threads(config.torch_threads)
     # Before anything is deleted or written: this is what refuses a configuration.
     model = _new_model(config, folder, seed)
+    if config.teacher is not None:
+        teacher.law_of(model, config.teacher)
     _empty(folder)
     # The record comes first: a folder with it is a run, which may be overwritten.
     _write_record(folder, seed)
     _files.write(folder / run_folder.CONFIG, text)
-    return _learn(model, config, folder, _keep_best(config, folder, seed), config.total_timesteps, progress_bar)
+    keep_best = _keep_best(config, folder, seed)
+    if config.teacher is not None:
+        teacher.fit(model, config.teacher, seed, tell)
+        # From here a run can be resumed, and the fitted policy may stay the best one.
+        Checkpoints(folder, 1).keep(model)
+        keep_best.evaluate(model)
+    return _learn(model, config, folder, keep_best, config.total_timesteps, progress_bar)
 
 
 def resume(

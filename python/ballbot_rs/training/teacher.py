@@ -1,0 +1,180 @@
+"""A warm start: before it learns from rewards, a policy is fitted to the torques of a classical law.
+
+The law says what it would do in the states that the policy visits (dataset aggregation: Ross, Gordon and Bagnell, "A
+reduction of imitation learning and structured prediction to no-regret online learning", AISTATS 2011). Then the value
+function learns what the fitted policy reaches: with that of a new network the first updates of PPO destroy the fit.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import VecEnv
+
+from ballbot_rs._core import Batch, Controller
+from ballbot_rs._state_rows import BODY_QUATERNION
+from ballbot_rs.envs.own.batch import OwnBatch
+from ballbot_rs.training.config import Teacher
+
+#: In the first rounds the law drives some robots: a new policy visits little but falls.
+LAW_ROUNDS = 3
+
+#: Of the value function's fit; it is fast, as nothing depends on its way.
+VALUE_RATE = 1e-3
+VALUE_EPOCHS = 10
+
+
+def fit(model: BaseAlgorithm, teacher: Teacher, seed: int, tell: Callable[[str], None]) -> None:
+    """Fits the actor and the value function of a new model; its steps are not counted.
+
+    Args:
+        model: of PPO.
+        teacher: what to fit to, and how.
+        seed: of the choice of robots that the law drives, and of the noise.
+        tell: called with a text about the fit.
+    """
+    assert isinstance(model, PPO)
+    errors = fit_actor(model, teacher, seed)
+    tell(f"fitted to {teacher.controller}: root mean square error of the actions {errors[-1]:.3f}")
+    fit_value(model, teacher.value_rollouts)
+
+
+def law_of(model: BaseAlgorithm, teacher: Teacher) -> Controller:
+    """The law, for the robot of a model's environments.
+
+    Raises:
+        ValueError: an unknown law, an option that it does not have, or a task that it cannot be asked about.
+    """
+    batch = _batch(model)
+    if isinstance(batch, OwnBatch):
+        raise ValueError(f"teacher: the task {batch.task} is in Python, where laws have no setpoint: leave it out")
+    try:
+        return Controller(teacher.controller, batch.nominal_params(0), batch.control_dt, **teacher.options)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"teacher: {error}") from error
+
+
+def fit_actor(model: PPO, teacher: Teacher, seed: int) -> list[float]:
+    """Fits the most likely actions; the root mean square error of each round, over all states so far."""
+    environment = model.get_env()
+    assert environment is not None
+    law, batch = law_of(model, teacher), _batch(model)
+    rng = np.random.default_rng(seed)
+    optimizer = torch.optim.Adam(_actor(model), lr=teacher.learning_rate)
+    observations: list[npt.NDArray[np.float32]] = []
+    labels: list[npt.NDArray[np.float32]] = []
+    errors = []
+    for done in range(teacher.rounds):
+        seen, wanted = _visited(model, environment, batch, law, teacher, rng, max(1.0 - done / LAW_ROUNDS, 0.0))
+        observations.append(seen)
+        labels.append(wanted)
+        for group in optimizer.param_groups:
+            group["lr"] = teacher.learning_rate * (1.0 - done / teacher.rounds)
+        errors.append(_regress(model, optimizer, np.concatenate(observations), np.concatenate(labels), teacher))
+    return errors
+
+
+def fit_value(model: PPO, rollouts: int) -> None:
+    """Lets the value function learn from rollouts of the actor, which stays as it is."""
+    if rollouts == 0:
+        return
+    frozen = [*_actor(model), model.policy.log_std]
+    settings = {"lr_schedule": lambda _: VALUE_RATE, "n_epochs": VALUE_EPOCHS, "target_kl": None}
+    # Without a log: it is that of the training.
+    settings |= {"tensorboard_log": None, "verbose": 0}
+    kept = {name: getattr(model, name) for name in settings}
+    try:
+        _set(model, settings)
+        for parameter in frozen:
+            parameter.requires_grad_(False)
+        model.learn(rollouts * model.n_steps * model.n_envs, reset_num_timesteps=False)
+    finally:
+        for parameter in frozen:
+            parameter.requires_grad_(True)
+        _set(model, {**kept, "num_timesteps": 0, "_episode_num": 0, "_n_updates": 0})
+
+
+def _set(model: PPO, values: dict[str, Any]) -> None:
+    for name, value in values.items():
+        setattr(model, name, value)
+
+
+def _visited(
+    model: PPO,
+    environment: VecEnv,
+    batch: Batch,
+    law: Controller,
+    teacher: Teacher,
+    rng: np.random.Generator,
+    share: float,
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Observations of a round, and the law's actions there; the law drives a share of the robots."""
+    n = environment.num_envs
+    # Noise, on half of the robots, shows the way back from beside the way.
+    spread = np.where(np.arange(n) % 2 == 1, teacher.noise, 0.0)[:, None]
+    observations = environment.reset()
+    assert isinstance(observations, np.ndarray)
+    seen = np.empty((teacher.steps, *observations.shape), dtype=np.float32)
+    wanted = np.empty((teacher.steps, n, 3), dtype=np.float32)
+    for step in range(teacher.steps):
+        seen[step] = observations
+        wanted[step] = batch.control(law, _setpoints(batch, law), privileged=True)
+        with torch.no_grad():
+            own = _actions(model, torch.as_tensor(observations)).numpy()
+        driven = np.where(rng.random((n, 1)) < share, wanted[step], own)
+        noisy = driven + spread * rng.standard_normal((n, 3))
+        observations = environment.step(np.clip(noisy, -1.0, 1.0).astype(np.float32))[0]
+        assert isinstance(observations, np.ndarray)
+    return seen.reshape(-1, *seen.shape[2:]), wanted.reshape(-1, 3)
+
+
+def _regress(
+    model: PPO,
+    optimizer: torch.optim.Optimizer,
+    observations: npt.NDArray[np.float32],
+    labels: npt.NDArray[np.float32],
+    teacher: Teacher,
+) -> float:
+    """Some epochs of least squares; the root mean square error in the last one."""
+    seen, wanted = torch.as_tensor(observations), torch.as_tensor(labels)
+    total = 0.0
+    for _ in range(teacher.epochs):
+        total = 0.0
+        for chosen in torch.split(torch.randperm(len(seen)), teacher.batch_size):
+            loss = torch.nn.functional.mse_loss(_actions(model, seen[chosen]), wanted[chosen])
+            optimizer.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            optimizer.step()
+            total += loss.item() * len(chosen)
+    return float(np.sqrt(total / len(seen)))
+
+
+def _setpoints(batch: Batch, law: Controller) -> dict[str, npt.NDArray[np.float64]]:
+    """What the task asks of the law on each robot, but the heading that it has: no task observes the heading."""
+    asked = [batch.setpoint(robot) for robot in range(batch.num_envs)]
+    parts = {part: np.array([setpoint[part] for setpoint in asked]) for part in law.setpoint_parts if part in asked[0]}
+    if "yaw" in law.setpoint_parts:
+        w, _, _, z = batch.states()[:, BODY_QUATERNION].T
+        parts["yaw"] = 2.0 * np.arctan2(z, w)
+    return parts
+
+
+def _actions(model: PPO, observations: torch.Tensor) -> torch.Tensor:
+    """The most likely actions."""
+    actions: torch.Tensor = model.policy.get_distribution(observations).mode()
+    return actions
+
+
+def _actor(model: PPO) -> list[torch.nn.Parameter]:
+    """What the most likely action follows from, and no value does."""
+    return [*model.policy.mlp_extractor.policy_net.parameters(), *model.policy.action_net.parameters()]
+
+
+def _batch(model: BaseAlgorithm) -> Batch:
+    environment: Any = model.get_env()
+    batch: Batch = environment.unwrapped._batch
+    return batch

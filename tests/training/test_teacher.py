@@ -1,0 +1,217 @@
+"""The fit to a classical law before PPO: what it reaches, what it leaves alone, and what is refused."""
+
+import shutil
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.vec_env import VecMonitor
+
+import ballbot_rs as bb
+from ballbot_rs.cli import main
+from ballbot_rs.envs.own import registry
+from ballbot_rs.training import config, teacher, train
+from tests.support.names import BALANCE
+from tests.support.tiny_config import TINY_CONFIG
+
+TAUGHT = f"""\
+{TINY_CONFIG}
+[teacher]
+controller = "lqr"
+rounds = 2
+steps = 20
+value_rollouts = 1
+"""
+
+#: Enough for a network of this size to balance.
+FIT = config.Teacher("lqr", rounds=6, steps=60, epochs=30, batch_size=256, learning_rate=1e-2)
+
+
+def new_model(task="balance", seed=0, **options):
+    env = bb.BallbotVecEnv(32, task=task, model="spatial", num_threads=1, seed=seed, **options)
+    return PPO("MlpPolicy", VecMonitor(env), n_steps=16, batch_size=256, policy_kwargs={"net_arch": [16]}, seed=seed)
+
+
+def values(modules):
+    return [parameter.detach().clone() for module in modules for parameter in module.parameters()]
+
+
+def of_actor(model):
+    policy = model.policy
+    return [*values([policy.mlp_extractor.policy_net, policy.action_net]), policy.log_std.detach().clone()]
+
+
+def of_value(model):
+    return values([model.policy.mlp_extractor.value_net, model.policy.value_net])
+
+
+def shares(first, second):
+    return [torch.equal(a, b) for a, b in zip(first, second, strict=True)]
+
+
+def difference(model, law):
+    """Root mean square difference of a policy's actions from a law's, on episodes of its own."""
+    env = bb.BallbotVecEnv(50, model="spatial", num_threads=1, seed=77)
+    observations, differences = env.reset(), []
+    for _ in range(100):
+        wanted = env._batch.control(law, {"position": np.zeros((50, 2)), "yaw": [state.yaw for state in env.state]})
+        actions = model.predict(observations, deterministic=True)[0]
+        differences.append(actions - wanted)
+        observations = env.step(actions)[0]
+    return np.sqrt(np.mean(np.square(differences)))
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """A fitted model, and the errors of the rounds."""
+    model = new_model()
+    value = of_value(model)
+    errors = teacher.fit_actor(model, FIT, seed=0)
+    assert all(shares(value, of_value(model)))
+    return model, errors
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("taught") / "run"
+    told = []
+    train.train(config.parse(TAUGHT, "taught"), TAUGHT, folder, seed=3, progress_bar=False, tell=told.append)
+    assert len(told) == 1
+    assert told[0].startswith("fitted to lqr: root mean square error of the actions 0.")
+    return folder
+
+
+class TestFit:
+    def test_the_error_falls_and_the_policy_balances(self, fitted):
+        model, errors = fitted
+        law = bb.make_controller("lqr")
+        assert len(errors) == FIT.rounds
+        assert errors[-1] < errors[0]
+        found = difference(model, law)
+        assert found < 0.2 * difference(new_model(), law)
+        # Of a regulator with other weights.
+        assert found < 0.5 * difference(model, bb.make_controller("lqr", torque=1.0))
+        env = VecMonitor(bb.BallbotVecEnv(20, model="spatial", num_threads=1, seed=99, max_episode_steps=300))
+        assert evaluate_policy(model, env, 20, return_episode_rewards=True)[1] == [300] * 20
+        _, lengths = evaluate_policy(new_model(), env, 20, return_episode_rewards=True)
+        assert np.mean(lengths) < 200
+
+    def test_the_value_function_learns_alone(self, fitted):
+        model, _ = fitted
+        actor, value = of_actor(model), of_value(model)
+        rate, epochs, log = model.lr_schedule, model.n_epochs, model.tensorboard_log
+        teacher.fit_value(model, 2)
+        assert all(shares(actor, of_actor(model)))
+        assert not any(shares(value, of_value(model)))
+        assert (model.num_timesteps, model._n_updates) == (0, 0)
+        assert (model.lr_schedule, model.n_epochs, model.tensorboard_log) == (rate, epochs, log)
+        # Afterwards the actor learns.
+        model.learn(model.n_steps * model.n_envs)
+        assert not any(shares(actor, of_actor(model)))
+
+    def test_what_is_asked_does_not_depend_on_the_heading(self):
+        model = new_model()
+        batch = teacher._batch(model)
+        params, yaws = batch.params(0), np.linspace(-3.0, 3.0, 32)
+        starts = []
+        for yaw in yaws:
+            x, y = 0.03, 0.08
+            tilt = (np.cos(yaw) * x - np.sin(yaw) * y, np.sin(yaw) * x + np.cos(yaw) * y)
+            starts.append(bb.State.at_rest(params, tilt=tilt, yaw=yaw))
+        observations = batch.reset(starts=starts)
+        np.testing.assert_allclose(observations, np.tile(observations[:1], (32, 1)), atol=1e-5)
+        law = teacher.law_of(model, FIT)
+        labels = batch.control(law, teacher._setpoints(batch, law))
+        np.testing.assert_allclose(labels, np.tile(labels[:1], (32, 1)), atol=1e-5)
+        # With the heading held at zero they would differ.
+        assert np.ptp(batch.control(law), axis=0).max() > 0.1
+
+    @pytest.mark.parametrize("task", ["velocity", "goal", "path", "push"])
+    def test_every_task_has_laws_to_learn_from(self, task):
+        model = new_model(task)
+        quick = config.Teacher("cascade_pid", rounds=2, steps=10)
+        assert np.isfinite(teacher.fit_actor(model, quick, seed=0)).all()
+        assert set(teacher._setpoints(teacher._batch(model), teacher.law_of(model, quick))) >= {"position", "yaw"}
+
+
+class TestRun:
+    def test_begins_with_the_fitted_policy(self, run):
+        assert np.load(run / "evaluations.npz")["timesteps"].tolist() == [0, 256, 512, 768]
+        assert PPO.load(run / "final_model.zip").num_timesteps == 768
+        assert PPO.load(run / "checkpoints" / "rl_model_0_steps.zip").num_timesteps == 0
+
+    def test_is_reproducible(self, run, tmp_path):
+        train.train(config.parse(TAUGHT, "taught"), TAUGHT, tmp_path / "again", seed=3, progress_bar=False)
+        first, second = (PPO.load(folder / "final_model.zip") for folder in (run, tmp_path / "again"))
+        assert all(shares(values([first.policy]), values([second.policy])))
+
+    def test_resumes_without_another_fit(self, run, tmp_path, monkeypatch):
+        folder = shutil.copytree(run, tmp_path / "run")
+        for steps in (256, 512, 768):
+            (folder / "checkpoints" / f"rl_model_{steps}_steps.zip").unlink()
+        monkeypatch.delattr(teacher, "fit")
+        train.resume(folder, progress_bar=False)
+        assert PPO.load(folder / "final_model.zip").num_timesteps == 768
+        assert np.load(folder / "evaluations.npz")["timesteps"].tolist() == [0, 256, 512, 768]
+
+    def test_the_command_line_tells_and_sets(self, tmp_path, capsys):
+        path = tmp_path / "tiny.toml"
+        path.write_text(TAUGHT, encoding="utf-8")
+        arguments = ["train", "--config", str(path), "--episodes", "0", "--no-report", "--set"]
+        assert main([*arguments, "teacher.options.torque=0.3", "--run", str(tmp_path / "run")]) == 0
+        assert "fitted to lqr: root mean square error" in capsys.readouterr().err
+        assert main([*arguments, "teacher.rounds=0", "--run", str(tmp_path / "other")]) == 1
+        assert "teacher.rounds = 0 is out of range: it must be a whole number of at least 1" in capsys.readouterr().err
+
+
+class TestMistakes:
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("teacher = 'lqr'", "teacher = 'lqr' must be a table"),
+            ("[teacher]\nrounds = 3", r"\[teacher\]: it has no controller, expected one of lqr, "),
+            ("[teacher]\nlaw = 'lqr'", r"\[teacher\]: unknown key 'law': expected one of controller, options, "),
+            ("[teacher]\ncontroller = 'lqg'", "teacher.controller = 'lqg' is no law: expected one of lqr, "),
+            ("[teacher]\ncontroller = ['lqr']", r"teacher.controller = \['lqr'\] is no law"),
+            ("[teacher]\ncontroller = 'lqr'\noptions = 1", "teacher.options = 1 must be a table"),
+            ("[teacher]\ncontroller = 'lqr'\nrounds = 0", "teacher.rounds = 0 is out of range: .* at least 1"),
+            ("[teacher]\ncontroller = 'lqr'\nsteps = 1.5", "teacher.steps = 1.5 is out of range"),
+            ("[teacher]\ncontroller = 'lqr'\nepochs = true", "teacher.epochs = True is out of range"),
+            ("[teacher]\ncontroller = 'lqr'\nbatch_size = -1", "teacher.batch_size = -1 is out of range"),
+            ("[teacher]\ncontroller = 'lqr'\nvalue_rollouts = -1", "value_rollouts = -1 is out .* at least 0"),
+            ("[teacher]\ncontroller = 'lqr'\nlearning_rate = 0", "learning_rate = 0 is out .* from 1e-9 to 1"),
+            ("[teacher]\ncontroller = 'lqr'\nnoise = nan", "teacher.noise = nan is out of range: .* from 0 to 1"),
+            ("[teacher]\ncontroller = 'lqr'\nsteps = 10_000_000", "teacher.steps .* at most 20000000"),
+            ("algorithm = 'SAC'\n[teacher]\ncontroller = 'lqr'", "teacher: SAC has none, only PPO"),
+        ],
+    )  # fmt: skip
+    def test_are_named_with_their_source(self, text, message):
+        with pytest.raises(ValueError, match=message) as caught:
+            config.parse(text, "source")
+        assert str(caught.value).startswith("source: ")
+
+    @pytest.mark.parametrize(("name", "value"), [("torque", -1.0), ("gain", 2.0), ("max_lean", "wide")])
+    def test_an_option_that_the_law_does_not_take_touches_nothing(self, tmp_path, name, value):
+        text = config.with_values(TAUGHT, {f"teacher.options.{name}": value})
+        with pytest.raises(ValueError, match=f"^teacher: .*{name}"):
+            train.train(config.parse(text, "bad"), text, tmp_path / "new", progress_bar=False)
+        assert not (tmp_path / "new").exists()
+
+    def test_a_task_in_python_has_no_teacher(self, tmp_path):
+        class Still(bb.Task):
+            def observe(self, robots):
+                return robots.gravity
+
+            def reward(self, robots):
+                return np.zeros(len(robots))
+
+        bb.register("me/Still-v0", Still)
+        try:
+            text = TAUGHT.replace(BALANCE, "me/Still-v0")
+            with pytest.raises(ValueError, match="teacher: the task me/Still-v0 is in Python"):
+                train.train(config.parse(text, "own"), text, tmp_path / "own", progress_bar=False)
+        finally:
+            registry.restore("me/Still-v0", None)
+        assert not (tmp_path / "own").exists()
