@@ -304,7 +304,10 @@ class Params:
         `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
         """
     def slope_limits(self, fall_tilt: float = ...) -> dict[str, float]:
-        """x"""
+        """Slopes on which the robot can stand still, rad, pi/2 where nothing limits it: `fall`, at which its lean is `fall_tilt`
+        (rad); `traction`, at which a wheel or the ball slips; `motor`, at which a motor gives its largest torque. Loads of the
+        wheels are those upright. Raises ValueError for a `fall_tilt` out of (0, pi/2].
+        """
     def holding_torques(self, yaw: float = 0.0) -> tuple[float, float, float]:
         """Motor torques that hold the robot still in `slope_lean` at the heading `yaw` (rad), N·m. Raises ValueError as
         `slope_lean`.
@@ -367,7 +370,6 @@ class Params:
     def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, float | tuple[float, ...]]]: ...
 
 _Robot = Params | str | PathLike[str]
-_Ground = Terrain | Mapping[str, Any]
 
 @final
 class State:
@@ -505,67 +507,88 @@ class Contacts:
 @disjoint_base
 @final
 class Terrain:
-    """x"""
+    """Ground that is not level: a smooth surface (a bicubic spline with continuous curvature), shared by all robots on it.
+
+    Made by `plane`, `from_heights`, `from_function` or `generate`. Its middle is the origin. Beyond its edges it goes on along
+    the tangent planes there; an episode of an environment that leaves it is truncated.
+
+    Raises:
+        ValueError: a surface steeper than 1.05 rad, or numbers that make no surface.
+    """
 
     @staticmethod
     def plane(slope: float, direction: float = 0.0) -> Terrain:
-        """x"""
+        """A plane through the origin of the angle `slope`, rad, that rises towards `direction`, an angle from the x axis, rad. It
+        has no edges.
+        """
     @staticmethod
     def from_heights(heights: npt.ArrayLike, cell: float) -> Terrain:
-        """x"""
+        """The surface through `heights`, m, shape (rows along y, columns along x), `cell` meters between neighbors."""
     @staticmethod
     def from_function(
         height: Callable[[npt.NDArray[np.float64], npt.NDArray[np.float64]], npt.ArrayLike],
         size: npt.ArrayLike,
         cell: float = 0.02,
     ) -> Terrain:
-        """x"""
+        """The surface of a function over a rectangle of `size`, the lengths along x and y, m, from its values in steps of at
+        most `cell`, m. `height(x, y)` gets two arrays of the same shape and returns one.
+        """
     @staticmethod
     def generate(kind: str, seed: int = 0, **parameters: float) -> Terrain:
-        """x"""
+        """A terrain of a kind, the same for the same seed and parameters everywhere: "plane", "wave", "bowl", "noise", "bumps",
+        "curb", "cobbles" or "mix". `terrain_kinds()` has their parameters.
+        """
     def height(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Any:
-        """x"""
+        """Height at `x` and `y`, m: a number, or an array of the shape that both have together."""
     def normal(self, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """x"""
+        """Upward unit vector across the ground at `x` and `y`, shape (..., 3)."""
     def gradient(self, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """x"""
+        """Derivatives of the height by x and y at `x` and `y`, shape (..., 2)."""
     def slope_at(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Any:
-        """x"""
+        """Angle between the ground at `x` and `y` and the horizontal plane, rad."""
     def curvatures_at(self, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """x"""
+        """Principal curvatures at `x` and `y`, 1/m, shape (..., 2), the larger first: valleys are positive, crests negative."""
     def contains(self, x: float, y: float) -> bool:
-        """x"""
+        """Whether `x` and `y` are on the terrain."""
     @property
     def slope(self) -> float:
-        """x"""
+        """Steepest slope anywhere, rad."""
     @property
     def curvature(self) -> tuple[float, float]:
-        """x"""
+        """Largest curvature of a valley and of a crest anywhere, 1/m. A ball takes valleys of at most half its own curvature."""
     @property
     def size(self) -> tuple[float, float]:
-        """x"""
+        """Lengths along x and y, m; infinite for a plane."""
     def heights(self, cell: float | None = None) -> tuple[npt.NDArray[np.float64], float]:
-        """x"""
+        """Heights at the nodes of a grid over the terrain, rows along y, and their distance, m; ValueError for a plane, which has
+        no edges.
+        """
     @property
     def recipe(self) -> dict[str, Any] | None:
-        """x"""
+        """What `generate` makes this terrain of: a dict with `kind`, `seed` and all parameters, as the option `terrain` of
+        environments takes it; None for one from heights or a function.
+        """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
     def __repr__(self) -> str: ...
     __hash__: ClassVar[None]  # type: ignore[assignment]
 
+_Ground = Terrain | Mapping[str, Any]
+
 class Ballbot:
     """A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, change its parameters (`set_params`).
 
     Args:
         params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
-        model: "contact" (contacts and friction on a flat floor, specialized), "rigid" (the same by rapier3d), "spatial"
+        model: "contact" (contacts and friction on the ground, specialized), "rigid" (the same by rapier3d), "spatial"
             (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
         sim_dt: time step, s.
+        terrain: the ground, a `Terrain` or a dict of what generates one; None is level. "contact" and "rigid" take any,
+            "spatial" planes, "planar" none.
 
     Raises:
-        ValueError: an unknown model, or a number out of range.
+        ValueError: an unknown model, a number out of range, or ground that the model does not simulate.
     """
 
     def __new__(
@@ -577,13 +600,25 @@ class Ballbot:
     ) -> Self: ...
     @property
     def terrain(self) -> Terrain | None:
-        """x"""
+        """The ground; None is level."""
     def set_terrain(self, terrain: _Ground | None) -> None:
-        """x"""
+        """Puts the robot on other ground, a `Terrain` or a dict of what generates one, None for level ground: at rest upright
+        above the origin.
+
+        Raises:
+            ValueError: ground that the model does not simulate, or with valleys too narrow for the ball; the robot is as it
+                was then.
+        """
     def place_on_ground(self, x: float, y: float, yaw: float = 0.0, tilt: npt.ArrayLike | None = None) -> None:
-        """x"""
+        """Starts anew at rest with the ball on the ground, its center above `x` and `y`, m, turned to the heading `yaw`, rad.
+        `tilt` is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; None is the lean in which
+        it stands still on the slope there.
+
+        Raises:
+            ValueError: no lean holds the robot on the slope, or a part of it would be below the ground.
+        """
     def reset(self, state: State | None = None) -> None:
-        """Starts anew from `state`; None is at rest upright.
+        """Starts anew from `state`; None is at rest upright above the origin.
 
         A state has no contact forces: `contact` and `rigid` find them anew in their next step. A snapshot has them.
 
@@ -757,10 +792,10 @@ def estimator_constants(
     """
 
 def terrain_kinds() -> dict[str, dict[str, dict[str, Any]]]:
-    """x"""
+    """Kinds of terrains by name: a dict of what `Terrain.generate` takes, each with `default`, `unit`, `limit` and `doc`."""
 
 def _terrain_of(recipe: Mapping[str, Any]) -> Terrain:
-    """x"""
+    """The terrain of a recipe."""
 
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
     """Motors by name (`ACTUATORS` has them), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, of
@@ -1311,6 +1346,14 @@ class Batch:
     def contacts(self, index: None = None) -> dict[str, npt.NDArray[Any]]: ...
     @overload
     def contacts(self, index: int) -> Contacts: ...
+    @property
+    def terrain(self) -> Terrain | None:
+        """The ground; None is level."""
+    def on_ground(self, state: State, index: int = 0) -> State:
+        """A state on level ground of the robot of environment `index`, at the same place of the ground here, as starts are
+        moved: the ball touches it and rolls with the same horizontal velocity, and the static lean there is added to the
+        tilt. The same state on level ground.
+        """
     def params(self, index: int = 0) -> Params:
         """Parameters of the robot of environment `index`."""
     def nominal_params(self, index: int = 0) -> Params:
@@ -1431,6 +1474,7 @@ class Renderer:
             counter-clockwise from x), `elevation` (rad), `field_of_view` (vertical, rad), `follows` (bool: the camera
             moves with the ball, and `target` is relative to its contact point with the floor).
         num_threads: number of threads, at most 256; None is one per core. Pictures do not depend on it.
+        terrain: the ground, a `Terrain` or a dict of what generates one; None is level.
 
     Raises:
         ValueError: a number out of range. TypeError: an unknown camera setting.

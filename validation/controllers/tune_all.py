@@ -1,6 +1,7 @@
 """Tunes the laws of the core with one budget for all, and writes validation/controllers/tuned.toml.
 
-`python -m validation.controllers.tune_all` takes five minutes; with names of laws it tunes these and leaves the others.
+`python -m validation.controllers.tune_all` takes twenty minutes; with names of laws it tunes these and leaves the
+others.
 """
 
 import argparse

@@ -11,7 +11,7 @@ from ballbot_rs.scenarios.run import run_scenarios
 from ballbot_rs.scenarios.tune import DEFAULT, mean_ratio, tune, with_options
 
 #: Evaluations of each law, the first of the default options among them.
-BUDGET: Final = 300
+BUDGET: Final = 2000
 SEED: Final = 0
 #: Its default options have the cost 1.
 BASELINE: Final = "lqr"

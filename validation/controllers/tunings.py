@@ -17,7 +17,7 @@ LQR and the input-output linearization of CMU's ballbot, the weights of OCS2's N
 and the calm sliding mode of Kugle, whose aggressive one its firmware forbids under a loop of the velocity; its position
 is held as by default. `pid` has the paper's gains by default.
 
-**Tuned** options are those that `bb.tune` found with 300 evaluations a law, the same seed for all, from the default
+**Tuned** options are those that `bb.tune` found with 2000 evaluations a law, the same seed for all, from the default
 options on; `mppi` takes too long for it. The cost is the mean of a push, a line, a circle and the torque of station
 keeping on noisy sensors, all with a delay of 10 ms, by those of `lqr`; `pid` has the first and the last alone. They are
 in [`tuned.toml`](../validation/controllers/tuned.toml), made by `python -m validation.controllers.tune_all`. No column

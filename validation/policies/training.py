@@ -63,7 +63,10 @@ def _is_done(recipe: Recipe) -> bool:
     options = config.parse(text, recipe.name).env
     now = resolved_options(new_batch(1, task=recipe.task, num_threads=1, options=options), options)
     _, kept = sb3_policy.load(recipe.folder / run_folder.FINAL, recipe.task)
-    return bool(json.dumps(kept["env_options"], sort_keys=True) == json.dumps(now, sort_keys=True))
+    # An option that there was not then has its default now, unless the configuration names it.
+    usual = new_batch(1, task=recipe.task, num_threads=1).options
+    then = {name: value for name, value in usual.items() if name not in kept["env_options"]} | kept["env_options"]
+    return bool(json.dumps(then, sort_keys=True) == json.dumps(now, sort_keys=True))
 
 
 def _train(recipe: Recipe) -> float:

@@ -60,9 +60,9 @@ def simulate(
         forces: constant forces on the body. Both act as impulses at the beginnings of control steps.
         seconds: simulated time; None is until the reference ends, or 5 s if it does not.
         start: first state, in place of position, tilt and yaw.
-        position: place of the ball, shape (2,), m; None is where the reference begins, the origin without one or for
-            parts that stay.
-        tilt: from the equilibrium, components (x, y), rad.
+        position: place of the ball above the ground, shape (2,), m; None is where the reference begins, the origin
+            without one or for parts that stay.
+        tilt: from the equilibrium, components (x, y), rad; on a slope added to the lean that stands still there.
         yaw: heading, rad; None as `position`.
         actuators: motors, as the option of the environment.
         sensors: sensors, as the option of the environment.
@@ -133,6 +133,7 @@ def simulate(
         estimates=done.estimates,
         fell_at=None if done.fell_at is None else done.fell_at * batch.control_dt,
         setpoints=_setpoints(batch, target, times),
+        terrain=batch.terrain,
     )
 
 
@@ -224,10 +225,10 @@ def _start(
     heading = float(begins.get("yaw", 0.0)) if yaw is None else yaw
     state = State.at_equilibrium(batch.params(0), tilt=tilt, yaw=heading)
     place = begins.get("position") if position is None else checked({"position": position})["position"]
-    if place is None:
-        return state
-    away = np.append(place, 0.0)
-    return state.replace(ball_position=state.ball_position + away, body_position=state.body_position + away)
+    if place is not None:
+        away = np.append(place, 0.0)
+        state = state.replace(ball_position=state.ball_position + away, body_position=state.body_position + away)
+    return batch.on_ground(state)
 
 
 def _setpoints(

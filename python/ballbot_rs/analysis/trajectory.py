@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Contacts, Params, State
+from ballbot_rs._core import Contacts, Params, State, Terrain
 from ballbot_rs._extras import require
 from ballbot_rs.analysis import columns, exports
 from ballbot_rs.analysis import metrics as numbers
@@ -44,6 +44,8 @@ class Trajectory:
     fell_at: float | None
     #: What was to be followed, by part, shape (n, 2) or (n,); without a reference the position of the task.
     setpoints: Mapping[str, Array]
+    #: The ground; None is level.
+    terrain: Terrain | None = None
 
     def __repr__(self) -> str:
         ending = "upright" if self.fell_at is None else f"fell at {self.fell_at:g} s"

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import did_you_mean
-from ballbot_rs._core import Batch, Params
+from ballbot_rs._core import Batch, Params, Terrain
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
 from ballbot_rs.envs.own.batch import OwnBatch
@@ -62,7 +62,7 @@ class EngineBatch:
 
     def __init__(self, batch: Batch, engine: str) -> None:
         self._inner: Any = batch
-        self._make = _maker(engine)
+        self._make = _maker(engine, batch.terrain)
         self.engine = engine
         _check(batch, engine)
         _check_robot(batch.params(0), engine)
@@ -129,7 +129,7 @@ def in_engine(batch: Batch, engine: str) -> Batch:
     return cast("Batch", EngineBatch(batch, engine))
 
 
-def _maker(engine: str) -> Callable[[Params, float], EngineRobot]:
+def _maker(engine: str, terrain: Terrain | None) -> Callable[[Params, float], EngineRobot]:
     if engine not in ENGINES:
         hint = did_you_mean(engine, ENGINES)
         raise InvalidInputError(f"unknown engine '{engine}': expected one of {', '.join(ENGINES)}{hint}")
@@ -137,7 +137,7 @@ def _maker(engine: str) -> Callable[[Params, float], EngineRobot]:
         from ballbot_rs.engines.mujoco_robot import MujocoRobot, accurate
     from ballbot_rs.engines.robot_geometry import robot_geometry
 
-    return lambda params, sim_dt: MujocoRobot(robot_geometry(params), accurate(sim_dt))
+    return lambda params, sim_dt: MujocoRobot(robot_geometry(params), accurate(sim_dt), terrain)
 
 
 def _check(batch: Batch, engine: str) -> None:

@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 
 from ballbot_rs import _state_rows as rows
-from ballbot_rs._core import Params, State
+from ballbot_rs._core import Params, State, Terrain
+from ballbot_rs.engines.moving_floor import contact_plane
 from ballbot_rs.engines.robot_geometry import Array, RobotGeometry
 
 #: Where the pieces stand in qpos (17) and qvel (15): ball, body, three wheels.
@@ -73,8 +74,11 @@ def _inertial(mass: float, com: Array, inertia: Array) -> str:
     return f'<inertial mass="{mass:.17g}" pos="{_numbers(com)}" fullinertia="{_numbers(full)}"/>'
 
 
-def mjcf(robot: RobotGeometry, setup: Setup) -> str:
-    """MJCF of the robot on a floor, with only what it needs: four contact pairs, three motors, no other collision."""
+def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> str:
+    """MJCF of the robot on a floor, with only what it needs: four contact pairs, three motors, no other collision.
+
+    A moving floor is a mocap body.
+    """
     p = robot.params
     stiffness = setup.stiffness
     friction = f'damping="{p.wheel_viscous_friction:.17g}" frictionloss="{p.wheel_coulomb_friction:.17g}"'
@@ -93,13 +97,16 @@ def mjcf(robot: RobotGeometry, setup: Setup) -> str:
         )
         motors += f'<motor joint="wheel{i}"/>'
     floor = _numbers([p.floor_dynamic_friction, p.floor_dynamic_friction, 0, 0, 0])
+    plane = '<geom name="floor" type="plane" size="0 0 1"/>'
+    if moving_floor:
+        plane = f'<body mocap="true">{plane}</body>'
     at = f'pos="0 0 {p.ball_radius:.17g}"'
     return f"""<mujoco>
   <compiler angle="radian" inertiafromgeom="false"/>
   {setup.options(p)}<option gravity="{_numbers(p.gravity_vector)}"/>
   <default><geom contype="0" conaffinity="0"/></default>
   <worldbody>
-    <geom name="floor" type="plane" size="0 0 1"/>
+    {plane}
     <body {at}><freejoint/>{_inertial(p.ball_mass, np.zeros(3), p.ball_inertia * np.eye(3))}
       <geom name="ball" type="sphere" size="{p.ball_radius:.17g}"/></body>
     <body {at}><freejoint/>{_inertial(robot.body.mass, robot.body.com, robot.body.inertia)}{wheels}</body>
@@ -110,10 +117,14 @@ def mjcf(robot: RobotGeometry, setup: Setup) -> str:
 
 
 class MujocoRobot:
-    """One robot, one `MjData`."""
+    """One robot, one `MjData`.
 
-    def __init__(self, robot: RobotGeometry, setup: Setup) -> None:
-        self.model = mujoco.MjModel.from_xml_string(mjcf(robot, setup))
+    On a terrain the floor is the plane that touches it under the ball, anew in each step.
+    """
+
+    def __init__(self, robot: RobotGeometry, setup: Setup, terrain: Terrain | None = None) -> None:
+        self.model = mujoco.MjModel.from_xml_string(mjcf(robot, setup, moving_floor=terrain is not None))
+        self._terrain, self._ball_radius = terrain, robot.params.ball_radius
         self.data = mujoco.MjData(self.model)
         self.sim_dt = setup.sim_dt
         self._turned, self._drives = setup.turned, robot.drives
@@ -190,7 +201,7 @@ class MujocoRobot:
         self.data.qfrc_applied[:] = 0.0
 
     def _advance(self, steps: int) -> None:
-        if not self._turned:
+        if not self._turned and self._terrain is None:
             mujoco.mj_step(self.model, self.data, nstep=steps)
             return
         for _ in range(steps):
@@ -198,8 +209,14 @@ class MujocoRobot:
             if not np.abs(self.data.qvel).sum() + np.abs(self.data.qpos).sum() < DIVERGED:
                 self.data.qpos[:] = np.nan
                 return
+            if self._terrain is not None:
+                center = self.data.qpos[BALL_POSITION]
+                self.data.mocap_pos[0], self.data.mocap_quat[0] = contact_plane(
+                    self._terrain, center, self._ball_radius
+                )
             mujoco.mj_step1(self.model, self.data)
-            self._turn_contacts()
+            if self._turned:
+                self._turn_contacts()
             mujoco.mj_step2(self.model, self.data)
 
     def _turn_contacts(self) -> None:

@@ -34,7 +34,7 @@ class Rendered:
             raise ValueError(f"render_mode = '{render_mode}': expected None or {', '.join(map(repr, RENDER_MODES))}")
         self.render_mode = render_mode
         given = {name: value for name, value in chosen.items() if value is not None} | dict(render_options or {})
-        self._render_arguments = (params, {"num_threads": num_threads, **given})
+        self._render_arguments = (params, {"num_threads": num_threads, "terrain": self._batch.terrain, **given})
         if render_mode is not None or given:
             self._renderer = self._make_renderer()
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from typing_extensions import TypedDict
 
 if TYPE_CHECKING:
-    from ballbot_rs._core import Params
+    from ballbot_rs._core import Params, Terrain
 
 Model = Literal["planar", "spatial", "contact", "rigid"]
 Observed = Literal["ground_truth", "sensors"]
@@ -101,6 +101,9 @@ class CommonOptions(TypedDict, total=False):
     #: Torque of an action of 1; None follows from the traction of the upright robot. (N·m, > 0 and <=
     #: `params.max_wheel_torque`)
     max_wheel_torque: float | None
+    #: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
+    #: docs/terrain.md. (a Terrain, or a dict with `kind`, `seed` and parameters)
+    terrain: "Terrain | Mapping[str, Any] | None"
     #: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md. (ideal,
     #: kugle, FILE.toml, or FILE.urdf)
     actuators: Actuators | str | PathLike[str] | None

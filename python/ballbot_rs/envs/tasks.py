@@ -80,6 +80,8 @@ class BalanceEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
+    - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
+      docs/terrain.md. (default None; a Terrain, or a dict with `kind`, `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
@@ -251,6 +253,8 @@ class VelocityEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
+    - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
+      docs/terrain.md. (default None; a Terrain, or a dict with `kind`, `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
@@ -427,6 +431,8 @@ class GoalEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
+    - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
+      docs/terrain.md. (default None; a Terrain, or a dict with `kind`, `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
@@ -617,6 +623,8 @@ class PathEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
+    - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
+      docs/terrain.md. (default None; a Terrain, or a dict with `kind`, `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
@@ -776,6 +784,8 @@ class PushEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
+    - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
+      docs/terrain.md. (default None; a Terrain, or a dict with `kind`, `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;

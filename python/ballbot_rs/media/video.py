@@ -20,7 +20,7 @@ FRAME_RATES = (1.0, 240.0)
 
 def renderer_for(trajectory: Trajectory, **options: Any) -> Renderer:
     """What takes the pictures; `options` as those of `Renderer`, which has 4 samples a pixel unless told."""
-    return Renderer(trajectory.params, **{"samples": 4, **options})
+    return Renderer(trajectory.params, **{"samples": 4, "terrain": trajectory.terrain, **options})
 
 
 def picture(trajectory: Trajectory, renderer: Renderer, time: float, forces: bool = False) -> Frames:

@@ -1,0 +1,34 @@
+"""A plane that follows the ground under a ball: uneven ground for engines that collide with planes alone."""
+
+import numpy as np
+
+from ballbot_rs._core import Terrain
+from ballbot_rs.engines.robot_geometry import Array
+
+#: Fixed-point steps to the point of contact, and where they end, m. Each leaves at most half of the distance: valleys
+#: have at most half of the ball's curvature.
+_MOST_STEPS = 60
+_FOUND = 1e-12
+
+
+def contact_plane(terrain: Terrain, center: Array, radius: float) -> tuple[Array, Array]:
+    """The plane that touches the ground where a ball with its center there does, or would.
+
+    Args:
+        terrain: the ground.
+        center: of the ball, shape (3,), m.
+        radius: of the ball, m.
+
+    Returns:
+        A point of the plane, shape (3,), m, and its rotation from a horizontal one, the smallest, as (w, x, y, z).
+    """
+    place = center[:2]
+    normal = terrain.normal(*place)
+    for _ in range(_MOST_STEPS):
+        before, place = place, center[:2] - normal[:2] * radius
+        normal = terrain.normal(*place)
+        # A state that has diverged has no such point.
+        if not np.abs(place - before).max() > _FOUND:
+            break
+    quaternion = np.array([1.0 + normal[2], -normal[1], normal[0], 0.0])
+    return np.append(place, terrain.height(*place)), quaternion / np.linalg.norm(quaternion)
