@@ -39,6 +39,7 @@ __all__ = [
     "State",
     "Terrain",
     "__version__",
+    "_terrain_of",
     "estimator_constants",
     "load_actuators",
     "load_events",
@@ -504,7 +505,6 @@ class Contacts:
         to 1.
         """
 
-@disjoint_base
 @final
 class Terrain:
     """Ground that is not level: a smooth surface (a bicubic spline with continuous curvature), shared by all robots on it.
@@ -576,6 +576,7 @@ class Terrain:
 
 _Ground = Terrain | Mapping[str, Any]
 
+@disjoint_base
 class Ballbot:
     """A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, change its parameters (`set_params`).
 
