@@ -3,7 +3,7 @@
 Where an engine is not there, it is said what was not run, and why; `--allow-missing` makes that no failure.
 """
 
-from validation.against_engines import free_flight, headings, recovery, schedule, urdf
+from validation.against_engines import free_flight, headings, recovery, schedule, urdf, waves
 from validation.topic import Topic
 
-TOPICS = [Topic.of(module) for module in (urdf, free_flight, recovery, schedule, headings)]
+TOPICS = [Topic.of(module) for module in (urdf, free_flight, recovery, schedule, headings, waves)]

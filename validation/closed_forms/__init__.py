@@ -17,6 +17,7 @@ from validation.closed_forms import (
     regulator_cost,
     sliding_ball,
     tumbling,
+    uneven_ground,
 )
 from validation.topic import Topic
 
@@ -25,6 +26,7 @@ TOPICS = [
     for module in (
         growth,
         sliding_ball,
+        uneven_ground,
         incline,
         holdable_tilt,
         friction_limit,
