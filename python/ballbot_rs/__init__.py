@@ -64,6 +64,7 @@ from ballbot_rs.identification.excitation import record_log
 from ballbot_rs.identification.fit import identify
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.result import IdentifiedParams
+from ballbot_rs.media.terrain_files import read_terrain, write_terrain
 from ballbot_rs.scenarios.run import Outcome, run_scenarios
 from ballbot_rs.scenarios.scale import Scale
 from ballbot_rs.scenarios.scenario import Scenario
@@ -134,6 +135,7 @@ __all__ = [
     "load_scenarios",
     "load_sensors",
     "make_controller",
+    "read_terrain",
     "record_log",
     "register",
     "run",
@@ -144,6 +146,7 @@ __all__ = [
     "tune",
     "virtual_to_wheel_torques",
     "wheel_to_virtual_torques",
+    "write_terrain",
 ]
 
 #: Names whose modules import PyTorch, loaded at their first use.

@@ -574,7 +574,7 @@ class Terrain:
     def __repr__(self) -> str: ...
     __hash__: ClassVar[None]  # type: ignore[assignment]
 
-_Ground = Terrain | Mapping[str, Any]
+_Ground = Terrain | str | Mapping[str, Any]
 
 @disjoint_base
 class Ballbot:
@@ -585,8 +585,8 @@ class Ballbot:
         model: "contact" (contacts and friction on the ground, specialized), "rigid" (the same by rapier3d), "spatial"
             (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
         sim_dt: time step, s.
-        terrain: the ground, a `Terrain` or a dict of what generates one; None is level. "contact" and "rigid" take any,
-            "spatial" planes, "planar" none.
+        terrain: the ground, a `Terrain`, the name of a kind or a dict of what generates one; None is level. "contact" and
+            "rigid" take any, "spatial" planes, "planar" none.
 
     Raises:
         ValueError: an unknown model, a number out of range, or ground that the model does not simulate.
@@ -603,8 +603,8 @@ class Ballbot:
     def terrain(self) -> Terrain | None:
         """The ground; None is level."""
     def set_terrain(self, terrain: _Ground | None) -> None:
-        """Puts the robot on other ground, a `Terrain` or a dict of what generates one, None for level ground: at rest upright
-        above the origin.
+        """Puts the robot on other ground, a `Terrain`, the name of a kind or a dict of what generates one, None for level ground:
+        at rest upright above the origin.
 
         Raises:
             ValueError: ground that the model does not simulate, or with valleys too narrow for the ball; the robot is as it
@@ -1475,7 +1475,7 @@ class Renderer:
             counter-clockwise from x), `elevation` (rad), `field_of_view` (vertical, rad), `follows` (bool: the camera
             moves with the ball, and `target` is relative to its contact point with the floor).
         num_threads: number of threads, at most 256; None is one per core. Pictures do not depend on it.
-        terrain: the ground, a `Terrain` or a dict of what generates one; None is level.
+        terrain: the ground, a `Terrain`, the name of a kind or a dict of what generates one; None is level.
 
     Raises:
         ValueError: a number out of range. TypeError: an unknown camera setting.

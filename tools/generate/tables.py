@@ -27,7 +27,8 @@ COMMON = (
     ("max_episode_steps", "int | None", "", ">= 1", "Steps after which an episode is truncated; None: never."),
     ("max_wheel_torque", "float | None", "N·m", "> 0 and <= `params.max_wheel_torque`",
      "Torque of an action of 1; None follows from the traction of the upright robot."),
-    ("terrain", "Terrain | Mapping[str, Any] | None", "", "a Terrain, or a dict with `kind`, `seed` and parameters",
+    ("terrain", "Terrain | str | Mapping[str, Any] | None", "",
+     "a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters",
      "The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated. "
      "docs/terrain.md."),
     ("actuators", "Actuators | str | PathLike[str] | None", "", f"{', '.join(ACTUATORS)}, FILE.toml, or FILE.urdf",

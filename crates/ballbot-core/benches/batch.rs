@@ -10,11 +10,13 @@ mod runner;
 use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{BalanceConfig, Event, load_events};
+use ballbot_core::terrain::Terrain;
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, f64x8};
 use runner::Runner;
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::Duration;
 
 fn batches(criterion: &mut Criterion) {
@@ -78,6 +80,20 @@ fn events(criterion: &mut Criterion) {
     for (name, events) in [("none", &[][..]), ("hard", &hard)] {
         let make = || Runner::of(&with(events), 1, Some(1));
         group.bench_function(format!("a batch of one/{name}"), |b| b.iter(make));
+    }
+    group.finish();
+}
+
+/// What uneven ground costs a step and a reset.
+fn ground(criterion: &mut Criterion) {
+    const ENVS: usize = 1024;
+    let hills = Terrain::generate("noise", 0, &[("slope", 0.15)]).expect("the default size");
+    let mut group = criterion.benchmark_group("ground");
+    group.throughput(Throughput::Elements(ENVS as u64));
+    for (name, terrain) in [("level", None), ("noise", Some(Arc::new(hills)))] {
+        let mut runner = Runner::of(&BalanceConfig { terrain, ..runner::config(ModelKind::Contact) }, ENVS, Some(1));
+        group.bench_function(format!("a step/{name}"), |b| b.iter(|| runner.step()));
+        group.bench_function(format!("a reset/{name}"), |b| b.iter(|| runner.reset()));
     }
     group.finish();
 }
@@ -154,6 +170,6 @@ criterion_group! {
         .sample_size(20)
         .warm_up_time(Duration::from_secs(1))
         .measurement_time(Duration::from_secs(3));
-    targets = peak, batches, motors, events
+    targets = peak, batches, motors, events, ground
 }
 criterion_main!(benches);

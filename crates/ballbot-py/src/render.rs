@@ -27,7 +27,7 @@ use std::path::PathBuf;
 ///         counter-clockwise from x), `elevation` (rad), `field_of_view` (vertical, rad), `follows` (bool: the camera
 ///         moves with the ball, and `target` is relative to its contact point with the floor).
 ///     num_threads: number of threads, at most 256; None is one per core. Pictures do not depend on it.
-///     terrain: the ground, a `Terrain` or a dict of what generates one; None is level.
+///     terrain: the ground, a `Terrain`, the name of a kind or a dict of what generates one; None is level.
 ///
 /// Raises:
 ///     ValueError: a number out of range. TypeError: an unknown camera setting.

@@ -23,8 +23,8 @@ const SHORT_RUN: usize = 1000;
 ///     model: "contact" (contacts and friction on the ground, specialized), "rigid" (the same by rapier3d), "spatial"
 ///         (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
 ///     sim_dt: time step, s.
-///     terrain: the ground, a `Terrain` or a dict of what generates one; None is level. "contact" and "rigid" take any,
-///         "spatial" planes, "planar" none.
+///     terrain: the ground, a `Terrain`, the name of a kind or a dict of what generates one; None is level. "contact" and
+///         "rigid" take any, "spatial" planes, "planar" none.
 ///
 /// Raises:
 ///     ValueError: an unknown model, a number out of range, or ground that the model does not simulate.
@@ -60,8 +60,8 @@ impl PyBallbot {
         Ok(self.0.read()?.terrain().map(|terrain| PyTerrain(Arc::clone(terrain))))
     }
 
-    /// Puts the robot on other ground, a `Terrain` or a dict of what generates one, None for level ground: at rest upright
-    /// above the origin.
+    /// Puts the robot on other ground, a `Terrain`, the name of a kind or a dict of what generates one, None for level ground:
+    /// at rest upright above the origin.
     ///
     /// Raises:
     ///     ValueError: ground that the model does not simulate, or with valleys too narrow for the ball; the robot is as it

@@ -292,7 +292,7 @@ fn of_recipe(recipe: &Bound<'_, PyMapping>) -> PyResult<PyTerrain> {
     PyTerrain::generate(&kind, seed, Some(&parameters))
 }
 
-/// A terrain from None (level ground), a `Terrain` or a recipe.
+/// A terrain from None (level ground), a `Terrain`, the name of a kind or a recipe.
 pub(crate) fn terrain(value: &Bound<'_, PyAny>) -> PyResult<Option<Arc<Terrain>>> {
     if value.is_none() {
         return Ok(None);
@@ -303,8 +303,12 @@ pub(crate) fn terrain(value: &Bound<'_, PyAny>) -> PyResult<Option<Arc<Terrain>>
     if let Ok(recipe) = value.cast::<PyMapping>() {
         return of_recipe(recipe).map(|terrain| Some(terrain.0));
     }
+    if let Ok(kind) = value.extract::<String>() {
+        return PyTerrain::generate(&kind, 0, None).map(|terrain| Some(terrain.0));
+    }
     let kind = value.get_type().name()?;
-    Err(PyTypeError::new_err(format!("terrain must be a Terrain, a dict of what generates one, or None, not {kind}")))
+    let expected = "a Terrain, the name of a kind, a dict of what generates one, or None";
+    Err(PyTypeError::new_err(format!("terrain must be {expected}, not {kind}")))
 }
 
 /// What options keep of a terrain: its recipe, or the fingerprint of its heights.

@@ -92,7 +92,7 @@ def collect(
     # Leaning towards an azimuth is a rotation about the axis 90 deg ahead of it.
     leaning = [(-tilt * np.sin(azimuth), tilt * np.cos(azimuth)) for tilt in tilts for azimuth in azimuths]
     params = batch.params(0)
-    starts = [State.at_equilibrium(params, tilt=components) for components in leaning]
+    starts = [batch.on_ground(State.at_equilibrium(params, tilt=components)) for components in leaning]
     steps = max(round(seconds / batch.control_dt), 1)
     standing = np.ones(batch.num_envs, dtype=bool)
     leans = np.empty((steps, batch.num_envs))

@@ -86,6 +86,8 @@ def _start(arguments: argparse.Namespace) -> "View":
         raise ValueError(
             "--env-option history=... has no place here: the page's policies observe with the history of their training"
         )
+    if given.get("terrain") is not None:
+        raise ValueError("the page shows level ground alone: leave out terrain, and see `ballbot record` for pictures")
     options = common_options([controller], given)
     robot, params = _robot(arguments, options.get("params", "paper"))
     urdfs = {} if arguments.urdf is None else {robot: tuple(arguments.urdf)}

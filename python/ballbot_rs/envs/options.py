@@ -102,8 +102,8 @@ class CommonOptions(TypedDict, total=False):
     #: `params.max_wheel_torque`)
     max_wheel_torque: float | None
     #: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
-    #: docs/terrain.md. (a Terrain, or a dict with `kind`, `seed` and parameters)
-    terrain: "Terrain | Mapping[str, Any] | None"
+    #: docs/terrain.md. (a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
+    terrain: "Terrain | str | Mapping[str, Any] | None"
     #: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md. (ideal,
     #: kugle, FILE.toml, or FILE.urdf)
     actuators: Actuators | str | PathLike[str] | None

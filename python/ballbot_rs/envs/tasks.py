@@ -81,7 +81,7 @@ class BalanceEnv(BallbotEnv):
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
     - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
-      docs/terrain.md. (default None; a Terrain, or a dict with `kind`, `seed` and parameters)
+      docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
@@ -254,7 +254,7 @@ class VelocityEnv(BallbotEnv):
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
     - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
-      docs/terrain.md. (default None; a Terrain, or a dict with `kind`, `seed` and parameters)
+      docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
@@ -432,7 +432,7 @@ class GoalEnv(BallbotEnv):
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
     - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
-      docs/terrain.md. (default None; a Terrain, or a dict with `kind`, `seed` and parameters)
+      docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
@@ -624,7 +624,7 @@ class PathEnv(BallbotEnv):
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
     - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
-      docs/terrain.md. (default None; a Terrain, or a dict with `kind`, `seed` and parameters)
+      docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
@@ -785,7 +785,7 @@ class PushEnv(BallbotEnv):
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
     - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
-      docs/terrain.md. (default None; a Terrain, or a dict with `kind`, `seed` and parameters)
+      docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;

@@ -1,0 +1,120 @@
+"""Terrains as files of other programs: MJCF with a height field, PNG, STL."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs import _files
+from ballbot_rs._core import Terrain
+from ballbot_rs._extras import require
+
+#: Largest value of a pixel of 16 bits.
+_WHITE = 65535
+#: Thickness of the ground under its lowest point, m.
+_BASE = 0.1
+#: A triangle of a binary STL.
+_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def write_terrain(terrain: Terrain, path: str | Path, cell: float | None = None) -> Path:
+    """Writes the heights of a terrain on a grid; the suffix of the path chooses what as.
+
+    - `.xml`: MJCF of a world with a height field, whose heights are beside it in a file `.hf`.
+    - `.png`: gray of 16 bits, the first row at the largest y, black the least height and white the largest; both and
+      the cell are in its text `ballbot`, which `read_terrain` reads.
+    - `.stl`: triangles, in meters.
+
+    Args:
+        terrain: the terrain; a plane has no edges, and so no such file.
+        path: of the file.
+        cell: distance of neighboring heights, m, at most; None is the terrain's own. Other programs join them by
+            facets, on which a ball rolls less smoothly than here: docs/terrain.md.
+
+    Raises:
+        ValueError: a plane, a suffix that is none of these, or a cell that makes no grid.
+        OSError: the file cannot be written.
+        ModuleNotFoundError: Pillow, for pictures, is not installed.
+    """
+    path = Path(path)
+    writers = {".xml": _mjcf, ".png": _png, ".stl": _stl}
+    if path.suffix not in writers:
+        raise ValueError(f"{path}: a terrain is written as {', '.join(writers)}, not '{path.suffix}'")
+    heights, distance = terrain.heights(cell)
+    writers[path.suffix](heights, distance, path)
+    return path
+
+
+def read_terrain(path: str | Path, cell: float | None = None, height: float | None = None) -> Terrain:
+    """The terrain of a gray picture, of 8 or 16 bits, its first row at the largest y.
+
+    Args:
+        path: of the picture.
+        cell: distance of neighboring pixels, m.
+        height: of white above black, m. Both may be left out for a picture of `write_terrain`.
+
+    Raises:
+        ValueError: a picture that is not gray, or without `cell` and `height`; a surface that is too steep: eight bits
+            have steps, which a picture of noise should be smoothed of before.
+        ModuleNotFoundError: Pillow is not installed.
+    """
+    with require("reading a picture", "plot"):
+        from PIL import Image
+    with Image.open(path) as image:
+        facts = json.loads(image.info.get("ballbot", "{}"))
+        pixels = np.asarray(image)
+    if pixels.ndim != 2 or pixels.dtype.kind not in "iu":
+        raise ValueError(f"{path}: the picture has the shape {pixels.shape}, but heights need one gray value a pixel")
+    if (cell is None or height is None) and not facts:
+        raise ValueError(f"{path}: a picture that write_terrain did not write needs cell and height, m")
+    white = 255 if pixels.dtype == np.uint8 else _WHITE
+    cell = facts["cell"] if cell is None else cell
+    height = facts["height"] if height is None else height
+    rows = pixels[::-1].astype(np.float64) * (height / white) + facts.get("lowest", 0.0)
+    return Terrain.from_heights(rows, cell)
+
+
+def _mjcf(heights: npt.NDArray[np.float64], cell: float, path: Path) -> None:
+    low, high = float(heights.min()), float(heights.max())
+    rows, columns = heights.shape
+    half = [0.5 * cell * (count - 1) for count in (columns, rows)]
+    data = path.with_suffix(".hf")
+    header = np.array([rows, columns], dtype="<i4").tobytes()
+    # MuJoCo scales heights to 0 to 1 itself, and needs a thickness.
+    thick = max(high - low, 1e-9)
+    size = f"{half[0]:.17g} {half[1]:.17g} {thick:.17g} {_BASE}"
+    _files.write(data, header + heights.astype("<f4").tobytes())
+    text = f"""<mujoco>
+  <asset><hfield name="terrain" file="{data.name}" size="{size}"/></asset>
+  <worldbody><geom name="terrain" type="hfield" hfield="terrain" pos="0 0 {low:.17g}"/></worldbody>
+</mujoco>
+"""
+    _files.write(path, text)
+
+
+def _png(heights: npt.NDArray[np.float64], cell: float, path: Path) -> None:
+    with require("writing a picture", "plot"):
+        from PIL import Image, PngImagePlugin
+    low, high = float(heights.min()), float(heights.max())
+    scale = _WHITE / (high - low) if high > low else 0.0
+    pixels = np.rint((heights[::-1] - low) * scale).astype(np.uint16)
+    facts = PngImagePlugin.PngInfo()
+    facts.add_text("ballbot", json.dumps({"cell": cell, "lowest": low, "height": high - low}))
+    with _files.replacing(path) as written:
+        Image.fromarray(pixels).save(written, "PNG", pnginfo=facts)
+
+
+def _stl(heights: npt.NDArray[np.float64], cell: float, path: Path) -> None:
+    rows, columns = heights.shape
+    x = cell * (np.arange(columns) - 0.5 * (columns - 1))
+    y = cell * (np.arange(rows) - 0.5 * (rows - 1))
+    places = np.stack([*np.meshgrid(x, y), heights], axis=-1)
+    a, b, c, d = places[:-1, :-1], places[:-1, 1:], places[1:, 1:], places[1:, :-1]
+    corners = np.stack([np.stack([a, b, c], axis=-2), np.stack([a, c, d], axis=-2)]).reshape(-1, 3, 3)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facets = np.zeros(len(corners), dtype=_FACET)
+    facets["normal"] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    facets["corners"] = corners
+    head = b"ballbot terrain, m".ljust(80) + np.uint32(len(facets)).tobytes()
+    _files.write(path, head + facets.tobytes())
