@@ -41,6 +41,9 @@ LEFT_OUT = {
     "tune": "as run_scenarios",
     "Task": "a base class; tests/envs has what its methods may return",
     "Robots": "what tasks in Python get; made by the package alone",
+    "read_terrain": "reads files; tests/media has its bad input",
+    "write_terrain": "writes files; tests/media has its bad input",
+    "_terrain_of": "what pickle calls",
     "register": "changes what is registered; tests/envs has its bad input",
     **{f"{name}VectorEnv": f"as {name}Env" for name in ("Velocity", "Goal", "Path", "Push")},
     "ControllerError": "an exception",
@@ -162,6 +165,10 @@ INSTANCES: dict[str, list[Callable[[], Any]]] = {
     "State": [lambda: bb.State.at_rest(bb.Params.paper(), tilt=(0.05, 0.0))],
     "Contacts": [lambda: _robot().contacts],
     "Ballbot": [functools.partial(_robot, model) for model in ("planar", "spatial", "contact", "rigid")],
+    "Terrain": [
+        lambda: bb.Terrain.plane(0.1),
+        lambda: bb.Terrain.generate("noise", size_x=1.0, size_y=1.0, cell=0.1),
+    ],
     "Batch": [
         *(functools.partial(_batch, model) for model in ("planar", "spatial", "contact", "rigid")),
         functools.partial(_batch, "contact", "goal"),
@@ -317,6 +324,17 @@ RIGHT: dict[str, list[Any]] = {
     "end": [None, 0.04],
     "duration": [0.0, 0.02],
     "time": [0.01],
+    "terrain": [None, bb.Terrain.plane(0.1), "wave", {"kind": "noise", "size_x": 1.0, "size_y": 1.0}],
+    "kind": [*bb.terrain_kinds()],
+    "slope": [0.1],
+    "direction": [0.3],
+    "heights": [np.zeros((5, 6))],
+    "cell": [0.1],
+    "height": [lambda x, _: 0.1 * x],
+    "size": [(1.0, 2.0)],
+    "x": [0.1, np.array([0.1, 0.2])],
+    "y": [0.2],
+    "fall_tilt": [0.3],
 }
 RIGHT |= {"PushEnv.push": [(0.1, 0.5)], "BallbotEnv.push": [(0.1, 0.5)], "Batch.push": [(0.1, 0.5)]}
 #: Keyword arguments that a signature leaves open.
@@ -334,12 +352,14 @@ _COMMON = [
     "history",
     "reward",
     "events",
+    "terrain",
 ]
 _ENVIRONMENT = [*_COMMON, *_FLOATING]
 _STATE = ["ball_velocity", "ball_angular_velocity", "body_quaternion", "body_position", "wheel_speeds"]
 OPEN: dict[str, list[str]] = {
     "Params": list(_PAPER),
     "Params.replace": list(_PAPER),
+    "Terrain.generate": ["slope", "cell", "wavelength", "apron"],
     "State.replace": _STATE,
     "Controller": ["position", "proportional", "integral"],
     "Pid": [option["name"] for option in bb._core.CONTROLLERS["pid"]["options"]],

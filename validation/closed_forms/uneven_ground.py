@@ -7,7 +7,7 @@ With $k = J_k / (M_k r_k^2)$, without slip:
 - where the center moves on the cycloid $x = a(\theta + \sin\theta)$, $z = a(1 - \cos\theta)$, the period is
   $4\pi\sqrt{a(1 + k)/g}$ for every amplitude;
 - in a gutter, a horizontal cylinder, the speed along it after an angle $\varphi$ around it is
-  $v_0 \cos(\sqrt{k/(1 + k)}\,\varphi)$, whatever the gravity. Wrong frames of friction, wrong axes of spin and tangents
+  $v_0 \cos(\sqrt{k/(1 + k)}\ \varphi)$, whatever the gravity. Wrong frames of friction, wrong axes of spin and tangents
   along fixed axes pass on planes and fail here;
 - it leaves a cylinder down which it rolls from rest at $\theta_0$ where
   $\cos\theta = 2\cos\theta_0 / (3 + k)$;

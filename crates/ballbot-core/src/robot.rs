@@ -396,7 +396,7 @@ impl Ballbot {
             return Err(Error::Decode {
                 what: "snapshot of a robot".into(),
                 reason: format!(
-                    "it is of a '{}' robot at sim_dt = {} s, this is a '{}' robot at {} s, or their parameters or terrains differ",
+                    "it is of a '{}' robot at sim_dt = {} s, this is a '{}' robot at {} s, or their parameters differ, or their terrains differ",
                     theirs.model, theirs.sim_dt, ours.model, ours.sim_dt
                 ),
             });

@@ -3,6 +3,7 @@
 use crate::convert::elements;
 use crate::errors::{call, to_python};
 use crate::numbers::{count, real, whole};
+use ballbot_core::check_bounded;
 use ballbot_core::terrain::{Terrain, TerrainKind};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -37,7 +38,11 @@ fn mapped<'py>(
     let pair = numpy.call_method1("broadcast_arrays", (x, y))?;
     let (x, y) = (pair.get_item(0)?, pair.get_item(1)?);
     let shape = x.getattr("shape")?;
-    let flat = |name: &str, values: &Bound<'py, PyAny>| elements::<f64>(name, &values.call_method0("ravel")?, &[None]);
+    let flat = |name: &str, values: &Bound<'py, PyAny>| {
+        let values = elements::<f64>(name, &values.call_method0("ravel")?, &[None])?;
+        check_bounded(name, &values).map_err(to_python)?;
+        Ok::<_, PyErr>(values)
+    };
     let (xs, ys) = (flat("x", &x)?, flat("y", &y)?);
     let mut out = Vec::with_capacity(xs.len() * width);
     xs.iter().zip(&ys).for_each(|(x, y)| value(*x, *y, &mut out));

@@ -11,7 +11,8 @@ use super::active_set::Conditions;
 use super::constants::{Constants, at3};
 use super::footing::{Footing, Relief};
 use super::phases::Start;
-use super::types::{PerRow, Velocities, select3};
+use super::state::ContactState;
+use super::types::{PerRow, Pose, Velocities, select3};
 use crate::lanes::{Lane, Value, Vec3};
 use ball_on_body::BallOnBody;
 use floor_point::{FloorPoint, POINTS, floor_points};
@@ -58,13 +59,13 @@ impl<'a, L: Lane> Near<'a, L> {
         c: &Constants<V>,
         start: &Start<L>,
         token: L::Token,
-        push: &[L::Cell; 6],
+        state: &ContactState<L::Cell>,
         footing: Option<&'a Footing<L::Cell>>,
     ) -> Self {
         let (pose, v) = (&start.pose, &start.velocities);
         let zero = pose.ball.x.zero();
         let dt = c.sim_dt.at(zero);
-        let [px, py, pz, ax, ay, az] = push;
+        let [px, py, pz, ax, ay, az] = &state.push;
         let impulse = Vec3::<L>::load_parts(token, [px, py, pz]);
         let angular_impulse = Vec3::<L>::load_parts(token, [ax, ay, az]);
         let pushed = sum_of_sizes(impulse)
@@ -79,10 +80,11 @@ impl<'a, L: Lane> Near<'a, L> {
         let cylinder = up.dot(bottom.into()).min(up.dot(top.into())) - rim;
         let lowest = match footing {
             None => pose.body.z + (wheels - c.wheel_radius.at(zero)).min(cylinder),
+            // Nothing but references to memory, so that the step on level ground keeps its numbers in registers.
             Some(footing) => L::rarely(
                 token,
                 #[inline(always)]
-                || lowest_over(c, start, &footing.relief(token), rim),
+                move || lowest_over(c, token, state, footing),
             ),
         };
         let falling = sum_of_sizes(v.body_rate).mul_add(c.reach.at(zero), v.body.z.abs()) + pushed;
@@ -142,26 +144,33 @@ impl<'a, L: Lane> Near<'a, L> {
     }
 }
 
-/// Least height of a part of the bot above what the ground at most rises to there. `rim` is how far the rims of the body
-/// are below their centers, or beside them.
+/// Least height of a part of the bot above what the ground at most rises to there.
 #[inline(always)]
-fn lowest_over<L: Lane, V: Value<L>>(c: &Constants<V>, start: &Start<L>, relief: &Relief<'_, L>, rim: L) -> L {
-    let like = rim;
-    let (wheel, body) = (c.wheel_radius.at(like), c.body_radius.at(like));
+fn lowest_over<L: Lane, V: Value<L>>(
+    c: &Constants<V>,
+    token: L::Token,
+    state: &ContactState<L::Cell>,
+    footing: &Footing<L::Cell>,
+) -> L {
+    let Pose { body, body_quaternion, .. } = state.pose::<L>(token);
+    let like = body.z;
+    let (rotation, relief) = (body_quaternion.rotation(), footing.relief(token));
+    let upright = rotation.rows[2].dot(at3(c.mast, like).into());
+    let sine = upright.neg_mul_add(upright, like.splat(1.0)).max(like.zero()).sqrt();
+    let (wheel, radius) = (c.wheel_radius.at(like), c.body_radius.at(like));
     let [bottom, top] = [at3(c.body_ends[0], like), at3(c.body_ends[1], like)];
-    let mut lowest = clearance(start, relief, c.wheel_center(0, like), [wheel, wheel]);
-    lowest = lowest.min(clearance(start, relief, c.wheel_center(1, like), [wheel, wheel]));
-    lowest = lowest.min(clearance(start, relief, c.wheel_center(2, like), [wheel, wheel]));
-    lowest = lowest.min(clearance(start, relief, bottom.into(), [body, rim]));
-    lowest.min(clearance(start, relief, top.into(), [body, rim]))
+    let mut lowest = clearance(&relief, body + rotation.apply(c.wheel_center(0, like)), [wheel, wheel]);
+    lowest = lowest.min(clearance(&relief, body + rotation.apply(c.wheel_center(1, like)), [wheel, wheel]));
+    lowest = lowest.min(clearance(&relief, body + rotation.apply(c.wheel_center(2, like)), [wheel, wheel]));
+    lowest = lowest.min(clearance(&relief, body + rotation.apply(bottom.into()), [radius, sine * radius]));
+    lowest.min(clearance(&relief, body + rotation.apply(top.into()), [radius, sine * radius]))
 }
 
-/// The same of a part that reaches `beside` and `below` its center, principal frame.
+/// The same of a part that reaches `beside` and `below` its center.
 #[inline(always)]
-fn clearance<L: Lane>(start: &Start<L>, relief: &Relief<'_, L>, center: Vec3<L>, [beside, below]: [L; 2]) -> L {
-    let point = start.pose.body + start.rotation.apply(center);
-    let along = point.x.mul_add(point.x, point.y.squared()).sqrt() + beside;
-    point.z - below - relief.rise(along, point.z.abs() + below)
+fn clearance<L: Lane>(relief: &Relief<'_, L>, center: Vec3<L>, [beside, below]: [L; 2]) -> L {
+    let along = center.x.mul_add(center.x, center.y.squared()).sqrt() + beside;
+    center.z - below - relief.rise(along, center.z.abs() + below)
 }
 
 /// Sum of the sizes of the components, an upper bound of the length.

@@ -115,7 +115,7 @@ fn step<L: Lane, V: Value<L>>(
         );
     }
     let start = Start::new(c, token, state);
-    let near = Near::new(c, &start, token, &state.push, footing);
+    let near = Near::new(c, &start, token, state, footing);
     if L::any(near.mask) {
         // Nothing but references to memory goes there, so that the usual step keeps its numbers in registers.
         L::rarely(
@@ -123,7 +123,7 @@ fn step<L: Lane, V: Value<L>>(
             #[inline(always)]
             || {
                 let start = Start::new(c, token, state);
-                let near = Near::new(c, &start, token, &state.push, footing);
+                let near = Near::new(c, &start, token, state, footing);
                 step_from::<L, V, true>(c, token, state, actions, &start, &near);
             },
         );

@@ -98,8 +98,7 @@ fn random_steps(params: &Params, size: f64, steps: usize, seed: u64, mut check: 
             torques = [0; 3].map(|_| rng.within(size));
         }
         let step = Step::new(&c, &state, &torques);
-        let near =
-            crate::sim::contact::body_contacts::Near::<f64>::new(&c, &step.start, Scalar, &state.push, None).mask;
+        let near = crate::sim::contact::body_contacts::Near::<f64>::new(&c, &step.start, Scalar, &state, None).mask;
         advance(&c, &mut state, None, &torques, 1);
         let up = step.start.rotation.rows[2].z;
         if near || up < 20_f64.to_radians().cos() {
