@@ -330,7 +330,7 @@ RIGHT: dict[str, list[Any]] = {
     "direction": [0.3],
     "heights": [np.zeros((5, 6))],
     "cell": [0.1],
-    "height": [lambda x, _: 0.1 * x],
+    "Terrain.from_function.height": [lambda x, _: 0.1 * x],
     "size": [(1.0, 2.0)],
     "x": [0.1, np.array([0.1, 0.2])],
     "y": [0.2],
