@@ -61,7 +61,7 @@ impl CollisionShape {
     }
 
     /// Lowest part of the bot, and the height of its lowest point, m.
-    pub fn lowest_point(&self, position: &Vector3<f64>, attitude: &UnitQuaternion<f64>) -> (&'static str, f64) {
+    fn lowest_point(&self, position: &Vector3<f64>, attitude: &UnitQuaternion<f64>) -> (&'static str, f64) {
         let height = |point: Vector3<f64>| (position + attitude * point).z;
         let wheel = self.wheel_centers.map(height).into_iter().fold(f64::INFINITY, f64::min) - self.wheel_radius;
         let mast = attitude * Vector3::z();
@@ -92,11 +92,16 @@ impl CollisionShape {
         if wheel < body { ("wheels", wheel) } else { ("body", body) }
     }
 
-    /// Least distance of the bot from the ground, m.
-    pub fn lowest_over(&self, ground: Option<&Ground>, position: &Vector3<f64>, attitude: &UnitQuaternion<f64>) -> f64 {
+    /// Lowest part of the bot, and its distance from the ground, a level floor without one, m.
+    pub fn lowest(
+        &self,
+        ground: Option<&Ground>,
+        position: &Vector3<f64>,
+        attitude: &UnitQuaternion<f64>,
+    ) -> (&'static str, f64) {
         match ground {
-            Some(ground) => self.lowest_above(ground, position, attitude).1,
-            None => self.lowest_point(position, attitude).1,
+            Some(ground) => self.lowest_above(ground, position, attitude),
+            None => self.lowest_point(position, attitude),
         }
     }
 
@@ -105,11 +110,7 @@ impl CollisionShape {
     /// # Errors
     /// [`crate::Error::OutOfRange`] naming the part and its height.
     pub fn require_above(&self, ground: Option<&Ground>, state: &State) -> Result<()> {
-        let (position, attitude) = (&state.body_position, &state.body_quaternion);
-        let (part, height) = match ground {
-            Some(ground) => self.lowest_above(ground, position, attitude),
-            None => self.lowest_point(position, attitude),
-        };
+        let (part, height) = self.lowest(ground, &state.body_position, &state.body_quaternion);
         check(
             format_args!("height of the lowest point of the {part}"),
             height,

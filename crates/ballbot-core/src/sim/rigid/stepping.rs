@@ -228,7 +228,7 @@ impl RigidMotion {
         let position = from_rapier(pose.translation) - attitude * self.root;
         let [velocity, rate, _] = split(&motion.velocities.bot);
         let fastest = velocity.norm() + rate.norm() * (shape.body.top + shape.body.radius + self.root.xy().norm());
-        shape.lowest_over(self.ground.as_deref(), &position, &attitude)
+        shape.lowest(self.ground.as_deref(), &position, &attitude).1
             > FLOOR_CLEARANCE + 2.0 * fastest * self.settings.dt
     }
 
