@@ -795,8 +795,10 @@ def estimator_constants(
 def terrain_kinds() -> dict[str, dict[str, dict[str, Any]]]:
     """Kinds of terrains by name: a dict of what `Terrain.generate` takes, each with `default`, `unit`, `limit` and `doc`."""
 
-def _terrain_of(recipe: Mapping[str, Any]) -> Terrain:
-    """The terrain of a recipe."""
+def _terrain_of(
+    source: Mapping[str, Any] | npt.ArrayLike, nodes: tuple[int, int] = (0, 0), cell: float = 0.0
+) -> Terrain:
+    """The terrain of a recipe, or of the coefficients of its surface with the nodes along x and y and their distance, m."""
 
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
     """Motors by name (`ACTUATORS` has them), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, of

@@ -53,7 +53,7 @@ def test_heights_have_rows_along_y():
 def test_a_recipe_makes_the_same_terrain_again(kind):
     parameters = bb.terrain_kinds()[kind]
     assert all(entry["doc"] and entry["limit"] is not None for entry in parameters.values())
-    coarse = {} if kind == "plane" else {"cell": 0.05, "size_x": 4.0, "size_y": 4.0}
+    coarse = {} if kind == "plane" else {"cell": 0.03, "size_x": 4.0, "size_y": 4.0}
     terrain = bb.Terrain.generate(kind, seed=3, slope=0.12, **coarse)
     recipe = json.loads(json.dumps(terrain.recipe))
     assert set(recipe) == {"kind", "seed", *parameters}
@@ -66,9 +66,38 @@ def test_a_recipe_makes_the_same_terrain_again(kind):
 
 def test_a_terrain_of_heights_is_pickled():
     terrain = bb.Terrain.from_function(hills, (2.0, 1.0), 0.05)
-    again = pickle.loads(pickle.dumps(terrain))
-    assert again.height(0.3, 0.2) == pytest.approx(terrain.height(0.3, 0.2), abs=1e-15)
+    assert pickle.loads(pickle.dumps(terrain)) == terrain
     assert terrain.recipe is None
+    robot = bb.Ballbot(terrain=terrain)
+    robot.place_on_ground(0.2, 0.1)
+    robot.step([0.0] * 3, 20)
+    for other in (pickle.loads(pickle.dumps(robot)), copy.deepcopy(robot)):
+        assert other.state == robot.state
+    for make in (lambda: bb.BalanceEnv(terrain=terrain), lambda: bb.BalanceVectorEnv(2, terrain=terrain)):
+        env = make()
+        env.reset(seed=1)
+        again = copy.deepcopy(env)
+        action = np.zeros(env.action_space.shape, dtype=np.float32)
+        np.testing.assert_array_equal(env.step(action)[0], again.step(action)[0])
+
+
+@pytest.mark.parametrize("kind", list(bb.terrain_kinds()))
+def test_every_kind_makes_ground_by_default(kind):
+    bb.Ballbot(terrain=kind).place_on_ground(0.1, 0.1)
+
+
+def test_events_do_not_tilt_a_floor_that_is_a_terrain_nor_make_balls_too_large():
+    tilts = [{"term": "floor_tilt", "mode": "reset", "op": "abs", "dist": "uniform", "range": [-0.1, 0.1]}]
+    with pytest.raises(ValueError, match="an event changes floor_tilt"):
+        bb.BalanceVectorEnv(2, terrain="plane", events=tilts)
+    large = [{"term": "ball_radius", "mode": "reset", "op": "abs", "dist": "uniform", "range": [0.112, 0.2]}]
+    ground = {"kind": "wave", "wavelength": 0.5, "slope": 0.2}
+    limit = 0.5 / bb.Terrain.generate(**ground).curvature[0]
+    env = bb.BalanceVectorEnv(64, terrain=ground, events=large)
+    env.reset(seed=0)
+    radii = [env._batch.params(i).ball_radius for i in range(64)]
+    assert max(radii) <= limit
+    assert limit < 0.2
 
 
 @pytest.mark.parametrize(
@@ -172,3 +201,17 @@ def test_a_picture_shows_the_ground():
         robot.place_on_ground(0.0, 0.0, tilt=(0.0, 0.0))
         pictures.append(bb.Renderer(terrain=slope).render(robot.state)[400:].mean())
     assert abs(pictures[0] - pictures[1]) > 5
+
+
+def test_the_camera_follows_a_robot_up_and_down_a_slope():
+    slope = bb.Terrain.plane(0.2)
+    renderer = bb.Renderer(width=64, height=48, terrain=slope)
+    robot = bb.Ballbot(terrain=slope)
+    counts = []
+    for x in (-5.0, 0.0, 5.0):
+        robot.place_on_ground(x, 0.0)
+        labels = renderer.labels(robot.state)
+        counts.append([int((labels == label).sum()) for label in range(7)])
+    np.testing.assert_allclose(counts[0], counts[1], atol=3)
+    np.testing.assert_allclose(counts[2], counts[1], atol=3)
+    assert counts[1][2] > 50

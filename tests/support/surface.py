@@ -167,7 +167,7 @@ INSTANCES: dict[str, list[Callable[[], Any]]] = {
     "Ballbot": [functools.partial(_robot, model) for model in ("planar", "spatial", "contact", "rigid")],
     "Terrain": [
         lambda: bb.Terrain.plane(0.1),
-        lambda: bb.Terrain.generate("noise", size_x=1.0, size_y=1.0, cell=0.1),
+        lambda: bb.Terrain.generate("wave", size_x=1.0, size_y=1.0, cell=0.1),
     ],
     "Batch": [
         *(functools.partial(_batch, model) for model in ("planar", "spatial", "contact", "rigid")),

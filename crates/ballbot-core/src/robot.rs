@@ -142,12 +142,15 @@ impl Ballbot {
     }
 
     /// Puts the robot on a terrain, or on level ground, at rest upright above the origin at time zero. It outlives a reset and
-    /// a change of the parameters; of a later ball radius see [`Ground`].
+    /// a change of the parameters. A robot whose ball leaves a terrain with edges has diverged.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] if the ball does not reach into the terrain's narrowest valley, and for a model that does not
     /// simulate the terrain: `planar` takes level ground alone, `spatial` planes. The robot is then left as it was.
     pub fn set_terrain(&mut self, terrain: Option<&Arc<Terrain>>) -> Result<()> {
+        if terrain.is_some() {
+            self.params().require_level("a robot on a terrain")?;
+        }
         let ground = terrain.map(|terrain| Ground::new(terrain, self.params().ball_radius)).transpose()?.map(Arc::new);
         self.set_ground(ground.as_ref())
     }
@@ -188,6 +191,12 @@ impl Ballbot {
     pub fn place_on_ground(&mut self, x: f64, y: f64, yaw: f64, tilt: Option<Vector2<f64>>) -> Result<()> {
         for (name, value) in [("x", x), ("y", y), ("yaw", yaw)] {
             check(name, value, "finite", |_| true)?;
+        }
+        if let Some(terrain) = self.terrain().filter(|terrain| !terrain.contains(x, y)) {
+            let [half_x, half_y] = terrain.half_size();
+            return Err(Error::Inconsistent(format!(
+                "x = {x} m, y = {y} m is not on the terrain, which reaches to ±{half_x} and ±{half_y} m"
+            )));
         }
         for (i, value) in tilt.iter().flatten().enumerate() {
             check(format_args!("tilt[{i}]"), *value, "within ±pi", |tilt| tilt.abs() <= PI)?;
@@ -247,6 +256,24 @@ impl Ballbot {
         params.validate()?;
         if params == self.params() {
             return Ok(true);
+        }
+        let ground = match &self.ground {
+            Some(ground) if ground.ball_radius() != params.ball_radius => {
+                Some(Arc::new(Ground::new(ground.terrain(), params.ball_radius)?))
+            }
+            _ => None,
+        };
+        let goes_on = self.change_params(params)?;
+        if ground.is_some() {
+            self.set_ground(ground.as_ref())?;
+        }
+        Ok(goes_on)
+    }
+
+    /// [`Ballbot::set_params`] of valid parameters on the ground that it shares with other robots.
+    pub(crate) fn change_params(&mut self, params: &Params) -> Result<bool> {
+        if self.ground.is_some() {
+            params.require_level("a robot on a terrain")?;
         }
         let goes_on = same_geometry(self.params(), params);
         self.model.set_params(params)?;
@@ -309,7 +336,12 @@ impl Ballbot {
         if !self.model.healthy() {
             return Some("the next state is not finite".into());
         }
-        LaneState::from(state).out_of_bounds()
+        if let Some(reason) = LaneState::from(state).out_of_bounds() {
+            return Some(reason);
+        }
+        let [x, y, _] = state.ball_position.into();
+        let left = self.terrain().is_some_and(|terrain| !terrain.contains(x, y));
+        left.then(|| format!("the ball left the terrain at x = {x} m, y = {y} m"))
     }
 
     /// As [`Model::pending_push`](crate::model::Model::pending_push).
@@ -381,7 +413,7 @@ impl Ballbot {
             model: self.kind.name().to_owned(),
             sim_dt: self.sim_dt(),
             parameters: self.params().numbers(),
-            terrain: self.terrain().map(|terrain| terrain.fingerprint()),
+            terrain: self.ground.as_ref().map(|ground| (ground.terrain().fingerprint(), ground.ball_radius())),
         }
     }
 
@@ -426,7 +458,7 @@ struct Identity {
     model: String,
     sim_dt: f64,
     parameters: Vec<f64>,
-    terrain: Option<u64>,
+    terrain: Option<(u64, f64)>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -449,6 +481,10 @@ pub(crate) fn check_state(params: &Params, ground: Option<&Ground>, state: &Stat
     }
     let radius = params.ball_radius;
     if let Some(ground) = ground {
+        for (axis, half) in ground.terrain().half_size().into_iter().enumerate() {
+            let edge = format_args!("within ±{half} m, the edges of the terrain");
+            check(format_args!("ball_position[{axis}]"), state.ball_position[axis], edge, |place| place.abs() <= half)?;
+        }
         let (gap, _) = ground.gap(&state.ball_position, radius);
         check("gap of ball_position above the ground", gap, "at least 0 m within ball_radius / 1000", |gap| {
             gap >= -1e-3 * radius

@@ -215,9 +215,10 @@ impl PyBallbot {
         Ok(format!("Ballbot(model='{}', sim_dt={}, time={:.4})", robot.kind(), robot.sim_dt(), robot.time()))
     }
 
-    fn __getnewargs__(&self) -> PyResult<(PyParams, &'static str, f64)> {
+    fn __getnewargs__(&self) -> PyResult<(PyParams, &'static str, f64, Option<PyTerrain>)> {
         let robot = self.0.read()?;
-        Ok((PyParams(robot.params().clone()), robot.kind().name(), robot.sim_dt()))
+        let terrain = robot.terrain().map(|terrain| PyTerrain(Arc::clone(terrain)));
+        Ok((PyParams(robot.params().clone()), robot.kind().name(), robot.sim_dt(), terrain))
     }
 
     fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {

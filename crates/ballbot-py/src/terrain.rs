@@ -22,8 +22,9 @@ use std::sync::Arc;
 #[derive(PartialEq)]
 pub(crate) struct PyTerrain(pub(crate) Arc<Terrain>);
 
-fn made(terrain: ballbot_core::Result<Terrain>) -> PyResult<PyTerrain> {
-    terrain.map(|terrain| PyTerrain(Arc::new(terrain))).map_err(to_python)
+/// A new terrain, made without the GIL.
+fn made(py: Python<'_>, make: impl FnOnce() -> ballbot_core::Result<Terrain> + Send) -> PyResult<PyTerrain> {
+    py.detach(|| call(make)).map(|terrain| PyTerrain(Arc::new(terrain)))
 }
 
 /// Numbers of a function of x and y, of the shape that the two have together.
@@ -60,7 +61,7 @@ impl PyTerrain {
     #[staticmethod]
     #[pyo3(signature = (slope, direction=0.0))]
     fn plane(#[pyo3(from_py_with = real)] slope: f64, #[pyo3(from_py_with = real)] direction: f64) -> PyResult<Self> {
-        made(Terrain::plane(slope, direction))
+        call(|| Terrain::plane(slope, direction)).map(|terrain| Self(Arc::new(terrain)))
     }
 
     /// The surface through `heights`, m, shape (rows along y, columns along x), `cell` meters between neighbors.
@@ -68,7 +69,7 @@ impl PyTerrain {
     fn from_heights(heights: &Bound<'_, PyAny>, #[pyo3(from_py_with = real)] cell: f64) -> PyResult<Self> {
         let values = elements::<f64>("heights", heights, &[None, None])?;
         let rows = heights.len()?;
-        made(Terrain::from_heights(&values, [values.len() / rows.max(1), rows], cell))
+        made(heights.py(), || Terrain::from_heights(&values, [values.len() / rows.max(1), rows], cell))
     }
 
     /// The surface of a function over a rectangle of `size`, the lengths along x and y, m, from its values in steps of at
@@ -90,7 +91,7 @@ impl PyTerrain {
         let mesh = py.import("numpy")?.call_method1("meshgrid", (coordinates(0), coordinates(1)))?;
         let heights = height.call1((mesh.get_item(0)?, mesh.get_item(1)?))?;
         let heights = elements::<f64>("heights of the function", &heights, &[Some(nodes[1]), Some(nodes[0])])?;
-        made(Terrain::from_heights(&heights, nodes, cell))
+        made(py, || Terrain::from_heights(&heights, nodes, cell))
     }
 
     /// A terrain of a kind, the same for the same seed and parameters everywhere: "plane", "wave", "bowl", "noise", "bumps",
@@ -98,6 +99,7 @@ impl PyTerrain {
     #[staticmethod]
     #[pyo3(signature = (kind, seed=0, **parameters))]
     fn generate(
+        py: Python<'_>,
         kind: &str,
         #[pyo3(from_py_with = whole)] seed: i64,
         parameters: Option<&Bound<'_, PyDict>>,
@@ -110,7 +112,7 @@ impl PyTerrain {
             numbers.push((name, value));
         }
         let numbers: Vec<_> = numbers.iter().map(|(name, value)| (name.as_str(), *value)).collect();
-        call(|| Terrain::generate(kind, seed, &numbers)).map(|terrain| Self(Arc::new(terrain)))
+        made(py, || Terrain::generate(kind, seed, &numbers))
     }
 
     /// Height at `x` and `y`, m: a number, or an array of the shape that both have together.
@@ -222,22 +224,14 @@ impl PyTerrain {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let class = py.get_type::<Self>();
+        let restore = py.import("ballbot_rs._core")?.getattr("_terrain_of")?;
         if let Some(recipe) = self.recipe(py)? {
-            let restore = py.import("ballbot_rs._core")?.getattr("_terrain_of")?;
             return Ok((restore, (recipe,)).into_pyobject(py)?.into_any());
         }
         let surface = self.0.surface();
-        let nodes = surface.nodes();
-        let mut heights = Vec::with_capacity(nodes[0] * nodes[1]);
-        for j in 0..nodes[1] {
-            heights.extend((0..nodes[0]).map(|i| {
-                let [x, y] = surface.node(i, j);
-                surface.jet(x, y).z
-            }));
-        }
-        let heights = PyArray1::from_vec(py, heights).reshape([nodes[1], nodes[0]])?;
-        Ok((class.getattr("from_heights")?, (heights, surface.cell())).into_pyobject(py)?.into_any())
+        let coefficients = PyArray1::from_slice(py, surface.coefficients());
+        let [along, across] = surface.nodes();
+        Ok((restore, (coefficients, (along, across), surface.cell())).into_pyobject(py)?.into_any())
     }
 
     fn __repr__(&self) -> String {
@@ -271,20 +265,27 @@ pub(crate) fn terrain_kinds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(out)
 }
 
-/// The terrain of a recipe.
+/// The terrain of a recipe, or of the coefficients of its surface with the nodes along x and y and their distance, m.
 #[pyfunction]
-pub(crate) fn _terrain_of(recipe: &Bound<'_, PyMapping>) -> PyResult<PyTerrain> {
-    of_recipe(recipe)
+#[pyo3(signature = (source, nodes=(0, 0), cell=0.0))]
+pub(crate) fn _terrain_of(source: &Bound<'_, PyAny>, nodes: (usize, usize), cell: f64) -> PyResult<PyTerrain> {
+    if let Ok(recipe) = source.cast::<PyMapping>() {
+        return of_recipe(recipe);
+    }
+    let coefficients = elements::<f64>("coefficients", source, &[None])?;
+    made(source.py(), || Terrain::from_coefficients(&coefficients, [nodes.0, nodes.1], cell))
 }
 
 fn of_recipe(recipe: &Bound<'_, PyMapping>) -> PyResult<PyTerrain> {
     let parameters = PyDict::new(recipe.py());
     let (mut kind, mut seed) = (None, 0);
     for item in recipe.items()? {
-        let (name, value): (String, Bound<'_, PyAny>) = item.extract()?;
+        let wrong = |what: &str| PyTypeError::new_err(format!("terrain: {what}"));
+        let (name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
+        let name: String = name.extract().map_err(|_| wrong("the keys of a dict are names"))?;
         match name.as_str() {
-            "kind" => kind = Some(value.extract::<String>()?),
-            "seed" => seed = whole(&value)?,
+            "kind" => kind = Some(value.extract::<String>().map_err(|_| wrong("'kind' must be the name of a kind"))?),
+            "seed" => seed = whole(&value).map_err(|_| wrong("'seed' must be a whole number"))?,
             "fingerprint" => {
                 return Err(PyValueError::new_err(
                     "this terrain was made of heights or a function, which options do not keep: pass it as terrain=",
@@ -294,7 +295,7 @@ fn of_recipe(recipe: &Bound<'_, PyMapping>) -> PyResult<PyTerrain> {
         }
     }
     let kind = kind.ok_or_else(|| PyValueError::new_err("terrain: a dict needs the name of a kind, 'kind'"))?;
-    PyTerrain::generate(&kind, seed, Some(&parameters))
+    PyTerrain::generate(recipe.py(), &kind, seed, Some(&parameters))
 }
 
 /// A terrain from None (level ground), a `Terrain`, the name of a kind or a recipe.
@@ -309,7 +310,7 @@ pub(crate) fn terrain(value: &Bound<'_, PyAny>) -> PyResult<Option<Arc<Terrain>>
         return of_recipe(recipe).map(|terrain| Some(terrain.0));
     }
     if let Ok(kind) = value.extract::<String>() {
-        return PyTerrain::generate(&kind, 0, None).map(|terrain| Some(terrain.0));
+        return PyTerrain::generate(value.py(), &kind, 0, None).map(|terrain| Some(terrain.0));
     }
     let kind = value.get_type().name()?;
     let expected = "a Terrain, the name of a kind, a dict of what generates one, or None";

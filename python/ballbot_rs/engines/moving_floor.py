@@ -9,6 +9,8 @@ from ballbot_rs.engines.robot_geometry import Array
 #: have at most half of the ball's curvature.
 _MOST_STEPS = 60
 _FOUND = 1e-12
+#: Distance from the origin beyond which a state has diverged, m.
+_FARTHEST = 1e6
 
 
 def contact_plane(terrain: Terrain, center: Array, radius: float) -> tuple[Array, Array]:
@@ -22,13 +24,15 @@ def contact_plane(terrain: Terrain, center: Array, radius: float) -> tuple[Array
     Returns:
         A point of the plane, shape (3,), m, and its rotation from a horizontal one, the smallest, as (w, x, y, z).
     """
+    if not np.abs(center).max() < _FARTHEST:
+        # A state that has diverged has no such point.
+        return np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     place = center[:2]
     normal = terrain.normal(*place)
     for _ in range(_MOST_STEPS):
         before, place = place, center[:2] - normal[:2] * radius
         normal = terrain.normal(*place)
-        # A state that has diverged has no such point.
-        if not np.abs(place - before).max() > _FOUND:
+        if np.abs(place - before).max() <= _FOUND:
             break
     quaternion = np.array([1.0 + normal[2], -normal[1], normal[0], 0.0])
     return np.append(place, terrain.height(*place)), quaternion / np.linalg.norm(quaternion)

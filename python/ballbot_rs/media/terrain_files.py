@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import numpy.typing as npt
@@ -63,9 +64,9 @@ def read_terrain(path: str | Path, cell: float | None = None, height: float | No
         from PIL import Image
     with Image.open(path) as image:
         facts = json.loads(image.info.get("ballbot", "{}"))
-        pixels = np.asarray(image)
-    if pixels.ndim != 2 or pixels.dtype.kind not in "iu":
-        raise ValueError(f"{path}: the picture has the shape {pixels.shape}, but heights need one gray value a pixel")
+        mode, pixels = image.mode, np.asarray(image)
+    if mode not in ("L", "I;16"):
+        raise ValueError(f"{path}: the picture has the mode {mode}, but heights need one gray value a pixel, L or I;16")
     if (cell is None or height is None) and not facts:
         raise ValueError(f"{path}: a picture that write_terrain did not write needs cell and height, m")
     white = 255 if pixels.dtype == np.uint8 else _WHITE
@@ -86,7 +87,7 @@ def _mjcf(heights: npt.NDArray[np.float64], cell: float, path: Path) -> None:
     size = f"{half[0]:.17g} {half[1]:.17g} {thick:.17g} {_BASE}"
     _files.write(data, header + heights.astype("<f4").tobytes())
     text = f"""<mujoco>
-  <asset><hfield name="terrain" file="{data.name}" size="{size}"/></asset>
+  <asset><hfield name="terrain" file={quoteattr(data.name)} size="{size}"/></asset>
   <worldbody><geom name="terrain" type="hfield" hfield="terrain" pos="0 0 {low:.17g}"/></worldbody>
 </mujoco>
 """

@@ -10,7 +10,7 @@ use crate::params::Params;
 use crate::robot::{Ballbot, ModelKind, check_sim_dt};
 use crate::sensor::{Onboard, SensorOptions};
 use crate::task::{Balance, RewardScales, Task, TaskDescription};
-use crate::terrain::{Ground, Terrain};
+use crate::terrain::{Ground, Terrain, static_lean};
 use std::sync::Arc;
 
 /// Most observations that are given together.
@@ -216,7 +216,33 @@ impl<T: Task> EnvConfig<T> {
         self.onboard()?;
         self.validate_robot(&self.params)?;
         self.reward.validate()?;
+        self.check_terrain()?;
         self.plan().and_then(|plan| plan.map_or(Ok(()), |plan| self.check_events(&plan, &self.params)))
+    }
+
+    /// Checks that the robots can start on the terrain, and that no event changes what it does not go with.
+    fn check_terrain(&self) -> Result<()> {
+        let Some(terrain) = &self.terrain else { return Ok(()) };
+        self.params.require_level("a robot on a terrain")?;
+        if self.events.iter().any(|event| event.term == "floor_tilt") {
+            return Err(Error::Inconsistent(
+                "an event changes floor_tilt, which robots on a terrain do not have: give the terrain the slope".into(),
+            ));
+        }
+        let lean = static_lean(&self.params, &terrain.normal(0.0, 0.0), [0.0; 2])?.norm();
+        let option = |name: &str| {
+            let index = T::FIELDS.iter().position(|field| field.name == name)?;
+            self.task.values(index).first().copied()
+        };
+        if let (Some(reset), Some(fall)) = (option("reset_tilt"), option("fall_tilt"))
+            && lean + reset >= fall
+        {
+            return Err(Error::Inconsistent(format!(
+                "the terrain is steep where robots start: the lean that stands still there is {lean:.3} rad, which with \
+                 reset_tilt = {reset} is not below fall_tilt = {fall}"
+            )));
+        }
+        Ok(())
     }
 
     /// The ground of the robots.
@@ -291,6 +317,9 @@ impl<T: Task> EnvConfig<T> {
             actuator.fits(&robot.stages.actuators, &robot.params)?;
             if robot.stages.sensors != passed {
                 self.check_sensors(&robot.stages.sensors)?;
+            }
+            if let Some(terrain) = &self.terrain {
+                Ground::check_radius(terrain, robot.params.ball_radius)?;
             }
             self.task.validate(&robot.params)
         }

@@ -215,7 +215,8 @@ impl Robots for Single {
     }
 
     fn set_params(&mut self, _: usize, params: &Params) -> Result<bool> {
-        let goes_on = self.robot.set_params(params)?;
+        params.validate()?;
+        let goes_on = params == self.robot.params() || self.robot.change_params(params)?;
         self.wheels = Omniwheels::new(params);
         Ok(goes_on)
     }

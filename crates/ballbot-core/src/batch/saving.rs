@@ -68,7 +68,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         }
         if snapshot.options != self.config.numbers() {
             return Err(refused(
-                "time steps, torque, scaling, reward, robot of the estimator, sensors, history or options of its task \
+                "time steps, torque, scaling, reward, robot of the estimator, sensors, terrain, history or options of its task \
                  differ"
                     .into(),
             ));

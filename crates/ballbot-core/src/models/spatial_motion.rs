@@ -191,7 +191,12 @@ impl Model for SpatialMotion {
         let (p, y) = (self.model.params(), &self.coordinates);
         // Of the ball's place on the slope.
         let place = (p.ball_mass + p.body_mass) * p.gravity * p.up().xy().dot(&Vector2::new(y[0], y[1]));
-        self.model.energy(&quaternion_at(y, 2), &self.velocity()) + place
+        // On a slope the ball's center is lower by the cosine of the slope than on level ground.
+        let lower = match self.slope {
+            Some(_) => (p.ball_mass + p.body_mass) * p.gravity * p.ball_radius * (1.0 - p.up().z),
+            None => 0.0,
+        };
+        self.model.energy(&quaternion_at(y, 2), &self.velocity()) + place - lower
     }
 
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {

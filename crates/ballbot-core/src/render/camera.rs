@@ -1,8 +1,12 @@
 //! The camera: position, direction and field of view.
 
 use crate::error::{Result, check};
+use crate::terrain::Terrain;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
+
+/// Least height of the camera over uneven ground, m.
+const CLEARANCE: f64 = 0.05;
 
 /// Largest coordinate of a target, m.
 const MAX_COORDINATE: f64 = 1e6;
@@ -57,15 +61,20 @@ impl Camera {
         Ok(())
     }
 
-    /// Rays of the camera for a ball at `ball`.
-    pub(super) fn placed(&self, ball: &Vector3<f64>, width: usize, height: usize) -> View {
-        let follow = if self.follows { Vector3::new(ball.x, ball.y, 0.0) } else { Vector3::zeros() };
+    /// Rays of the camera for a ball at `ball`, on a terrain or the plane z = 0. It stays above the ground.
+    pub(super) fn placed(&self, ball: &Vector3<f64>, terrain: Option<&Terrain>, width: usize, height: usize) -> View {
+        let ground = |place: &Vector3<f64>| terrain.map_or(0.0, |terrain| terrain.height(place.x, place.y));
+        let follow = if self.follows { Vector3::new(ball.x, ball.y, ground(ball)) } else { Vector3::zeros() };
         let (sin, cos) = self.elevation.sin_cos();
         let out = Vector3::new(cos * self.azimuth.cos(), cos * self.azimuth.sin(), sin);
         let right = Vector3::new((self.azimuth + PI / 2.0).cos(), (self.azimuth + PI / 2.0).sin(), 0.0);
         let pixel = 2.0 * (0.5 * self.field_of_view).tan() / height as f64;
+        let mut position = self.target + follow + out * self.distance;
+        if terrain.is_some() {
+            position.z = position.z.max(ground(&position) + CLEARANCE);
+        }
         View {
-            position: self.target + follow + out * self.distance,
+            position,
             forward: -out,
             right: right * pixel,
             down: -out.cross(&right) * pixel,

@@ -121,7 +121,7 @@ impl Renderer {
             }
         }
         let parts = self.scene.placed(state, &arrow_parts);
-        let view = self.camera.placed(&state.ball_position, self.width, self.height);
+        let view = self.camera.placed(&state.ball_position, self.scene.terrain.as_deref(), self.width, self.height);
         let frame = Frame { parts: &parts, light: Light::new(&parts), view, renderer: self };
         // Each band of tiles writes its own rows of each slice.
         let band = TILE * self.width;

@@ -36,14 +36,7 @@ impl Ground {
     /// [`Error::Inconsistent`] if the ball does not reach into the narrowest valley: its curvature is at most half of the
     /// ball's.
     pub fn new(terrain: &Arc<Terrain>, ball_radius: f64) -> Result<Self> {
-        positive("ball_radius", ball_radius)?;
-        let ([valley, _], limit) = (terrain.curvature(), MOST_CURVED / ball_radius);
-        if valley > limit {
-            return Err(Error::Inconsistent(format!(
-                "the terrain's narrowest valley has a curvature of {valley:.3} 1/m, but a ball of ball_radius = {ball_radius} m \
-                 takes at most {MOST_CURVED} / ball_radius = {limit:.3} 1/m"
-            )));
-        }
+        Self::check_radius(terrain, ball_radius)?;
         let surface = terrain.surface();
         let nodes = surface.nodes();
         let mut heights = crate::memory::try_zeros::<f64>("heights of ball centers", &nodes)?;
@@ -54,6 +47,22 @@ impl Ground {
         }
         let centers = Spline::through(&heights, nodes, surface.node(0, 0), surface.cell());
         Ok(Self { terrain: Arc::clone(terrain), centers, ball_radius })
+    }
+
+    /// Checks that a ball reaches into the narrowest valley of a terrain.
+    ///
+    /// # Errors
+    /// As [`Ground::new`].
+    pub fn check_radius(terrain: &Terrain, ball_radius: f64) -> Result<()> {
+        positive("ball_radius", ball_radius)?;
+        let ([valley, _], limit) = (terrain.curvature(), MOST_CURVED / ball_radius);
+        if valley > limit {
+            return Err(Error::Inconsistent(format!(
+                "the terrain's narrowest valley has a curvature of {valley:.3} 1/m, but a ball of ball_radius = {ball_radius} m \
+                 takes at most {MOST_CURVED} / ball_radius = {limit:.3} 1/m"
+            )));
+        }
+        Ok(())
     }
 
     /// The terrain.

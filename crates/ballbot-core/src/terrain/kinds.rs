@@ -10,6 +10,9 @@ use std::f64::consts::TAU;
 const BUMP_SLOPE: f64 = 1.717_300_206_719_834;
 const STEP_SLOPE: f64 = 1.875;
 
+/// Cells that the shortest wave has at least: with fewer its slope is lost.
+const FINEST: f64 = 5.0;
+
 /// Most bumps of a terrain.
 const MOST_BUMPS: f64 = 1e5;
 
@@ -128,7 +131,28 @@ impl Terrain {
 }
 
 impl TerrainKind {
+    /// Length of the shortest waves, or of what is as sharp, m.
+    fn shortest(&self, values: &Values) -> f64 {
+        let named = |name: &str| values.0.iter().find(|(known, _)| *known == name).map(|(_, value)| *value);
+        match self.name {
+            "bumps" => 1.4 * values.get("radius"),
+            "curb" => STEP_SLOPE * values.get("height").abs() / values.get("slope").tan(),
+            _ => {
+                let finer = named("octaves").map_or(1.0, |octaves| values.get("lacunarity").powf(octaves - 1.0));
+                named("wavelength").map_or(f64::INFINITY, |wavelength| wavelength / finer)
+            }
+        }
+    }
+
     fn made(&self, values: &Values, seed: u64) -> Result<Terrain> {
+        let (shortest, cell) = (self.shortest(values), values.get("cell"));
+        if shortest > 0.0 && shortest < FINEST * cell {
+            return Err(Error::Inconsistent(format!(
+                "the shortest waves, bumps or steps of the terrain '{}' are {shortest:.4} m long, which a grid of cell = {cell} m \
+                 does not have: it takes {FINEST} cells at least",
+                self.name
+            )));
+        }
         let height = (self.height)(values, seed)?;
         let size = [values.get("size_x"), values.get("size_y")];
         let (apron, blend) = (values.get("apron"), values.get("apron_blend"));
@@ -217,7 +241,7 @@ const BUMPS: TerrainKind = TerrainKind {
     name: "bumps",
     doc: "round bumps at random places, half of them hollows",
     parameters: &[
-        parameter("slope", "rad", 0.15, SLOPES, "the steepest slope of one bump"),
+        parameter("slope", "rad", 0.15, SLOPES, "the steepest slope of one bump; where bumps meet, slopes add up"),
         parameter("radius", "m", 0.4, LENGTHS, "mean radius; each has from 0.7 to 1.3 times this"),
         parameter("density", "1/m^2", 1.0, Limit::from(0.0).to(1e3), "bumps a square meter"),
     ],
@@ -254,7 +278,7 @@ const CURB: TerrainKind = TerrainKind {
     name: "curb",
     doc: "a rounded step across the x axis",
     parameters: &[
-        parameter("slope", "rad", 0.3, Limit::above(0.0).to(super::STEEPEST), "its steepest slope"),
+        parameter("slope", "rad", 0.15, Limit::above(0.0).to(super::STEEPEST), "its steepest slope"),
         parameter("height", "m", 0.01, Limit::from(-10.0).to(10.0), "how high it rises"),
         parameter("distance", "m", 1.0, Limit::FINITE, "x of its middle"),
     ],
@@ -289,7 +313,7 @@ const MIX: TerrainKind = TerrainKind {
     name: "mix",
     doc: "noise, bumps and waves across each other, each with a share of the slope",
     parameters: &[
-        parameter("slope", "rad", 0.15, SLOPES, "the sum of the slopes of its parts"),
+        parameter("slope", "rad", 0.15, SLOPES, "the sum of the slopes that its parts are asked for"),
         parameter("wavelength", "m", 1.0, LENGTHS, "length of the waves"),
     ],
     height: |values, seed| {

@@ -19,10 +19,11 @@ pub use ground::Ground;
 pub use kinds::{Parameter, TerrainKind};
 pub use limits::SlopeLimits;
 pub use patch::Patch;
+pub(crate) use placement::static_lean;
 pub use placement::upright_on;
 pub use spline::{Height, Jet, Spline};
 
-use crate::error::{Error, Result, check, positive};
+use crate::error::{Error, Result, check};
 use nalgebra::Vector3;
 
 /// Steepest slope of a terrain, rad.
@@ -104,15 +105,8 @@ impl Terrain {
     /// [`Error::Length`] or [`Error::OutOfRange`] for sizes that cannot be and heights beyond ±1000 m;
     /// [`Error::Inconsistent`] for a surface steeper than [`STEEPEST`], with the place.
     pub fn from_heights(heights: &[f64], nodes: [usize; 2], cell: f64) -> Result<Self> {
-        positive("cell", cell)?;
-        let words = format_args!("from {} to {} m", CELLS.start(), CELLS.end());
-        check("cell", cell, words, |c| CELLS.contains(&c))?;
-        let [nx, ny] = nodes;
-        for (name, count) in [("heights along x", nx), ("heights along y", ny)] {
-            check(name, count as f64, "at least 4", |n| n >= 4.0)?;
-        }
-        let count = nx.saturating_mul(ny);
-        check("number of heights", count as f64, format_args!("at most {MOST_NODES}"), |n| n <= MOST_NODES as f64)?;
+        let [nx, ny] = check_nodes(nodes, cell)?;
+        let count = nx * ny;
         if heights.len() != count {
             return Err(Error::Length { name: "heights".into(), found: heights.len(), expected: count });
         }
@@ -122,8 +116,24 @@ impl Terrain {
                 return Err(Error::OutOfRange { name, value: height, limit: format!("within ±{HIGHEST} m") });
             }
         }
-        let half = |count: usize| 0.5 * cell * (count - 1) as f64;
-        Self::of(Spline::through(heights, nodes, [-half(nx), -half(ny)], cell))
+        Self::of(Spline::through(heights, nodes, corner_of(nodes, cell), cell))
+    }
+
+    /// The terrain whose surface has these coefficients ([`Spline::coefficients`]): a copy to the last bit.
+    ///
+    /// # Errors
+    /// As [`Terrain::from_heights`].
+    pub fn from_coefficients(coefficients: &[f64], nodes: [usize; 2], cell: f64) -> Result<Self> {
+        let [nx, ny] = check_nodes(nodes, cell)?;
+        let count = (nx + 2) * (ny + 2);
+        if coefficients.len() != count {
+            return Err(Error::Length { name: "coefficients".into(), found: coefficients.len(), expected: count });
+        }
+        // A coefficient is within a few times the largest height.
+        for &value in coefficients {
+            check("coefficients", value, format_args!("within ±{} m", 10.0 * HIGHEST), |v| v.abs() <= 10.0 * HIGHEST)?;
+        }
+        Self::of(Spline::of_coefficients(coefficients.to_vec(), nodes, corner_of(nodes, cell), cell))
     }
 
     /// The surface of a function of x and y, m, over a rectangle of the given lengths along x and y around the origin, from
@@ -257,6 +267,23 @@ impl Terrain {
     pub(crate) fn bend(&self) -> f64 {
         self.steepness.bend
     }
+}
+
+/// Checks the nodes along x and y of a terrain and their distance.
+fn check_nodes(nodes: [usize; 2], cell: f64) -> Result<[usize; 2]> {
+    let words = format_args!("from {} to {} m", CELLS.start(), CELLS.end());
+    check("cell", cell, words, |c| CELLS.contains(&c))?;
+    for (name, count) in [("heights along x", nodes[0]), ("heights along y", nodes[1])] {
+        check(name, count as f64, "at least 4", |n| n >= 4.0)?;
+    }
+    let count = nodes[0].saturating_mul(nodes[1]);
+    check("number of heights", count as f64, format_args!("at most {MOST_NODES}"), |n| n <= MOST_NODES as f64)?;
+    Ok(nodes)
+}
+
+/// Where the first node of a terrain is, whose middle is the origin.
+fn corner_of(nodes: [usize; 2], cell: f64) -> [f64; 2] {
+    nodes.map(|count| -0.5 * cell * (count - 1) as f64)
 }
 
 /// Upward unit vector across a surface with this gradient.

@@ -57,7 +57,10 @@ pub fn upright_on(ground: Option<&Ground>, params: &Params) -> State {
 }
 
 /// Rotation vector of the lean in which a robot stands still on ground with this normal.
-fn static_lean(params: &Params, normal: &Vector3<f64>, [x, y]: [f64; 2]) -> Result<Vector2<f64>> {
+///
+/// # Errors
+/// [`Error::Inconsistent`] for a slope on which no lean holds it.
+pub(crate) fn static_lean(params: &Params, normal: &Vector3<f64>, [x, y]: [f64; 2]) -> Result<Vector2<f64>> {
     let sine = normal.xy().norm();
     if sine == 0.0 {
         return Ok(Vector2::zeros());

@@ -74,7 +74,19 @@ impl Spline {
                 coefficients[row * columns + column] = *value;
             }
         }
-        Self { coefficients, columns, cells: [nx - 1, ny - 1], corner, cell, cell_inverse: cell.recip() }
+        Self::of_coefficients(coefficients, nodes, corner, cell)
+    }
+
+    /// A spline of the coefficients that another one has.
+    pub fn of_coefficients(coefficients: Vec<f64>, nodes: [usize; 2], corner: [f64; 2], cell: f64) -> Self {
+        let [nx, ny] = nodes;
+        debug_assert!(nx >= 2 && ny >= 2 && coefficients.len() == (nx + 2) * (ny + 2));
+        Self { coefficients, columns: nx + 2, cells: [nx - 1, ny - 1], corner, cell, cell_inverse: cell.recip() }
+    }
+
+    /// Coefficients: rows along y, each with two numbers more than the nodes along x, and two rows more.
+    pub fn coefficients(&self) -> &[f64] {
+        &self.coefficients
     }
 
     /// FNV-1a of the numbers that make it.

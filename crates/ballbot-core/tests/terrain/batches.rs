@@ -107,6 +107,22 @@ fn an_episode_that_leaves_the_terrain_is_truncated() {
 }
 
 #[test]
+fn environments_refuse_terrain_on_which_robots_cannot_start_or_differ() {
+    let message = |terrain: Terrain, change: &dyn Fn(&mut dyn ballbot_core::batch::TaskConfig)| {
+        let mut config = task_kind("balance").unwrap().config();
+        config.set_terrain(Some(Arc::new(terrain)));
+        change(&mut *config);
+        config.batch(1, Autoreset::SameStep, Some(1), 0).err().expect("refused").to_string()
+    };
+    let plane = |slope| Terrain::plane(slope, 0.3).unwrap();
+    let steep = message(plane(0.25), &|_| ());
+    assert!(steep.contains("is not below fall_tilt"), "{steep}");
+    assert!(message(plane(0.8), &|_| ()).contains("no lean holds"));
+    let tilted = Params { floor_tilt: [0.1, 0.0], ..Params::paper() };
+    assert!(message(plane(0.1), &|config| config.set_params(tilted.clone())).contains("floor_tilt"));
+}
+
+#[test]
 fn a_snapshot_of_an_environment_fits_its_terrain_alone() {
     let mut first = run("balance", Some(&hills()), ModelKind::Contact, 2, 1, &[]);
     step(&mut first, 0);

@@ -44,6 +44,11 @@ fn a_sloped_surface_is_a_tilted_gravity() {
             let apart = distance(&robot.state(), &turned(&turn, &other.state()));
             let limit = if kind == ModelKind::Rigid { 1e-6 } else { 1e-12 };
             assert!(apart < limit, "{kind}: {apart}");
+            // Potential energies differ by the height of the ball's center, r (1 - cos slope), which is in the zero.
+            let mass = tilted.ball_mass + tilted.body_mass;
+            let raised = mass * tilted.gravity * tilted.ball_radius * (1.0 - slope.cos());
+            let more = other.energy() - robot.energy();
+            assert!((more - raised).abs() < 1e-5, "{kind}: {more} J, {raised} J");
             let (here, there) = (robot.contacts().floor_force, turn * other.contacts().floor_force);
             assert!(
                 (here - there).norm() < if kind == ModelKind::Rigid { 1e-3 } else { 1e-8 },
@@ -215,6 +220,43 @@ fn a_snapshot_continues_to_the_last_bit_and_fits_its_terrain_alone() {
         let elsewhere = on(&make(2), kind, &Params::paper(), 1e-3).load(&bytes);
         assert!(elsewhere.unwrap_err().to_string().contains("terrains differ"));
     }
+}
+
+#[test]
+fn a_robot_with_another_ball_stands_on_the_ground_of_that_ball() {
+    let terrain = Arc::new(Terrain::generate("noise", 0, &[("slope", 0.15)]).unwrap());
+    let big = Params { ball_radius: 0.14, ..Params::paper() };
+    let mut robot = on(&terrain, ModelKind::Contact, &Params::paper(), 1e-3);
+    assert!(!robot.set_params(&big).unwrap());
+    let mut other = on(&terrain, ModelKind::Contact, &big, 1e-3);
+    for robot in [&mut robot, &mut other] {
+        robot.place_on_ground(0.3, 0.2, 0.0, None).unwrap();
+        robot.step(&[0.01, 0.0, 0.0], 20).unwrap();
+    }
+    assert_eq!(robot.state(), other.state());
+    let narrow = Arc::new(Terrain::generate("wave", 0, &[("wavelength", 0.36), ("slope", 0.2)]).unwrap());
+    let mut robot = on(&narrow, ModelKind::Contact, &Params::paper(), 1e-3);
+    let before = robot.save();
+    let message = robot.set_params(&Params { ball_radius: 0.25, ..Params::paper() }).unwrap_err().to_string();
+    assert!(message.contains("narrowest valley"), "{message}");
+    assert_eq!(robot.save(), before);
+}
+
+#[test]
+fn a_robot_that_leaves_the_terrain_has_diverged() {
+    let terrain = Arc::new(Terrain::from_function(|x, _| 0.1 * x, [1.0, 1.0], 0.05).unwrap());
+    let params = Params::paper();
+    for kind in [ModelKind::Contact, ModelKind::Rigid] {
+        let mut robot = on(&terrain, kind, &params, 1e-3);
+        let outside = robot.place_on_ground(0.6, 0.0, 0.0, None).unwrap_err().to_string();
+        assert!(outside.contains("x = 0.6 m, y = 0 m is not on the terrain"), "{outside}");
+        robot.push(&Vector3::new(-4.0, 0.0, 0.0), None).unwrap();
+        let left = (0..3000).find_map(|_| robot.step(&[0.0; 3], 1).err()).expect("it rolls down").to_string();
+        assert!(left.contains("the ball left the terrain at x = -0.5"), "{left}");
+    }
+    let tilted = Params { floor_tilt: [0.1, 0.0], ..params };
+    let refused = Ballbot::new(&tilted, ModelKind::Contact, 1e-3).unwrap().set_terrain(Some(&terrain));
+    assert!(refused.unwrap_err().to_string().contains("floor_tilt"));
 }
 
 #[test]

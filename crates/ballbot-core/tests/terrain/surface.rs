@@ -103,7 +103,7 @@ fn a_ball_of_another_radius_touches_to_the_second_order() {
 fn every_kind_has_the_slope_that_it_is_asked_for() {
     for kind in TerrainKind::ALL {
         for slope in [0.05, 0.15] {
-            let coarse: &[_] = if kind.name == "plane" { &[] } else { &[("cell", 0.03)] };
+            let coarse: &[_] = if kind.name == "plane" { &[] } else { &[("cell", 0.02)] };
             let parameters: Vec<_> = coarse.iter().copied().chain([("slope", slope)]).collect();
             let terrain = Terrain::generate(kind.name, 3, &parameters).unwrap();
             let recipe = terrain.recipe().unwrap();
@@ -181,6 +181,14 @@ fn what_cannot_be_is_refused_with_the_value_and_the_limit() {
     refused(Terrain::generate("noise", 0, &[("octaves", 2.5)]), &["octaves", "2.5"]);
     refused(Terrain::generate("wave", 0, &[("wavelength", 0.0)]), &["wavelength", "0"]);
     refused(Terrain::generate("bumps", 0, &[("density", 1e3), ("size_x", 100.0), ("cell", 0.1)]), &["bumps", "100000"]);
+
+    refused(Terrain::generate("wave", 0, &[("wavelength", 0.09)]), &["0.09", "cell = 0.02", "5 cells"]);
+    refused(Terrain::generate("noise", 0, &[("octaves", 6.0)]), &["0.0312", "cell = 0.02"]);
+    refused(Terrain::from_coefficients(&[0.0; 36], [4, 5], 0.1), &["coefficients", "36", "42"]);
+    let copied = Terrain::from_function(hills, [1.0, 0.8], 0.1).unwrap();
+    let surface = copied.surface();
+    let again = Terrain::from_coefficients(surface.coefficients(), surface.nodes(), surface.cell()).unwrap();
+    assert_eq!(again, copied);
 
     let valley = Arc::new(Terrain::generate("wave", 0, &[("wavelength", 0.2), ("slope", 0.3)]).unwrap());
     let message = Ground::new(&valley, 0.112).unwrap_err().to_string();

@@ -73,7 +73,8 @@ impl ContactState<f64> {
                 Some(ground) => {
                     let (_, normal) = ground.gap(&self.ball_position.into(), r);
                     let surface = Vector3::from(self.ball_rate).cross(&normal) * r;
-                    (Vector3::from(self.ball_velocity) - surface).xy()
+                    let slip = Vector3::from(self.ball_velocity) - surface;
+                    (slip - normal * normal.dot(&slip)).xy()
                 }
                 None => Vector2::new(
                     self.ball_velocity[0] - r * self.ball_rate[1],
