@@ -795,9 +795,7 @@ def estimator_constants(
 def terrain_kinds() -> dict[str, dict[str, dict[str, Any]]]:
     """Kinds of terrains by name: a dict of what `Terrain.generate` takes, each with `default`, `unit`, `limit` and `doc`."""
 
-def _terrain_of(
-    source: Mapping[str, Any] | npt.ArrayLike, nodes: tuple[int, int] = (0, 0), cell: float = 0.0
-) -> Terrain:
+def _terrain_of(source: Mapping[str, Any] | npt.ArrayLike, nodes: tuple[int, int] = ..., cell: float = 0.0) -> Terrain:
     """The terrain of a recipe, or of the coefficients of its surface with the nodes along x and y and their distance, m."""
 
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
