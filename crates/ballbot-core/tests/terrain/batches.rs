@@ -117,7 +117,7 @@ fn environments_refuse_terrain_on_which_robots_cannot_start_or_differ() {
     let plane = |slope| Terrain::plane(slope, 0.3).unwrap();
     let steep = message(plane(0.25), &|_| ());
     assert!(steep.contains("is not below fall_tilt"), "{steep}");
-    assert!(message(plane(0.8), &|_| ()).contains("no lean holds"));
+    assert!(message(plane(0.95), &|_| ()).contains("no lean holds"));
     let tilted = Params { floor_tilt: [0.1, 0.0], ..Params::paper() };
     assert!(message(plane(0.1), &|config| config.set_params(tilted.clone())).contains("floor_tilt"));
 }

@@ -1,0 +1,90 @@
+//! The ground that a robot stands on.
+
+use super::Ballbot;
+use crate::error::{Error, Result, check};
+use crate::params::Params;
+use crate::state::State;
+use crate::terrain::{Ground, Terrain, upright_on};
+use nalgebra::{Vector2, Vector3};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+impl Ballbot {
+    /// The terrain; `None` for level ground.
+    pub fn terrain(&self) -> Option<&Arc<Terrain>> {
+        self.ground.as_ref().map(|ground| ground.terrain())
+    }
+
+    /// Puts the robot on a terrain, or on level ground, at rest upright above the origin at time zero. It outlives a reset and
+    /// a change of the parameters. A robot whose ball leaves a terrain with edges has diverged.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] if the ball does not reach into the terrain's narrowest valley, and for a model that does not
+    /// simulate the terrain: `planar` takes level ground alone, `spatial` planes. The robot is then left as it was.
+    pub fn set_terrain(&mut self, terrain: Option<&Arc<Terrain>>) -> Result<()> {
+        if terrain.is_some() {
+            self.params().require_level("a robot on a terrain")?;
+        }
+        let ground = terrain.map(|terrain| Ground::new(terrain, self.params().ball_radius)).transpose()?.map(Arc::new);
+        self.set_ground(ground.as_ref())
+    }
+
+    /// [`Ballbot::set_terrain`] with the ground that robots share.
+    pub(crate) fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()> {
+        self.model.set_ground(ground)?;
+        self.ground = ground.cloned();
+        self.diverged = None;
+        Ok(())
+    }
+
+    /// The ground; `None` for level ground.
+    pub(crate) fn ground(&self) -> Option<&Arc<Ground>> {
+        self.ground.as_ref()
+    }
+
+    /// Another robot on the same ground, by the same model.
+    pub(crate) fn alike(&self, params: &Params) -> Result<Self> {
+        let mut robot = Self::new(params, self.kind, self.sim_dt())?;
+        if self.ground.is_some() {
+            robot.set_ground(self.ground())?;
+        }
+        Ok(robot)
+    }
+
+    /// State at rest upright with the ball on the ground above the origin.
+    pub fn upright(&self) -> State {
+        upright_on(self.ground.as_deref(), self.params())
+    }
+
+    /// Starts anew at rest with the ball on the ground, its center above x and y, m, turned to the heading `yaw`, rad. `tilt`
+    /// is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; `None` is the lean in which it
+    /// stands still on the slope there.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for a slope on which no lean holds the robot; those of [`Ballbot::reset`].
+    pub fn place_on_ground(&mut self, x: f64, y: f64, yaw: f64, tilt: Option<Vector2<f64>>) -> Result<()> {
+        for (name, value) in [("x", x), ("y", y), ("yaw", yaw)] {
+            check(name, value, "finite", |_| true)?;
+        }
+        if let Some(terrain) = self.terrain().filter(|terrain| !terrain.contains(x, y)) {
+            let [half_x, half_y] = terrain.half_size();
+            return Err(Error::Inconsistent(format!(
+                "x = {x} m, y = {y} m is not on the terrain, which reaches to ±{half_x} and ±{half_y} m"
+            )));
+        }
+        for (i, value) in tilt.iter().flatten().enumerate() {
+            check(format_args!("tilt[{i}]"), *value, "within ±pi", |tilt| tilt.abs() <= PI)?;
+        }
+        let state = match &self.ground {
+            Some(ground) => ground.at_rest(self.params(), x, y, yaw, tilt)?,
+            None => {
+                let mut state = State::tilted_from_equilibrium(self.params(), tilt.unwrap_or_default(), yaw);
+                let offset = Vector3::new(x, y, 0.0);
+                state.ball_position += offset;
+                state.body_position += offset;
+                state
+            }
+        };
+        self.reset(&state)
+    }
+}
