@@ -158,8 +158,7 @@ impl Terrain {
     /// # Errors
     /// [`Error::OutOfRange`] for lengths or a cell that cannot be, and for more nodes than a terrain has.
     pub fn grid(size: [f64; 2], cell: f64) -> Result<([usize; 2], f64)> {
-        let words = format_args!("from {} to {} m", CELLS.start(), CELLS.end());
-        check("cell", cell, words, |c| CELLS.contains(&c))?;
+        check_cell(cell)?;
         for (name, length) in [("size along x", size[0]), ("size along y", size[1])] {
             check(name, length, format_args!("at least 3 cells of {cell} m"), |s| s >= 3.0 * cell)?;
             check(name, length, format_args!("at most {MOST_NODES} cells"), |s| s / cell <= MOST_NODES as f64)?;
@@ -168,22 +167,19 @@ impl Terrain {
         let along = (size[0] / cell - 1e-9).ceil();
         let cell = size[0] / along;
         let nodes = [along as usize + 1, (size[1] / cell - 1e-9).ceil() as usize + 1];
-        let count = nodes[0].saturating_mul(nodes[1]);
-        check("number of heights", count as f64, format_args!("at most {MOST_NODES}"), |n| n <= MOST_NODES as f64)?;
+        check_count(nodes)?;
         Ok((nodes, cell))
     }
 
     /// Coordinate along an axis of node `i` of such a grid, whose middle is the origin.
     pub fn node(nodes: [usize; 2], cell: f64, i: usize, axis: usize) -> f64 {
-        i as f64 * cell - 0.5 * cell * (nodes[axis] - 1) as f64
+        i as f64 * cell - half_of(nodes, cell)[axis]
     }
 
     fn of(surface: Spline) -> Result<Self> {
         let steepness = Steepness::of(&surface)?;
-        let [nx, ny] = surface.nodes();
-        let half = |count: usize| 0.5 * surface.cell() * (count - 1) as f64;
         Ok(Self {
-            half_size: [half(nx), half(ny)],
+            half_size: half_of(surface.nodes(), surface.cell()),
             plane: None,
             steepness,
             fingerprint: surface.fingerprint(),
@@ -271,19 +267,32 @@ impl Terrain {
 
 /// Checks the nodes along x and y of a terrain and their distance.
 fn check_nodes(nodes: [usize; 2], cell: f64) -> Result<[usize; 2]> {
-    let words = format_args!("from {} to {} m", CELLS.start(), CELLS.end());
-    check("cell", cell, words, |c| CELLS.contains(&c))?;
+    check_cell(cell)?;
     for (name, count) in [("heights along x", nodes[0]), ("heights along y", nodes[1])] {
         check(name, count as f64, "at least 4", |n| n >= 4.0)?;
     }
-    let count = nodes[0].saturating_mul(nodes[1]);
-    check("number of heights", count as f64, format_args!("at most {MOST_NODES}"), |n| n <= MOST_NODES as f64)?;
+    check_count(nodes)?;
     Ok(nodes)
+}
+
+fn check_cell(cell: f64) -> Result<()> {
+    let words = format_args!("from {} to {} m", CELLS.start(), CELLS.end());
+    check("cell", cell, words, |c| CELLS.contains(&c)).map(|_| ())
+}
+
+fn check_count([nx, ny]: [usize; 2]) -> Result<()> {
+    let (count, words) = (nx.saturating_mul(ny), format_args!("at most {MOST_NODES}"));
+    check("number of heights", count as f64, words, |n| n <= MOST_NODES as f64).map(|_| ())
+}
+
+/// Half lengths along x and y of a grid, m.
+fn half_of(nodes: [usize; 2], cell: f64) -> [f64; 2] {
+    nodes.map(|count| 0.5 * cell * (count - 1) as f64)
 }
 
 /// Where the first node of a terrain is, whose middle is the origin.
 fn corner_of(nodes: [usize; 2], cell: f64) -> [f64; 2] {
-    nodes.map(|count| -0.5 * cell * (count - 1) as f64)
+    half_of(nodes, cell).map(|half| -half)
 }
 
 /// Upward unit vector across a surface with this gradient.
