@@ -19,11 +19,13 @@ def files() -> dict[Path, str]:
     core = package / "_core.pyi"
     actuators = ROOT / "docs" / "actuators.md"
     sensors = ROOT / "docs" / "sensors.md"
+    perception = ROOT / "docs" / "perception.md"
     return {
         package / "envs" / "options.py": classes.options(),
         package / "envs" / "tasks.py": classes.tasks(),
         core: stub.filled(core.read_text(encoding="utf-8")),
         actuators: pages.actuators(actuators.read_text(encoding="utf-8")),
+        perception: pages.perception(perception.read_text(encoding="utf-8")),
         sensors: pages.sensors(sensors.read_text(encoding="utf-8")),
         **{ROOT / "docs" / "tasks" / name: text for name, text in pages.pages().items()},
     }

@@ -45,6 +45,7 @@ from ballbot_rs.control.catalog import ControllerInfo, controllers, make_control
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.envs.gymnasium_env import BallbotEnv
+from ballbot_rs.envs.grouped import GroupedObservations, GroupedVectorObservations
 from ballbot_rs.envs.own import Robots, Task
 from ballbot_rs.envs.registration import register, register_environments
 from ballbot_rs.envs.tasks import (
@@ -52,10 +53,14 @@ from ballbot_rs.envs.tasks import (
     BalanceVectorEnv,
     GoalEnv,
     GoalVectorEnv,
+    OpenBallBotEnv,
+    OpenBallBotVectorEnv,
     PathEnv,
     PathVectorEnv,
     PushEnv,
     PushVectorEnv,
+    TerrainEnv,
+    TerrainVectorEnv,
     VelocityEnv,
     VelocityVectorEnv,
 )
@@ -74,6 +79,7 @@ from ballbot_rs.scenarios.tune import Tuned, tune
 if TYPE_CHECKING:
     from ballbot_rs.control.sb3_policy import save
     from ballbot_rs.envs.sb3 import BallbotVecEnv
+    from ballbot_rs.envs.sb3_grouped import GroupedVecEnv
 
 __all__ = [
     "PAPER_BALL_VISCOUS_FRICTION",
@@ -93,12 +99,17 @@ __all__ = [
     "Force",
     "GoalEnv",
     "GoalVectorEnv",
+    "GroupedObservations",
+    "GroupedVecEnv",
+    "GroupedVectorObservations",
     "IdentifiedParams",
     "InvalidInputError",
     "LinearModel",
     "Lqr",
     "Metrics",
     "OnnxPolicy",
+    "OpenBallBotEnv",
+    "OpenBallBotVectorEnv",
     "Outcome",
     "Params",
     "PathEnv",
@@ -120,6 +131,8 @@ __all__ = [
     "State",
     "Task",
     "Terrain",
+    "TerrainEnv",
+    "TerrainVectorEnv",
     "Trajectory",
     "Tuned",
     "UrdfError",
@@ -150,7 +163,11 @@ __all__ = [
 ]
 
 #: Names whose modules import PyTorch, loaded at their first use.
-_LEARNING = {"BallbotVecEnv": "ballbot_rs.envs.sb3", "save": "ballbot_rs.control.sb3_policy"}
+_LEARNING = {
+    "BallbotVecEnv": "ballbot_rs.envs.sb3",
+    "GroupedVecEnv": "ballbot_rs.envs.sb3_grouped",
+    "save": "ballbot_rs.control.sb3_policy",
+}
 
 register_environments()
 

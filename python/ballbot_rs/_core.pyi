@@ -14,6 +14,7 @@ __all__ = [
     "ACTUATORS",
     "ACTUATOR_OPTIONS",
     "CONTROLLERS",
+    "DEPTH_OPTIONS",
     "EVENT_SETS",
     "LABELS",
     "MODELS",
@@ -21,6 +22,7 @@ __all__ = [
     "PAPER_BALL_VISCOUS_FRICTION",
     "ROBOTS",
     "SCALED_BOUND",
+    "SCAN_OPTIONS",
     "SENSORS",
     "SENSOR_OPTIONS",
     "TASKS",
@@ -83,6 +85,7 @@ class _Task(TypedDict):
     id: str
     summary: str
     success: str
+    has_terrain: bool
     max_episode_steps: int
     reward_threshold: float | None
     options: list[_Option]
@@ -109,6 +112,8 @@ ACTUATORS: list[str]
 ACTUATOR_OPTIONS: list[_Option]
 SENSORS: list[str]
 SENSOR_OPTIONS: list[_Option]
+SCAN_OPTIONS: list[_Option]
+DEPTH_OPTIONS: list[_Option]
 OBSERVATIONS: list[str]
 TASKS: dict[str, _Task]
 CONTROLLERS: dict[str, _Controller]
@@ -1156,7 +1161,7 @@ class Batch:
         seed: of the first environment.
         options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
             `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file; None is
-            ideal motors), `sensors` (as `actuators`; None is none), `observation` ("ground_truth" or "sensors"), `history`
+            ideal motors), `sensors` (as `actuators`; None is none), `terrain`, `scan` and `depth` (dicts of options; None is none), `level`, `observation` ("ground_truth" or "sensors"), `history`
             (how many observations, the last ones, are given together), `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: what is drawn at
             random), and the options of the task.
 
@@ -1215,7 +1220,9 @@ class Batch:
         """How many observations, the last ones, are given together."""
     @property
     def observation_len(self) -> int:
-        """How many numbers an observation has: its rows, `history` times, the last ones at the end."""
+        """How many numbers an observation has: its rows, `history` times, the last ones at the end; then those of the height scan
+        and of the depth camera.
+        """
     @property
     def scale_observations(self) -> bool:
         """Whether observations are scaled."""
@@ -1343,6 +1350,27 @@ class Batch:
         Raises:
             ValueError: the robots have no sensors (`sensors=`).
         """
+    @property
+    def observation_layout(self) -> dict[str, tuple[int, ...]]:
+        """Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and `scan` and `depth` if
+        the robots have them, as `scans` and `depths` shape them.
+        """
+    def scans(self, index: int | None = None) -> npt.NDArray[np.float32]:
+        """Last readings of the height scans, float32, m: how far the ground is below the lowest point of the ball at each point of
+        the grid. Shape (num_envs, y, x), or (y, x) of environment `index`; zeros before the first reset.
+
+        Raises:
+            ValueError: the robots have no height scan (`scan=`).
+        """
+    def depths(self, index: int | None = None) -> npt.NDArray[np.float32]:
+        """Last pictures of the depth cameras, float32, m along the optical axis, rows from the top. Shape (num_envs, rows, columns),
+        or (rows, columns) of environment `index`; zeros before the first reset.
+
+        Raises:
+            ValueError: the robots have no depth camera (`depth=`).
+        """
+    def levels(self) -> npt.NDArray[np.int64]:
+        """Levels of the tiles that the present episodes began on, shape (num_envs,), int64; 0 for terrains without tiles."""
     @overload
     def contacts(self, index: None = None) -> dict[str, npt.NDArray[Any]]: ...
     @overload

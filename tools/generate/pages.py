@@ -1,6 +1,6 @@
 """`docs/tasks`: a page for each task, and their index."""
 
-from ballbot_rs._core import ACTUATOR_OPTIONS, SCALED_BOUND, SENSOR_OPTIONS, TASKS
+from ballbot_rs._core import ACTUATOR_OPTIONS, DEPTH_OPTIONS, SCALED_BOUND, SCAN_OPTIONS, SENSOR_OPTIONS, TASKS
 from generate import tables
 
 #: Around the generated table in a page that is written by hand.
@@ -21,6 +21,13 @@ def actuators(page: str) -> str:
 def sensors(page: str) -> str:
     """docs/sensors.md with its table of options written anew."""
     return _with_options(page, tables.stage_rows(SENSOR_OPTIONS))
+
+
+def perception(page: str) -> str:
+    """docs/perception.md with its tables of options written anew."""
+    scan, begin, depth = page.partition("## Depth camera")
+    scan = _with_options(scan, tables.stage_rows(SCAN_OPTIONS))
+    return scan + _with_options(begin + depth, tables.stage_rows(DEPTH_OPTIONS))
 
 
 def _with_options(page: str, rows: list[list[str]]) -> str:

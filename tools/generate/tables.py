@@ -29,12 +29,18 @@ COMMON = (
      "Torque of an action of 1; None follows from the traction of the upright robot."),
     ("terrain", "Terrain | str | Mapping[str, Any] | None", "",
      "a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters",
-     "The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated. "
+     "The ground; None: that of the task, level for most. Starts touch it and lean as it does; an episode that leaves it is truncated. "
      "docs/terrain.md."),
     ("actuators", "Actuators | str | PathLike[str] | None", "", f"{', '.join(ACTUATORS)}, FILE.toml, or FILE.urdf",
      "The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md."),
     ("sensors", "Sensors | str | PathLike[str] | None", "", f"{', '.join(SENSORS)}, or FILE.toml",
      "The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md."),
+    ("scan", "Scan | None", "", "options",
+     "A height scan of the ground, whose numbers follow the rows of the observation; None: none. docs/perception.md."),
+    ("depth", "Depth | None", "", "options",
+     "A depth camera, whose numbers follow those of the scan; None: none. docs/perception.md."),
+    ("level", "int | str | None", "", "a level of the terrain, curriculum, or None",
+     "Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md."),
     ("observation", "Observed | str", "", ", ".join(OBSERVATIONS),
      "What policies and controllers observe: the true state, or what follows from the readings of the sensors."),
     ("history", "int", "", ">= 1 and <= 1000", "How many observations, the last ones, are given together."),
@@ -60,8 +66,8 @@ def values(default: Any) -> str:
 
 
 def class_name(task: str) -> str:
-    """The name of a task as classes have it: balance becomes Balance."""
-    return "".join(part.capitalize() for part in task.split("_"))
+    """The name of a task as classes and its id have it: balance becomes Balance."""
+    return TASKS[task]["id"].partition("/")[2].rpartition("-")[0]
 
 
 def option_rows(task: str) -> list[list[str]]:

@@ -41,6 +41,7 @@ mod model;
 pub mod models;
 mod names;
 mod params;
+pub mod perception;
 pub mod planning;
 #[cfg(feature = "render")]
 pub mod render;

@@ -182,7 +182,7 @@ impl Ballbot {
         }
         let ground = match &self.ground {
             Some(ground) if ground.ball_radius() != params.ball_radius => {
-                Some(Arc::new(Ground::new(ground.terrain(), params.ball_radius)?))
+                Some(Ground::shared(ground.terrain(), params.ball_radius)?)
             }
             _ => None,
         };

@@ -31,8 +31,9 @@ const BOTTOM: [&str; 18] = [
 ];
 
 /// What each layer above the bottom may use besides the bottom and itself; a longer path is that item alone.
-const LAYERS: [(&str, &[&str]); 11] = [
+const LAYERS: [(&str, &[&str]); 12] = [
     ("actuator", &[]),
+    ("perception", &[]),
     ("sensor", &[]),
     ("models", &[]),
     ("sim", &["actuator"]),
@@ -54,7 +55,7 @@ const LAYERS: [(&str, &[&str]); 11] = [
     ("planning", &["actuator", "control", "models::linear", "sim::contact::ContactLanes"]),
     ("robot", &["models", "sim"]),
     ("task", &["models::capture_impulse", "models::fastest_move"]),
-    ("batch", &["actuator", "sensor", "sim", "control", "robot", "task"]),
+    ("batch", &["actuator", "perception", "sensor", "sim", "control", "robot", "task"]),
 ];
 
 /// Dependencies with the only folders that may name them.

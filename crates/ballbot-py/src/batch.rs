@@ -11,6 +11,7 @@ use crate::infos::EmptyInfos;
 use crate::numbers::{count, index, optional_index, optional_whole, real, seed, seeds, whole};
 use crate::options::{configure, resolved};
 use crate::params::{PyParams, or_paper};
+use crate::perception::{missing, perceived};
 use crate::rollout::{CONTACT_PARTS, ClosedLoop, Stepped, Targets};
 use crate::sensors::readings;
 use crate::signals::interruptible;
@@ -18,6 +19,7 @@ use crate::state::{PyContacts, PyState};
 use crate::terrain::PyTerrain;
 use ballbot_core::batch::{Autoreset, Batch, Outcome, Outside, ResetRequest, StepBuffers, Under, task_kind};
 use ballbot_core::control::MOTION_PARTS;
+use ballbot_core::perception::Perception;
 use ballbot_core::task::ACTION_LEN;
 use ballbot_core::{Contacts, State, require_memory};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
@@ -39,7 +41,7 @@ use std::sync::Arc;
 ///     seed: of the first environment.
 ///     options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
 ///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file; None is
-///         ideal motors), `sensors` (as `actuators`; None is none), `observation` ("ground_truth" or "sensors"), `history`
+///         ideal motors), `sensors` (as `actuators`; None is none), `terrain`, `scan` and `depth` (dicts of options; None is none), `level`, `observation` ("ground_truth" or "sensors"), `history`
 ///         (how many observations, the last ones, are given together), `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: what is drawn at
 ///         random), and the options of the task.
 ///
@@ -233,8 +235,10 @@ impl PyBatch {
         if let Some(Ok(actuators)) = options.get_item("actuators")?.map(|found| found.cast_into::<PyDict>()) {
             options.set_item("actuators", actuators.copy()?)?;
         }
-        if let Some(Ok(sensors)) = options.get_item("sensors")?.map(|found| found.cast_into::<PyDict>()) {
-            options.set_item("sensors", sensors.copy()?)?;
+        for name in ["sensors", "scan", "depth"] {
+            if let Some(Ok(found)) = options.get_item(name)?.map(|found| found.cast_into::<PyDict>()) {
+                options.set_item(name, found.copy()?)?;
+            }
         }
         if let Some(events) = options.get_item("events")? {
             options.set_item("events", py.import("copy")?.call_method1("deepcopy", (events,))?)?;
@@ -284,7 +288,8 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.history())
     }
 
-    /// How many numbers an observation has: its rows, `history` times, the last ones at the end.
+    /// How many numbers an observation has: its rows, `history` times, the last ones at the end; then those of the height scan
+    /// and of the depth camera.
     #[getter]
     fn observation_len(&self) -> PyResult<usize> {
         Ok(self.inner.read()?.batch.observation_len())
@@ -619,6 +624,65 @@ impl PyBatch {
         #[pyo3(from_py_with = optional_index)] index: Option<usize>,
     ) -> PyResult<Bound<'py, PyDict>> {
         readings(py, &self.inner.read()?.batch, index)
+    }
+
+    /// Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and `scan` and `depth` if
+    /// the robots have them, as `scans` and `depths` shape them.
+    #[getter]
+    fn observation_layout<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let inner = self.inner.read()?;
+        let batch = &inner.batch;
+        let layout = PyDict::new(py);
+        let seen = batch.perception();
+        let state = batch.observation_len() - seen.map_or(0, |seen| seen.width());
+        layout.set_item("state", (state,))?;
+        for (name, shape) in
+            [("scan", seen.and_then(Perception::scan_shape)), ("depth", seen.and_then(Perception::depth_shape))]
+        {
+            if let Some([rows, columns]) = shape {
+                layout.set_item(name, (rows, columns))?;
+            }
+        }
+        Ok(layout)
+    }
+
+    /// Last readings of the height scans, float32, m: how far the ground is below the lowest point of the ball at each point of
+    /// the grid. Shape (num_envs, y, x), or (y, x) of environment `index`; zeros before the first reset.
+    ///
+    /// Raises:
+    ///     ValueError: the robots have no height scan (`scan=`).
+    #[pyo3(signature = (index=None))]
+    fn scans<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = optional_index)] index: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let inner = self.inner.read()?;
+        let shape = inner.batch.perception().and_then(Perception::scan_shape).ok_or_else(|| missing("scan"))?;
+        perceived(py, &inner.batch, index, 0, shape)
+    }
+
+    /// Last pictures of the depth cameras, float32, m along the optical axis, rows from the top. Shape (num_envs, rows, columns),
+    /// or (rows, columns) of environment `index`; zeros before the first reset.
+    ///
+    /// Raises:
+    ///     ValueError: the robots have no depth camera (`depth=`).
+    #[pyo3(signature = (index=None))]
+    fn depths<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = optional_index)] index: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let inner = self.inner.read()?;
+        let shape = inner.batch.perception().and_then(Perception::depth_shape).ok_or_else(|| missing("depth"))?;
+        perceived(py, &inner.batch, index, 1, shape)
+    }
+
+    /// Levels of the tiles that the present episodes began on, shape (num_envs,), int64; 0 for terrains without tiles.
+    fn levels<'py>(&self, py: Python<'py>) -> PyResult<Array1<'py, i64>> {
+        let inner = self.inner.read()?;
+        let level = |i| inner.batch.level(i).map(|level| level as i64).map_err(to_python);
+        Ok(PyArray1::from_vec(py, (0..inner.batch.len()).map(level).collect::<PyResult<_>>()?))
     }
 
     /// Contact forces of the last model step: of environment `index` as `Contacts`, or of all as a dict of arrays.

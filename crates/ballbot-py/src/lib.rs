@@ -17,6 +17,7 @@ mod models;
 mod numbers;
 mod options;
 mod params;
+mod perception;
 mod reference;
 mod render;
 mod robot;

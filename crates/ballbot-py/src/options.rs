@@ -5,6 +5,7 @@ use crate::errors::to_python;
 use crate::events::{events, to_list};
 use crate::numbers::one_or_more;
 use crate::params::or_paper;
+use crate::perception::{instrument, instrument_object, levels, levels_object};
 use crate::sensors::{sensors, sensors_object};
 use crate::terrain::{terrain, terrain_object};
 use ballbot_core::batch::TaskConfig;
@@ -29,6 +30,9 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
         "terrain" => config.set_terrain(terrain(value)?),
         "actuators" => config.set_actuators(actuators(value)?),
         "sensors" => config.set_sensors(sensors(value)?),
+        "scan" => config.set_scan(instrument(value)?),
+        "depth" => config.set_depth(instrument(value)?),
+        "level" => config.set_levels(levels(value)?),
         "observation" => {
             let observation: String = value.extract().map_err(|_| wrong("the name of a kind of observation"))?;
             config.set_observation(observation.parse().map_err(to_python)?);
@@ -75,6 +79,9 @@ pub(crate) fn resolved<'py>(
     resolved.set_item("terrain", terrain_object(py, config.terrain())?)?;
     resolved.set_item("actuators", to_object(py, config.actuators())?)?;
     resolved.set_item("sensors", sensors_object(py, config.sensors())?)?;
+    resolved.set_item("scan", instrument_object(py, config.scan())?)?;
+    resolved.set_item("depth", instrument_object(py, config.depth())?)?;
+    resolved.set_item("level", levels_object(py, config.levels())?)?;
     resolved.set_item("observation", config.observation().name())?;
     let reward = PyDict::new(py);
     for (name, scale) in config.reward() {

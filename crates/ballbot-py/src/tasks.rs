@@ -5,6 +5,7 @@ use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{Observation, task_kinds};
 use ballbot_core::control::controller_kinds;
 use ballbot_core::fields::{OptionDescription, describe_options};
+use ballbot_core::perception::{DepthOptions, ScanOptions};
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::SCALED_BOUND;
 use ballbot_core::{ModelKind, Params, planning};
@@ -37,6 +38,7 @@ pub(crate) fn tasks(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         task.set_item("id", description.id)?;
         task.set_item("summary", description.summary)?;
         task.set_item("success", description.success)?;
+        task.set_item("has_terrain", description.has_terrain)?;
         task.set_item("max_episode_steps", description.max_episode_steps)?;
         task.set_item("reward_threshold", description.reward_threshold)?;
         task.set_item("options", options(py, &description.options)?)?;
@@ -112,6 +114,8 @@ pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("ACTUATOR_OPTIONS", options(py, &describe_options::<MotorOptions>())?)?;
     module.add("SENSORS", SensorOptions::preset_names())?;
     module.add("SENSOR_OPTIONS", options(py, &describe_options::<SensorOptions>())?)?;
+    module.add("SCAN_OPTIONS", options(py, &describe_options::<ScanOptions>())?)?;
+    module.add("DEPTH_OPTIONS", options(py, &describe_options::<DepthOptions>())?)?;
     module.add("OBSERVATIONS", Observation::ALL.map(Observation::name))?;
     module.add("SCALED_BOUND", SCALED_BOUND)
 }

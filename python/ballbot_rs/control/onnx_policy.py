@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ballbot_rs._extras import require
 from ballbot_rs.control import deadline, policy_file
-from ballbot_rs.envs.registration import description_of
+from ballbot_rs.envs.spaces import observation_width
 
 #: What an exported policy says of itself, each a JSON text; the keys of its file begin with `PREFIX`.
 FIELDS = {
@@ -55,7 +55,7 @@ class OnnxPolicy:
         ends = (*self._session.get_inputs(), *self._session.get_outputs())
         shapes = [(end.name, end.shape[1:]) for end in ends]
         self._env_options = policy_file.completed(self.task, self.metadata["env_options"])
-        self._rows = len(description_of(self.task)["observation"]) * self._env_options["history"]
+        self._rows = observation_width(self.task, self._env_options)
         if shapes != [("observation", [self._rows]), ("action", [3])]:
             raise ValueError(f"{file} maps {shapes}, expected an observation of {self._rows} to an action of 3")
         self._run: Any = None

@@ -19,6 +19,7 @@ from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
 from ballbot_rs.control.laws import Law, Laws, failed, is_batched
 from ballbot_rs.control.onnx_policy import OnnxPolicy
+from ballbot_rs.envs._batch_env import without_curriculum
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
 
 #: Names of controllers: those of the core, and no torque at all. Anything else is the path of a policy.
@@ -194,7 +195,7 @@ def common_options(
         if not found or any(events != found[0] for events in found):
             raise ValueError(f"events = '{TRAINED}': the controllers have no policy, or policies with different events")
         given["events"] = found[0]
-    return {**options, **given}
+    return {**without_curriculum(options), **given}
 
 
 def options_of(

@@ -16,8 +16,8 @@ from stable_baselines3.common.vec_env import unwrap_vec_normalize
 
 from ballbot_rs import __version__, _files, _interrupts
 from ballbot_rs.control import policy_file, policy_size, sb3_archive
-from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of
-from ballbot_rs.envs.spaces import action_space, observation_space
+from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
+from ballbot_rs.envs.spaces import action_space, observation_space, observation_width
 
 #: Modules with algorithms for continuous actions, and their names; policies with a memory of their own are left out.
 ALGORITHMS: Final = {
@@ -79,7 +79,7 @@ def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
             raise ValueError("the model's environment is not one of ballbot_rs") from None
         if unwrap_vec_normalize(env) is not None:
             raise ValueError("VecNormalize's statistics are not part of a policy file: train without it")
-        spaces = observation_space(task, options["scale_observations"], options["history"]), action_space()
+        spaces = observation_space(task, options), action_space()
         if (model.observation_space, model.action_space) != spaces:
             raise ValueError(
                 f"a wrapper has changed the spaces: {model.observation_space} to {model.action_space}, "
@@ -176,21 +176,23 @@ def load(
         raise ValueError(f"{path}: unknown algorithm '{found['algorithm']}', expected one of {', '.join(known)}")
     options = policy_file.completed(task, found["env_options"])
     replaced, unknown = sb3_archive.without_pickles(data, known[found["algorithm"]])
-    replaced["observation_space"] = observation_space(task, options["scale_observations"], options["history"])
+    replaced["observation_space"] = observation_space(task, options)
     replaced["action_space"] = action_space()
     if unknown:
         if "policy_class" in unknown:
             _check_class(path, data["policy_class"], found["algorithm"])
         _warn_of_code(path, f"{' and '.join(unknown)} of its own")
-    _check_size(path, replaced.get("policy_kwargs", data.get("policy_kwargs")), task, options["history"])
+    _check_size(path, replaced.get("policy_kwargs", data.get("policy_kwargs")), task, options)
     return _unpacked(path, found["algorithm"], replaced), {**found, "env_options": options}
 
 
 def _load_unnamed(
     path: Path, data: Mapping[str, Any], task: str, env_options: Mapping[str, Any]
 ) -> tuple[BaseAlgorithm, dict[str, Any]]:
-    history = env_options.get("history", 1)
-    known = {scaled: (observation_space(task, scaled, history), action_space()) for scaled in (True, False)}
+    known = {
+        scaled: (observation_space(task, {**env_options, "scale_observations": scaled}), action_space())
+        for scaled in (True, False)
+    }
     spaces = [data.get(f"{kind}_space") for kind in ("observation", "action")]
     for space, expected in zip(spaces, known[True], strict=True):
         shape = space.get("_shape") if isinstance(space, dict) else None
@@ -198,7 +200,7 @@ def _load_unnamed(
             raise ValueError(
                 f"{path} was trained for another environment: it has a space of shape {shape}, expected {expected}"
             )
-    _check_size(path, data.get("policy_kwargs"), task, history)
+    _check_size(path, data.get("policy_kwargs"), task, env_options)
     _warn_of_code(path, "no metadata of ballbot_rs")
     name = _algorithm_of(data)
     model = _unpacked(path, name, {})
@@ -230,10 +232,10 @@ def _check_class(path: Path, described: Mapping[str, Any], algorithm: str) -> No
             raise ValueError(f"{path} holds no {algorithm} policy: its policy_class is of {module}")
 
 
-def _check_size(path: Path, policy_arguments: Any, task: str, history: int) -> None:
+def _check_size(path: Path, policy_arguments: Any, task: str, options: Mapping[str, Any]) -> None:
     if isinstance(policy_arguments, dict):
         try:
-            policy_size.check_net_arch(policy_arguments, len(description_of(task)["observation"]) * history)
+            policy_size.check_net_arch(policy_arguments, observation_width(task, options))
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 

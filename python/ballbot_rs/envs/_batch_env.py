@@ -93,6 +93,11 @@ def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
     return options
 
 
+def without_curriculum(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of an evaluation from those of a training: episodes begin on any level of the terrain."""
+    return {name: value for name, value in options.items() if (name, value) != ("level", "curriculum")}
+
+
 def fixed_option(task: str, name: str) -> str | None:
     """Why an option of the task cannot be set as an attribute; None for other names."""
     if name == "params":
@@ -125,6 +130,11 @@ class SharedAttributes:
     def max_wheel_torque(self) -> float:
         """Torque of a wheel motor at an action of 1, N·m."""
         return self._batch.max_wheel_torque
+
+    @property
+    def observation_layout(self) -> dict[str, tuple[int, ...]]:
+        """Parts of an observation by name, in order, with their shapes; see `Batch.observation_layout`."""
+        return self._batch.observation_layout
 
 
 class OneRobot(SharedAttributes):
@@ -183,6 +193,14 @@ class OneRobot(SharedAttributes):
     def reward_terms(self) -> dict[str, float]:
         """The terms whose sum was the last reward; zeros right after a reset."""
         return self._batch.reward_terms(self._index)
+
+    def scan(self) -> npt.NDArray[np.float32]:
+        """Last reading of the height scan, m, shape (y, x); see `Batch.scans`."""
+        return self._batch.scans(self._index)
+
+    def depth(self) -> npt.NDArray[np.float32]:
+        """Last picture of the depth camera, m, shape (rows, columns); see `Batch.depths`."""
+        return self._batch.depths(self._index)
 
     def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
         """Gives the body an impulse; see `Ballbot.push`."""
@@ -265,6 +283,18 @@ class ManyRobots(SharedAttributes):
     def states(self) -> npt.NDArray[Any]:
         """Full states, shape (num_envs, 32), rows as in `State.to_array`."""
         return self._batch.states()
+
+    def scans(self) -> npt.NDArray[np.float32]:
+        """Last readings of the height scans, m, shape (num_envs, y, x); see `Batch.scans`."""
+        return self._batch.scans()
+
+    def depths(self) -> npt.NDArray[np.float32]:
+        """Last pictures of the depth cameras, m, shape (num_envs, rows, columns); see `Batch.depths`."""
+        return self._batch.depths()
+
+    def levels(self) -> npt.NDArray[np.int64]:
+        """Levels of the tiles of the terrain that the episodes began on, shape (num_envs,); see `Batch.levels`."""
+        return self._batch.levels()
 
     def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None, index: int | None = None) -> None:
         """Gives the body of robot `index` an impulse, or of every robot; see `Ballbot.push`."""

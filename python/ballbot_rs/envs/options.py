@@ -84,6 +84,63 @@ class Sensors(TypedDict, total=False):
     latency: float
 
 
+class Scan(TypedDict, total=False):
+    """Options of a height scan; docs/perception.md."""
+
+    #: Points along heading x and y, whole numbers. (>= 1 and <= 256)
+    points: npt.ArrayLike
+    #: Distance of neighboring points. (m, >= 0.001 and <= 10)
+    spacing: float
+    #: Middle of the grid from the ball's center, heading x and y. (m, >= -10 and <= 10)
+    offset: npt.ArrayLike
+    #: Scans in a second, held in between; 0: one at each control step, and no more at rates above. (Hz, >= 0 and <=
+    #: 1e6)
+    rate: float
+    #: Age of a scan when it is read, a whole number of control steps; at most 100 of them. (s, >= 0 and <= 100)
+    latency: float
+    #: Standard deviation of the noise of each height. (m, >= 0 and <= 10)
+    noise: float
+    #: Share of the heights that are missing in a scan; they keep what was read before. (>= 0 and <= 1)
+    dropout: float
+    #: Standard deviations of an error of the whole grid along each horizontal axis, and of all heights, drawn for each
+    #: episode. (m, >= 0 and <= 10)
+    drift: npt.ArrayLike
+
+
+class Depth(TypedDict, total=False):
+    """Options of a depth camera; docs/perception.md."""
+
+    #: Columns and rows of pixels, whole numbers. (>= 1 and <= 256)
+    size: npt.ArrayLike
+    #: Angle between the upper and the lower edge of the picture; pixels are square. (rad, > 0 and < pi)
+    field_of_view: float
+    #: The camera in the body frame, whose origin is the ball's center; outside of the ball. (m, >= -10 and <= 10)
+    position: npt.ArrayLike
+    #: Angle by which it looks down from the horizontal plane of the body. (rad, >= -1.5707963267948966 and <= pi/2)
+    pitch: float
+    #: Angle from body x towards body y in which it looks. (rad, >= -3.141592653589793 and <= pi)
+    yaw: float
+    #: What is nearer reads as this. (m, >= 0.001 and <= 100)
+    near: float
+    #: What is farther, and where there is nothing, reads as this. (m, >= 0.01 and <= 100)
+    far: float
+    #: Pictures in a second, held in between; 0: one at each control step, and no more at rates above. (Hz, >= 0 and <=
+    #: 1e6)
+    rate: float
+    #: Age of a picture when it is read, a whole number of control steps; at most 100 of them. (s, >= 0 and <= 100)
+    latency: float
+    #: Standard deviation of the noise of a pixel: the first number, m, and the second, 1/m, times its squared depth.
+    #: (>= 0 and <= 10)
+    noise: npt.ArrayLike
+    #: Share of the pixels that are holes, which read as `far`. (>= 0 and <= 1)
+    dropout: float
+    #: Share of the pictures that do not come; the one before stays. (>= 0 and <= 1)
+    freeze: float
+    #: Standard deviation of the angle about each body axis by which the camera is mounted wrongly, drawn for each
+    #: episode. (rad, >= 0 and <= 0.5)
+    misalignment: float
+
+
 class CommonOptions(TypedDict, total=False):
     """Options of every task."""
 
@@ -101,8 +158,8 @@ class CommonOptions(TypedDict, total=False):
     #: Torque of an action of 1; None follows from the traction of the upright robot. (N·m, > 0 and <=
     #: `params.max_wheel_torque`)
     max_wheel_torque: float | None
-    #: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
-    #: docs/terrain.md. (a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
+    #: The ground; None: that of the task, level for most. Starts touch it and lean as it does; an episode that leaves
+    #: it is truncated. docs/terrain.md. (a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
     terrain: "Terrain | str | Mapping[str, Any] | None"
     #: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md. (ideal,
     #: kugle, FILE.toml, or FILE.urdf)
@@ -110,6 +167,14 @@ class CommonOptions(TypedDict, total=False):
     #: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (exact, kugle, or
     #: FILE.toml)
     sensors: Sensors | str | PathLike[str] | None
+    #: A height scan of the ground, whose numbers follow the rows of the observation; None: none. docs/perception.md.
+    #: (options)
+    scan: Scan | None
+    #: A depth camera, whose numbers follow those of the scan; None: none. docs/perception.md. (options)
+    depth: Depth | None
+    #: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (a level of the
+    #: terrain, curriculum, or None)
+    level: int | str | None
     #: What policies and controllers observe: the true state, or what follows from the readings of the sensors.
     #: (ground_truth, sensors)
     observation: Observed | str
@@ -268,5 +333,53 @@ class PushOptions(CommonOptions, total=False):
     fall_tilt: float
 
 
-class TaskOptions(BalanceOptions, VelocityOptions, GoalOptions, PathOptions, PushOptions, total=False):
+class TerrainOptions(CommonOptions, total=False):
+    """Options of the task `terrain`."""
+
+    #: Smallest and largest commanded speed, drawn evenly, in any direction of the heading frame. (m/s, >= 0 and <= 10)
+    speed: npt.ArrayLike
+    #: Shortest and longest time from one command to the next, drawn evenly. (s, > 0 and <= 1e9)
+    command_seconds: npt.ArrayLike
+    #: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (m/s, >= 1e-6 and <= 10)
+    velocity_scales: npt.ArrayLike
+    #: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`. (rad/s, >= 1e-6 and <=
+    #: 10)
+    yaw_rate_scales: npt.ArrayLike
+    #: Steepest level of the terrain where none is chosen, as a share of the slope that the robot can stand on. (>= 0
+    #: and <= 1)
+    hardest: float
+    #: Least share of the commanded distance in a success. (>= 0 and <= 1)
+    success_share: float
+    #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
+    #: `fall_tilt`. (rad, >= 0)
+    reset_tilt: float
+    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    reset_yaw: float
+    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    reset_ball_speed: float
+    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    reset_tilt_rate: float
+    #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
+    fall_tilt: float
+
+
+class OpenBallBotOptions(CommonOptions, total=False):
+    """Options of the task `openballbot`."""
+
+    #: Speed in the direction of travel that a classical controller is to keep. (m/s, >= 0 and <= 10)
+    speed: float
+    #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
+    #: `fall_tilt`. (rad, >= 0)
+    reset_tilt: float
+    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    reset_yaw: float
+    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    reset_ball_speed: float
+    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    reset_tilt_rate: float
+    #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
+    fall_tilt: float
+
+
+class TaskOptions(BalanceOptions, VelocityOptions, GoalOptions, PathOptions, PushOptions, TerrainOptions, OpenBallBotOptions, total=False):
     """Options of any task."""

@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode
 from typing_extensions import Unpack
 
 from ballbot_rs.envs.gymnasium_env import BallbotEnv
-from ballbot_rs.envs.options import BalanceOptions, GoalOptions, PathOptions, PushOptions, VelocityOptions
+from ballbot_rs.envs.options import BalanceOptions, GoalOptions, OpenBallBotOptions, PathOptions, PushOptions, TerrainOptions, VelocityOptions
 from ballbot_rs.envs.vector_env import BallbotVectorEnv
 
 
@@ -80,12 +80,19 @@ class BalanceEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
-    - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
-      docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
+    - `terrain`: The ground; None: that of the task, level for most. Starts touch it and lean as it does; an episode
+      that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
+      `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
+    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
+      docs/perception.md. (default None; options)
+    - `depth`: A depth camera, whose numbers follow those of the scan; None: none. docs/perception.md. (default None;
+      options)
+    - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
+      None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
     - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
@@ -253,12 +260,19 @@ class VelocityEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
-    - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
-      docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
+    - `terrain`: The ground; None: that of the task, level for most. Starts touch it and lean as it does; an episode
+      that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
+      `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
+    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
+      docs/perception.md. (default None; options)
+    - `depth`: A depth camera, whose numbers follow those of the scan; None: none. docs/perception.md. (default None;
+      options)
+    - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
+      None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
     - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
@@ -431,12 +445,19 @@ class GoalEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
-    - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
-      docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
+    - `terrain`: The ground; None: that of the task, level for most. Starts touch it and lean as it does; an episode
+      that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
+      `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
+    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
+      docs/perception.md. (default None; options)
+    - `depth`: A depth camera, whose numbers follow those of the scan; None: none. docs/perception.md. (default None;
+      options)
+    - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
+      None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
     - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
@@ -623,12 +644,19 @@ class PathEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
-    - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
-      docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
+    - `terrain`: The ground; None: that of the task, level for most. Starts touch it and lean as it does; an episode
+      that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
+      `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
+    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
+      docs/perception.md. (default None; options)
+    - `depth`: A depth camera, whose numbers follow those of the scan; None: none. docs/perception.md. (default None;
+      options)
+    - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
+      None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
     - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
@@ -784,12 +812,19 @@ class PushEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
       > 0 and <= `params.max_wheel_torque`)
-    - `terrain`: The ground; None: level. Starts touch it and lean as it does; an episode that leaves it is truncated.
-      docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
+    - `terrain`: The ground; None: that of the task, level for most. Starts touch it and lean as it does; an episode
+      that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
+      `seed` and parameters)
     - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
+    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
+      docs/perception.md. (default None; options)
+    - `depth`: A depth camera, whose numbers follow those of the scan; None: none. docs/perception.md. (default None;
+      options)
+    - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
+      None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
     - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
@@ -856,6 +891,350 @@ class PushVectorEnv(BallbotVectorEnv):
         super().__init__(
             num_envs,
             task="push",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            autoreset_mode=autoreset_mode,
+            num_threads=num_threads,
+            seed=seed,
+            **options,
+        )
+
+
+class TerrainEnv(BallbotEnv):
+    """Follow a commanded velocity over uneven ground.
+
+    ## Action space
+    `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a share of `max_wheel_torque`; clipped.
+
+    ## Observation space
+    `Box(-10, 10, (20,), float32)`. The heading frame has the yaw of the
+    robot and a vertical z axis.
+
+    | row | what                             | unit  | bound | at rest | typical |
+    | --- | -------------------------------- | ----- | ----- | ------- | ------- |
+    | 0   | gravity direction, body x        |       | 1     | 0       | 0.1     |
+    | 1   | gravity direction, body y        |       | 1     | 0       | 0.1     |
+    | 2   | gravity direction, body z        |       | 1     | -1      | 0.1     |
+    | 3   | body rate about body x           | rad/s | 20    | 0       | 1       |
+    | 4   | body rate about body y           | rad/s | 20    | 0       | 1       |
+    | 5   | body rate about body z           | rad/s | 20    | 0       | 1       |
+    | 6   | wheel speed 0                    | rad/s | 200   | 0       | 5       |
+    | 7   | wheel speed 1                    | rad/s | 200   | 0       | 5       |
+    | 8   | wheel speed 2                    | rad/s | 200   | 0       | 5       |
+    | 9   | ball velocity, heading x         | m/s   | 10    | 0       | 0.2     |
+    | 10  | ball velocity, heading y         | m/s   | 10    | 0       | 0.2     |
+    | 11  | commanded velocity, heading x    | m/s   | 10    | 0       | 0.2     |
+    | 12  | commanded velocity, heading y    | m/s   | 10    | 0       | 0.2     |
+    | 13  | commanded rate of the heading    | rad/s | 10    | 0       | 0.5     |
+    | 14  | error of the velocity, heading x | m/s   | 10    | 0       | 0.1     |
+    | 15  | error of the velocity, heading y | m/s   | 10    | 0       | 0.1     |
+    | 16  | error of the heading's rate      | rad/s | 10    | 0       | 0.2     |
+    | 17  | last action, wheel 0             |       | 1     | 0       | 0.5     |
+    | 18  | last action, wheel 1             |       | 1     | 0       | 0.5     |
+    | 19  | last action, wheel 2             |       | 1     | 0       | 0.5     |
+
+    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    `scale_observations=False` gives the rows in their units.
+
+    ## Rewards
+    The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
+    sign), `reward_terms()` has the last step's terms.
+
+    | term                 | scale | formula                                                            |
+    | -------------------- | ----- | ------------------------------------------------------------------ |
+    | `alive`              | 1     | 1, unless the step ends in a fall                                  |
+    | `velocity`           | -0.4  | e² / (e² + velocity_scales[0]²), e the error of the velocity       |
+    | `velocity_precision` | -0.25 | e² / (e² + velocity_scales[1]²)                                    |
+    | `yaw_rate`           | -0.15 | e² / (e² + yaw_rate_scales[0]²), e the error of the heading's rate |
+    | `yaw_rate_precision` | -0.1  | e² / (e² + yaw_rate_scales[1]²)                                    |
+    | `rate`               | -0.01 | squared body rate in rad/s, at most 100                            |
+    | `action`             | -0.02 | mean squared action                                                |
+    | `action_change`      | -0.02 | mean squared change of the action                                  |
+
+    ## Episode end
+    Terminated, with the reason as `termination` in the info:
+
+    - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
+    - "bot_on_floor": the body or a wheel touches the floor.
+    - "diverged": the state left the bounds of the simulation.
+
+    Truncated after `max_episode_steps` (1000). A success is: not terminated, and `success_share` of the commanded
+    distance travelled; `is_success` in the info of the last step.
+
+    ## Command
+    Drawn by the task. `env.unwrapped.command` has the present one, an array of these numbers; one that is set after a
+    reset holds to the end of the episode.
+
+    | part | what                          | unit  | bound |
+    | ---- | ----------------------------- | ----- | ----- |
+    | 0    | commanded velocity, heading x | m/s   | 10    |
+    | 1    | commanded velocity, heading y | m/s   | 10    |
+    | 2    | commanded rate of the heading | rad/s | 10    |
+
+    ## Metrics
+    Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+
+    | metric           | unit  | what                                                                          |
+    | ---------------- | ----- | ----------------------------------------------------------------------------- |
+    | `velocity_error` | m/s   | root mean square of the settled errors of the velocity                        |
+    | `yaw_rate_error` | rad/s | root mean square of the settled errors of the heading's rate                  |
+    | `share`          |       | how far the ball went in the commanded direction, over the commanded distance |
+    | `level`          |       | level of the tile of the terrain, from 0 on                                   |
+
+    ## Options
+    Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
+
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
+    - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
+    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
+    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
+    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
+      > 0 and <= `params.max_wheel_torque`)
+    - `terrain`: The ground; None: that of the task, level for most. Starts touch it and lean as it does; an episode
+      that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
+      `seed` and parameters)
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+      docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
+    - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
+      exact, kugle, or FILE.toml)
+    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
+      docs/perception.md. (default None; options)
+    - `depth`: A depth camera, whose numbers follow those of the scan; None: none. docs/perception.md. (default None;
+      options)
+    - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
+      None; a level of the terrain, curriculum, or None)
+    - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
+      sensors. (default ground_truth; ground_truth, sensors)
+    - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+      FILE.toml, or a list of dicts)
+    - `speed`: Smallest and largest commanded speed, drawn evenly, in any direction of the heading frame. (default (0.2,
+      0.5) m/s; >= 0 and <= 10)
+    - `command_seconds`: Shortest and longest time from one command to the next, drawn evenly. (default (20, 20) s; > 0
+      and <= 1e9)
+    - `velocity_scales`: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (default
+      (0.2, 0.04) m/s; >= 1e-6 and <= 10)
+    - `yaw_rate_scales`: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
+      (default (0.5, 0.1) rad/s; >= 1e-6 and <= 10)
+    - `hardest`: Steepest level of the terrain where none is chosen, as a share of the slope that the robot can stand
+      on. (default 0.8; >= 0 and <= 1)
+    - `success_share`: Least share of the commanded distance in a success. (default 0.8; >= 0 and <= 1)
+    - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
+      opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
+    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
+      pi)
+
+    `reset(options={"state": State(...)})` starts an episode from a given state.
+    """
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        **options: Unpack[TerrainOptions],
+    ) -> None:
+        super().__init__(
+            "terrain",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            **options,
+        )
+
+
+class TerrainVectorEnv(BallbotVectorEnv):
+    """`num_envs` environments of `TerrainEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        autoreset_mode: str | AutoresetMode = "next_step",
+        num_threads: int | None = None,
+        seed: int | None = None,
+        **options: Unpack[TerrainOptions],
+    ) -> None:
+        super().__init__(
+            num_envs,
+            task="terrain",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            autoreset_mode=autoreset_mode,
+            num_threads=num_threads,
+            seed=seed,
+            **options,
+        )
+
+
+class OpenBallBotEnv(BallbotEnv):
+    """Go along the inertial y axis over random hills without a fall.
+
+    ## Action space
+    `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a share of `max_wheel_torque`; clipped.
+
+    ## Observation space
+    `Box(-10, 10, (16,), float32)`. The heading frame has the yaw of the
+    robot and a vertical z axis.
+
+    | row | what                           | unit  | bound | at rest | typical |
+    | --- | ------------------------------ | ----- | ----- | ------- | ------- |
+    | 0   | gravity direction, body x      |       | 1     | 0       | 0.1     |
+    | 1   | gravity direction, body y      |       | 1     | 0       | 0.1     |
+    | 2   | gravity direction, body z      |       | 1     | -1      | 0.1     |
+    | 3   | body rate about body x         | rad/s | 20    | 0       | 1       |
+    | 4   | body rate about body y         | rad/s | 20    | 0       | 1       |
+    | 5   | body rate about body z         | rad/s | 20    | 0       | 1       |
+    | 6   | wheel speed 0                  | rad/s | 200   | 0       | 5       |
+    | 7   | wheel speed 1                  | rad/s | 200   | 0       | 5       |
+    | 8   | wheel speed 2                  | rad/s | 200   | 0       | 5       |
+    | 9   | ball velocity, heading x       | m/s   | 10    | 0       | 0.2     |
+    | 10  | ball velocity, heading y       | m/s   | 10    | 0       | 0.2     |
+    | 11  | direction of travel, heading x |       | 1     | 0       | 1       |
+    | 12  | direction of travel, heading y |       | 1     | 1       | 1       |
+    | 13  | last action, wheel 0           |       | 1     | 0       | 0.5     |
+    | 14  | last action, wheel 1           |       | 1     | 0       | 0.5     |
+    | 15  | last action, wheel 2           |       | 1     | 0       | 0.5     |
+
+    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    `scale_observations=False` gives the rows in their units.
+
+    ## Rewards
+    The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
+    sign), `reward_terms()` has the last step's terms.
+
+    | term       | scale   | formula                                                  |
+    | ---------- | ------- | -------------------------------------------------------- |
+    | `progress` | 0.01    | velocity along the inertial y axis in m/s, for each 2 ms |
+    | `alive`    | 0.02    | 1 for each 2 ms, unless the step ends in a fall          |
+    | `action`   | -0.0001 | squared norm of the action, for each 2 ms                |
+
+    ## Episode end
+    Terminated, with the reason as `termination` in the info:
+
+    - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
+    - "bot_on_floor": the body or a wheel touches the floor.
+    - "diverged": the state left the bounds of the simulation.
+
+    Truncated after `max_episode_steps` (800). A success is: not terminated; `is_success` in the info of the last step.
+
+    ## Metrics
+    Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+
+    | metric  | unit | what                                                |
+    | ------- | ---- | --------------------------------------------------- |
+    | `speed` | m/s  | mean velocity of the ball along the inertial y axis |
+
+    ## Options
+    Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
+
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
+    - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
+    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
+    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 800; >= 1)
+    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
+      > 0 and <= `params.max_wheel_torque`)
+    - `terrain`: The ground; None: that of the task, level for most. Starts touch it and lean as it does; an episode
+      that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
+      `seed` and parameters)
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+      docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
+    - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
+      exact, kugle, or FILE.toml)
+    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
+      docs/perception.md. (default None; options)
+    - `depth`: A depth camera, whose numbers follow those of the scan; None: none. docs/perception.md. (default None;
+      options)
+    - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
+      None; a level of the terrain, curriculum, or None)
+    - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
+      sensors. (default ground_truth; ground_truth, sensors)
+    - `history`: How many observations, the last ones, are given together. (default 1; >= 1 and <= 1000)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+      FILE.toml, or a list of dicts)
+    - `speed`: Speed in the direction of travel that a classical controller is to keep. (default 0.5 m/s; >= 0 and <=
+      10)
+    - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
+      opening; below `fall_tilt`. (default 0.0349066 rad; >= 0)
+    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.349066 rad; > 0 and <=
+      pi)
+
+    `reset(options={"state": State(...)})` starts an episode from a given state.
+    """
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        **options: Unpack[OpenBallBotOptions],
+    ) -> None:
+        super().__init__(
+            "openballbot",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            **options,
+        )
+
+
+class OpenBallBotVectorEnv(BallbotVectorEnv):
+    """`num_envs` environments of `OpenBallBotEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        autoreset_mode: str | AutoresetMode = "next_step",
+        num_threads: int | None = None,
+        seed: int | None = None,
+        **options: Unpack[OpenBallBotOptions],
+    ) -> None:
+        super().__init__(
+            num_envs,
+            task="openballbot",
             render_mode=render_mode,
             width=width,
             height=height,

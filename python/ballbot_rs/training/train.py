@@ -17,8 +17,10 @@ import ballbot_rs
 from ballbot_rs import _files
 from ballbot_rs.control import policy_size, sb3_policy
 from ballbot_rs.control.sb3_policy import METADATA, algorithms, metadata
-from ballbot_rs.envs.registration import description_of, task_of
+from ballbot_rs.envs._batch_env import without_curriculum
+from ballbot_rs.envs.registration import task_of
 from ballbot_rs.envs.sb3 import BallbotVecEnv
+from ballbot_rs.envs.spaces import observation_width
 from ballbot_rs.training import config as config_module
 from ballbot_rs.training import run_folder, teacher
 from ballbot_rs.training.callbacks import Checkpoints, KeepBest
@@ -200,7 +202,7 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
         arguments[name] = _linear(float(arguments[name]))
     try:
         environment = _environment(config)
-        policy_size.check_net_arch(config.policy, len(description_of(task_of(config.env_id))["observation"]))
+        policy_size.check_net_arch(config.policy, observation_width(task_of(config.env_id), config.env))
         model: BaseAlgorithm = algorithms()[config.algorithm](
             "MlpPolicy",
             environment,
@@ -226,7 +228,7 @@ def _keep_best(config: TrainConfig, folder: Path, seed: int) -> KeepBest:
         torch_threads=None,
         num_threads=config.num_threads,
         seed=_first_seed(seed) + EVALUATION_SEEDS,
-        **config.env,
+        **without_curriculum(config.env),
     )
     return KeepBest(folder, VecMonitor(evaluation), every=_every(config), episodes=config.evaluation.episodes)
 

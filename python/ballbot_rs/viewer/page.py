@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from ballbot_rs._core import MODELS, TASKS
+from ballbot_rs._core import MODELS
 from ballbot_rs._state_rows import BALL_POSITION
 from ballbot_rs.control.resolve import NAMES
 from ballbot_rs.viewer.camera import floor_point, look_from
@@ -20,7 +20,7 @@ from ballbot_rs.viewer.plots import Plots
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.runner import Command
 from ballbot_rs.viewer.scene import Scene
-from ballbot_rs.viewer.session import MIN_SPEED, Session
+from ballbot_rs.viewer.session import MIN_SPEED, PAGE_TASKS, Session
 from ballbot_rs.viewer.shapes import Look
 from ballbot_rs.viewer.tuning import Tuning
 
@@ -93,7 +93,7 @@ class Page:
         chosen = session.controller if session.controller in NAMES else POLICY
         self._model = gui.add_dropdown("Model", MODELS, initial_value=session.robots.model)
         self._robot = gui.add_dropdown("Robot", session.robot_names, initial_value=session.robots.name)
-        self._task = gui.add_dropdown("Task", tuple(TASKS), initial_value=session.task)
+        self._task = gui.add_dropdown("Task", PAGE_TASKS, initial_value=session.task)
         self._sees = gui.add_dropdown(
             "Controller sees",
             tuple(SEES.values()),

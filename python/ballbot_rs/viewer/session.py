@@ -30,6 +30,9 @@ T = TypeVar("T")
 
 MAX_ROBOTS = 64
 
+#: The page shows level ground alone.
+PAGE_TASKS = tuple(name for name, task in TASKS.items() if not task["has_terrain"])
+
 #: How long a policy, or a law that is not of the core, may take for a control step, and to be loaded and tried, s.
 MAX_CALL = 1.0
 MAX_LOAD = 10.0
@@ -437,8 +440,8 @@ class Session:
 def _objective(
     controller: ResolvedController, params: Params, num_robots: int, task: str, options: Mapping[str, Any]
 ) -> Objective:
-    if task not in TASKS:
-        raise ValueError(f"the page has no task '{task}': expected one of {', '.join(TASKS)}")
+    if task not in PAGE_TASKS:
+        raise ValueError(f"the page has no task '{task}': expected one of {', '.join(PAGE_TASKS)}")
     if task == DEFAULT_TASK:
         return Balancing(controller, params, num_robots)
     return Commanding(controller, params, num_robots, task, options)

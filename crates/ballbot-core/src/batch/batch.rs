@@ -14,6 +14,7 @@ use crate::error::{Error, Result};
 use crate::interrupt::{Stop, Watch};
 use crate::lanes::EIGHT;
 use crate::memory::require_memory;
+use crate::perception::Perception;
 use crate::robot::{Ballbot, ModelKind, check_restored};
 use crate::sensor::Sensor;
 use crate::sim::contact::ContactLanes;
@@ -39,6 +40,7 @@ pub struct Batch {
     pub(super) history: usize,
     len: usize,
     pub(super) ground: Option<Arc<Ground>>,
+    pub(super) perception: Option<Arc<Perception>>,
     pub(super) plan: Option<Arc<Plan>>,
     /// Options of the stages, without events.
     pub(super) stages: Stages,
@@ -90,6 +92,7 @@ impl Batch {
         seed: u64,
     ) -> Result<Self> {
         check_count(num_envs)?;
+        let config = &config.with_terrain()?;
         config.validate()?;
         let sensors = config.onboard()?;
         match config.drive()? {
@@ -115,6 +118,7 @@ impl Batch {
         seed: u64,
     ) -> Result<Self> {
         check_count(num_envs)?;
+        let config = &config.with_terrain()?;
         config.validate()?;
         Self::build(config, actuator, sensor, num_envs, autoreset, num_threads, seed)
     }
@@ -132,13 +136,17 @@ impl Batch {
         let threads = thread_count(num_threads)?;
         let config = Arc::new(config.clone());
         let description = TaskDescription::of::<T>();
-        let step = Arc::new(TaskStep::new(actuator, sensor.clone(), &description, &config));
+        let step = Arc::new(TaskStep::new(actuator, sensor.clone(), &description, &config)?);
         let plan = config.plan()?;
         let of_events = plan.as_ref().map_or(0, |plan| plan.bytes());
+        let seen = step
+            .perception
+            .as_ref()
+            .map_or(0, |perception| perception.bytes() + 3 * size_of::<f32>() * perception.width());
         require_memory(
             format_args!("num_envs = {num_envs}"),
             num_envs,
-            config.model.bytes() + step.sizes().numbers() * size_of::<f64>() + of_events,
+            config.model.bytes() + step.sizes().numbers() * size_of::<f64>() + of_events + seen,
         )?;
         let params = Arc::new(config.params.clone());
         let ground = config.ground()?;
@@ -177,6 +185,7 @@ impl Batch {
             substeps,
             max_episode_steps: config.max_episode_steps,
             ground,
+            perception: step.perception.clone(),
             max_wheel_torque: config.action_torque(),
             scaled: config.scale_observations,
             history: config.history,

@@ -41,6 +41,12 @@ pub trait Chunk: Send + Sync {
     /// Writes the last observation.
     fn observation(&self, i: usize, out: &mut [f32]);
 
+    /// Last readings of the height scan and the depth camera, m.
+    fn perceived(&self, i: usize) -> [&[f32]; 2];
+
+    /// Level of the tile of the present episode.
+    fn level(&self, i: usize) -> usize;
+
     /// Writes the terms of the last reward.
     fn reward_terms(&self, i: usize, out: &mut [f64]);
 

@@ -14,7 +14,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     pub(super) fn draw_command(&mut self, i: usize) -> f64 {
         let state = self.robots.lane_state(i);
         let params = self.robots.params(i);
-        let moment = Moment { state: &state, params, control_dt: self.config.control_dt };
+        let level = self.one.episode.level as usize;
+        let moment = Moment { state: &state, params, control_dt: self.config.control_dt, level };
         let memory = &mut self.one.task;
         let steps = self.step.task.command(&moment, &mut self.rngs[i], memory);
         self.step.task.commanded(&moment, memory);
@@ -46,7 +47,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.step.task.check_command(command)?;
         self.take_before_reading(i);
         let state = self.robots.lane_state(i);
-        let moment = Moment { state: &state, params: self.robots.params(i), control_dt: self.config.control_dt };
+        let level = self.one.episode.level as usize;
+        let moment = Moment { state: &state, params: self.robots.params(i), control_dt: self.config.control_dt, level };
         self.one.task[..command.len()].copy_from_slice(command);
         self.step.task.commanded(&moment, &mut self.one.task);
         self.one.episode.next_command = f64::INFINITY;

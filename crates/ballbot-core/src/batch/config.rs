@@ -1,12 +1,14 @@
 //! Everything that defines an environment.
 
 use super::events::{Event, Plan, Setup, Stages, TASK_ID, Tests, When};
+use super::levels::Levels;
 use super::observation::Observation;
 use crate::actuator::{Actuator, Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::control::default_max_torque;
 use crate::error::{Error, Result, check, positive};
 use crate::model::same_geometry;
 use crate::params::Params;
+use crate::perception::{DepthOptions, Instrument, Perception, ScanOptions};
 use crate::robot::{Ballbot, ModelKind, check_sim_dt};
 use crate::sensor::{Onboard, SensorOptions};
 use crate::task::{Balance, RewardScales, Task, TaskDescription};
@@ -35,12 +37,18 @@ pub struct EnvConfig<T> {
     /// Torque of an action of 1, N·m; at most the motors' limit. `None` is [`default_max_torque`], at which no wheel of
     /// the upright robot slips: an untrained policy then explores torques that balance a robot, not ones that throw it.
     pub max_wheel_torque: Option<f64>,
-    /// The ground; `None` for level ground. Starts are moved to it and lean as it does; an episode that leaves it is truncated.
+    /// The ground; `None` for that of the task, which is level for most. Starts are moved to it and lean as it does; an episode that leaves it is truncated.
     pub terrain: Option<Arc<Terrain>>,
     /// The motors between actions and torques.
     pub actuators: MotorOptions,
     /// The sensors of the robots; `None` for robots without, which nothing can be read of.
     pub sensors: Option<SensorOptions>,
+    /// The height scan, if the robots have one.
+    pub scan: Option<ScanOptions>,
+    /// The depth camera, if the robots have one.
+    pub depth: Option<DepthOptions>,
+    /// Levels of the tiles that episodes begin on, if the terrain has tiles.
+    pub levels: Levels,
     /// What the rows of an observation are computed from.
     pub observation: Observation,
     /// How many observations, the last ones, are given together.
@@ -77,6 +85,9 @@ impl<T: Task> Default for EnvConfig<T> {
             terrain: None,
             actuators: MotorOptions::default(),
             sensors: None,
+            scan: None,
+            depth: None,
+            levels: Levels::default(),
             observation: Observation::default(),
             history: 1,
             scale_observations: true,
@@ -110,6 +121,10 @@ impl<T: Task> EnvConfig<T> {
             [print as u32, (print >> 32) as u32].map(f64::from)
         });
         let numbers = numbers.chain(terrain);
+        let scan = self.scan.iter().flat_map(Instrument::numbers);
+        let seen = scan.chain(self.depth.iter().flat_map(Instrument::numbers)).chain([self.levels.number()]);
+        let seen: Vec<_> = seen.collect();
+        let numbers = numbers.chain(seen);
         numbers.chain(observed).chain(sensors).chain(estimator.into_iter().flatten()).collect()
     }
 
@@ -167,6 +182,15 @@ impl<T: Task> EnvConfig<T> {
         Onboard::individual(&options, &largest, self.control_dt, observer).map(Some)
     }
 
+    /// The instruments that look at the ground, if there are any.
+    ///
+    /// # Errors
+    /// Those of [`Perception::new`].
+    pub fn perception(&self) -> Result<Option<Perception>> {
+        let (scan, depth) = (self.scan.as_ref(), self.depth.as_ref());
+        Perception::new(scan, depth, &self.params, self.control_dt, self.scale_observations)
+    }
+
     /// The options of the stages without events.
     pub(super) fn stages(&self) -> Stages {
         Stages { actuators: self.actuators.clone(), sensors: self.sensors.clone().unwrap_or_default() }
@@ -217,12 +241,21 @@ impl<T: Task> EnvConfig<T> {
         self.validate_robot(&self.params)?;
         self.reward.validate()?;
         self.check_terrain()?;
+        self.perception()?;
         self.plan().and_then(|plan| plan.map_or(Ok(()), |plan| self.check_events(&plan, &self.params)))
     }
 
     /// Checks that the robots can start on the terrain, and that no event changes what it does not go with.
     fn check_terrain(&self) -> Result<()> {
+        let tiles = self.terrain.as_ref().and_then(|terrain| terrain.tiles());
+        self.levels.check(tiles)?;
         let Some(terrain) = &self.terrain else { return Ok(()) };
+        if tiles.is_some() && !T::ANYWHERE {
+            return Err(Error::Inconsistent(format!(
+                "the terrain has tiles, on which robots start in many places, but the task '{}' has its place at the origin",
+                T::NAME
+            )));
+        }
         self.params.require_level("a robot on a terrain")?;
         if self.events.iter().any(|event| event.term == "floor_tilt") {
             return Err(Error::Inconsistent(
@@ -245,13 +278,26 @@ impl<T: Task> EnvConfig<T> {
         Ok(())
     }
 
+    /// The same with the ground of the task where none is chosen.
+    ///
+    /// # Errors
+    /// Those of [`Task::terrain`].
+    pub(super) fn with_terrain(&self) -> Result<Self> {
+        let mut config = self.clone();
+        if config.terrain.is_none() {
+            config.params.validate()?;
+            config.task.check_limits()?;
+            config.terrain = config.task.terrain(&config.params)?;
+        }
+        Ok(config)
+    }
+
     /// The ground of the robots.
     ///
     /// # Errors
     /// Those of [`Ground::new`].
     pub(super) fn ground(&self) -> Result<Option<Arc<Ground>>> {
-        let ground = self.terrain.as_ref().map(|terrain| Ground::new(terrain, self.params.ball_radius));
-        Ok(ground.transpose()?.map(Arc::new))
+        self.terrain.as_ref().map(|terrain| Ground::shared(terrain, self.params.ball_radius)).transpose()
     }
 
     /// The events as they are carried out, if there are any.

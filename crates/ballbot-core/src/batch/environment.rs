@@ -43,6 +43,8 @@ pub struct Environment<T: Task = Balance> {
     config: Arc<EnvConfig<T>>,
     inner: Box<dyn SingleChunk>,
     terms: Vec<&'static str>,
+    /// Rows of the task.
+    rows: usize,
     observation: Vec<f32>,
 }
 
@@ -52,6 +54,7 @@ impl<T: Task> Environment<T> {
     /// # Errors
     /// What [`EnvConfig::validate`] and [`Ballbot::new`] find.
     pub fn new(config: &EnvConfig<T>, seed: u64) -> Result<Self> {
+        let config = &config.with_terrain()?;
         config.validate()?;
         match config.drive()? {
             Drive::Ideal(ideal) => Self::with_actuator(config, ideal, seed),
@@ -63,12 +66,14 @@ impl<T: Task> Environment<T> {
     fn with_actuator(config: &EnvConfig<T>, actuator: impl Actuator, seed: u64) -> Result<Self> {
         let config = Arc::new(config.clone());
         let description = TaskDescription::of::<T>();
-        let step = Arc::new(TaskStep::new(&actuator, config.onboard()?, &description, &config));
+        let step = Arc::new(TaskStep::new(&actuator, config.onboard()?, &description, &config)?);
+        let perceived = step.perception.as_ref().map_or(0, |perception| perception.width());
         let robot = Single::new(Ballbot::new(&config.params, config.model, config.sim_dt)?);
         Ok(Self {
             inner: Box::new(Environments::new(&config, &step, actuator, robot, config.plan()?.as_ref(), 1, seed)?),
+            rows: description.rows.len(),
             terms: description.terms.iter().map(|term| term.name).collect(),
-            observation: vec![0.0; description.rows.len() * config.history],
+            observation: vec![0.0; description.rows.len() * config.history + perceived],
             config,
         })
     }
@@ -174,7 +179,7 @@ impl<T: Task> Environment<T> {
     /// # Errors
     /// As [`super::Batch::privileged_observation`].
     pub fn privileged_observation(&mut self, out: &mut [f32]) -> Result<()> {
-        super::observations::check_len(out.len(), self.observation.len() / self.config.history)?;
+        super::observations::check_len(out.len(), self.rows)?;
         self.inner.privileged_observation(0, out);
         Ok(())
     }

@@ -7,6 +7,7 @@ use super::config::EnvConfig;
 use super::events::{Plan, Randomized, Setup, Source, Stages, key_of};
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
+use super::sight::Sight;
 use super::task_step::TaskStep;
 use crate::actuator::Actuator;
 use crate::control::{Controller, LaneWidth};
@@ -60,6 +61,10 @@ pub struct Environments<R: Robots, T, A, S> {
     measured: Vec<f64>,
     /// What is drawn at random of the robots, if anything is.
     pub(super) events: Option<Box<Randomized>>,
+    /// Instruments that look at the ground, if there are any.
+    pub(super) sight: Option<Box<Sight>>,
+    /// Levels of a curriculum that the environments have reached.
+    pub(super) levels: Vec<u32>,
 }
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
@@ -110,6 +115,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             metrics: vec![f64::NAN; used * metrics],
             measured: Vec::with_capacity(metrics),
             events: plan.map(|plan| Box::new(Randomized::new(plan, &nominal, used))),
+            sight: step.perception.as_ref().map(|perception| Box::new(Sight::new(perception, used))),
+            levels: vec![0; used],
             robots,
             config: Arc::clone(config),
         };
@@ -162,44 +169,6 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         Ok(())
     }
 
-    /// Places robot `i` in an accepted state and begins an episode.
-    fn begin(&mut self, i: usize, start: &State, observation: &mut [f32]) {
-        self.robots.place(i, start);
-        self.one.begin(self.config.max_episode_steps as f64);
-        let key = key_of(self.rngs[i].get_seed());
-        self.actuator.begin(key, self.episodes[i], &mut self.one.actuator);
-        if let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) {
-            self.actuator.equip(&events.stages(i).actuators, self.robots.params(i), &mut self.one.actuator);
-        }
-        self.one.episode.next_command = self.draw_command(i);
-        self.over[i] = false;
-        self.begun = true;
-        self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
-        self.begin_readings(i);
-        // What is observed anew before the first step repeats the first reading.
-        let Ledger { sensor, last_sensor, .. } = &mut self.one;
-        last_sensor.copy_from_slice(sensor);
-        self.observe(i, observation);
-        self.repeat_observation(i, observation);
-    }
-
-    /// A start on level ground of robot `i` on its own.
-    fn on_ground(&self, i: usize, start: State) -> State {
-        match self.robots.ground() {
-            Some(ground) => ground.adapted(self.robots.params(i), self.robots.wheels(i), &start),
-            None => start,
-        }
-    }
-
-    fn begin_at_random(&mut self, i: usize, observation: &mut [f32]) {
-        self.renew(i);
-        let (params, wheels) = (self.robots.params(i), self.robots.wheels(i));
-        let start = self.step.task.start(params, wheels, &mut self.rngs[i]);
-        let start = self.on_ground(i, start);
-        // The extreme starts were accepted, and bound this one.
-        self.begin(i, &start, observation);
-    }
-
     /// Keeps the metrics of the episode of robot `i`, which ends.
     fn keep_metrics(&mut self, i: usize) {
         let len = self.step.metrics();
@@ -225,7 +194,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// Writes what a step gives, and begins the episodes that follow those that it ended.
     fn write_step(&mut self, autoreset: Autoreset, mut buffers: StepBuffers<'_>) {
-        let width = self.ledger.observation.len();
+        let width = self.ledger.observation.len() + self.perceived();
         for i in 0..self.used {
             let row = i * width..(i + 1) * width;
             if self.is_reset_instead(autoreset, i) {
@@ -234,11 +203,13 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
                 continue;
             }
             let observation = &mut buffers.observations[row.clone()];
+            self.perceive(i);
             self.write_observation(i, observation);
             let outcome = self.outcome(i);
             self.over[i] = outcome.done();
             if outcome.done() {
                 self.keep_metrics(i);
+                self.note_level(i);
             }
             if !outcome.done() {
                 self.renew_commands(i, observation);
@@ -467,6 +438,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn shorten(&mut self, i: usize, steps: usize) {
         self.ledger.episode.limit.set(i, steps.clamp(1, self.config.max_episode_steps) as f64);
+    }
+
+    fn perceived(&self, i: usize) -> [&[f32]; 2] {
+        self.sight.as_ref().map_or([&[]; 2], |sight| [&sight.seen[i].scan.values, &sight.seen[i].depth.values])
+    }
+
+    fn level(&self, i: usize) -> usize {
+        self.ledger.episode.level.get(i) as usize
     }
 
     fn first_over(&self) -> Option<usize> {

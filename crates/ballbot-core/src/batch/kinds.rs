@@ -4,13 +4,15 @@ use super::autoreset::Autoreset;
 use super::batch::Batch;
 use super::config::EnvConfig;
 use super::events::Event;
+use super::levels::Levels;
 use super::observation::Observation;
 use crate::actuator::MotorOptions;
 use crate::error::{Error, Result};
 use crate::params::Params;
+use crate::perception::{DepthOptions, ScanOptions};
 use crate::robot::ModelKind;
 use crate::sensor::SensorOptions;
-use crate::task::{Balance, Bare, Goal, Path, Push, Task, TaskDescription, Velocity};
+use crate::task::{Balance, Bare, Goal, OpenBallBot, Path, Push, Task, TaskDescription, Traverse, Velocity};
 use crate::terrain::Terrain;
 use std::marker::PhantomData;
 use std::sync::{Arc, PoisonError, RwLock};
@@ -33,6 +35,18 @@ pub trait TaskConfig: Send {
     fn set_sensors(&mut self, sensors: Option<SensorOptions>);
     /// The sensors.
     fn sensors(&self) -> Option<&SensorOptions>;
+    /// Replaces the height scan.
+    fn set_scan(&mut self, scan: Option<ScanOptions>);
+    /// The height scan.
+    fn scan(&self) -> Option<&ScanOptions>;
+    /// Replaces the depth camera.
+    fn set_depth(&mut self, depth: Option<DepthOptions>);
+    /// The depth camera.
+    fn depth(&self) -> Option<&DepthOptions>;
+    /// Replaces the levels of the tiles that episodes begin on.
+    fn set_levels(&mut self, levels: Levels);
+    /// The levels of the tiles that episodes begin on.
+    fn levels(&self) -> Levels;
     /// Replaces what observations are computed from.
     fn set_observation(&mut self, observation: Observation);
     /// What observations are computed from.
@@ -83,12 +97,14 @@ impl<T: Task> TaskKind for Kind<T> {
 }
 
 /// The tasks of this crate.
-static TASKS: [&dyn TaskKind; 5] = [
+static TASKS: [&dyn TaskKind; 7] = [
     &Kind::<Balance>(PhantomData),
     &Kind::<Velocity>(PhantomData),
     &Kind::<Goal>(PhantomData),
     &Kind::<Path>(PhantomData),
     &Kind::<Push>(PhantomData),
+    &Kind::<Traverse>(PhantomData),
+    &Kind::<OpenBallBot>(PhantomData),
 ];
 
 /// Robots for tasks that are defined outside of the core: no task by itself, so it is in no list.
@@ -161,6 +177,30 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
 
     fn sensors(&self) -> Option<&SensorOptions> {
         self.sensors.as_ref()
+    }
+
+    fn set_scan(&mut self, scan: Option<ScanOptions>) {
+        self.scan = scan;
+    }
+
+    fn scan(&self) -> Option<&ScanOptions> {
+        self.scan.as_ref()
+    }
+
+    fn set_depth(&mut self, depth: Option<DepthOptions>) {
+        self.depth = depth;
+    }
+
+    fn depth(&self) -> Option<&DepthOptions> {
+        self.depth.as_ref()
+    }
+
+    fn set_levels(&mut self, levels: Levels) {
+        self.levels = levels;
+    }
+
+    fn levels(&self) -> Levels {
+        self.levels
     }
 
     fn set_observation(&mut self, observation: Observation) {

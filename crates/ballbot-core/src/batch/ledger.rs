@@ -15,6 +15,10 @@ cells! {
         /// The step from which a new command is due.
         pub next_command: T,
         pub reward: T,
+        /// Middle of the tile of the terrain, m; 0 without tiles.
+        pub origin: [T; 2],
+        /// Level of the tile.
+        pub level: T,
         /// 0 if the episode goes on, otherwise 1 + the index of the reason.
         pub termination: T,
         /// 1 if the episode reached its last step, else 0.
@@ -83,8 +87,14 @@ impl<C: Cell> Ledger<C> {
 
     /// Whether a saved ledger may take the place of this one: the same sizes, and numbers that can be.
     pub fn fits(&self, saved: &Ledger<f64>) -> bool {
-        let Episode { steps, limit, last_action, reward, .. } = saved.episode;
-        let mut numbers = saved.parts().into_iter().flatten().chain(&last_action).chain([&steps, &limit, &reward]);
+        let Episode { steps, limit, last_action, reward, origin, level, .. } = saved.episode;
+        let mut numbers = saved
+            .parts()
+            .into_iter()
+            .flatten()
+            .chain(&last_action)
+            .chain(&origin)
+            .chain([&steps, &limit, &reward, &level]);
         // All of them are shown, or squared, as they are.
         numbers.all(|number| number.abs() <= MAX_NUMBER)
             && self.parts().map(<[C]>::len) == saved.parts().map(<[f64]>::len)

@@ -6,6 +6,7 @@
 mod autoreset;
 #[allow(clippy::module_inception, reason = "the batch itself")]
 mod batch;
+mod beginning;
 mod buffers;
 mod chunk;
 mod closed_loop;
@@ -18,16 +19,19 @@ mod environments;
 mod events;
 mod kinds;
 mod ledger;
+mod levels;
 mod measured;
 mod observation;
 mod observations;
 mod observing;
 mod outside;
+mod perceiving;
 mod pieces;
 mod renewing;
 mod resetting;
 mod robots;
 mod saving;
+mod sight;
 mod standing;
 mod task_step;
 
@@ -41,6 +45,7 @@ pub use events::{
     Direction, Distribution, Event, Operation, Value, When, event_sets, events_from_toml, events_to_toml, load_events,
 };
 pub use kinds::{TaskConfig, TaskKind, register_task, task_kind, task_kinds};
+pub use levels::Levels;
 pub use observation::Observation;
 pub use outside::Outside;
 pub use resetting::ResetRequest;

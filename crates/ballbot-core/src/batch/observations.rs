@@ -2,13 +2,30 @@
 
 use super::batch::Batch;
 use crate::error::{Error, Result};
+use crate::perception::Perception;
 use crate::sensor::Readings;
 use crate::state::State;
 
 impl Batch {
-    /// How many numbers an observation has: its rows, [`Batch::history`] times.
+    /// How many numbers an observation has: its rows, [`Batch::history`] times, then what the height scan and the depth
+    /// camera read.
     pub fn observation_len(&self) -> usize {
-        self.description.rows.len() * self.history
+        self.description.rows.len() * self.history + self.perception.as_ref().map_or(0, |seen| seen.width())
+    }
+
+    /// The instruments that look at the ground.
+    pub fn perception(&self) -> Option<&Perception> {
+        self.perception.as_deref()
+    }
+
+    /// Last readings of the height scan and the depth camera of one robot, m, without scaling; empty ones for instruments that
+    /// it does not have.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn perceived(&self, index: usize) -> Result<[&[f32]; 2]> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].perceived(i))
     }
 
     /// How many observations, the last ones, are given together.

@@ -99,6 +99,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     #[inline]
     pub(super) fn write_observation(&self, i: usize, row: &mut [f32]) {
         let rows = self.step.rows();
+        let (row, perceived) = row.split_at_mut(self.ledger.observation.len());
+        self.write_perceived(i, perceived);
         // The newest comes last.
         for (out, cells) in row.chunks_exact_mut(rows).rev().zip(self.ledger.observation.chunks_exact(rows)) {
             for (out, cell) in out.iter_mut().zip(cells) {

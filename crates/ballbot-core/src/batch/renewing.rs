@@ -17,6 +17,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         if let Some(seed) = self.next_seeds[i].take() {
             self.rngs[i] = ChaCha8Rng::seed_from_u64(seed);
             self.episodes[i] = 0;
+            self.levels[i] = 0;
             if let Some(events) = &mut self.events {
                 events.seed(i);
             }

@@ -8,6 +8,7 @@ use crate::actuator::Actuator;
 use crate::error::Result;
 use crate::lanes::Cell;
 use crate::params::Params;
+use crate::perception::{Reading, Seen};
 use crate::sensor::Sensor;
 use crate::snapshot;
 use crate::task::Task;
@@ -31,6 +32,8 @@ struct Snapshot {
     over: bool,
     events: Option<Saved>,
     next_seed: Option<u64>,
+    level: u32,
+    seen: Option<[Reading; 2]>,
 }
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
@@ -51,7 +54,23 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             over: self.over[i],
             events: self.events.as_ref().map(|events| events.save(i)),
             next_seed: self.next_seeds[i],
+            level: self.levels[i],
+            seen: self.sight.as_ref().map(|sight| {
+                let Seen { scan, depth, .. } = &sight.seen[i];
+                [scan.clone(), depth.clone()]
+            }),
         })
+    }
+
+    fn perceived_fits(&self, i: usize, saved: Option<&[Reading; 2]>) -> bool {
+        match (&self.sight, saved) {
+            (None, None) => true,
+            (Some(sight), Some([scan, depth])) => {
+                let Seen { scan: own_scan, depth: own_depth, .. } = &sight.seen[i];
+                own_scan.fits(scan) && own_depth.fits(depth)
+            }
+            _ => false,
+        }
     }
 
     /// As [`super::chunk::Chunk::load`].
@@ -68,13 +87,16 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         }
         if snapshot.options != self.config.numbers() {
             return Err(refused(
-                "time steps, torque, scaling, reward, robot of the estimator, sensors, terrain, history or options of its task \
+                "time steps, torque, scaling, reward, robot of the estimator, sensors, terrain, instruments, history or options of its task \
                  differ"
                     .into(),
             ));
         }
         if !self.one.fits(&snapshot.ledger) {
             return Err(refused("its task or stages keep other numbers".into()));
+        }
+        if !self.perceived_fits(i, snapshot.seen.as_ref()) {
+            return Err(refused("its instruments read other numbers".into()));
         }
         let params = Params::from_numbers(&snapshot.params).ok_or_else(|| refused("it lacks parameters".into()))?;
         if snapshot.events.is_some() != self.events.is_some() {
@@ -109,6 +131,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.episodes[i] = snapshot.episode;
         self.next_seeds[i] = snapshot.next_seed;
         R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
+        self.levels[i] = snapshot.level;
+        if let (Some(sight), Some([scan, depth])) = (&mut self.sight, snapshot.seen) {
+            (sight.seen[i].scan, sight.seen[i].depth) = (scan, depth);
+            self.restore_perceiving(i);
+        }
         self.forget_metrics(i);
         self.inform(i);
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));

@@ -13,6 +13,15 @@ impl Batch {
         self.ground.as_ref().map(|ground| ground.terrain())
     }
 
+    /// Level of the tile that the present episode of environment `index` began on; 0 for terrains without tiles.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn level(&self, index: usize) -> Result<usize> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].level(i))
+    }
+
     /// A state on level ground of the robot of environment `index`, at the same place of the ground here, as starts are
     /// moved: the ball touches it and rolls with the same horizontal velocity, and the static lean there is added to the
     /// tilt. The same state on level ground.

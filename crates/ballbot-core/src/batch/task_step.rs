@@ -3,10 +3,13 @@
 use super::config::EnvConfig;
 use super::ledger::{Ledger, Sizes};
 use crate::actuator::Actuator;
+use crate::error::Result;
 use crate::lane_state::{LaneRobot, LaneState};
 use crate::lanes::{Lane, Memory, Scalar, Vec3, atan2_positive, load3, run_one};
+use crate::perception::Perception;
 use crate::sensor::Sensor;
 use crate::task::{ACTION_LEN, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
+use std::sync::Arc;
 
 /// A task with its sensor, shared by all chunks of a batch.
 pub struct TaskStep<T, S> {
@@ -15,8 +18,9 @@ pub struct TaskStep<T, S> {
     scales: Vec<f64>,
     scaling: Option<RowScaling>,
     control_dt: f64,
-    /// Half lengths of the terrain along x and y, m.
+    /// Half lengths of the terrain, or of a tile of it, along x and y, m.
     half_size: Option<[f64; 2]>,
+    pub perception: Option<Arc<Perception>>,
     /// Of one observation; those of a history are in the ledger, newest first.
     rows: usize,
     metrics: usize,
@@ -24,14 +28,25 @@ pub struct TaskStep<T, S> {
 }
 
 impl<T: Task, S: Sensor> TaskStep<T, S> {
-    pub fn new(actuator: &impl Actuator, sensor: S, description: &TaskDescription, config: &EnvConfig<T>) -> Self {
+    /// # Errors
+    /// Those of [`EnvConfig::perception`].
+    pub fn new(
+        actuator: &impl Actuator,
+        sensor: S,
+        description: &TaskDescription,
+        config: &EnvConfig<T>,
+    ) -> Result<Self> {
         let rows = description.rows.len();
-        Self {
+        Ok(Self {
             task: config.task.clone(),
             scales: config.reward.values().collect(),
             scaling: config.scale_observations.then(|| description.scaling.clone()),
             control_dt: config.control_dt,
-            half_size: config.terrain.as_ref().map(|terrain| terrain.half_size()),
+            half_size: config
+                .terrain
+                .as_ref()
+                .map(|terrain| terrain.tiles().map_or_else(|| terrain.half_size(), |tiles| [0.5 * tiles.side; 2])),
+            perception: config.perception()?.map(Arc::new),
             rows,
             metrics: description.metrics.len(),
             sizes: Sizes {
@@ -42,7 +57,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
                 terms: description.terms.len(),
             },
             sensor,
-        }
+        })
     }
 
     pub fn sizes(&self) -> Sizes {
@@ -104,7 +119,8 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         let mut over = L::load(token, &episode.limit).le(steps);
         if let Some([x, y]) = self.half_size {
             let ball = &state.ball_position;
-            over = over | zero.splat(x).lt(ball.x.abs()) | zero.splat(y).lt(ball.y.abs());
+            let [from_x, from_y] = [0, 1].map(|axis| L::load(token, &episode.origin[axis]));
+            over = over | zero.splat(x).lt((ball.x - from_x).abs()) | zero.splat(y).lt((ball.y - from_y).abs());
         }
         let truncated = !terminated & over;
 

@@ -25,7 +25,7 @@ impl Ballbot {
         if terrain.is_some() {
             self.params().require_level("a robot on a terrain")?;
         }
-        let ground = terrain.map(|terrain| Ground::new(terrain, self.params().ball_radius)).transpose()?.map(Arc::new);
+        let ground = terrain.map(|terrain| Ground::shared(terrain, self.params().ball_radius)).transpose()?;
         self.set_ground(ground.as_ref())
     }
 

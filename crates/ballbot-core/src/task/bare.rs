@@ -24,6 +24,7 @@ impl Task for Bare {
     const ID: &'static str = "ballbot/Bare-v0";
     const SUMMARY: &'static str = "Robots without a task, of which all is observed.";
     const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
+    const ANYWHERE: bool = true;
 
     fn validate(&self, params: &Params) -> Result<()> {
         self.starts().validate(params)

@@ -22,6 +22,8 @@ pub struct TaskDescription {
     pub reward_threshold: Option<f64>,
     /// As in [`Task`].
     pub success: &'static str,
+    /// Whether it has a ground of its own where none is chosen.
+    pub has_terrain: bool,
     /// Options of the task itself.
     pub options: Vec<OptionDescription>,
     /// Parts of the command.
@@ -87,6 +89,7 @@ impl TaskDescription {
             max_episode_steps: T::MAX_EPISODE_STEPS,
             reward_threshold: T::REWARD_THRESHOLD,
             success: T::SUCCESS,
+            has_terrain: T::HAS_TERRAIN,
             command: T::COMMAND,
             metrics,
             options: describe_options::<T>(),

@@ -9,11 +9,13 @@ mod bare;
 mod description;
 mod goal;
 mod metrics;
+mod open_ball_bot;
 mod path;
 mod push;
 mod rows;
 mod shared;
 mod start;
+mod traverse;
 mod velocity;
 
 pub use balance::Balance;
@@ -21,10 +23,12 @@ pub use bare::Bare;
 pub use description::TaskDescription;
 pub use goal::Goal;
 pub use metrics::{Metric, Metrics};
+pub use open_ball_bot::OpenBallBot;
 pub use path::Path;
 pub use push::Push;
 pub use rows::{RewardScales, Row, RowScaling, Rows, SCALED_BOUND, Term, Terms};
 pub(crate) use rows::{WriteRows, WriteTerms};
+pub use traverse::Traverse;
 pub use velocity::Velocity;
 
 use crate::error::Result;
@@ -35,7 +39,9 @@ use crate::lanes::{Lane, Memory, Vec3};
 use crate::params::Params;
 use crate::setpoint::Setpoint;
 use crate::state::State;
+use crate::terrain::Terrain;
 use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
 
 /// Number of actions: one command for each wheel.
 pub const ACTION_LEN: usize = 3;
@@ -69,6 +75,12 @@ pub trait Task: Fields + Send + Sync + 'static {
     /// The command, as rows of an observation: its bounds are those of a command that is set by hand. It is the first numbers
     /// of the memory.
     const COMMAND: &'static [Row] = &[];
+
+    /// Whether an episode may begin anywhere: no place is part of the task.
+    const ANYWHERE: bool = false;
+
+    /// Whether it has a ground of its own, [`Task::terrain`].
+    const HAS_TERRAIN: bool = false;
 
     /// How many numbers the task keeps in an episode (the command, counters); zeros before [`Task::command`].
     const MEMORY: usize = 0;
@@ -109,6 +121,21 @@ pub trait Task: Fields + Send + Sync + 'static {
     /// Gives the metrics of the episode so far, always the same in the same order.
     fn measure(&self, memory: &[f64], control_dt: f64, metrics: &mut impl Metrics) {
         let _ = (memory, control_dt, metrics);
+    }
+
+    /// The ground of a robot where none is chosen; `None` for level ground.
+    ///
+    /// # Errors
+    /// Those of [`Terrain::generate`].
+    fn terrain(&self, params: &Params) -> Result<Option<Arc<Terrain>>> {
+        let _ = params;
+        Ok(None)
+    }
+
+    /// The share of what was asked so far that the episode has done, for curricula; 1 for tasks that do not say.
+    fn share(&self, memory: &[f64]) -> f64 {
+        let _ = memory;
+        1.0
     }
 
     /// The pushes that are part of the task, on a robot that is nominally `params`.
@@ -166,6 +193,8 @@ pub struct Moment<'a> {
     pub params: &'a Params,
     /// Duration of a control step, s.
     pub control_dt: f64,
+    /// Level of the tile of the terrain; 0 without tiles.
+    pub level: usize,
 }
 
 /// What a task observes.

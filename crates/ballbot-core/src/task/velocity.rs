@@ -63,6 +63,7 @@ impl Task for Velocity {
     const MAX_EPISODE_STEPS: usize = 2000;
     const REWARD_THRESHOLD: Option<f64> = Some(1700.0);
     const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
+    const ANYWHERE: bool = true;
     const SUCCESS: &'static str =
         "not terminated, and the settled errors within `success_velocity` and `success_yaw_rate`";
     const COMMAND: &'static [Row] = &[
@@ -101,7 +102,7 @@ impl Task for Velocity {
             let (position, velocity) = (moment.state.ball_position, moment.state.ball_velocity);
             let heading = Heading::new(moment.state.body_quaternion);
             let [forward, sideways] = heading.of(velocity.x, velocity.y);
-            memory[POSITION..].copy_from_slice(&[
+            memory[POSITION..=SIN].copy_from_slice(&[
                 position.x,
                 position.y,
                 forward,

@@ -1,7 +1,8 @@
 //! Terrains by name: seeded generators whose difficulty is a slope, never a height scaled to fit.
 
 use super::noise::{Noise, Uniform};
-use super::{Recipe, Terrain};
+use super::parameters::{Height, LENGTHS, Parameter, SLOPES, Values, parameter, smooth_step};
+use super::{Recipe, Terrain, tiled};
 use crate::error::{Error, Result, check};
 use crate::fields::Limit;
 use std::f64::consts::TAU;
@@ -15,27 +16,6 @@ const FINEST: f64 = 5.0;
 
 /// Most bumps of a terrain.
 const MOST_BUMPS: f64 = 1e5;
-
-/// A number that a generator takes.
-pub struct Parameter {
-    /// Its name.
-    pub name: &'static str,
-    /// Its unit; empty for a pure number.
-    pub unit: &'static str,
-    /// Its value if none is given.
-    pub default: f64,
-    /// What it may be.
-    pub limit: Limit,
-    /// What it is.
-    pub doc: &'static str,
-}
-
-const fn parameter(name: &'static str, unit: &'static str, default: f64, limit: Limit, doc: &'static str) -> Parameter {
-    Parameter { name, unit, default, limit, doc }
-}
-
-const SLOPES: Limit = Limit::from(0.0).to(super::STEEPEST);
-const LENGTHS: Limit = Limit::from(1e-3).to(1e4);
 
 /// What all generators take.
 const COMMON: [Parameter; 5] = [
@@ -52,9 +32,6 @@ const COMMON: [Parameter; 5] = [
     ),
 ];
 
-/// A function of x and y.
-type Height = Box<dyn Fn(f64, f64) -> f64>;
-
 /// A generator of terrains.
 #[derive(Clone, Copy)]
 pub struct TerrainKind {
@@ -64,25 +41,31 @@ pub struct TerrainKind {
     pub doc: &'static str,
     /// Its own parameters, besides those of all kinds.
     pub parameters: &'static [Parameter],
-    height: fn(&Values, u64) -> Result<Height>,
+    make: Make,
 }
 
-/// Values of the parameters of a kind.
-struct Values(Vec<(&'static str, f64)>);
-
-impl Values {
-    fn get(&self, name: &str) -> f64 {
-        self.0.iter().find(|(known, _)| *known == name).expect("a parameter of the kind").1
-    }
+/// How a kind makes a terrain.
+#[derive(Clone, Copy)]
+enum Make {
+    /// By [`Terrain::plane`].
+    Plane,
+    /// By [`tiled`], which makes each tile by the height of a kind.
+    Tiles(fn(&Values, u64, tiled::OfKind) -> Result<Terrain>),
+    /// By its height.
+    Heights {
+        height: fn(&Values, u64) -> Result<Height>,
+        /// Length of the shortest waves, or of what is as sharp, m; 0 or infinite for none.
+        shortest: fn(&Values) -> f64,
+    },
 }
 
 impl TerrainKind {
     /// All kinds.
-    pub const ALL: [Self; 8] = [PLANE, WAVE, BOWL, NOISE, BUMPS, CURB, COBBLES, MIX];
+    pub const ALL: [Self; 10] = [PLANE, WAVE, BOWL, NOISE, BUMPS, CURB, COBBLES, MIX, LEVELS, HILLS];
 
-    /// All parameters; a plane has no edges and no grid.
+    /// All parameters; a plane has no edges and no grid, and tiles follow from their own.
     pub fn all_parameters(&self) -> impl Iterator<Item = &'static Parameter> {
-        let common = if self.name == PLANE.name { &[] } else { &COMMON[..] };
+        let common = if matches!(self.make, Make::Heights { .. }) { &COMMON[..] } else { &[] };
         self.parameters.iter().chain(common)
     }
 
@@ -121,31 +104,27 @@ impl Terrain {
     pub fn generate(kind: &str, seed: u64, parameters: &[(&str, f64)]) -> Result<Self> {
         let kind = TerrainKind::named(kind)?;
         let values = kind.values(parameters)?;
-        if kind.name == PLANE.name {
-            return Self::plane(values.get("slope"), values.get("direction"));
-        }
-        let mut terrain = kind.made(&values, seed)?;
+        let mut terrain = match kind.make {
+            Make::Plane => return Self::plane(values.get("slope"), values.get("direction")),
+            Make::Tiles(make) => make(&values, seed, TerrainKind::height)?,
+            Make::Heights { .. } => {
+                let size = [values.get("size_x"), values.get("size_y")];
+                Self::from_function(kind.raised(&values, seed)?, size, values.get("cell"))?
+            }
+        };
         terrain.recipe = Some(Recipe { kind: kind.name, seed, parameters: values.0 });
         Ok(terrain)
     }
 }
 
 impl TerrainKind {
-    /// Length of the shortest waves, or of what is as sharp, m.
-    fn shortest(&self, values: &Values) -> f64 {
-        let named = |name: &str| values.0.iter().find(|(known, _)| *known == name).map(|(_, value)| *value);
-        match self.name {
-            "bumps" => 1.4 * values.get("radius"),
-            "curb" => STEP_SLOPE * values.get("height").abs() / values.get("slope").tan(),
-            _ => {
-                let finer = named("octaves").map_or(1.0, |octaves| values.get("lacunarity").powf(octaves - 1.0));
-                named("wavelength").map_or(f64::INFINITY, |wavelength| wavelength / finer)
-            }
-        }
-    }
-
-    fn made(&self, values: &Values, seed: u64) -> Result<Terrain> {
-        let (shortest, cell) = (self.shortest(values), values.get("cell"));
+    /// The height of a kind that is made by one, with the apron.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for waves that are too short for the grid; what the kind finds in its parameters.
+    fn raised(&self, values: &Values, seed: u64) -> Result<Height> {
+        let Make::Heights { height, shortest } = self.make else { unreachable!("it has a height") };
+        let (shortest, cell) = (shortest(values), values.get("cell"));
         if shortest > 0.0 && shortest < FINEST * cell {
             return Err(Error::Inconsistent(format!(
                 "the shortest waves, bumps or steps of the terrain '{}' are {shortest:.4} m long, which a grid of cell = {cell} m \
@@ -153,22 +132,23 @@ impl TerrainKind {
                 self.name
             )));
         }
-        let height = (self.height)(values, seed)?;
-        let size = [values.get("size_x"), values.get("size_y")];
+        let height = height(values, seed)?;
         let (apron, blend) = (values.get("apron"), values.get("apron_blend"));
         if apron == 0.0 {
-            return Terrain::from_function(height, size, values.get("cell"));
+            return Ok(height);
         }
         let middle = height(0.0, 0.0);
-        let raised = move |x: f64, y: f64| (height(x, y) - middle) * smooth_step((x.hypot(y) - apron) / blend);
-        Terrain::from_function(raised, size, values.get("cell"))
+        Ok(Box::new(move |x: f64, y: f64| (height(x, y) - middle) * smooth_step((x.hypot(y) - apron) / blend)))
     }
-}
 
-/// From 0 at 0 to 1 at 1, with two derivatives that are zero at both.
-pub(super) fn smooth_step(t: f64) -> f64 {
-    let t = t.clamp(0.0, 1.0);
-    t * t * t * (t * (6.0 * t - 15.0) + 10.0)
+    /// The height of one of the kinds of a tile.
+    ///
+    /// # Errors
+    /// As [`Terrain::generate`].
+    fn height(name: &str, seed: u64, parameters: &[(&str, f64)]) -> Result<Height> {
+        let kind = Self::named(name)?;
+        kind.raised(&kind.values(parameters)?, seed)
+    }
 }
 
 const PLANE: TerrainKind = TerrainKind {
@@ -178,8 +158,21 @@ const PLANE: TerrainKind = TerrainKind {
         parameter("slope", "rad", 0.1, SLOPES, "its slope"),
         parameter("direction", "rad", 0.0, Limit::FINITE, "angle from the x axis towards which it rises"),
     ],
-    // `Terrain::plane` makes it.
-    height: |_, _| Ok(Box::new(|_, _| 0.0)),
+    make: Make::Plane,
+};
+
+const LEVELS: TerrainKind = TerrainKind {
+    name: "levels",
+    doc: "tiles for curricula: a row of waves, noise, bumps and cobbles for each level of difficulty",
+    parameters: &tiled::LEVELS,
+    make: Make::Tiles(tiled::with_levels),
+};
+
+const HILLS: TerrainKind = TerrainKind {
+    name: "hills",
+    doc: "tiles of smooth hills that differ by their seeds",
+    parameters: &tiled::HILLS,
+    make: Make::Tiles(tiled::of_hills),
 };
 
 const WAVE: TerrainKind = TerrainKind {
@@ -190,11 +183,14 @@ const WAVE: TerrainKind = TerrainKind {
         parameter("wavelength", "m", 1.0, LENGTHS, "its length"),
         parameter("direction", "rad", 0.0, Limit::FINITE, "angle from the x axis along which it runs"),
     ],
-    height: |values, _| {
-        let number = TAU / values.get("wavelength");
-        let amplitude = values.get("slope").tan() / number;
-        let (sin, cos) = values.get("direction").sin_cos();
-        Ok(Box::new(move |x, y| amplitude * (number * (x * cos + y * sin)).sin()))
+    make: Make::Heights {
+        height: |values, _| {
+            let number = TAU / values.get("wavelength");
+            let amplitude = values.get("slope").tan() / number;
+            let (sin, cos) = values.get("direction").sin_cos();
+            Ok(Box::new(move |x, y| amplitude * (number * (x * cos + y * sin)).sin()))
+        },
+        shortest: |values| values.get("wavelength"),
     },
 };
 
@@ -205,10 +201,13 @@ const BOWL: TerrainKind = TerrainKind {
         parameter("slope", "rad", 0.2, SLOPES, "the slope of the cone"),
         parameter("radius", "m", 1.0, LENGTHS, "radius of curvature at the origin"),
     ],
-    height: |values, _| {
-        let rise = values.get("slope").tan();
-        let width = rise * values.get("radius");
-        Ok(Box::new(move |x, y| rise * ((x * x + y * y + width * width).sqrt() - width)))
+    make: Make::Heights {
+        height: |values, _| {
+            let rise = values.get("slope").tan();
+            let width = rise * values.get("radius");
+            Ok(Box::new(move |x, y| rise * ((x * x + y * y + width * width).sqrt() - width)))
+        },
+        shortest: |_| f64::INFINITY,
     },
 };
 
@@ -222,18 +221,21 @@ const NOISE: TerrainKind = TerrainKind {
         parameter("persistence", "", 0.25, Limit::above(0.0).to(1.0), "amplitude of an octave over that of the last"),
         parameter("lacunarity", "", 2.0, Limit::from(1.0).to(10.0), "wavelength of an octave over that of the next"),
     ],
-    height: |values, seed| {
-        let octaves = values.get("octaves");
-        check("octaves", octaves, "a whole number", |n| n.fract() == 0.0)?;
-        let noise = Noise::new(
-            seed,
-            values.get("slope").tan(),
-            values.get("wavelength"),
-            octaves as usize,
-            values.get("persistence"),
-            values.get("lacunarity"),
-        );
-        Ok(Box::new(move |x, y| noise.at(x, y)))
+    make: Make::Heights {
+        height: |values, seed| {
+            let octaves = values.get("octaves");
+            check("octaves", octaves, "a whole number", |n| n.fract() == 0.0)?;
+            let noise = Noise::new(
+                seed,
+                values.get("slope").tan(),
+                values.get("wavelength"),
+                octaves as usize,
+                values.get("persistence"),
+                values.get("lacunarity"),
+            );
+            Ok(Box::new(move |x, y| noise.at(x, y)))
+        },
+        shortest: |values| values.get("wavelength") / values.get("lacunarity").powf(values.get("octaves") - 1.0),
     },
 };
 
@@ -245,32 +247,35 @@ const BUMPS: TerrainKind = TerrainKind {
         parameter("radius", "m", 0.4, LENGTHS, "mean radius; each has from 0.7 to 1.3 times this"),
         parameter("density", "1/m^2", 1.0, Limit::from(0.0).to(1e3), "bumps a square meter"),
     ],
-    height: |values, seed| {
-        let (rise, radius) = (values.get("slope").tan(), values.get("radius"));
-        let half = [0.5 * values.get("size_x"), 0.5 * values.get("size_y")];
-        let count = (values.get("density") * 4.0 * half[0] * half[1]).round();
-        check("number of bumps, density times the area,", count, format_args!("at most {MOST_BUMPS}"), |n| {
-            n <= MOST_BUMPS
-        })?;
-        let mut random = Uniform::new(seed, 1);
-        // Strips along y, as wide as the largest bump: a place is reached from its own and the two beside it.
-        let largest = 1.3 * radius;
-        let strip = move |x: f64| ((x + half[0]) / largest).max(0.0) as usize;
-        let mut strips = vec![Vec::new(); strip(half[0]) + 3];
-        for _ in 0..count as usize {
-            let [x, y] = half.map(|half| random.within([-half, half]));
-            let radius = radius * random.within([0.7, 1.3]);
-            let up = if random.draw() < 0.5 { 1.0 } else { -1.0 };
-            let height = up * rise * random.within([0.5, 1.0]) * radius / BUMP_SLOPE;
-            (0..3).for_each(|beside| strips[strip(x) + beside].push((x, y, radius, height)));
-        }
-        Ok(Box::new(move |x, y| {
-            let bump = |(bx, by, radius, height): &(f64, f64, f64, f64)| {
-                let left = 1.0 - ((x - bx).powi(2) + (y - by).powi(2)) / (radius * radius);
-                if left > 0.0 { height * left.powi(3) } else { 0.0 }
-            };
-            strips.get(strip(x) + 1).map_or(0.0, |strip| strip.iter().map(bump).sum())
-        }))
+    make: Make::Heights {
+        height: |values, seed| {
+            let (rise, radius) = (values.get("slope").tan(), values.get("radius"));
+            let half = [0.5 * values.get("size_x"), 0.5 * values.get("size_y")];
+            let count = (values.get("density") * 4.0 * half[0] * half[1]).round();
+            check("number of bumps, density times the area,", count, format_args!("at most {MOST_BUMPS}"), |n| {
+                n <= MOST_BUMPS
+            })?;
+            let mut random = Uniform::new(seed, 1);
+            // Strips along y, as wide as the largest bump: a place is reached from its own and the two beside it.
+            let largest = 1.3 * radius;
+            let strip = move |x: f64| ((x + half[0]) / largest).max(0.0) as usize;
+            let mut strips = vec![Vec::new(); strip(half[0]) + 3];
+            for _ in 0..count as usize {
+                let [x, y] = half.map(|half| random.within([-half, half]));
+                let radius = radius * random.within([0.7, 1.3]);
+                let up = if random.draw() < 0.5 { 1.0 } else { -1.0 };
+                let height = up * rise * random.within([0.5, 1.0]) * radius / BUMP_SLOPE;
+                (0..3).for_each(|beside| strips[strip(x) + beside].push((x, y, radius, height)));
+            }
+            Ok(Box::new(move |x, y| {
+                let bump = |(bx, by, radius, height): &(f64, f64, f64, f64)| {
+                    let left = 1.0 - ((x - bx).powi(2) + (y - by).powi(2)) / (radius * radius);
+                    if left > 0.0 { height * left.powi(3) } else { 0.0 }
+                };
+                strips.get(strip(x) + 1).map_or(0.0, |strip| strip.iter().map(bump).sum())
+            }))
+        },
+        shortest: |values| 1.4 * values.get("radius"),
     },
 };
 
@@ -282,13 +287,16 @@ const CURB: TerrainKind = TerrainKind {
         parameter("height", "m", 0.01, Limit::from(-10.0).to(10.0), "how high it rises"),
         parameter("distance", "m", 1.0, Limit::FINITE, "x of its middle"),
     ],
-    height: |values, _| {
-        let (height, distance) = (values.get("height"), values.get("distance"));
-        let width = STEP_SLOPE * height.abs() / values.get("slope").tan();
-        if width == 0.0 {
-            return Ok(Box::new(|_, _| 0.0));
-        }
-        Ok(Box::new(move |x, _| height * smooth_step((x - distance) / width + 0.5)))
+    make: Make::Heights {
+        height: |values, _| {
+            let (height, distance) = (values.get("height"), values.get("distance"));
+            let width = STEP_SLOPE * height.abs() / values.get("slope").tan();
+            if width == 0.0 {
+                return Ok(Box::new(|_, _| 0.0));
+            }
+            Ok(Box::new(move |x, _| height * smooth_step((x - distance) / width + 0.5)))
+        },
+        shortest: |values| STEP_SLOPE * values.get("height").abs() / values.get("slope").tan(),
     },
 };
 
@@ -299,13 +307,16 @@ const COBBLES: TerrainKind = TerrainKind {
         parameter("slope", "rad", 0.1, SLOPES, "its steepest slope"),
         parameter("wavelength", "m", 0.3, LENGTHS, "distance of two cobbles"),
     ],
-    height: |values, seed| {
-        let number = TAU / values.get("wavelength");
-        let mut random = Uniform::new(seed, 2);
-        let phases = [random.draw() * TAU, random.draw() * TAU];
-        // The slope of cos u cos v is at most k times the amplitude.
-        let amplitude = values.get("slope").tan() / number;
-        Ok(Box::new(move |x, y| amplitude * (number * x + phases[0]).cos() * (number * y + phases[1]).cos()))
+    make: Make::Heights {
+        height: |values, seed| {
+            let number = TAU / values.get("wavelength");
+            let mut random = Uniform::new(seed, 2);
+            let phases = [random.draw() * TAU, random.draw() * TAU];
+            // The slope of cos u cos v is at most k times the amplitude.
+            let amplitude = values.get("slope").tan() / number;
+            Ok(Box::new(move |x, y| amplitude * (number * x + phases[0]).cos() * (number * y + phases[1]).cos()))
+        },
+        shortest: |values| values.get("wavelength"),
     },
 };
 
@@ -316,18 +327,22 @@ const MIX: TerrainKind = TerrainKind {
         parameter("slope", "rad", 0.15, SLOPES, "the sum of the slopes that its parts are asked for"),
         parameter("wavelength", "m", 1.0, LENGTHS, "length of the waves"),
     ],
-    height: |values, seed| {
-        let (slope, wavelength) = (values.get("slope"), values.get("wavelength"));
-        let share = |share: f64| (share * slope.tan()).atan();
-        let size = [("size_x", values.get("size_x")), ("size_y", values.get("size_y"))];
-        let part = |kind: &TerrainKind, own: &[(&str, f64)]| {
-            let given: Vec<_> = own.iter().copied().chain(size).collect();
-            (kind.height)(&kind.values(&given)?, seed)
-        };
-        let turn = Uniform::new(seed, 3).draw() * TAU;
-        let noise = part(&NOISE, &[("slope", share(0.5)), ("wavelength", wavelength)])?;
-        let bumps = part(&BUMPS, &[("slope", share(0.25)), ("radius", 0.5 * wavelength)])?;
-        let wave = part(&WAVE, &[("slope", share(0.25)), ("wavelength", 1.5 * wavelength), ("direction", turn)])?;
-        Ok(Box::new(move |x, y| noise(x, y) + bumps(x, y) + wave(x, y)))
+    make: Make::Heights {
+        height: |values, seed| {
+            let (slope, wavelength) = (values.get("slope"), values.get("wavelength"));
+            let share = |share: f64| (share * slope.tan()).atan();
+            let size = [("size_x", values.get("size_x")), ("size_y", values.get("size_y"))];
+            let part = |kind: &TerrainKind, own: &[(&str, f64)]| {
+                let given: Vec<_> = own.iter().copied().chain(size).collect();
+                let Make::Heights { height, .. } = kind.make else { unreachable!("it has a height") };
+                height(&kind.values(&given)?, seed)
+            };
+            let turn = Uniform::new(seed, 3).draw() * TAU;
+            let noise = part(&NOISE, &[("slope", share(0.5)), ("wavelength", wavelength)])?;
+            let bumps = part(&BUMPS, &[("slope", share(0.25)), ("radius", 0.5 * wavelength)])?;
+            let wave = part(&WAVE, &[("slope", share(0.25)), ("wavelength", 1.5 * wavelength), ("direction", turn)])?;
+            Ok(Box::new(move |x, y| noise(x, y) + bumps(x, y) + wave(x, y)))
+        },
+        shortest: |values| values.get("wavelength"),
     },
 };

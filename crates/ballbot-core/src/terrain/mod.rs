@@ -9,19 +9,25 @@ mod ground;
 mod kinds;
 mod limits;
 mod noise;
+mod parameters;
 mod patch;
 mod placement;
 mod ray;
+mod sharing;
 mod spline;
+mod tiled;
+mod tiles;
 
 pub use frame::Frame;
 pub use ground::Ground;
-pub use kinds::{Parameter, TerrainKind};
+pub use kinds::TerrainKind;
 pub use limits::SlopeLimits;
+pub use parameters::Parameter;
 pub use patch::Patch;
 pub(crate) use placement::static_lean;
 pub use placement::upright_on;
 pub use spline::{Height, Jet, Spline};
+pub use tiles::Tiles;
 
 use crate::error::{Error, Result, check};
 use nalgebra::Vector3;
@@ -49,6 +55,7 @@ pub struct Terrain {
     steepness: Steepness,
     fingerprint: u64,
     recipe: Option<Recipe>,
+    tiles: Option<Tiles>,
 }
 
 /// What a generator makes a terrain of.
@@ -184,13 +191,15 @@ impl Terrain {
             steepness,
             fingerprint: surface.fingerprint(),
             recipe: None,
+            tiles: None,
             surface,
         })
     }
 
     /// Height at x and y, m. Beyond its edges the terrain goes on along the tangent planes there.
+    #[inline(always)]
     pub fn height(&self, x: f64, y: f64) -> f64 {
-        self.surface.jet(x, y).z
+        self.surface.z(x, y)
     }
 
     /// Unit vector across the ground at x and y, upwards.
@@ -252,6 +261,11 @@ impl Terrain {
     /// What it was generated from; `None` for heights and functions.
     pub fn recipe(&self) -> Option<&Recipe> {
         self.recipe.as_ref()
+    }
+
+    /// Its tiles, if it has any.
+    pub fn tiles(&self) -> Option<&Tiles> {
+        self.tiles.as_ref()
     }
 
     /// A number that differs for terrains that differ, with a probability of 1 - 2⁻⁶⁴.
@@ -316,15 +330,16 @@ impl Steepness {
     fn of(surface: &Spline) -> Result<Self> {
         let [nx, ny] = surface.nodes();
         let mut out = Self { lowest: f64::INFINITY, highest: f64::NEG_INFINITY, ..Self::default() };
-        let mut steepest = [0.0; 2];
+        let (mut most, mut steepest) = (0.0, [0.0; 2]);
         for j in 0..2 * ny - 1 {
             for i in 0..2 * nx - 1 {
                 let [x, y] = surface.node(0, 0);
                 let [x, y] = [x + 0.5 * i as f64 * surface.cell(), y + 0.5 * j as f64 * surface.cell()];
                 let jet = surface.jet(x, y);
-                let slope = jet.gradient[0].hypot(jet.gradient[1]).atan();
-                if slope > out.slope {
-                    (out.slope, steepest) = (slope, [x, y]);
+                let [gx, gy] = jet.gradient;
+                let rise = gx.mul_add(gx, gy * gy);
+                if rise > most {
+                    (most, steepest) = (rise, [x, y]);
                 }
                 let [valley, crest] = curvatures(&jet);
                 let [xx, xy, yy] = jet.hessian;
@@ -335,6 +350,7 @@ impl Steepness {
                 out.highest = out.highest.max(jet.z);
             }
         }
+        out.slope = most.sqrt().atan();
         if out.slope > STEEPEST {
             let [x, y] = steepest;
             return Err(Error::Inconsistent(format!(

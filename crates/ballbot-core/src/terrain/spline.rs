@@ -4,7 +4,7 @@
 //! across the edge is zero. Beyond the grid it goes on as the tangent plane of the nearest point of the edge.
 
 use super::patch::Patch;
-use crate::lanes::{Lane, floor};
+use crate::lanes::{Lane, floor, run_one};
 
 /// A function of x and y on a grid.
 #[derive(Clone, Debug, PartialEq)]
@@ -150,8 +150,59 @@ impl Spline {
         height
     }
 
+    /// Height at x and y.
+    #[inline(always)]
+    pub fn z(&self, x: f64, y: f64) -> f64 {
+        let (across, along) = (self.place(0, x), self.place(1, y));
+        if across.beyond != 0.0 || along.beyond != 0.0 {
+            return self.jet(x, y).z;
+        }
+        let values = self.columns(&across, &along, &weights(along.share));
+        product(&values, &weights(across.share))
+    }
+
+    /// Height and gradient at x and y.
+    #[inline(always)]
+    pub fn slope(&self, x: f64, y: f64) -> Height<f64> {
+        let (across, along) = (self.place(0, x), self.place(1, y));
+        if across.beyond != 0.0 || along.beyond != 0.0 {
+            let jet = self.jet(x, y);
+            return Height { z: jet.z, gradient: jet.gradient };
+        }
+        let values = self.columns(&across, &along, &weights(along.share));
+        let slants = self.columns(&across, &along, &slopes(along.share));
+        let wx = weights(across.share);
+        let scale = self.cell_inverse;
+        Height {
+            z: product(&values, &wx),
+            gradient: [product(&values, &slopes(across.share)) * scale, product(&slants, &wx) * scale],
+        }
+    }
+
+    /// Sums of the coefficients of a cell along y: four columns side by side, which are vectors to the processor.
+    #[inline(always)]
+    fn columns(&self, across: &Place<f64>, along: &Place<f64>, weights: &[f64; 4]) -> [f64; 4] {
+        let first = (along.cell as usize) * self.columns + across.cell as usize;
+        let mut sums = [0.0; 4];
+        for (row, weight) in weights.iter().enumerate() {
+            let coefficients = &self.coefficients[first + row * self.columns..][..4];
+            for (sum, coefficient) in sums.iter_mut().zip(coefficients) {
+                *sum = coefficient.mul_add(*weight, *sum);
+            }
+        }
+        sums
+    }
+
     /// Height and derivatives at x and y.
     pub fn jet(&self, x: f64, y: f64) -> Jet {
+        run_one(
+            #[inline(always)]
+            || self.jet_of_one(x, y),
+        )
+    }
+
+    #[inline(always)]
+    fn jet_of_one(&self, x: f64, y: f64) -> Jet {
         let (across, along) = (self.place(0, x), self.place(1, y));
         let first = (along.cell as usize) * self.columns + across.cell as usize;
         let rows = [0, 1, 2, 3].map(|row| {

@@ -3,7 +3,9 @@
 use crate::run::{Run, actions};
 use ballbot_core::batch::{Autoreset, Batch, TaskKind, task_kinds};
 use ballbot_core::task::DIVERGED;
+use ballbot_core::terrain::Terrain;
 use ballbot_core::{Error, ModelKind};
+use std::sync::Arc;
 
 const N: usize = 11;
 
@@ -25,6 +27,9 @@ fn batch(kind: &dyn TaskKind, model: ModelKind, mode: Autoreset, threads: usize,
         if let Some(option) = description.options.iter().find(|option| option.name == name) {
             config.set(name, &values[..option.default.len()]).unwrap();
         }
+    }
+    if description.has_terrain && model != ModelKind::Contact {
+        config.set_terrain(Some(Arc::new(Terrain::plane(0.05, 1.0).unwrap())));
     }
     config.batch(n, mode, Some(threads), seed).unwrap()
 }

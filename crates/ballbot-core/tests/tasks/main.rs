@@ -6,6 +6,7 @@ mod path;
 mod push;
 #[path = "../support/run.rs"]
 mod run;
+mod traverse;
 mod velocity;
 
 use ballbot_core::batch::{Autoreset, TaskConfig, Under, task_kind};

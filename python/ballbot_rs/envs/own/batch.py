@@ -49,6 +49,9 @@ class OwnBatch:
             raise InvalidInputError("history of a task in Python must be 1: its `observe` keeps what it needs")
         if options.setdefault("scale_observations", False):
             raise InvalidInputError("scale_observations of a task in Python must be False: its `observe` scales")
+        for instrument in ("scan", "depth"):
+            if options.get(instrument) is not None:
+                raise InvalidInputError(f"{instrument}: a task in Python has none")
         inner_reset = "next_step" if autoreset == "next_step" else "disabled"
         self._inner: Any = Batch(num_envs, BARE, autoreset=inner_reset, num_threads=num_threads, seed=seed, **options)
         self._own_options = dict(own_options)
@@ -85,6 +88,8 @@ class OwnBatch:
                 f"{type(made).__name__}.observe returned shape {width.shape}, expected ({num_envs}, k): a row a robot"
             )
         self.observation_len = width.shape[1]
+        #: As `Batch.observation_layout`.
+        self.observation_layout: dict[str, tuple[int, ...]] = {"state": (self.observation_len,)}
         self._observations: FloatArray = np.zeros((num_envs, self.observation_len), dtype=np.float32)
         self._final: FloatArray = self._observations.copy()
         try:

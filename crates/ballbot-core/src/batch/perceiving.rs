@@ -1,0 +1,57 @@
+//! What the robots of a chunk perceive of the ground.
+
+use super::environments::Environments;
+use super::events::key_of;
+use super::robots::Robots;
+use crate::actuator::Actuator;
+use crate::lanes::Cell;
+use crate::perception::View;
+use crate::sensor::Sensor;
+use crate::task::Task;
+
+/// What tells the random numbers of instruments from those of events and sensors under the same seed.
+const KEY: u32 = 0x5CA9_0001;
+
+fn key(seed: [u8; 32]) -> [u32; 2] {
+    let [first, second] = key_of(seed);
+    [first ^ KEY, second]
+}
+
+impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
+    /// How many numbers the instruments add to an observation.
+    pub(super) fn perceived(&self) -> usize {
+        self.sight.as_ref().map_or(0, |sight| sight.perception.width())
+    }
+
+    /// Begins the episode of the instruments of robot `i`.
+    pub(super) fn begin_perceiving(&mut self, i: usize) {
+        let Some(sight) = &mut self.sight else { return };
+        let view = View::of(&self.robots.lane_state(i), self.robots.params(i).ball_radius);
+        let terrain = self.robots.ground().map(|ground| &**ground.terrain());
+        let key = key(self.rngs[i].get_seed());
+        sight.perception.begin(&mut sight.seen[i], key, self.episodes[i], &view, terrain);
+    }
+
+    /// Puts back what the instruments of robot `i` depend on besides their readings.
+    pub(super) fn restore_perceiving(&mut self, i: usize) {
+        let Some(sight) = &mut self.sight else { return };
+        sight.perception.restore(&mut sight.seen[i], key(self.rngs[i].get_seed()), self.episodes[i]);
+    }
+
+    /// Samples and reads what is due after a step of robot `i`.
+    pub(super) fn perceive(&mut self, i: usize) {
+        let Some(sight) = &mut self.sight else { return };
+        let view = || View::of(&self.robots.lane_state(i), self.robots.params(i).ball_radius);
+        let terrain = self.robots.ground().map(|ground| &**ground.terrain());
+        let step = self.ledger.episode.steps.get(i) as u64;
+        sight.perception.step(&mut sight.seen[i], step, &view, terrain);
+    }
+
+    /// Writes the readings of robot `i` after the rows of its task.
+    #[inline]
+    pub(super) fn write_perceived(&self, i: usize, out: &mut [f32]) {
+        if let Some(sight) = &self.sight {
+            sight.perception.write(&sight.seen[i], out);
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! The depth camera: distances of ground and ball along the optical axis of a camera on the body.
+
+use super::channel::Reads;
+use super::options::DepthOptions;
+use super::view::View;
+use crate::lanes::{Draws, run_one};
+use crate::terrain::Terrain;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+/// Height over the ground at which a ray follows the tangent there, m.
+const MET: f64 = 1e-5;
+
+/// Block of random numbers of the mounting and of frozen pictures, and the first ones of noise and holes: four pixels share
+/// a block.
+const MOUNTING: u32 = 3 << 20;
+const FREEZE: u32 = (3 << 20) + 1;
+const NOISE: u32 = 4 << 20;
+const HOLES: u32 = 5 << 20;
+
+/// A depth camera.
+#[derive(Clone, Debug)]
+pub struct Depth {
+    options: DepthOptions,
+    columns: usize,
+    /// Directions to the right, up and forward, columns, in the body frame.
+    axes: Matrix3<f64>,
+    /// Slopes of the rays through the left edge of the first column and the upper edge of the first row, and from one
+    /// pixel to the next.
+    corner: [f64; 2],
+    pitch: f64,
+}
+
+impl Depth {
+    pub fn new(options: &DepthOptions) -> Self {
+        let [columns, rows] = options.size;
+        let pitch = 2.0 * (0.5 * options.field_of_view).tan() / rows;
+        let (sin, cos) = options.pitch.sin_cos();
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), options.yaw);
+        let axes = Matrix3::from_columns(&[-Vector3::y(), Vector3::new(sin, 0.0, cos), Vector3::new(cos, 0.0, -sin)]);
+        Self {
+            options: options.clone(),
+            columns: columns as usize,
+            axes: turn * axes,
+            corner: [-0.5 * pitch * columns, 0.5 * pitch * rows],
+            pitch,
+        }
+    }
+}
+
+impl Reads for Depth {
+    /// What is constant in an episode: the rotation vector of the mounting, rad.
+    fn constants(&self, draws: &Draws<f64>) -> [f64; 3] {
+        if self.options.misalignment == 0.0 {
+            return [0.0; 3];
+        }
+        let [x, y, z, _] = draws.normals(MOUNTING);
+        [x, y, z].map(|angle| angle * self.options.misalignment)
+    }
+
+    /// Writes the depth of each pixel, m, rows from the top, each from the left.
+    fn read(
+        &self,
+        view: &View,
+        terrain: Option<&Terrain>,
+        mounting: &[f64; 3],
+        draws: &Draws<f64>,
+        first: bool,
+        out: &mut [f32],
+    ) {
+        let DepthOptions { near, far, freeze, .. } = self.options;
+        if freeze > 0.0 && !first && draws.units(FREEZE)[0] < freeze {
+            return;
+        }
+        let attitude = view.rotation();
+        let ball = Vector3::from(view.ball);
+        let axes = attitude * Rotation3::from_scaled_axis(Vector3::from(*mounting)) * self.axes;
+        let arm = attitude * Vector3::from(self.options.position);
+        let eye = ball + arm;
+        let [right, up, forward] = [axes.column(0), axes.column(1), axes.column(2)];
+        let outside = arm.norm_squared() - view.ball_radius * view.ball_radius;
+        run_one(
+            #[inline(always)]
+            || {
+                for (row, pixels) in out.chunks_exact_mut(self.columns).enumerate() {
+                    let line = forward + up * self.pitch.mul_add(-(row as f64 + 0.5), self.corner[1]);
+                    for (column, pixel) in pixels.iter_mut().enumerate() {
+                        let ray = line + right * self.pitch.mul_add(column as f64 + 0.5, self.corner[0]);
+                        let to_ball = entry(&arm, &ray, outside).unwrap_or(far);
+                        let to_ground = match terrain {
+                            Some(terrain) => terrain.meet(&eye, &ray, to_ball.min(far), MET).unwrap_or(far),
+                            None if ray.z < 0.0 => (-eye.z / ray.z).max(0.0),
+                            None if eye.z < 0.0 => 0.0,
+                            None => far,
+                        };
+                        *pixel = to_ball.min(to_ground).clamp(near, far) as f32;
+                    }
+                }
+            },
+        );
+        self.add_errors(draws, out);
+    }
+}
+
+impl Depth {
+    fn add_errors(&self, draws: &Draws<f64>, out: &mut [f32]) {
+        let DepthOptions { near, far, noise: [constant, growing], dropout, .. } = self.options;
+        if constant > 0.0 || growing > 0.0 {
+            for (block, pixels) in out.chunks_mut(4).enumerate() {
+                for (pixel, normal) in pixels.iter_mut().zip(draws.normals(NOISE + block as u32)) {
+                    let depth = f64::from(*pixel);
+                    // There is nothing to be measured beyond.
+                    if depth < far {
+                        let deviation = (growing * depth).mul_add(depth, constant);
+                        *pixel = deviation.mul_add(normal, depth).clamp(near, far) as f32;
+                    }
+                }
+            }
+        }
+        if dropout > 0.0 {
+            for (block, pixels) in out.chunks_mut(4).enumerate() {
+                for (pixel, unit) in pixels.iter_mut().zip(draws.units(HOLES + block as u32)) {
+                    if unit < dropout {
+                        *pixel = far as f32;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The share of `ray` at which it enters a sphere whose center is at −`arm` from its origin; `outside` is the squared length
+/// of the arm less the squared radius, positive.
+#[inline(always)]
+fn entry(arm: &Vector3<f64>, ray: &Vector3<f64>, outside: f64) -> Option<f64> {
+    let towards = -arm.dot(ray);
+    let length = ray.norm_squared();
+    let root = towards * towards - length * outside;
+    if towards > 0.0 && outside > 0.0 && root >= 0.0 { Some((towards - root.sqrt()) / length) } else { None }
+}

@@ -1,0 +1,132 @@
+//! Instruments of environments.
+
+use super::{bare, drive, hills, made};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, TaskConfig};
+use ballbot_core::perception::{DepthOptions, Instrument, ScanOptions};
+
+/// Noisy instruments that are late.
+fn equipped() -> Box<dyn TaskConfig> {
+    let mut config = bare(Some(&hills()));
+    config.set("max_episode_steps", &[40.0]).unwrap();
+    config.set_scan(Some(ScanOptions {
+        points: [5.0, 3.0],
+        latency: 0.05,
+        noise: 0.01,
+        dropout: 0.2,
+        drift: [0.01, 0.01],
+        ..Default::default()
+    }));
+    config.set_depth(Some(DepthOptions {
+        size: [6.0, 4.0],
+        rate: 20.0,
+        latency: 0.02,
+        noise: [0.001, 0.002],
+        dropout: 0.1,
+        freeze: 0.2,
+        misalignment: 0.02,
+        ..Default::default()
+    }));
+    config
+}
+
+#[test]
+fn readings_do_not_depend_on_neighbors_or_threads_and_leave_the_motion_alone() {
+    let mut many = made(&*equipped(), 21, 2);
+    let mut few = made(&*equipped(), 3, 1);
+    let mut blind = equipped();
+    blind.set_scan(None);
+    blind.set_depth(None);
+    let mut blind = made(&*blind, 3, 1);
+    let rows = blind.batch.observation_len();
+    let width = few.batch.observation_len();
+    assert_eq!(width, rows + 15 + 24);
+    for k in 0..150 {
+        for i in 0..3 {
+            let row = &few.observations[i * width..(i + 1) * width];
+            assert_eq!(row, &many.observations[i * width..(i + 1) * width], "environment {i} at step {k}");
+            assert_eq!(&row[..rows], &blind.observations[i * rows..(i + 1) * rows]);
+        }
+        drive(&mut many, k);
+        drive(&mut few, k);
+        drive(&mut blind, k);
+    }
+}
+
+#[test]
+fn snapshots_carry_what_is_under_way() {
+    let mut run = made(&*equipped(), 2, 1);
+    for k in 0..57 {
+        drive(&mut run, k);
+    }
+    let saved = run.batch.save(0).unwrap();
+    let width = run.batch.observation_len();
+    let mut seen = Vec::new();
+    for k in 57..130 {
+        drive(&mut run, k);
+        seen.push(run.observations[..width].to_vec());
+    }
+    let mut other = made(&*equipped(), 2, 1);
+    other.batch.load(0, &saved).unwrap();
+    for (k, expected) in (57..130).zip(&seen) {
+        drive(&mut other, k);
+        assert_eq!(&other.observations[..width], expected, "step {k}");
+    }
+    let mut without = equipped();
+    without.set_scan(None);
+    let error = made(&*without, 2, 1).batch.load(0, &saved).unwrap_err().to_string();
+    assert!(error.contains("instruments"), "{error}");
+}
+
+#[test]
+fn scaled_observations_have_multiples_of_typical_readings() {
+    let mut config = equipped();
+    config.set("scale_observations", &[1.0]).unwrap();
+    let run = made(&*config, 1, 1);
+    let [scan, depth] = run.batch.perceived(0).unwrap();
+    let rows = run.batch.observation_len() - 39;
+    for (scaled, height) in run.observations[rows..].iter().zip(scan) {
+        assert!((scaled - height / 0.1).abs() < 1e-5);
+    }
+    for (scaled, depth) in run.observations[rows + 15..].iter().zip(depth) {
+        assert!((scaled - depth / 3.0).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn bad_options_are_named() {
+    let scan = |name: &str, values: &[f64]| ScanOptions::from_fields([(name, values)]).unwrap_err().to_string();
+    let depth = |name: &str, values: &[f64]| DepthOptions::from_fields([(name, values)]).unwrap_err().to_string();
+    for (error, words) in [
+        (scan("points", &[2.5, 3.0]), "scan.number of points or pixels = 2.5"),
+        (scan("points", &[0.0, 3.0]), "scan.points[0] = 0"),
+        (scan("spacing", &[-1.0]), "scan.spacing = -1"),
+        (scan("noise", &[f64::NAN]), "scan.noise = NaN"),
+        (scan("dropout", &[1.5]), "scan.dropout = 1.5"),
+        (scan("nose", &[1.0]), "unknown option of scan 'nose'"),
+        (scan("points", &[3.0]), "scan.points has 1 values, expected 2"),
+        (depth("far", &[0.04]), "depth.near = 0.05"),
+        (depth("field_of_view", &[3.2]), "depth.field_of_view = 3.2"),
+        (depth("size", &[300.0, 3.0]), "depth.size[0] = 300"),
+    ] {
+        assert!(error.contains(words), "{error}");
+    }
+    let batch = |scan, depth| {
+        let config = BalanceConfig { scan, depth, ..Default::default() };
+        Batch::new(&config, 1, Autoreset::SameStep, None, 0).map(|_| ()).unwrap_err().to_string()
+    };
+    let late = ScanOptions { latency: 0.015, ..Default::default() };
+    assert!(batch(Some(late), None).contains("scan.latency / control_dt = 1.5"));
+    let inside = DepthOptions { position: [0.05, 0.0, 0.05], ..Default::default() };
+    assert!(batch(None, Some(inside)).contains("above ball_radius"));
+}
+
+#[test]
+fn robots_that_have_left_the_simulation_read_nothing_new() {
+    let mut config = equipped();
+    config.set("fall_tilt", &[3.0]).unwrap();
+    let mut run = made(&*config, 1, 1);
+    for k in 0..200 {
+        run.step(&[1.0, -1.0, if k % 2 == 0 { 1.0 } else { -1.0 }]).unwrap();
+        assert!(run.observations.iter().all(|value| value.is_finite()), "step {k}");
+    }
+}
