@@ -44,8 +44,8 @@ from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.catalog import ControllerInfo, controllers, make_controller
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.control.setpoints import Setpoint
-from ballbot_rs.envs.gymnasium_env import BallbotEnv
 from ballbot_rs.envs.grouped import GroupedObservations, GroupedVectorObservations
+from ballbot_rs.envs.gymnasium_env import BallbotEnv
 from ballbot_rs.envs.own import Robots, Task
 from ballbot_rs.envs.registration import register, register_environments
 from ballbot_rs.envs.tasks import (

@@ -93,7 +93,9 @@ def test_sb3_learns_from_flat_and_grouped_observations():
     check_with_sb3(velocity_env())
     flat = bb.BallbotVecEnv(4, task="velocity", terrain=HILLS, scan=SCAN, seed=0)
     PPO("MlpPolicy", flat, n_steps=16, batch_size=32, n_epochs=1, device="cpu").learn(64)
-    grouped = bb.GroupedVecEnv(bb.BallbotVecEnv(4, task="velocity", terrain=HILLS, scan=SCAN, seed=0, max_episode_steps=9))
+    grouped = bb.GroupedVecEnv(
+        bb.BallbotVecEnv(4, task="velocity", terrain=HILLS, scan=SCAN, seed=0, max_episode_steps=9)
+    )
     model = PPO("MultiInputPolicy", grouped, n_steps=16, batch_size=32, n_epochs=1, device="cpu")
     model.learn(64)
     grouped.reset()

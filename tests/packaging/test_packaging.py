@@ -20,6 +20,7 @@ LEARNING = {
     "control/sb3_archive.py",
     "control/sb3_policy.py",
     "envs/sb3.py",
+    "envs/sb3_grouped.py",
     "training/callbacks.py",
     "training/checkpoint.py",
     "training/export.py",

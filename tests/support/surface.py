@@ -45,7 +45,10 @@ LEFT_OUT = {
     "write_terrain": "writes files; tests/media has its bad input",
     "_terrain_of": "what pickle calls",
     "register": "changes what is registered; tests/envs has its bad input",
-    **{f"{name}VectorEnv": f"as {name}Env" for name in ("Velocity", "Goal", "Path", "Push")},
+    **{f"{name}VectorEnv": f"as {name}Env" for name in ("Velocity", "Goal", "Path", "Push", "Terrain", "OpenBallBot")},
+    "GroupedObservations": "a wrapper; tests/envs has it",
+    "GroupedVectorObservations": "as GroupedObservations",
+    "GroupedVecEnv": "as GroupedObservations",
     "ControllerError": "an exception",
     "BallbotError": "an exception",
     "DivergedError": "an exception",
@@ -301,6 +304,9 @@ RIGHT: dict[str, list[Any]] = {
     "load_actuators.name_or_path": ["ideal", "kugle", ROBOTS / "kugle.toml"],
     "sensors": [None, "exact", {"gyro_noise": 0.01, "latency": 0.0}, {"encoder_ticks": 4096, "imu_misalignment": 0.01}],
     "load_sensors.name_or_path": ["exact", "kugle", ROBOTS / "kugle.toml"],
+    "scan": [None, {}, {"points": (3, 2), "noise": 0.01, "latency": 0.0}],
+    "depth": [None, {"size": (4, 3), "freeze": 0.5}],
+    "level": [None],
     "observation": ["ground_truth", "sensors"],
     "history": [1, 3],
     "events": [None, "mild", {"term": "gravity", "range": [9.0, 10.0]}, [{"term": "push", "range": [0, 1], "at": 0.0}]],
@@ -348,6 +354,9 @@ _COMMON = [
     "max_episode_steps",
     "actuators",
     "sensors",
+    "scan",
+    "depth",
+    "level",
     "observation",
     "history",
     "reward",
@@ -369,8 +378,11 @@ OPEN: dict[str, list[str]] = {
     "Lqr.__call__": ["position", "velocity", "yaw"],
     "Batch": _ENVIRONMENT,
     **{
-        f"{name.capitalize()}Env": [*_COMMON, *(option["name"] for option in task["options"])]
-        for name, task in bb._core.TASKS.items()
+        f"{task['id'].partition('/')[2].rpartition('-')[0]}Env": [
+            *_COMMON,
+            *(option["name"] for option in task["options"]),
+        ]
+        for task in bb._core.TASKS.values()
     },
     "BallbotEnv": _ENVIRONMENT,
     "BalanceVectorEnv": _ENVIRONMENT,

@@ -130,7 +130,7 @@ def _vector_env(task: str) -> str:
     return f'''
 
 class {name}VectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `{name}Env`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `{name}Env`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
 
     def __init__(
         self,

@@ -10,6 +10,7 @@ mod runner;
 use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{BalanceConfig, Event, load_events};
+use ballbot_core::perception::{DepthOptions, ScanOptions};
 use ballbot_core::terrain::Terrain;
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use fearless_simd::prelude::*;
@@ -98,6 +99,28 @@ fn ground(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// What a height scan and a depth camera of 25 Hz cost a step on uneven ground.
+fn perception(criterion: &mut Criterion) {
+    const ENVS: usize = 256;
+    let hills = Arc::new(Terrain::generate("noise", 0, &[("slope", 0.15)]).expect("the default size"));
+    let mut group = criterion.benchmark_group("perception");
+    group.throughput(Throughput::Elements(ENVS as u64));
+    let scan = Some(ScanOptions::default());
+    let depth = |far| Some(DepthOptions { far, ..DepthOptions::default() });
+    for (name, scan, depth) in [
+        ("nothing", None, None),
+        ("scan of 11 by 11", scan, None),
+        ("depth of 32 by 24 to 3 m", None, depth(3.0)),
+        ("depth of 32 by 24 to 10 m", None, depth(10.0)),
+    ] {
+        let terrain = Some(Arc::clone(&hills));
+        let config = BalanceConfig { terrain, scan, depth, ..runner::config(ModelKind::Contact) };
+        let mut runner = Runner::of(&config, ENVS, Some(1));
+        group.bench_function(name, |b| b.iter(|| runner.step()));
+    }
+    group.finish();
+}
+
 /// Multiply-adds of each chain in one run.
 const LINKS: usize = 1000;
 
@@ -170,6 +193,6 @@ criterion_group! {
         .sample_size(20)
         .warm_up_time(Duration::from_secs(1))
         .measurement_time(Duration::from_secs(3));
-    targets = peak, batches, motors, events, ground
+    targets = peak, batches, motors, events, ground, perception
 }
 criterion_main!(benches);

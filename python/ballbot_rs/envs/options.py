@@ -337,7 +337,7 @@ class TerrainOptions(CommonOptions, total=False):
     """Options of the task `terrain`."""
 
     #: Smallest and largest commanded speed, drawn evenly, in any direction of the heading frame. (m/s, >= 0 and <= 10)
-    speed: npt.ArrayLike
+    speed_range: npt.ArrayLike
     #: Shortest and longest time from one command to the next, drawn evenly. (s, > 0 and <= 1e9)
     command_seconds: npt.ArrayLike
     #: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (m/s, >= 1e-6 and <= 10)

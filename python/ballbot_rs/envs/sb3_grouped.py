@@ -19,7 +19,7 @@ class GroupedVecEnv(VecEnvWrapper):
         self._groups = Groups(venv.observation_space, venv.observation_layout)
         super().__init__(venv, observation_space=self._groups.space)
 
-    def reset(self) -> dict[str, FloatArray]:  # type: ignore[override]
+    def reset(self) -> dict[str, FloatArray]:
         """As `BallbotVecEnv.reset`."""
         observations: Any = self.venv.reset()
         return self._groups.split(observations)
@@ -30,4 +30,4 @@ class GroupedVecEnv(VecEnvWrapper):
         for info in infos:
             if "terminal_observation" in info:
                 info["terminal_observation"] = self._groups.split(info["terminal_observation"])
-        return self._groups.split(observations), rewards, dones, infos  # type: ignore[arg-type, return-value]
+        return self._groups.split(observations), rewards, dones, infos  # type: ignore[arg-type]

@@ -139,7 +139,7 @@ class BalanceEnv(BallbotEnv):
 
 
 class BalanceVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `BalanceEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `BalanceEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
 
     def __init__(
         self,
@@ -329,7 +329,7 @@ class VelocityEnv(BallbotEnv):
 
 
 class VelocityVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `VelocityEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `VelocityEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
 
     def __init__(
         self,
@@ -509,7 +509,7 @@ class GoalEnv(BallbotEnv):
 
 
 class GoalVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `GoalEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `GoalEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
 
     def __init__(
         self,
@@ -708,7 +708,7 @@ class PathEnv(BallbotEnv):
 
 
 class PathVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `PathEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `PathEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
 
     def __init__(
         self,
@@ -872,7 +872,7 @@ class PushEnv(BallbotEnv):
 
 
 class PushVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `PushEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `PushEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
 
     def __init__(
         self,
@@ -1016,8 +1016,8 @@ class TerrainEnv(BallbotEnv):
     - `reward`: Scales of reward terms, by name. (default see above; finite)
     - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
-    - `speed`: Smallest and largest commanded speed, drawn evenly, in any direction of the heading frame. (default (0.2,
-      0.5) m/s; >= 0 and <= 10)
+    - `speed_range`: Smallest and largest commanded speed, drawn evenly, in any direction of the heading frame. (default
+      (0.2, 0.5) m/s; >= 0 and <= 10)
     - `command_seconds`: Shortest and longest time from one command to the next, drawn evenly. (default (20, 20) s; > 0
       and <= 1e9)
     - `velocity_scales`: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (default
@@ -1060,7 +1060,7 @@ class TerrainEnv(BallbotEnv):
 
 
 class TerrainVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `TerrainEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `TerrainEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
 
     def __init__(
         self,
@@ -1216,7 +1216,7 @@ class OpenBallBotEnv(BallbotEnv):
 
 
 class OpenBallBotVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `OpenBallBotEnv`, stepped at once in Rust; other arguments as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `OpenBallBotEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
 
     def __init__(
         self,

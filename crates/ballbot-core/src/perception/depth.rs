@@ -4,11 +4,11 @@ use super::channel::Reads;
 use super::options::DepthOptions;
 use super::view::View;
 use crate::lanes::{Draws, run_one};
-use crate::terrain::Terrain;
+use crate::terrain::{PLACES, Places, Rays, Terrain, each};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// Height over the ground at which a ray follows the tangent there, m.
-const MET: f64 = 1e-5;
+const MET: f64 = 1e-4;
 
 /// Block of random numbers of the mounting and of frozen pictures, and the first ones of noise and holes: four pixels share
 /// a block.
@@ -78,21 +78,47 @@ impl Reads for Depth {
         let eye = ball + arm;
         let [right, up, forward] = [axes.column(0), axes.column(1), axes.column(2)];
         let outside = arm.norm_squared() - view.ball_radius * view.ball_radius;
+        let corner = self.corner;
+        let steepest = terrain.map_or(0.0, Terrain::steepest);
+        let rows = out.len() / self.columns;
         run_one(
             #[inline(always)]
             || {
-                for (row, pixels) in out.chunks_exact_mut(self.columns).enumerate() {
-                    let line = forward + up * self.pitch.mul_add(-(row as f64 + 0.5), self.corner[1]);
-                    for (column, pixel) in pixels.iter_mut().enumerate() {
-                        let ray = line + right * self.pitch.mul_add(column as f64 + 0.5, self.corner[0]);
-                        let to_ball = entry(&arm, &ray, outside).unwrap_or(far);
-                        let to_ground = match terrain {
-                            Some(terrain) => terrain.meet(&eye, &ray, to_ball.min(far), MET).unwrap_or(far),
-                            None if ray.z < 0.0 => (-eye.z / ray.z).max(0.0),
-                            None if eye.z < 0.0 => 0.0,
-                            None => far,
+                for first_column in (0..self.columns).step_by(PLACES) {
+                    let columns = first_column..(first_column + PLACES).min(self.columns);
+                    let mut lower = [Course::default(); PLACES];
+                    // From the bottom up: a ray above another is over the ground until that one meets it.
+                    for row in (0..rows).rev() {
+                        let line = forward + up * self.pitch.mul_add(-(row as f64 + 0.5), corner[1]);
+                        let mut rays = Rays {
+                            direction: [[0.0; PLACES]; 3],
+                            from: [0.0; PLACES],
+                            limit: [f64::NEG_INFINITY; PLACES],
                         };
-                        *pixel = to_ball.min(to_ground).clamp(near, far) as f32;
+                        for (i, column) in columns.clone().enumerate() {
+                            let ray = line + right * self.pitch.mul_add(column as f64 + 0.5, corner[0]);
+                            rays.direction[0][i] = ray.x;
+                            rays.direction[1][i] = ray.y;
+                            rays.direction[2][i] = ray.z;
+                            let course = Course::of(&ray);
+                            rays.from[i] = course.clear_share(&lower[i], steepest);
+                            lower[i] = course;
+                            rays.limit[i] = match entry(&arm, &ray, outside) {
+                                Some(share) if share < far => share,
+                                _ => far,
+                            };
+                        }
+                        let met = match terrain {
+                            Some(terrain) => terrain.meet(&eye, &rays, MET),
+                            None => level(&eye, &rays),
+                        };
+                        let pixels = &mut out[row * self.columns..][columns.clone()];
+                        for (i, pixel) in pixels.iter_mut().enumerate() {
+                            let share = met[i].min(rays.limit[i]);
+                            let course = &mut lower[i];
+                            course.clear = if course.shares > 0.0 { share / course.shares } else { 0.0 };
+                            *pixel = share.clamp(near, far) as f32;
+                        }
                     }
                 }
             },
@@ -126,6 +152,50 @@ impl Depth {
             }
         }
     }
+}
+
+/// Where a ray goes, and how far it is known to be over the ground.
+#[derive(Clone, Copy, Default)]
+struct Course {
+    /// Its horizontal direction, a unit vector, and its rise over a horizontal meter.
+    direction: [f64; 2],
+    rise: f64,
+    /// Shares of the ray in a horizontal meter; 0 of one that goes straight down.
+    shares: f64,
+    /// Horizontal distance up to which it is over the ground, m.
+    clear: f64,
+}
+
+impl Course {
+    #[inline(always)]
+    fn of(ray: &Vector3<f64>) -> Self {
+        let length = ray.x.mul_add(ray.x, ray.y * ray.y).sqrt();
+        let shares = if length > 1e-9 { 1.0 / length } else { 0.0 };
+        Self { direction: [ray.x * shares, ray.y * shares], rise: ray.z * shares, shares, clear: 0.0 }
+    }
+
+    /// The share of this ray up to which it is over the ground because `lower` is. It is above that one at the same horizontal
+    /// distance; the ground rises at most by the steepest slope times how far apart the two are sideways.
+    #[inline(always)]
+    fn clear_share(&self, lower: &Self, steepest: f64) -> f64 {
+        let [x, y] = [self.direction[0] - lower.direction[0], self.direction[1] - lower.direction[1]];
+        let (above, aside) = (self.rise - lower.rise, steepest * steepest * x.mul_add(x, y * y));
+        let is_above = above > 0.0 && above * above > aside && lower.shares > 0.0;
+        if is_above { lower.clear * self.shares } else { 0.0 }
+    }
+}
+
+/// Where rays meet level ground.
+#[inline(always)]
+fn level(eye: &Vector3<f64>, rays: &Rays) -> Places {
+    each(
+        #[inline(always)]
+        |i| match rays.direction[2][i] {
+            _ if eye.z < 0.0 => 0.0,
+            z if z < 0.0 => -eye.z / z,
+            _ => f64::INFINITY,
+        },
+    )
 }
 
 /// The share of `ray` at which it enters a sphere whose center is at −`arm` from its origin; `outside` is the squared length

@@ -4,7 +4,7 @@ use super::channel::Reads;
 use super::options::ScanOptions;
 use super::view::View;
 use crate::lanes::{Draws, Heading, run_one};
-use crate::terrain::Terrain;
+use crate::terrain::{PLACES, Places, Terrain, each};
 
 /// Largest magnitude of a height, m.
 pub const BOUND: f32 = 1.0;
@@ -21,12 +21,19 @@ const DROPOUT: u32 = 2 << 20;
 #[derive(Clone, Debug)]
 pub struct Scan {
     options: ScanOptions,
-    points: [usize; 2],
+    /// Points in the heading frame, from the ball's center, m: x and y of eight at a time; the last ones may be none.
+    points: Vec<[Places; 2]>,
 }
 
 impl Scan {
     pub fn new(options: &ScanOptions) -> Self {
-        Self { options: options.clone(), points: options.points.map(|count| count as usize) }
+        let ScanOptions { points: [columns, rows], spacing, offset: [ahead, beside], .. } = *options;
+        let along = |index: usize, count: f64| spacing * (index as f64 - 0.5 * (count - 1.0));
+        let (width, count) = (columns as usize, (columns * rows) as usize);
+        let point = |first: usize| {
+            [each(|i| ahead + along((first + i) % width, columns)), each(|i| beside + along((first + i) / width, rows))]
+        };
+        Self { options: options.clone(), points: (0..count).step_by(PLACES).map(point).collect() }
     }
 }
 
@@ -52,13 +59,10 @@ impl Reads for Scan {
         first: bool,
         out: &mut [f32],
     ) {
-        let ScanOptions { spacing, offset, noise, dropout, .. } = self.options;
+        let ScanOptions { noise, dropout, .. } = self.options;
         let [x, y, z] = view.ball;
-        let heading = Heading::new(view.quaternion());
-        let from = [0, 1].map(|axis| offset[axis] - 0.5 * spacing * (self.points[axis] - 1) as f64);
-        let [sx, sy] = heading.to_inertial(from[0], from[1]);
-        let (along, across) = ([heading.cos, heading.sin], [-heading.sin, heading.cos]);
-        let (x, y) = (x + sx + drift[0], y + sy + drift[1]);
+        let Heading { cos, sin } = Heading::new(view.quaternion());
+        let (x, y) = (x + drift[0], y + drift[1]);
         let lowest = z - view.ball_radius + drift[2];
         let missing = |point: usize| {
             let units = draws.units(DROPOUT + (point / 4) as u32);
@@ -67,16 +71,20 @@ impl Reads for Scan {
         run_one(
             #[inline(always)]
             || {
-                for (j, row) in out.chunks_exact_mut(self.points[0]).enumerate() {
-                    let beside = spacing * j as f64;
-                    let (x, y) = (beside.mul_add(across[0], x), beside.mul_add(across[1], y));
-                    for (i, value) in row.iter_mut().enumerate() {
-                        let ahead = spacing * i as f64;
-                        let height = match terrain {
-                            Some(terrain) => terrain.height(ahead.mul_add(along[0], x), ahead.mul_add(along[1], y)),
-                            None => 0.0,
-                        };
-                        if dropout == 0.0 || first || !missing(j * self.points[0] + i) {
+                for (chunk, (values, [ahead, beside])) in out.chunks_mut(PLACES).zip(&self.points).enumerate() {
+                    let heights = match terrain {
+                        Some(terrain) => {
+                            let (mut at_x, mut at_y) = ([0.0; PLACES], [0.0; PLACES]);
+                            for i in 0..PLACES {
+                                at_x[i] = cos.mul_add(ahead[i], (-sin).mul_add(beside[i], x));
+                                at_y[i] = sin.mul_add(ahead[i], cos.mul_add(beside[i], y));
+                            }
+                            terrain.heights_at(&at_x, &at_y)
+                        }
+                        None => [0.0; PLACES],
+                    };
+                    for (i, (value, height)) in values.iter_mut().zip(heights).enumerate() {
+                        if dropout == 0.0 || first || !missing(chunk * PLACES + i) {
                             *value = (lowest - height) as f32;
                         }
                     }

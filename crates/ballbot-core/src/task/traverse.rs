@@ -21,7 +21,7 @@ task_fields! {
     /// Options of the terrain task. SI units and radians. Tilts are from the equilibrium.
     pub struct Traverse {
         /// Smallest and largest commanded speed, drawn evenly, in any direction of the heading frame.
-        pub speed: [f64; 2] = [0.2, 0.5], "m/s", Limit::from(0.0).to(10.0);
+        pub speed_range: [f64; 2] = [0.2, 0.5], "m/s", Limit::from(0.0).to(10.0);
         /// Shortest and longest time from one command to the next, drawn evenly.
         pub command_seconds: [f64; 2] = [20.0, 20.0], "s", Limit::above(0.0).to(1e9);
         /// Error of the velocity that costs half of `velocity`, and of `velocity_precision`.
@@ -54,7 +54,7 @@ impl Traverse {
     #[inline(always)]
     fn velocity(&self) -> Velocity {
         Velocity {
-            speed: self.speed[1],
+            speed: self.speed_range[1],
             yaw_rate: 0.0,
             standing: 0.0,
             command_seconds: self.command_seconds,
@@ -85,7 +85,7 @@ impl Task for Traverse {
     const MEMORY: usize = LEVEL + 1;
 
     fn validate(&self, params: &Params) -> Result<()> {
-        check_range("speed", self.speed)?;
+        check_range("speed_range", self.speed_range)?;
         check_range("command_seconds", self.command_seconds)?;
         self.starts().validate(params)
     }
@@ -107,7 +107,7 @@ impl Task for Traverse {
     }
 
     fn command(&self, moment: &Moment<'_>, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
-        let speed = in_range(rng, self.speed);
+        let speed = in_range(rng, self.speed_range);
         let (sin, cos) = (TAU * rng.random::<f64>()).sin_cos();
         memory[..3].copy_from_slice(&[speed * cos, speed * sin, 0.0]);
         memory[LEVEL] = moment.level as f64;

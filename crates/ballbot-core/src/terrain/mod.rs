@@ -12,6 +12,7 @@ mod noise;
 mod parameters;
 mod patch;
 mod placement;
+mod places;
 mod ray;
 mod sharing;
 mod spline;
@@ -26,6 +27,8 @@ pub use parameters::Parameter;
 pub use patch::Patch;
 pub(crate) use placement::static_lean;
 pub use placement::upright_on;
+pub(crate) use places::{PLACES, Places, each};
+pub(crate) use ray::Rays;
 pub use spline::{Height, Jet, Spline};
 pub use tiles::Tiles;
 
@@ -197,9 +200,22 @@ impl Terrain {
     }
 
     /// Height at x and y, m. Beyond its edges the terrain goes on along the tangent planes there.
-    #[inline(always)]
     pub fn height(&self, x: f64, y: f64) -> f64 {
-        self.surface.z(x, y)
+        self.surface.jet(x, y).z
+    }
+
+    /// Heights at eight places; for code that [`crate::lanes::run_one`] dispatches.
+    #[inline(always)]
+    pub(crate) fn heights_at(&self, x: &Places, y: &Places) -> Places {
+        let [half_x, half_y] = self.half_size;
+        let mut outside = false;
+        for i in 0..PLACES {
+            outside |= x[i].abs() > half_x || y[i].abs() > half_y;
+        }
+        if outside || self.plane.is_some() {
+            return each(|i| self.height(x[i], y[i]));
+        }
+        self.surface.heights_at(x, y)
     }
 
     /// Unit vector across the ground at x and y, upwards.

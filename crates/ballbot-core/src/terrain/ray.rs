@@ -1,89 +1,145 @@
 //! Where rays meet the ground.
 
 use super::Terrain;
+use super::places::{PLACES, Places, each};
 use crate::lanes::run_one;
 use nalgebra::Vector3;
 
 /// Most steps along a ray. One that grazes the ground longer than that has met it.
 const MOST_STEPS: usize = 400;
 
-/// Height over the ground at which a picture's ray has met it, m.
+/// Height over the ground at which a ray of a picture follows the tangent there, m.
 const MET: f64 = 1e-7;
+
+/// Eight rays from one origin.
+pub struct Rays {
+    /// Components of their directions.
+    pub direction: [Places; 3],
+    /// Shares of the directions before which no ray meets the ground.
+    pub from: Places,
+    /// Shares at which they end.
+    pub limit: Places,
+}
 
 impl Terrain {
     /// The first share of `direction`, up to `limit`, at which a ray from `origin` meets the ground from above, and the
     /// ground's normal there; `None` if it does not, or meets it beyond the edges of the terrain.
     pub fn cast(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<(f64, Vector3<f64>)> {
-        let share = run_one(
+        let one = |value: f64| [value; PLACES];
+        let rays = Rays {
+            direction: [one(direction.x), one(direction.y), one(direction.z)],
+            from: one(0.0),
+            limit: one(limit),
+        };
+        let [share, ..] = run_one(
             #[inline(always)]
-            || self.meet(origin, direction, limit, MET),
-        )?;
+            || self.meet(origin, &rays, MET),
+        );
         let at = origin + direction * share;
         // From below, or through an edge of the terrain.
         let entered = self.plane.is_none() && at.z - self.height(at.x, at.y) < -MET.sqrt();
-        (!entered).then(|| (share, self.normal(at.x, at.y)))
+        (share < limit && !entered && share.is_finite()).then(|| (share, self.normal(at.x, at.y)))
     }
 
-    /// The first share of `direction`, up to `limit`, at which a ray from `origin` is within `met` of the ground, along the
-    /// vertical, or below it; `None` if there is none on the terrain.
+    /// The first share of each ray at which it is within `met` of the ground, along the vertical, or below it; infinite if there
+    /// is none up to its limit, on the terrain.
     ///
     /// A step is the longest of two that cannot pass through the ground: that of the steepest slope, and that of the slope
     /// here with the largest curvature, which near the ground is one of Newton's method.
     #[inline(always)]
-    pub fn meet(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, limit: f64, met: f64) -> Option<f64> {
+    pub fn meet(&self, origin: &Vector3<f64>, rays: &Rays, met: f64) -> Places {
+        let Rays { direction: [dx, dy, dz], from, limit } = rays;
+        let mut hit = [f64::INFINITY; PLACES];
         if let Some([gx, gy]) = self.plane {
             let above = origin.z - gx * origin.x - gy * origin.y;
-            let closing = gx * direction.x + gy * direction.y - direction.z;
-            let share = above / closing;
-            return if above < 0.0 { Some(0.0) } else { (closing > 0.0 && share < limit).then_some(share) };
+            for i in 0..PLACES {
+                let closing = gx * dx[i] + gy * dy[i] - dz[i];
+                let share = above / closing;
+                if above < 0.0 {
+                    hit[i] = 0.0;
+                } else if closing > 0.0 && share < limit[i] {
+                    hit[i] = share;
+                }
+            }
+            return hit;
         }
-        let mut span = [0.0, limit];
-        for axis in 0..2 {
-            clip(&mut span, origin[axis], direction[axis], [-self.half_size[axis], self.half_size[axis]]);
+        let steepest = self.steepness.slope.tan();
+        let (mut share, mut end) = (*from, *limit);
+        let (mut closing, mut bend) = ([0.0; PLACES], [0.0; PLACES]);
+        let top = self.steepness.highest + met;
+        for i in 0..PLACES {
+            clip(&mut share[i], &mut end[i], origin.x, dx[i], [-self.half_size[0], self.half_size[0]]);
+            clip(&mut share[i], &mut end[i], origin.y, dy[i], [-self.half_size[1], self.half_size[1]]);
+            clip(&mut share[i], &mut end[i], origin.z, dz[i], [f64::NEG_INFINITY, top]);
+            let sideways = dx[i].mul_add(dx[i], dy[i] * dy[i]);
+            closing[i] = steepest.mul_add(sideways.sqrt(), -dz[i]);
+            bend[i] = 2.0 * self.steepness.bend * sideways;
         }
-        clip(&mut span, origin.z, direction.z, [f64::NEG_INFINITY, self.steepness.highest + met]);
-        let sideways = direction.x.mul_add(direction.x, direction.y * direction.y);
-        let closing = self.steepness.slope.tan().mul_add(sideways.sqrt(), -direction.z);
-        if span[0] > span[1] {
-            return None;
+        let mut active = [false; PLACES];
+        for i in 0..PLACES {
+            active[i] = share[i] <= end[i];
         }
-        let bend = self.steepness.bend * sideways;
-        let mut share = span[0];
         for _ in 0..MOST_STEPS {
-            let at = origin + direction * share;
-            let ground = self.surface.slope(at.x, at.y);
-            let above = at.z - ground.z;
-            let [gx, gy] = ground.gradient;
-            let falling = gx.mul_add(direction.x, gy.mul_add(direction.y, -direction.z));
-            if above < met {
-                // Along the tangent: the rest of the way.
-                let rest = if above > 0.0 && falling > 0.0 { above / falling } else { 0.0 };
-                return Some((share + rest).min(span[1]));
+            if !active.contains(&true) {
+                break;
             }
-            if closing <= 0.0 {
-                return None;
-            }
-            let curved = 2.0 * above / (falling + falling.mul_add(falling, 2.0 * bend * above).sqrt());
-            // A ray along flat ground that rises from it gives no curved step.
-            share += if curved.is_finite() { curved.max(above / closing) } else { above / closing };
-            if share > span[1] {
-                return None;
+            let x = each(
+                #[inline(always)]
+                |i| dx[i].mul_add(share[i], origin.x),
+            );
+            let y = each(
+                #[inline(always)]
+                |i| dy[i].mul_add(share[i], origin.y),
+            );
+            let ground = self.surface.slopes_at(&x, &y);
+            for i in 0..PLACES {
+                if !active[i] {
+                    continue;
+                }
+                let above = dz[i].mul_add(share[i], origin.z) - ground.z[i];
+                let falling = ground.gx[i].mul_add(dx[i], ground.gy[i].mul_add(dy[i], -dz[i]));
+                if above < met {
+                    // Along the tangent: the rest of the way.
+                    let rest = if above > 0.0 && falling > 0.0 { above / falling } else { 0.0 };
+                    hit[i] = (share[i] + rest).min(end[i]);
+                    active[i] = false;
+                    continue;
+                }
+                if closing[i] <= 0.0 {
+                    active[i] = false;
+                    continue;
+                }
+                let straight = above / closing[i];
+                let curved = 2.0 * above / (falling + falling.mul_add(falling, bend[i] * above).sqrt());
+                // A ray that rises from flat ground has no curved step.
+                share[i] += if curved.is_finite() { curved.max(straight) } else { straight };
+                active[i] = share[i] <= end[i];
             }
         }
-        Some(share)
+        for i in 0..PLACES {
+            if active[i] {
+                hit[i] = share[i];
+            }
+        }
+        hit
+    }
+
+    /// Tangent of the steepest slope anywhere.
+    pub(crate) fn steepest(&self) -> f64 {
+        self.steepness.slope.tan()
     }
 }
 
-/// Limits a span of a ray to where a coordinate is in a range.
+/// Limits a part of a ray to where a coordinate is in a range.
 #[inline(always)]
-fn clip(span: &mut [f64; 2], origin: f64, direction: f64, [low, high]: [f64; 2]) {
+fn clip(from: &mut f64, to: &mut f64, origin: f64, direction: f64, [low, high]: [f64; 2]) {
     if direction == 0.0 {
         if origin < low || origin > high {
-            *span = [1.0, 0.0];
+            *to = f64::NEG_INFINITY;
         }
         return;
     }
     let (a, b) = ((low - origin) / direction, (high - origin) / direction);
-    span[0] = span[0].max(a.min(b));
-    span[1] = span[1].min(a.max(b));
+    *from = from.max(a.min(b));
+    *to = to.min(a.max(b));
 }

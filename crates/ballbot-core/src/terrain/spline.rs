@@ -150,39 +150,16 @@ impl Spline {
         height
     }
 
-    /// Height at x and y.
+    /// Coordinates of the first node, cells along x and y, and the inverse of the distance of nodes.
     #[inline(always)]
-    pub fn z(&self, x: f64, y: f64) -> f64 {
-        let (across, along) = (self.place(0, x), self.place(1, y));
-        if across.beyond != 0.0 || along.beyond != 0.0 {
-            return self.jet(x, y).z;
-        }
-        let values = self.columns(&across, &along, &weights(along.share));
-        product(&values, &weights(across.share))
-    }
-
-    /// Height and gradient at x and y.
-    #[inline(always)]
-    pub fn slope(&self, x: f64, y: f64) -> Height<f64> {
-        let (across, along) = (self.place(0, x), self.place(1, y));
-        if across.beyond != 0.0 || along.beyond != 0.0 {
-            let jet = self.jet(x, y);
-            return Height { z: jet.z, gradient: jet.gradient };
-        }
-        let values = self.columns(&across, &along, &weights(along.share));
-        let slants = self.columns(&across, &along, &slopes(along.share));
-        let wx = weights(across.share);
-        let scale = self.cell_inverse;
-        Height {
-            z: product(&values, &wx),
-            gradient: [product(&values, &slopes(across.share)) * scale, product(&slants, &wx) * scale],
-        }
+    pub(super) fn grid(&self) -> ([f64; 2], [f64; 2], f64) {
+        (self.corner, self.cells.map(|cells| cells as f64), self.cell_inverse)
     }
 
     /// Sums of the coefficients of a cell along y: four columns side by side, which are vectors to the processor.
     #[inline(always)]
-    fn columns(&self, across: &Place<f64>, along: &Place<f64>, weights: &[f64; 4]) -> [f64; 4] {
-        let first = (along.cell as usize) * self.columns + across.cell as usize;
+    pub(super) fn sums(&self, column: f64, row: f64, weights: &[f64; 4]) -> [f64; 4] {
+        let first = (row as usize) * self.columns + column as usize;
         let mut sums = [0.0; 4];
         for (row, weight) in weights.iter().enumerate() {
             let coefficients = &self.coefficients[first + row * self.columns..][..4];

@@ -2,7 +2,7 @@
 
 use super::{config, regulate, run_of};
 use ballbot_core::Params;
-use ballbot_core::batch::{Autoreset, Levels, ResetRequest, TaskConfig};
+use ballbot_core::batch::{Autoreset, Levels, TaskConfig, task_kind};
 use ballbot_core::terrain::Terrain;
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ fn every_preset_robot_has_terrain_up_to_its_own_limit() {
         let params = Params::preset(name).unwrap();
         let limit = params.slope_limits(30.0_f64.to_radians()).unwrap().smallest();
         for task in ["terrain", "openballbot"] {
-            let mut config = config(task, &[]);
+            let mut config = task_kind(task).unwrap().config();
             config.set_params(params.clone());
             let run = run_of(&*config, 1);
             let terrain = run.batch.terrain().unwrap();
@@ -31,7 +31,7 @@ fn episodes_begin_on_level_places_of_their_level_and_end_at_the_edge_of_the_tile
     let mut config = config("terrain", &[]);
     config.set_levels(Levels::One(3));
     config.set("fall_tilt", &[1.5]).unwrap();
-    let mut run = run_of(&*config, 64);
+    let run = run_of(&*config, 64);
     let tiles = *run.batch.terrain().unwrap().tiles().unwrap();
     let mut columns = [0; 4];
     for i in 0..64 {
@@ -43,35 +43,44 @@ fn episodes_begin_on_level_places_of_their_level_and_end_at_the_edge_of_the_tile
         columns[column] += 1;
     }
     assert!(columns.iter().all(|count| *count > 5), "{columns:?}");
-    // Beyond the edge of its tile an episode is truncated, though the terrain goes on.
-    let mut start = run.batch.state(0).unwrap();
-    for position in [&mut start.ball_position, &mut start.body_position] {
-        position.x += 0.5 * tiles.side - 1e-4 - start.ball_velocity.x;
-    }
-    start.ball_velocity.x = 0.1;
-    let on_ground = run.batch.on_ground(0, &start).unwrap();
-    let starts = std::iter::once(Some(on_ground)).chain(std::iter::repeat_n(None, 63)).collect::<Vec<_>>();
-    let request = ResetRequest { starts: Some(&starts), ..Default::default() };
-    run.batch.reset_with(&request, &mut run.observations).unwrap();
-    let mut truncated = false;
-    for _ in 0..30 {
-        run.step(&[0.0; 192]).unwrap();
-        truncated |= run.truncated[0];
-        if truncated || run.terminated[0] {
-            break;
+}
+
+#[test]
+fn episodes_end_at_the_edge_of_the_tile_though_the_terrain_goes_on() {
+    let plane = [("slope", 0.0), ("levels", 1.0), ("tile", 6.0)];
+    let terrain = Arc::new(Terrain::generate("levels", 0, &plane).unwrap());
+    let mut config = config("terrain", &[("speed_range", &[0.5, 0.5]), ("max_episode_steps", &[2000.0])]);
+    config.set_terrain(Some(Arc::clone(&terrain)));
+    let mut run = run_of(&*config, 8);
+    let tiles = terrain.tiles().unwrap();
+    let mut last = (0..8).map(|i| run.batch.state(i).unwrap().ball_position).collect::<Vec<_>>();
+    let mut truncated = 0;
+    regulate(&mut run, 1100, |k, run| {
+        for (i, last) in last.iter_mut().enumerate() {
+            let [column, level] = tiles.nearest(last.x, last.y);
+            let [x, y] = tiles.center(column, level);
+            let edge = 3.0 - (last.x - x).abs().max((last.y - y).abs());
+            assert_eq!(run.truncated[i], run.outcomes[i].done(), "none falls");
+            if run.truncated[i] {
+                assert!(k > 550 && edge < 0.006, "{k}, {edge}");
+                truncated += 1;
+            } else {
+                assert!(edge >= 0.0);
+            }
+            *last = run.batch.state(i).unwrap().ball_position;
         }
-    }
-    assert!(truncated);
+    });
+    assert!(truncated >= 8, "{truncated}");
 }
 
 #[test]
 fn a_curriculum_rises_with_what_is_done_and_is_in_snapshots() {
     let mut config = config("terrain", &[]);
     config.set_levels(Levels::Curriculum);
-    config.set("max_episode_steps", &[400.0]).unwrap();
+    config.set("max_episode_steps", &[800.0]).unwrap();
     let mut run = run_of(&*config, 16);
     assert!((0..16).all(|i| run.batch.level(i).unwrap() == 0));
-    regulate(&mut run, 401, |_, _| ());
+    regulate(&mut run, 801, |_, _| ());
     let risen = (0..16).filter(|i| run.batch.level(*i).unwrap() == 1).count();
     assert!(risen >= 12, "{risen}");
     // Robots that are not driven fall, and go back.
