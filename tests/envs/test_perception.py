@@ -12,6 +12,7 @@ from stable_baselines3.common.env_checker import check_env as check_with_sb3
 
 import ballbot_rs as bb
 from ballbot_rs.control.resolve import find
+from ballbot_rs.viewer.session import Session
 
 #: Small instruments.
 SCAN = {"points": (5, 3), "spacing": 0.1}
@@ -118,6 +119,8 @@ def test_policies_keep_their_instruments(tmp_path):
     model = PPO("MlpPolicy", env, n_steps=16, batch_size=32, n_epochs=1, device="cpu")
     file = bb.save(model, tmp_path / "policy")
     assert find(str(file)).env_options["scan"]["points"] == [5.0, 3.0]
+    with pytest.raises(ValueError, match="was trained with scan, which the page does not have"):
+        Session(controller=find(str(file)), task="velocity")
     assert bb.evaluate(file, episodes=2, env_options={"max_episode_steps": 20}).episodes == 2
 
 

@@ -56,6 +56,12 @@ LEFT_OUT = {
     "UrdfError": "an exception",
 }
 
+
+def class_name(task: str) -> str:
+    """What the classes of a task begin with."""
+    return bb._core.TASKS[task]["id"].removeprefix("ballbot/").removesuffix("-v0")
+
+
 #: Numbers at the edges of their types.
 FLOATS = [0.0, -0.0, 1.0, -1.0, 0.5, float("nan"), float("inf"), -float("inf"), 5e-324, -5e-324, 1e-300, 1e-30, 1e-9]
 FLOATS += [1e9, 1e10, 1e16, 1e155, -1e155, 1e300, 1.7e308, np.pi, -np.pi]
@@ -184,7 +190,7 @@ INSTANCES: dict[str, list[Callable[[], Any]]] = {
     "Lqr": [bb.Lqr],
     "Renderer": [lambda: bb.Renderer(width=8, height=8, num_threads=1)],
     "BallbotEnv": [_environment],
-    **{f"{task.capitalize()}Env": [functools.partial(_environment, task)] for task in bb._core.TASKS},
+    **{f"{class_name(task)}Env": [functools.partial(_environment, task)] for task in bb._core.TASKS},
     "BalanceVectorEnv": [_vector_environment],
     "BallbotVectorEnv": [_vector_environment],
     "Push": [lambda: bb.Push((0.1, 0, 0), duration=0.1)],
@@ -378,11 +384,8 @@ OPEN: dict[str, list[str]] = {
     "Lqr.__call__": ["position", "velocity", "yaw"],
     "Batch": _ENVIRONMENT,
     **{
-        f"{task['id'].partition('/')[2].rpartition('-')[0]}Env": [
-            *_COMMON,
-            *(option["name"] for option in task["options"]),
-        ]
-        for task in bb._core.TASKS.values()
+        f"{class_name(name)}Env": [*_COMMON, *(option["name"] for option in task["options"])]
+        for name, task in bb._core.TASKS.items()
     },
     "BallbotEnv": _ENVIRONMENT,
     "BalanceVectorEnv": _ENVIRONMENT,

@@ -58,8 +58,8 @@ def options() -> str:
             parts += _comment(_described(option["doc"], option["unit"], option["limit"]))
             kind = "npt.ArrayLike" if isinstance(option["default"], list) else "float"
             parts.append(f"    {option['name']}: {kind}")
-    bases = ", ".join(f"{tables.class_name(task)}Options" for task in TASKS)
-    parts.append(f'\n\nclass TaskOptions({bases}, total=False):\n    """Options of any task."""')
+    bases = "".join(f"    {tables.class_name(task)}Options,\n" for task in TASKS)
+    parts.append(f'\n\nclass TaskOptions(\n{bases}    total=False,\n):\n    """Options of any task."""')
     return "\n".join(parts) + "\n"
 
 
@@ -89,7 +89,7 @@ def tasks() -> str:
         "from typing import Any\n",
         "from gymnasium.vector import AutoresetMode\nfrom typing_extensions import Unpack\n",
         "from ballbot_rs.envs.gymnasium_env import BallbotEnv",
-        f"from ballbot_rs.envs.options import {', '.join(sorted(names))}",
+        "from ballbot_rs.envs.options import (\n" + "".join(f"    {name},\n" for name in sorted(names)) + ")",
         "from ballbot_rs.envs.vector_env import BallbotVectorEnv",
     ]
     for task in TASKS:

@@ -381,5 +381,14 @@ class OpenBallBotOptions(CommonOptions, total=False):
     fall_tilt: float
 
 
-class TaskOptions(BalanceOptions, VelocityOptions, GoalOptions, PathOptions, PushOptions, TerrainOptions, OpenBallBotOptions, total=False):
+class TaskOptions(
+    BalanceOptions,
+    VelocityOptions,
+    GoalOptions,
+    PathOptions,
+    PushOptions,
+    TerrainOptions,
+    OpenBallBotOptions,
+    total=False,
+):
     """Options of any task."""

@@ -9,7 +9,15 @@ from gymnasium.vector import AutoresetMode
 from typing_extensions import Unpack
 
 from ballbot_rs.envs.gymnasium_env import BallbotEnv
-from ballbot_rs.envs.options import BalanceOptions, GoalOptions, OpenBallBotOptions, PathOptions, PushOptions, TerrainOptions, VelocityOptions
+from ballbot_rs.envs.options import (
+    BalanceOptions,
+    GoalOptions,
+    OpenBallBotOptions,
+    PathOptions,
+    PushOptions,
+    TerrainOptions,
+    VelocityOptions,
+)
 from ballbot_rs.envs.vector_env import BallbotVectorEnv
 
 

@@ -442,6 +442,9 @@ def _objective(
 ) -> Objective:
     if task not in PAGE_TASKS:
         raise ValueError(f"the page has no task '{task}': expected one of {', '.join(PAGE_TASKS)}")
+    for name in ("terrain", "scan", "depth"):
+        if controller.env_options.get(name) is not None:
+            raise ValueError(f"{controller.name} was trained with {name}, which the page does not have")
     if task == DEFAULT_TASK:
         return Balancing(controller, params, num_robots)
     return Commanding(controller, params, num_robots, task, options)
