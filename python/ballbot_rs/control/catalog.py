@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import Any
 
+from ballbot_rs._checks import check_options
 from ballbot_rs._core import CONTROLLERS, Controller, Params
 
 
@@ -85,4 +86,7 @@ def make_controller(
         ValueError: an unknown name, or a number out of range.
         TypeError: an option that the controller does not have.
     """
+    if name in CONTROLLERS:
+        known = [option["name"] for option in CONTROLLERS[name]["options"]]
+        check_options(f"the controller '{name}'", options, (*known, "max_torque", "traction"))
     return Controller(name, params, control_dt, **options)

@@ -8,9 +8,10 @@ from typing import Final
 import numpy as np
 
 from ballbot_rs._checks import check_count, check_seed
-from ballbot_rs._core import CONTROLLERS, Controller, Params
+from ballbot_rs._core import CONTROLLERS, Params
 from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs.control.catalog import make_controller
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.scenarios.run import Outcome, outcome_on, run_scenarios
 from ballbot_rs.scenarios.scenario import Scenario, load, select
@@ -101,7 +102,7 @@ def with_options(name: str, options: Mapping[str, float], title: str | None = No
     """A controller of the core with options, for any robot."""
     return ResolvedController(
         title or name,
-        make_law=lambda params, control_dt: Controller(name, params, control_dt, **options),
+        make_law=lambda params, control_dt: make_controller(name, params, control_dt, **options),
         control_dt=CONTROLLERS[name]["control_dt"],
     )
 
