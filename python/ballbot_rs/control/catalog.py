@@ -1,10 +1,12 @@
 """The controllers that come with the package, by name, and one of them for a robot."""
 
 import dataclasses
+import html
 from collections.abc import Mapping
 from os import PathLike
 from typing import Any
 
+from ballbot_rs import _short
 from ballbot_rs._checks import check_options
 from ballbot_rs._core import CONTROLLERS, Controller, Params
 
@@ -20,7 +22,7 @@ class ControllerOption:
     doc: str
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class ControllerInfo:
     """A controller as `controllers` lists it."""
 
@@ -34,6 +36,18 @@ class ControllerInfo:
     traction: float | None
     #: By name.
     options: Mapping[str, ControllerOption]
+
+    def __repr__(self) -> str:
+        return f"<ControllerInfo {self.name}: {self.summary}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name, _short.number(option.default), option.unit, option.limit, option.doc)
+            for name, option in self.options.items()
+        ]
+        table = _short.table(rows, ("option", "default", "unit", "limit", ""))
+        follows = html.escape(f"{self.summary} It follows {', '.join(self.setpoint_parts)}.")
+        return f"<div><b>{html.escape(self.name)}</b>: {follows}{table}</div>"
 
     def __str__(self) -> str:
         rate = "" if self.control_dt is None else f" Made for {self.control_dt:g} s."

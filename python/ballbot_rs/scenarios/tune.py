@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from ballbot_rs import _short
 from ballbot_rs._checks import check_count, check_seed
 from ballbot_rs._core import CONTROLLERS, Params
 from ballbot_rs._extras import require
@@ -81,7 +82,7 @@ DEFAULT: Final = (
 )
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Tuned:
     """Options of a controller that a search has found."""
 
@@ -92,6 +93,10 @@ class Tuned:
     cost: float
     #: Best cost after each evaluation.
     history: Sequence[float]
+
+    def __repr__(self) -> str:
+        options = ", ".join(f"{name}={_short.number(value)}" for name, value in self.options.items())
+        return f"<Tuned {self.controller}: cost {self.cost:.4g} after {len(self.history)} evaluations, {options}>"
 
     def source(self) -> ResolvedController:
         """The tuned controller, as `compare`, `run_scenarios` and the others take it."""
