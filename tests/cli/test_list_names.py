@@ -1,5 +1,7 @@
 """`ballbot list`."""
 
+import pytest
+
 from ballbot_rs import terrain_kinds
 from ballbot_rs._core import MODELS, ROBOTS, TASKS
 from ballbot_rs.control.resolve import NAMES, find
@@ -7,6 +9,7 @@ from tests.support.in_process import parse_json, run
 
 
 def test_list_names_what_other_arguments_take(capsys):
+    pytest.importorskip("onnxruntime")
     code, out, err = run(capsys, "list", "--json")
     assert (code, err) == (0, "")
     found = parse_json(out)
