@@ -95,6 +95,13 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", others
     )
 
 
+def add_urdf(command: Any) -> None:
+    """Adds a robot that is two URDFs."""
+    command.add_argument(
+        "--urdf", type=Path, nargs=2, metavar=("BOT", "BALL"), help="a robot as two URDFs, instead of --robot"
+    )
+
+
 def add_events(command: Any, *others: str) -> None:
     """Adds what is drawn at random of the robots."""
     names = "|".join((*EVENT_SETS, *others, "FILE.toml"))

@@ -37,9 +37,7 @@ def add_to(commands: Any) -> None:
     scenario.add_robot(command)
     scenario.add_events(command, TRAINED)
     scenario.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
-    command.add_argument(
-        "--urdf", type=Path, nargs=2, metavar=("BOT", "BALL"), help="a robot as two URDFs, instead of --robot"
-    )
+    scenario.add_urdf(command)
     command.add_argument(
         "--batch",
         type=whole(1, MAX_ROBOTS),
