@@ -30,7 +30,14 @@ RUNS = {
     "transfer": (["4"], r"contact +policy 100%  lqr 100%\n(.*\n)*delay 50 ms +policy +0%  lqr 100%", []),
     "terrain": (["4"], r"slope 0\.20 +lqr upright 100%(.*\n)*<Trajectory of lqi on contact: 5 s", ["hills.svg"]),
 }
-NEEDS = {"own_task": "stable_baselines3", "train_sac": "stable_baselines3", "tune": "cmaes", "transfer": "onnxruntime"}
+NEEDS = {
+    "own_task": "stable_baselines3",
+    "push_and_plot": "matplotlib",
+    "terrain": "matplotlib",
+    "train_sac": "stable_baselines3",
+    "transfer": "onnxruntime",
+    "tune": "cmaes",
+}
 
 
 def test_every_program_has_its_run():
