@@ -17,6 +17,7 @@ except ModuleNotFoundError:
     collect_ignore = [
         "analysis/test_evaluation.py",
         "cli/test_cli.py",
+        "cli/test_settings.py",
         "cli/test_streams.py",
         "control/test_bad_policy.py",
         "control/test_policy_code.py",

@@ -4,7 +4,7 @@ import re
 
 from ballbot_rs._checks import did_you_mean
 
-_UNKNOWN_NAME = re.compile(r"unknown [^']+ '(?P<name>[^']*)': expected one of (?P<known>[^:]*)")
+_UNKNOWN_NAME = re.compile(r"unknown [^']+ '(?P<name>[^']*)': expected one of (?P<known>[^:]*)$")
 
 
 class BallbotError(Exception):
@@ -20,7 +20,7 @@ class InvalidInputError(BallbotError, ValueError):
 
     def __init__(self, message: str = "", *rest: object) -> None:
         # The core lists the names that it knows; which of them is the closest is found here for all of them.
-        unknown = _UNKNOWN_NAME.fullmatch(message)
+        unknown = _UNKNOWN_NAME.search(message)
         hint = "" if unknown is None else did_you_mean(unknown["name"], unknown["known"].split(", "))
         super().__init__(message + hint, *rest)
 

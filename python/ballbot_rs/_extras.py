@@ -8,8 +8,9 @@ from pathlib import Path
 def install_hint(*extras: str) -> str:
     """The command that installs optional dependencies, for a clone of the repository or an installed package."""
     wanted = ",".join(extras)
-    if (Path(__file__).parents[2] / "pyproject.toml").is_file():
-        return f"pip install -e '.[{wanted}]'"
+    clone = Path(__file__).resolve().parents[2]
+    if (clone / "pyproject.toml").is_file():
+        return f"pip install -e '{'.' if Path.cwd() == clone else clone}[{wanted}]'"
     return f"pip install 'ballbot-rs[{wanted}]'"
 
 

@@ -10,37 +10,16 @@ import pytest
 from stable_baselines3 import PPO
 
 from ballbot_rs import Params, __version__, _toml
-from ballbot_rs.cli import main
-
-
-def parse_json(text):
-    """JSON as other languages read it: NaN and Infinity are no numbers."""
-
-    def refuse(constant):
-        raise AssertionError(f"{constant} in the JSON output")
-
-    return json.loads(text, parse_constant=refuse)
-
-
-def run(capsys, *arguments):
-    """Exit code, standard output and standard error of the command."""
-    try:
-        code = main([str(argument) for argument in arguments])
-    except SystemExit as exit_:
-        code = exit_.code
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
+from ballbot_rs.cli import COMMANDS as MODULES
+from tests.support.in_process import parse_json, run
 
 
 def test_version(capsys):
     assert run(capsys, "--version") == (0, f"ballbot {__version__}\n", "")
 
 
-HELP = [
-    ["--help"],
-    *([name, "--help"] for name in ("train", "evaluate", "report", "export", "plot", "record", "view", "info")),
-    *([name, "--help"] for name in ("record-log", "identify")),
-]
+COMMANDS = {module.__name__.rpartition(".")[2].replace("_", "-") for module in MODULES} - {"list-names"} | {"list"}
+HELP = [["--help"], *([name, "--help"] for name in sorted(COMMANDS))]
 
 
 @pytest.mark.parametrize("arguments", HELP)
@@ -74,7 +53,7 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["train", "balance", "--set", "total_timesteps=0"], "total_timesteps = 0 is out of range"),
         (["train", "balance", "--set", "policy.net_arch=[100000, 100000]"], "10001600000 weights, more than 10000000"),
         (["train", "balance", "--set", "policy.net_arch=[-5]"], "a width of -5 is out of range"),
-        (["evaluate", "--episodes", "1", "--env-option", "max_episode_steps=1000000000000"], "more than 100000000"),
+        (["evaluate", "--episodes", "1", "--set", "max_episode_steps=1000000000000"], "more than 100000000"),
         (["train", "balance", "--config", "nowhere.toml"], "nowhere.toml"),
         (["train", "balance", "--resume", "nowhere"], "nowhere holds no training run"),
         (["train", "balance", "--resume", "nowhere", "--seed", "5"], "--seed has no place beside it"),
@@ -91,8 +70,12 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["view", "--controller", "run.zip"], "no policy at run.zip"),
         (["view", "--robot", "kugel"], "did you mean 'kugle'?"),
         (["evaluate", "--robot", "nowhere.toml"], "nowhere.toml"),
-        (["evaluate", "--env-option", "control_dt"], "--env-option control_dt: expected NAME=VALUE"),
-        (["train", "--set", "algorithm_argument.gamma=1"], "unknown key 'algorithm_argument'"),
+        (["evaluate", "--set", "control_dt"], "--set control_dt: expected NAME=VALUE"),
+        (["train", "--set", "algorithm_argument.gamma=1"], "did you mean 'algorithm_arguments'?"),
+        (["train", "--set", "env.model=rigid"], "leave out env."),
+        (["train", "--set", "max_wheel_torqe=1"], "did you mean 'max_wheel_torque'?"),
+        (["train", "--set", "teacher.control=lqr"], "unknown key 'control'"),
+        (["train", "--set", "evaluation.episode=3"], "did you mean 'episodes'?"),
         (["train", "--resume", "nowhere", "--model", "rigid"], "it takes no other values"),
         (["view", "--controller", "run.onnx"], "no policy at run.onnx"),
         (["view", "--urdf", "bot.urdf", "ball.urdf"], "bot.urdf"),
@@ -103,15 +86,23 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["evaluate", "--model", "rigidd"], "did you mean 'rigid'?"),
         (["evaluate", "--events", "milde"], "did you mean 'mild'?"),
         (
-            ["evaluate", "--env-option", "max_torque=1"],
-            "unexpected keyword argument 'max_torque': did you mean 'max_wh",
+            ["evaluate", "--set", "max_torque=1"],
+            "--set max_torque: unknown option 'max_torque': did you mean 'max_wh",
         ),
-        (["evaluate", "--env-option", "zzz=1"], "unexpected keyword argument 'zzz': expected one of params, model"),
-        (["view", "--env-option", 'actuators={"delay": 0.003}'], "actuators.delay / sim_dt = 1.5 is out of range"),
-        (["evaluate", "--param", "body_mass=2"], "--param body_mass=2 needs the robot that it changes: add --robot"),
-        (["evaluate", "--robot", "paper", "--param", "body_mass"], "--param body_mass: expected NAME=VALUE"),
-        (["record", "--robot", "paper", "--param", "body_mass=-1"], "body_mass = -1 is out of range"),
-        (["plot", "--robot", "paper", "--param", "mass=2"], "unknown parameter 'mass': expected one of ball_mass"),
+        (["evaluate", "--set", "zzz=1"], "unknown option 'zzz': expected one of params, model"),
+        (["view", "--set", "actuators.delay=0.003"], "actuators.delay / sim_dt = 1.5 is out of range"),
+        (["evaluate", "--set", "body_mass=2"], "unknown option 'body_mass': did you mean 'params.body_mass'?"),
+        (["evaluate", "--set", "params.body_mass"], "--set params.body_mass: expected NAME=VALUE"),
+        (["evaluate", "--set", "params.body_mas=2"], "did you mean 'body_mass'?"),
+        (["evaluate", "--set", "actuators.dela=1"], "did you mean 'delay'?"),
+        (["evaluate", "--set", "terrain=noise", "--set", "terrain.slop=0.1"], "did you mean 'slope'?"),
+        (["evaluate", "--set", "reward.positon=1"], "did you mean 'position'?"),
+        (["evaluate", "--set", "setpoint.x=1"], "'setpoint' has no parts: expected one of params.NAME, actuators.NAME"),
+        (["evaluate", "--model", "rigid", "--set", "model=spatial"], "model is given by an argument of its own, too"),
+        (["compare", "--set", "body_mass=2"], "expected params.NAME=VALUE: did you mean 'params.body_mass'?"),
+        (["compare", "S3-slwo"], "S22-6s: did you mean 'S3-slow'?"),
+        (["record", "--robot", "paper", "--set", "params.body_mass=-1"], "body_mass = -1 is out of range"),
+        (["plot", "--robot", "paper", "--set", "params.mass=2"], "unknown parameter 'mass': expected one of ball_mass"),
     ],
 )
 def test_an_error_exits_with_1_and_one_line(capsys, tmp_path, monkeypatch, arguments, message):
@@ -244,6 +235,7 @@ def test_no_command_prints_the_help(capsys):
         (["evaluate", "balanse"], ": did you mean 'balance'?"),
         (["plot", "pid"], "a controller is named by --controller pid"),
         (["plot", "--figure", "trajectory"], "did you mean 'trajectories'?"),
+        (["list", "polices"], "did you mean 'policies'?"),
     ],
 )
 def test_a_misspelt_word_is_answered_with_the_closest_one(capsys, arguments, hint):
@@ -254,7 +246,7 @@ def test_a_misspelt_word_is_answered_with_the_closest_one(capsys, arguments, hin
         assert f"usage: ballbot {arguments[0]}" in err
 
 
-SHARED = ("--controller", "--model", "--robot", "--param", "--env-option", "--actuators")
+SHARED = ("--controller", "--model", "--robot", "--set", "--actuators")
 
 
 def test_shared_options_are_the_same_and_in_the_same_order_everywhere(capsys):
@@ -292,14 +284,25 @@ def test_a_parameter_of_the_command_line_is_that_of_a_file(capsys, tmp_path):
     results = []
     for robot in (
         ("--robot", file),
-        ("--robot", "kugle", "--param", "body_mass=12", "--param", "body_com_offset=[0.01, -0.002]"),
-        ("--robot", file, "--param", "body_mass=12.0"),
+        ("--robot", "kugle", "--set", "params.body_mass=12", "--set", "params.body_com_offset=[0.01, -0.002]"),
+        ("--robot", file, "--set", "params.body_mass=12.0"),
+        ("--set", "params=kugle", "--set", "params.body_mass=12", "--set", "params.body_com_offset=[0.01, -0.002]"),
         ("--robot", "kugle"),
     ):
         code, out, err = run(capsys, "evaluate", *robot, "--model", "spatial", "--episodes", 2, "--json")
         assert (code, err) == (0, "")
         results.append(parse_json(out)["results"])
-    assert results[0] == results[1] == results[2] != results[3]
+    assert results[0] == results[1] == results[2] == results[3] != results[4]
+
+
+@pytest.mark.parametrize(
+    "arguments", [["list"], ["info"], ["compare", "--list"], *([name, "--help"] for name in sorted(COMMANDS))]
+)
+def test_what_is_printed_fits_100_columns(capsys, monkeypatch, arguments):
+    monkeypatch.setenv("COLUMNS", "100")
+    code, out, _ = run(capsys, *arguments)
+    assert code == 0
+    assert max(map(len, out.splitlines())) <= 100
 
 
 def test_view_draws_robots_and_has_motors(capsys, monkeypatch, tmp_path):
@@ -336,8 +339,8 @@ def test_the_table_fits_100_columns(capsys, tiny_run):
 
 
 def test_the_table_ends_with_all_conditions_that_are_not_default(capsys):
-    options = ["--events", "mild", "--env-option", "reset_tilt=0.02", "--env-option", 'actuators={"delay": 0.01}']
-    code, out, _ = run(capsys, "evaluate", "--episodes", 2, "--robot", "paper", "--param", "body_mass=2", *options)
+    options = ["--events", "mild", "--set", "reset_tilt=0.02", "--set", "actuators.delay=0.01"]
+    code, out, _ = run(capsys, "evaluate", "--episodes", 2, "--set", "params.body_mass=2", *options)
     assert code == 0
     text = " ".join(out.split())
     robot = "robot paper with body_mass = 2"
@@ -347,7 +350,7 @@ def test_the_table_ends_with_all_conditions_that_are_not_default(capsys):
     )
     assert "over the last 2 s tilt within 1 deg and ball within 0.1 m of the setpoint." in text
     assert "pid" not in text
-    code, out, _ = run(capsys, "evaluate", "--episodes", 1, "--controller", "pid", "--env-option", "success_radius=0.2")
+    code, out, _ = run(capsys, "evaluate", "--episodes", 1, "--controller", "pid", "--set", "success_radius=0.2")
     text = " ".join(out.split())
     assert "1 episodes each, model contact, success_radius = 0.2. Success" in text
     assert "ball within 0.2 m" in text
@@ -373,27 +376,7 @@ def test_the_rate_of_the_pid_does_not_depend_on_what_it_is_compared_with(capsys,
     both = ("--controller", tiny_run, "--controller", "pid")
     assert rates("--controller", "pid") == [0.002]
     assert rates(*both) == [0.01, 0.002]
-    assert rates(*both, "--env-option", "control_dt=0.004") == [0.004, 0.004]
-
-
-def test_train_takes_values_over_the_configuration(capsys, tmp_path, tiny_config):
-    robot = tmp_path / "mine.toml"
-    robot.write_text(_toml.dumps(Params.preset("kugle").to_dict()), encoding="utf-8")
-    changes = ["--model", "planar", "--set", "algorithm_arguments.gamma=0.9", "--set", "total_timesteps=256"]
-    changes += ["--robot", robot]
-    how = ["--run", tmp_path / "run", "--quiet", "--episodes", 0, "--no-report"]
-    assert run(capsys, "train", "--config", tiny_config, *changes, *how)[0] == 0
-    from ballbot_rs.training import config
-
-    kept, _ = config.load("balance", tmp_path / "run" / "config.toml")
-    assert kept.env["model"] == "planar"
-    assert kept.algorithm_arguments["gamma"] == 0.9
-    assert kept.total_timesteps == 256
-    assert kept.policy == {"net_arch": [8]}
-    assert Params(**kept.env["params"]) == Params.preset("kugle")
-    code, out, _ = run(capsys, "evaluate", "--controller", tmp_path / "run", "--episodes", 1, "--json")
-    assert code == 0
-    assert parse_json(out)["results"][0]["model"] == "planar"
+    assert rates(*both, "--set", "control_dt=0.004") == [0.004, 0.004]
 
 
 def test_completion_without_shtab_says_what_to_install(capsys, monkeypatch):

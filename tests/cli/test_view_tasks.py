@@ -27,11 +27,11 @@ def test_a_policy_is_run_in_its_task_with_options(tmp_path):
 
     path = str(tiny_policy(tmp_path / "p.onnx", "velocity"))
     assert f"(velocity, 2 robots paper, contact, {path})" in view(
-        "--controller", path, "--batch", "2", "--env-option", "speed=0.3"
+        "--controller", path, "--batch", "2", "--set", "speed=0.3"
     )
     assert "expected 'ballbot/Goal-v0'" in view("goal", "--controller", path, code=1)
 
 
 def test_an_option_of_another_task_is_refused():
-    error = view("goal", "--env-option", "path_speed=[0.1,0.2]", code=1)
+    error = view("goal", "--set", "path_speed=[0.1,0.2]", code=1)
     assert "path_speed" in error

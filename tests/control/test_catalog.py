@@ -34,6 +34,8 @@ def test_a_controller_is_of_its_robot_rate_and_gains():
         bb.make_controller("lqrr")
     with pytest.raises(TypeError, match="unexpected keyword argument 'weight'"):
         bb.make_controller("lqr", weight=1.0)
+    with pytest.raises(TypeError, match="'positon': did you mean 'position'"):
+        bb.make_controller("lqr", positon=1.0)
 
 
 def test_a_setpoint_is_a_mapping_or_keywords():

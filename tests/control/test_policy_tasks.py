@@ -32,7 +32,7 @@ def test_a_policy_file_names_its_task(policy_of, task):
 def test_laws_beside_a_policy_have_its_task(policy_of, capsys):
     path = policy_of("goal")
     arguments = ["--controller", path, "--controller", "lqr", "--episodes", "2", "--json"]
-    assert main(["evaluate", *arguments, "--env-option", "max_episode_steps=3"]) == 0
+    assert main(["evaluate", *arguments, "--set", "max_episode_steps=3"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["env_id"] == "ballbot/Goal-v0"
     assert [result["controller"] for result in report["results"]] == [path, "lqr"]

@@ -86,7 +86,7 @@ def test_a_plain_file_is_taken_once_its_task_is_named(algorithm, tmp_path, capsy
     named = bb.evaluate(path, task="balance", episodes=2, env_options=OPTIONS)
     saved = bb.evaluate(bb.save(model_of(algorithm, bb.BallbotVecEnv(1, **OPTIONS)), tmp_path / "s"), episodes=2)
     assert vars(named) == {**vars(saved), "controller": str(path)}
-    option = ["--env-option", "max_wheel_torque=0.25", "--model", "spatial"]
+    option = ["--set", "max_wheel_torque=0.25", "--model", "spatial"]
     target = tmp_path / "plain.onnx"
     assert main(["evaluate", "--controller", str(path)]) == 1
     assert main(["evaluate", "balance", "--controller", str(path), "--episodes", "1"]) == 0

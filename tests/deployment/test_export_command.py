@@ -17,8 +17,8 @@ PAGE = (ROOT / "docs" / "deployment.md").read_text(encoding="utf-8")
 
 def test_the_command_writes_the_controller_that_it_is_asked_for(tmp_path, capsys):
     target = tmp_path / "gains.h"
-    robot = ["--robot", "kugle", "--param", "body_com_offset=[0.01,0]"]
-    rate = ["--env-option", "control_dt=0.005", "--env-option", "max_wheel_torque=1.5"]
+    robot = ["--robot", "kugle", "--set", "params.body_com_offset=[0.01,0]"]
+    rate = ["--set", "control_dt=0.005", "--set", "max_wheel_torque=1.5"]
     options = ["--controller-option", "max_lean=0.1", "--controller-option", "traction=0.8"]
     assert main(["export", "--controller", "lqi", *robot, *rate, *options, "-o", str(target)]) == 0
     assert "wrote" in capsys.readouterr().out
@@ -36,7 +36,7 @@ def test_the_report_is_json(tmp_path, capsys):
 
 def test_the_command_writes_the_estimator_of_a_robot_and_its_sensors(tmp_path, capsys):
     target = tmp_path / "estimator.h"
-    given = ["--robot", "kugle", "--sensors", "kugle", "--env-option", "control_dt=0.005"]
+    given = ["--robot", "kugle", "--sensors", "kugle", "--set", "control_dt=0.005"]
     assert main(["export", "--estimator", *given, "-o", str(target)]) == 0
     assert target.read_text(encoding="ascii") == estimator_header("kugle", "kugle", 0.005)
     capsys.readouterr()
@@ -66,7 +66,7 @@ def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
         (["--controller", "lqr", "--controller-option", "weight"], "--controller-option weight: expected NAME=VALUE"),
         (
             ["--controller", "lqr", "--controller-option", "control_dt=1"],
-            "name the robot by --robot and the rest by --env",
+            "name the robot by --robot and the rest by --set",
         ),
         (["--controller", "lqr", "--sensors", "exact"], "does not depend on sensors of the environment"),
         (["--controller", "lqr", "--task", "balance"], "--task balance is for policies"),
@@ -74,7 +74,7 @@ def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
         (["--estimator"], "--estimator needs the sensors of the robot"),
         (["--estimator", "--sensors", "kugle", "--model", "rigid"], "an estimator in C does not depend on model"),
         (["--estimator", "--sensors", "kugle", "--controller", "lqr"], "takes a RUN, --controller or --estimator"),
-        (["--controller", "lqr", "--env-option", "control_dt=0"], "control_dt = 0 is out of range"),
+        (["--controller", "lqr", "--set", "control_dt=0"], "control_dt = 0 is out of range"),
     ],
 )
 def test_mistakes_are_named(given, message, capsys):

@@ -80,3 +80,31 @@ def test_training_block_learns_to_balance(seed: int, clone: Path) -> None:
     run(TRAINING.replace("seed=0", f"seed={seed}"))
     result = bb.evaluate(str(clone / "balance.zip"), episodes=100, env_options={"model": "contact"})
     assert result.success_rate >= 0.95, result
+
+
+def test_the_citation_has_the_version_of_the_package() -> None:
+    bibtex = re.search(r"version = \{(.*?)\}", (ROOT / "README.md").read_text(encoding="utf-8"))
+    cff = re.search(r"^version: (.*)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert bibtex is not None
+    assert cff is not None
+    assert bibtex[1] == cff[1] == bb.__version__
+
+
+def test_the_animation_is_that_of_its_command() -> None:
+    """Of the duration, rate and size that the README's command asks for, and small enough for a page."""
+    from PIL import Image
+
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    (line,) = re.findall(r"`(ballbot record [^`]*-o docs/push\.webp)`", text)
+    asked = parser().parse_args(shlex.split(line)[1:])
+    with Image.open(ROOT / asked.output) as animation:
+        assert list(animation.size) == asked.size
+        durations = []
+        for i in range(animation.n_frames):
+            animation.seek(i)
+            animation.load()
+            durations.append(animation.info["duration"])
+    # Frames that are alike are one.
+    assert sum(durations) == 1000 * asked.seconds
+    assert min(durations) == 1000 / asked.frame_rate
+    assert (ROOT / asked.output).stat().st_size <= 1_500_000

@@ -153,6 +153,6 @@ def test_an_unknown_engine_is_refused():
 
 
 def test_the_command_names_the_engine():
-    done = commands.run("evaluate", "--engine", "mujoco", "--episodes", "2", "--env-option", "max_episode_steps=50")
+    done = commands.run("evaluate", "--engine", "mujoco", "--episodes", "2", "--set", "max_episode_steps=50")
     assert done.returncode == 0, done.stderr
     assert "model mujoco" in done.stdout

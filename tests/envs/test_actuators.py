@@ -227,14 +227,14 @@ def test_commands_take_motors(tmp_path, capsys):
     assert results("--actuators", "ideal") == ideal
     delayed = results("--actuators", str(motors))
     assert delayed != ideal
-    assert results("--env-option", 'actuators={"delay": 0.02}') == delayed
+    assert results("--set", "actuators.delay=0.02") == delayed
     still = ["--no-video", "--still", "0", "--size", "32", "24", "--seconds", "0.1", "-o", str(tmp_path / "a.mp4")]
     assert main(["record", "--actuators", str(motors), *still]) == 0
     figures = ["--figure", "phase_portrait", "--seconds", "0.1", "-o", str(tmp_path / "figures")]
     assert main(["plot", "balance", "--actuators", str(motors), *figures]) == 0
     assert main(["evaluate", "--actuators", "kugel"]) == 1
     assert "unknown actuators 'kugel': expected one of ideal, kugle" in capsys.readouterr().err
-    assert main(["view", "--no-open", "--env-option", "actuators=kugle"]) == 1
+    assert main(["view", "--no-open", "--set", "actuators=kugle"]) == 1
     # Those of Kugle are too strong for the paper's wheels, on the page as in any environment.
     assert "actuators.stall_torque / actuators.no_load_speed = " in capsys.readouterr().err
 

@@ -318,7 +318,7 @@ def test_every_command_has_controllers_on_estimates(capsys):
     assert not np.array_equal(seen, states[0])
     action = LQR(runs[0].estimates[3])
     np.testing.assert_allclose(runs[0].torques[3], action, atol=1e-6)
-    given = ["--sensors", "kugle", "--env-option", "observation=sensors", "--quiet", "--json", "--episodes", "5"]
+    given = ["--sensors", "kugle", "--set", "observation=sensors", "--quiet", "--json", "--episodes", "5"]
     assert main(["evaluate", "--controller", "lqr", *given]) == 0
     (found,) = json.loads(capsys.readouterr().out)["results"]
     kugle = bb.evaluate("lqr", episodes=5, env_options={"sensors": "kugle", "observation": "sensors"})

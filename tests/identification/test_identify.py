@@ -135,6 +135,8 @@ def test_a_friction_that_is_not_there_is_at_its_limit(exact):
     assert found.values[0] == pytest.approx(0.0, abs=1e-6)
     assert found.values[1] == pytest.approx(0.006, rel=1e-3)
     assert "at limit" in found.table()
+    assert repr(found).startswith(f"<IdentifiedParams from {found.measurements} measurements: {found.names[0]}=")
+    assert found._repr_html_() == f"<pre>{found.table()}</pre>"
 
 
 def test_windows_that_no_robot_explains_are_left_out(noisy):

@@ -79,7 +79,7 @@ def test_estimates_need_sensors(moving, capsys):
     with pytest.raises(ValueError, match="the trajectory of lqr has no estimates"):
         estimates.draw(moving)
     assert main(["plot", "balance", "--figure", "estimates"]) == 1
-    assert "add --env-option observation=sensors" in capsys.readouterr().err
+    assert "add --set observation=sensors" in capsys.readouterr().err
 
 
 def test_the_phase_portrait_ends_where_the_robot_fell(moving):

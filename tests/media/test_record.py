@@ -1,5 +1,6 @@
 """Trajectories, and the videos and pictures of them."""
 
+import itertools
 import json
 
 import numpy as np
@@ -134,7 +135,7 @@ def test_the_command_writes_a_video_and_a_picture(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--output", "a.avi"], "the name of a video ends in .mp4"),
+        (["--output", "a.avi"], "the name of a video ends in .mp4, that of an animation in .webp"),
         (["--size", "65", "48"], "width and height must be even"),
         (["--no-video"], "ask for a picture with --still"),
         (["--no-video", "--still", "9"], "there is no picture at 9.0 s"),
@@ -147,3 +148,31 @@ def test_a_wrong_wish_leaves_nothing_behind(arguments, message, tmp_path, capsys
     assert main(["record", "--model", "planar", "--seconds", "0.2", *arguments]) == 1
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_animation_plays_in_real_time(tmp_path, capsys):
+    out = tmp_path / "lqr.webp"
+    how = ["--size", "97", "71", "--samples", "1", "--seconds", "1", "--frame-rate", "30", "-o", str(out), "--json"]
+    assert main(["record", *how]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"] == 30
+    with Image.open(out) as animation:
+        assert (animation.size, animation.n_frames, animation.info["loop"]) == ((97, 71), 30, 0)
+        times = []
+        for i in range(animation.n_frames):
+            animation.seek(i)
+            animation.load()
+            times.append(animation.info["timestamp"] + animation.info["duration"])
+    assert times[-1] == 1000
+    assert {b - a for a, b in itertools.pairwise(times)} == {33, 34}
+
+
+def test_the_robot_of_two_urdfs_is_simulated_and_shown(tmp_path, capsys, assets):
+    pictures, draws = [], []
+    for given in ([], ["--urdf", str(assets / "bot.urdf"), str(assets / "ball.urdf")]):
+        out = tmp_path / "a.mp4"
+        how = ["--size", "96", "72", "--samples", "1", "--seconds", "0.1", "--no-video", "--still", "0", "--json"]
+        assert main(["record", *given, *how, "--set", "params.body_mass=3", "-o", str(out)]) == 0
+        draws.append(json.loads(capsys.readouterr().out)["fell_at"])
+        pictures.append(np.asarray(Image.open(out.with_suffix(".png")), dtype=int))
+    assert draws == [None, None]
+    assert np.abs(pictures[0] - pictures[1]).max() > 50

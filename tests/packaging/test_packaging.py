@@ -10,7 +10,7 @@ import pytest
 
 import ballbot_rs
 from ballbot_rs import _assets
-from tests.support.paths import ASSETS
+from tests.support.paths import ASSETS, ROOT
 
 PACKAGE = Path(ballbot_rs.__file__).parent
 MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
@@ -31,7 +31,9 @@ LEARNING = {
 
 
 def run_python(code):
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=True).stdout
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=300, check=True
+    ).stdout
 
 
 def test_importing_the_package_brings_no_learner():
@@ -144,7 +146,10 @@ def test_the_list_of_learning_modules_is_current():
 def test_an_installed_package_is_told_to_install_from_the_index(tmp_path, monkeypatch):
     from ballbot_rs import _extras
 
+    monkeypatch.chdir(ROOT)
     assert _extras.install_hint("view", "onnx") == "pip install -e '.[view,onnx]'"
+    monkeypatch.chdir(tmp_path)
+    assert _extras.install_hint("view") == f"pip install -e '{ROOT}[view]'"
     monkeypatch.setattr(_extras, "__file__", str(tmp_path / "site-packages" / "ballbot_rs" / "_extras.py"))
     message = r"a page needs no_such: install it with `pip install 'ballbot-rs\[view\]'`"
     with pytest.raises(ModuleNotFoundError, match=message), _extras.require("a page", "view"):

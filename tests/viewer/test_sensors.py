@@ -226,11 +226,11 @@ def test_a_controller_whose_rate_does_not_fit_the_sensors_is_refused_and_nothing
 
 
 def test_the_command_line_has_sensors(capsys):
-    given = ["view", "--no-open", "--env-option", "observation=sensors", "--seconds", "0.3", "--port", "18790"]
+    given = ["view", "--no-open", "--set", "observation=sensors", "--seconds", "0.3", "--port", "18790"]
     assert main([*given, "--sensors", "kugle"]) == 0
     assert main([*given, "--sensors", "kugel"]) == 1
     assert "unknown sensors 'kugel'" in capsys.readouterr().err
-    assert main(["view", "--no-open", "--env-option", "history=3"]) == 1
+    assert main(["view", "--no-open", "--set", "history=3"]) == 1
     assert "history" in capsys.readouterr().err
 
 

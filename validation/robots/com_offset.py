@@ -31,7 +31,7 @@ SWEEP = Sweep(
     (0.0, 2.0, 4.0, 6.0, 10.0, 14.0, 18.0, 22.0),
     lambda mm: drawn("body_com_offset", "abs", (1e-3 * mm, 0.0)),
     0.1,
-    '--env-option \'events=[{"term": "body_com_offset", "range": [[0.002, 0.002], [0, 0]]}]\'',
+    '--set \'events=[{"term": "body_com_offset", "range": [[0.002, 0.002], [0, 0]]}]\'',
     lambda mm: offset_robot(1e-3 * mm),
 )
 

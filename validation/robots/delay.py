@@ -19,7 +19,7 @@ EFFECT = LinearEffect(
         # A whole number of model steps.
         lambda ms: {"actuators": {"delay": SIM_DT * round(1e-3 * ms / SIM_DT)}},
         2.0,
-        "--env-option 'actuators={\"delay\": 0.01}'",
+        "--set actuators.delay=0.01",
     ),
     "delay {:g} ms",
     (58.0, 64.0, 70.0),

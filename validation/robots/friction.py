@@ -32,7 +32,7 @@ SWEEP = Sweep(
     (1.0, 0.7, 0.5, 0.4, 0.3, 0.2, 0.1),
     lambda friction: drawn("wheel_dynamic_friction", "abs", friction),
     0.005,
-    '--env-option \'events=[{"term": "wheel_dynamic_friction", "range": [0.7, 0.7]}]\'',
+    '--set \'events=[{"term": "wheel_dynamic_friction", "range": [0.7, 0.7]}]\'',
     lambda friction: with_friction(friction),
 )
 

@@ -18,7 +18,7 @@ EFFECT = LinearEffect(
         (0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 120.0),
         lambda ms: {"actuators": {"lag": 1e-3 * ms}},
         1.0,
-        "--env-option 'actuators={\"lag\": 0.02}'",
+        "--set actuators.lag=0.02",
     ),
     "lag {:g} ms",
     (105.0, 112.0, 120.0),

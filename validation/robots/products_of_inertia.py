@@ -28,7 +28,7 @@ SWEEP = Sweep(
     (0.0, 2.0, 4.0, 6.8),
     lambda product: drawn("body_products_of_inertia", "abs", (1e-3 * product, 0.0, 0.0)),
     0.1,
-    '--env-option \'events=[{"term": "body_products_of_inertia", "range": [[0.002, 0.002], [0, 0], [0, 0]]}]\'',
+    '--set \'events=[{"term": "body_products_of_inertia", "range": [[0.002, 0.002], [0, 0], [0, 0]]}]\'',
     lambda product: with_product(1e-3 * product),
 )
 

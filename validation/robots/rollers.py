@@ -22,7 +22,7 @@ SWEEP = Sweep(
     (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2),
     lambda friction: drawn("roller_friction", "abs", friction),
     0.005,
-    '--env-option \'events=[{"term": "roller_friction", "range": [0.005, 0.005]}]\'',
+    '--set \'events=[{"term": "roller_friction", "range": [0.005, 0.005]}]\'',
 )
 #: Drag of a public model of asRoBallet with 36 rollers, N, by its speed, m/s.
 _PUBLIC = {0.05: 3.9, 0.2: 5.5, 0.5: 8.3}

@@ -7,7 +7,7 @@ whose ball spins the torque $c_s(M_b + M_k)g$. $c_r$ is some 0.1 mm to 1 mm on a
 No robot falls, but near rest they hunt: the ball sticks, the body leans on, and the ball breaks loose. At 2 mm LQR is
 outside of the bounds of success at the end of one episode in eleven. Beyond 3 mm the friction damps the hunting.
 Friction that holds creeps, by an amount in proportion to the time step: in steps of 0.2 ms in place of 2 ms the
-position rms of LQR is 0.0298 m at 2 mm, not 0.0271 m (`--env-option sim_dt=0.0002`). LQR made for the robot is the same
+position rms of LQR is 0.0298 m at 2 mm, not 0.0271 m (`--set sim_dt=0.0002`). LQR made for the robot is the same
 LQR, because dry friction has no derivative at rest.
 """
 
@@ -22,7 +22,7 @@ SWEEP = Sweep(
     (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0),
     lambda mm: drawn("floor_rolling_friction", "abs", 1e-3 * mm),
     0.1,
-    '--env-option \'events=[{"term": "floor_rolling_friction", "range": [0.0005, 0.0005]}]\'',
+    '--set \'events=[{"term": "floor_rolling_friction", "range": [0.0005, 0.0005]}]\'',
 )
 _WEIGHT = (PAPER.ball_mass + PAPER.body_mass) * PAPER.gravity
 

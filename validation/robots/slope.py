@@ -30,7 +30,7 @@ SWEEP = Sweep(
     (0.0, 0.2, 0.4, 1.0, 2.0, 3.0, 4.0, 6.0, 7.0),
     lambda degrees: drawn("floor_tilt", "abs", (0.0, np.radians(degrees))),
     0.1,
-    '--env-option \'events=[{"term": "floor_tilt", "range": [[0, 0], [0.00349, 0.00349]]}]\'',
+    '--set \'events=[{"term": "floor_tilt", "range": [[0, 0], [0.00349, 0.00349]]}]\'',
 )
 
 

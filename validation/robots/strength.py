@@ -16,7 +16,7 @@ EFFECT = LinearEffect(
         (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2),
         lambda share: {"actuators": {"strength": share}},
         0.005,
-        "--env-option 'actuators={\"strength\": 0.9}'",
+        "--set actuators.strength=0.9",
     ),
     "strength {:g}",
     (0.3, 0.25, 0.2),

@@ -9,7 +9,7 @@ $$\dot\psi(t) = \omega_0(1 - (1 - h/T)^{t/h}),\qquad T = \omega_0/\ddot\psi_0,$$
 
 with $\ddot\psi_0$ the acceleration under $\tau_s$ alone and $h$ the model step, in which the torque holds. The table
 has $\tau_s$ = 0.3 N·m, a little above the largest torque of the policy. LQR falls because it turns the robot to
-its heading, which takes most of the wheel speed: from starts at this heading (`--env-option reset_yaw=0`) it does not.
+its heading, which takes most of the wheel speed: from starts at this heading (`--set reset_yaw=0`) it does not.
 """
 
 from typing import TYPE_CHECKING
@@ -34,7 +34,7 @@ SWEEP = Sweep(
     (50.0, 30.0, 20.0, 15.0, 10.0, 7.0, 5.0),
     lambda speed: {"actuators": motors(speed)},
     0.1,
-    '--env-option \'actuators={"stall_torque": 0.3, "no_load_speed": 30}\'',
+    "--set actuators.stall_torque=0.3 --set actuators.no_load_speed=30",
 )
 
 

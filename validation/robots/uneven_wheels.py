@@ -34,7 +34,7 @@ SWEEP = Sweep(
     (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 55.0),
     lambda degrees: drawn("wheel_azimuths", "abs", azimuths(degrees)),
     0.1,
-    '--env-option \'events=[{"term": "wheel_azimuths", "op": "add", "range": [[0, 0], [0.1745, 0.1745], [0, 0]]}]\'',
+    '--set \'events=[{"term": "wheel_azimuths", "op": "add", "range": [[0, 0], [0.1745, 0.1745], [0, 0]]}]\'',
     lambda degrees: PAPER.replace(wheel_azimuths=azimuths(degrees)),
 )
 _ROBOTS = {

@@ -79,9 +79,12 @@ def _robot(given: Any) -> str:
     if not isinstance(given, (Params, Mapping)):
         return f"robot {given}"
     own = (given if isinstance(given, Params) else Params(**given)).to_dict()
-    for name in ROBOTS:
-        if Params.preset(name).to_dict() == own:
-            return f"robot {name}"
-    paper = Params.paper().to_dict()
-    changed = [f"{name} = {_of(value)}" for name, value in own.items() if value != paper[name]]
-    return f"robot paper with {', '.join(changed)}" if len(changed) <= _MOST_LISTED else "a robot of a file"
+    changed = {name: _changes(own, Params.preset(name).to_dict()) for name in ROBOTS}
+    nearest = min(changed, key=lambda name: len(changed[name]))
+    if len(changed[nearest]) > _MOST_LISTED:
+        return "a robot of a file"
+    return " with ".join(filter(None, (f"robot {nearest}", ", ".join(changed[nearest]))))
+
+
+def _changes(own: Mapping[str, Any], preset: Mapping[str, Any]) -> list[str]:
+    return [f"{name} = {_of(value)}" for name, value in own.items() if value != preset[name]]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs import _short
 from ballbot_rs._checks import check_count, check_seed
 from ballbot_rs._core import Batch
 from ballbot_rs._errors import InvalidInputError
@@ -27,7 +28,7 @@ MAX_EPISODES = 100_000
 MAX_STEPS = 10**8
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Result:
     """How a controller did over a number of episodes."""
 
@@ -59,6 +60,17 @@ class Result:
     metrics: Mapping[str, float | None]
     #: 95 % intervals of these means, by bootstrap over episodes; None for fewer than two.
     metric_intervals: Mapping[str, tuple[float, float] | None]
+
+    def __repr__(self) -> str:
+        return (
+            f"<Result of {self.controller} on {self.model}: {self.episodes} episodes, success {self.success_rate:.0%}, "
+            f"upright {self.survival_rate:.0%}, mean reward {self.mean_reward:.4g}>"
+        )
+
+    def _repr_html_(self) -> str:
+        numbers = {name: value for name, value in vars(self).items() if not isinstance(value, (Mapping, tuple))}
+        numbers |= self.metrics
+        return _short.table([name.replace("_", " "), _short.number(value)] for name, value in numbers.items())
 
 
 def check_episodes(episodes: int) -> int:

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs import _short
 from ballbot_rs._state_rows import BALL_POSITION, tilt_of
 
 if TYPE_CHECKING:
     from ballbot_rs.analysis.trajectory import Trajectory
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Metrics:
     """How a controller did on one trajectory, until the robot fell."""
 
@@ -28,6 +29,14 @@ class Metrics:
     torque_max: float
     #: Largest share of the dynamic friction limit that a wheel took.
     traction_utilization_max: float
+
+    def __repr__(self) -> str:
+        return _short.fields(self)
+
+    def _repr_html_(self) -> str:
+        from ballbot_rs.media.notebook import table_of
+
+        return table_of(self)
 
 
 def metrics(trajectory: "Trajectory") -> Metrics:

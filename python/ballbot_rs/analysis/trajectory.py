@@ -143,11 +143,13 @@ class Trajectory:
         return drawn
 
     def record(self, path: str | PathLike[str], **options: Any) -> int:
-        """Writes a video and returns the number of its frames; `options` as of `ballbot_rs.media.video.write_video`.
+        """Writes a video or an animation; returns the number of its frames.
+
+        `options` as of `ballbot_rs.media.video.write_video`.
 
         Raises:
             ModuleNotFoundError: moviepy is not installed.
-            ValueError: another suffix than .mp4, or an option out of range.
+            ValueError: another suffix than .mp4 or .webp, or an option out of range.
             OSError: as `to_csv`.
         """
         from ballbot_rs.media.video import write_video

@@ -18,6 +18,7 @@ from ballbot_rs.cli import (
     export,
     identify,
     info,
+    list_names,
     plot,
     record,
     record_log,
@@ -39,7 +40,7 @@ EPILOG = (
 )
 
 COMPLETION = "--print-completion"
-COMMANDS = (train, evaluate, compare, report, export, plot, record, view, record_log, identify, info)
+COMMANDS = (train, evaluate, compare, report, export, plot, record, view, record_log, identify, list_names, info)
 
 
 class Parser(argparse.ArgumentParser):

@@ -2,15 +2,16 @@
 
 import argparse
 import json
+import textwrap
 from pathlib import Path
 from typing import Any
 
 from ballbot_rs import __version__
-from ballbot_rs._core import MODELS, ROBOTS, Params
-from ballbot_rs.cli import scenario
+from ballbot_rs._core import MODELS, ROBOTS
+from ballbot_rs.cli import scenario, settings
 from ballbot_rs.cli.numbers import MAX_SEED
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.scenarios.matrix import text
+from ballbot_rs.scenarios.matrix import WIDTH, text
 from ballbot_rs.scenarios.run import run_scenarios
 from ballbot_rs.scenarios.scenario import load, select
 
@@ -24,9 +25,7 @@ def add_to(commands: Any) -> None:
     scenario.add_controller(command, several=True)
     command.add_argument("--file", type=Path, metavar="FILE.toml", help="scenarios of your own")
     command.add_argument("--robot", metavar="NAME|FILE.toml", help=f"{', '.join(ROBOTS)}, or a file (default paper)")
-    command.add_argument(
-        "--param", action="append", default=[], metavar="NAME=VALUE", help="a parameter of the robot; repeat for more"
-    )
+    settings.add_to(command, "a parameter of the robot, as params.body_mass=2.5")
     command.add_argument("--model", default="contact", help=f"{', '.join(MODELS)} (default contact)")
     scenario.add_seed(command, "seed of everything random (default 0)", 0, MAX_SEED)
     command.add_argument("--list", action="store_true", help="list the scenarios, and run none")
@@ -40,10 +39,10 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.list:
         width = max(len(one.id) for one in chosen)
         for one in chosen:
-            print(f"{one.id.ljust(width)}  {one.title}")
+            indent = " " * (width + 2)
+            print(textwrap.fill(f"{one.id.ljust(width)}  {one.title}", WIDTH, subsequent_indent=indent))
         return
-    robot = scenario.params_of(scenario.robot_option(arguments.robot)) if arguments.robot else Params.paper()
-    robot = scenario.changed_robot(robot, arguments.param)
+    robot = settings.robot_of(arguments, scenario.robot_option(arguments.robot or "paper"))
     with bar("comparing", arguments.quiet or arguments.json) as progress:
         outcomes = run_scenarios(
             arguments.controller or ["lqr"],

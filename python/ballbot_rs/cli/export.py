@@ -9,7 +9,7 @@ from typing import Any
 from ballbot_rs import _files
 from ballbot_rs._core import TASKS
 from ballbot_rs._extras import require
-from ballbot_rs.cli import scenario
+from ballbot_rs.cli import scenario, settings
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment import CONTROLLERS_IN_C, controller_header, estimator_header, policy_header
 
@@ -127,7 +127,7 @@ def _robot_and_options(arguments: argparse.Namespace, what: str, known: Sequence
         raise ValueError(
             f"{what} in C does not depend on {', '.join(others)} of the environment, only on {', '.join(known)}"
         )
-    return target, {**options, "params": scenario.params_of(options.get("params", "paper"))}
+    return target, {**options, "params": settings.params_of(options.get("params", "paper"))}
 
 
 def _export_estimator(arguments: argparse.Namespace) -> None:
@@ -143,10 +143,10 @@ def _export_estimator(arguments: argparse.Namespace) -> None:
 
 def _export_controller(arguments: argparse.Namespace) -> None:
     target, options = _robot_and_options(arguments, "a controller", OF_CONTROLLERS)
-    given = scenario.assignments(arguments.controller_option, "--controller-option")
+    given = settings.assignments(arguments.controller_option, "--controller-option")
     # What the environment is asked for as such is no option of the controller.
     if taken := sorted({"name", *OF_CONTROLLERS} & set(given)):
-        raise ValueError(f"--controller-option {taken[0]}: name the robot by --robot and the rest by --env-option")
+        raise ValueError(f"--controller-option {taken[0]}: name the robot by --robot and the rest by --set")
     try:
         text = controller_header(arguments.controller, **options, **given)
     except TypeError as error:

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from ballbot_rs import _files
 from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS, load_actuators
-from ballbot_rs.cli import scenario
+from ballbot_rs.cli import scenario, settings
 from ballbot_rs.cli.numbers import real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.fit import FIELDS, identify
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> None:
     out = arguments.output
     if out is not None and out.suffix != ".toml":
         raise ValueError(f"{out}: the name of a robot's file ends in .toml")
-    params = scenario.params_of(scenario.robot_option(arguments.robot))
+    params = settings.params_of(scenario.robot_option(arguments.robot))
     actuators = None if arguments.actuators is None else load_actuators(arguments.actuators)
     with bar("identifying", arguments.quiet or arguments.json) as progress:
         found = identify(

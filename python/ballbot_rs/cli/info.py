@@ -6,11 +6,13 @@ import json
 import os
 import platform
 import re
+import textwrap
 from pathlib import Path
 from typing import Any
 
 from ballbot_rs import __version__
 from ballbot_rs._core import MODELS, ROBOTS, TASKS
+from ballbot_rs._text_table import WIDTH
 from ballbot_rs.control.resolve import NAMES
 
 #: What the package may work with.
@@ -40,7 +42,8 @@ def run(arguments: argparse.Namespace) -> None:
             value = ", ".join(f"{key} {version or 'not installed'}" for key, version in value.items())
         elif isinstance(value, list):
             value = ", ".join(value) or "none found"
-        print(f"{name.replace('_', ' '):<20} {value}")
+        line = f"{name.replace('_', ' '):<20} {value}"
+        print(textwrap.fill(line, WIDTH, subsequent_indent=" " * 21, break_on_hyphens=False))
 
 
 def collect() -> dict[str, Any]:

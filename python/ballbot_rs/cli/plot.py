@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
     if "learning_curve" in wanted and not runs:
         raise ValueError("a learning curve is of training runs, and none is given")
     if "estimates" in wanted and not measured:
-        raise ValueError("estimates are of tasks that observe sensors: add --env-option observation=sensors")
+        raise ValueError("estimates are of tasks that observe sensors: add --set observation=sensors")
     files = []
     for name, fig in _draw(wanted, arguments, runs):
         for suffix in (arguments.format, "png"):

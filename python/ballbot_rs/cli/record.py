@@ -13,7 +13,7 @@ from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SECONDS, MAX_SEED, real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import TRAINED
-from ballbot_rs.media.video import FRAME_RATES, picture, renderer_for, write_picture, write_video
+from ballbot_rs.media.video import FRAME_RATES, check_suffix, picture, renderer_for, write_picture, write_video
 
 
 def add_to(commands: Any) -> None:
@@ -23,8 +23,9 @@ def add_to(commands: Any) -> None:
     scenario.add_controller(command)
     scenario.add_robot(command)
     scenario.add_events(command, TRAINED)
+    scenario.add_urdf(command)
     scenario.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
-    scenario.add_output(command, "FILE.mp4", "the video (default CONTROLLER.mp4)")
+    scenario.add_output(command, "FILE.mp4|FILE.webp", "the video, or an animation (default CONTROLLER.mp4)")
     command.add_argument(
         "--still",
         type=real(0.0, MAX_SECONDS),
@@ -57,14 +58,20 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.no_video and arguments.still is None:
         raise ValueError("--no-video leaves nothing to write: ask for a picture with --still")
     out = arguments.output or Path(f"{Path(arguments.controller).stem}.mp4")
-    if out.suffix != ".mp4":
-        raise ValueError(f"{out}: the name of a video ends in .mp4")
+    check_suffix(out)
     camera = {} if arguments.camera is None else dict(zip(("azimuth", "elevation"), arguments.camera, strict=True))
     if arguments.distance is not None:
         camera["distance"] = arguments.distance
     trajectory = scenario.scenario(arguments).of(scenario.controllers(arguments)[0])
     width, height = arguments.size
-    renderer = renderer_for(trajectory, width=width, height=height, samples=arguments.samples, camera=camera or None)
+    renderer = renderer_for(
+        trajectory,
+        width=width,
+        height=height,
+        samples=arguments.samples,
+        camera=camera or None,
+        urdf=arguments.urdf and tuple(arguments.urdf),
+    )
     report: dict[str, Any] = {
         "controller": trajectory.controller,
         "model": trajectory.model,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS, load_actuators
-from ballbot_rs.cli import scenario
+from ballbot_rs.cli import scenario, settings
 from ballbot_rs.cli.numbers import MAX_SEED, real
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.excitation import MAX_SECONDS, NOISE, record_log
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise ValueError(f"{out}: the name of a log ends in .csv or .npz")
     with bar("recording", arguments.quiet or arguments.json) as progress:
         log = record_log(
-            scenario.params_of(scenario.robot_option(arguments.robot)),
+            settings.params_of(scenario.robot_option(arguments.robot)),
             arguments.seconds,
             actuators=None if arguments.actuators is None else load_actuators(arguments.actuators),
             model=arguments.model,

@@ -2,8 +2,7 @@
 
 import argparse
 import dataclasses
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +24,16 @@ from ballbot_rs._reading import read_regular
 from ballbot_rs.analysis.pushes import Push
 from ballbot_rs.analysis.simulate import run
 from ballbot_rs.analysis.trajectory import Trajectory
+from ballbot_rs.cli import settings
 from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
-from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, find
+from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, common_options, find
 from ballbot_rs.envs.registration import DEFAULT_TASK
 
 #: Largest file of parameters, bytes.
 MAX_ROBOT_FILE = 1 << 20
 
-CONTROLLER_METAVAR = f"{'|'.join(NAMES)}|PATH"
+CONTROLLER_METAVAR = "NAME|PATH"
+CONTROLLER_HELP = f"{', '.join(NAMES)}, a policy file, a training run, or FILE.py:NAME with your own"
 
 
 def add_task(command: Any, *, otherwise: str = "the policy's own, else ") -> None:
@@ -52,38 +53,34 @@ def _task(name: str) -> str:
 
 def add_controller(command: Any, *, several: bool = False) -> None:
     """Adds the controller, or several."""
-    what = "a controller, a policy file, a training run, or FILE.py:NAME with your own"
     if several:
         command.add_argument(
-            "--controller", action="append", metavar=CONTROLLER_METAVAR, help=f"{what}; repeat for more (default lqr)"
+            "--controller",
+            action="append",
+            metavar=CONTROLLER_METAVAR,
+            help=f"{CONTROLLER_HELP}; repeat for more (default lqr)",
         )
     else:
-        command.add_argument("--controller", default="lqr", metavar=CONTROLLER_METAVAR, help=f"{what} (default lqr)")
+        command.add_argument(
+            "--controller", default="lqr", metavar=CONTROLLER_METAVAR, help=f"{CONTROLLER_HELP} (default lqr)"
+        )
 
 
-def add_robot(command: Any, *, otherwise: str = "the policy's own, else") -> None:
-    """Adds the model, the robot, its motors, sensors and other options of the environment."""
+def add_robot(command: Any, *, otherwise: str = "the policy's own, else", others: str = "") -> None:
+    """Adds the model, the robot, its motors, sensors and other options of the environment.
+
+    Args:
+        command: where to.
+        otherwise: whose model and robot they are by default.
+        others: what else than options of the environment `--set` takes.
+    """
     command.add_argument("--model", help=f"{', '.join(MODELS)} (default: {otherwise} contact)")
     command.add_argument(
         "--robot",
         metavar="NAME|FILE.toml",
         help=f"{', '.join(ROBOTS)}, or a file with parameters (default: {otherwise} paper)",
     )
-    command.add_argument(
-        "--param",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a parameter of that robot, for example body_com_offset=[0.01,0]; repeat for more; needs --robot",
-    )
-    command.add_argument(
-        "--env-option",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="an option of the environment, for example max_wheel_torque=0.5, or control_dt=0.002 for the rate of all "
-        "controllers; repeat for more",
-    )
+    settings.add_to(command, f"an option of the environment or a part of one, as {settings.EXAMPLES}{others}")
     command.add_argument(
         "--actuators",
         metavar="NAME|FILE",
@@ -93,8 +90,15 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else") -> Non
     command.add_argument(
         "--sensors",
         metavar="NAME|FILE.toml",
-        help=f"sensors: {', '.join(SENSORS)}, or a TOML file with a table [sensors]; with --env-option "
+        help=f"sensors: {', '.join(SENSORS)}, or a TOML file with a table [sensors]; with --set "
         f"observation=sensors controllers take what follows from them (default: {otherwise} none)",
+    )
+
+
+def add_urdf(command: Any) -> None:
+    """Adds a robot that is two URDFs."""
+    command.add_argument(
+        "--urdf", type=Path, nargs=2, metavar=("BOT", "BALL"), help="a robot as two URDFs, instead of --robot"
     )
 
 
@@ -144,18 +148,6 @@ def robot_option(name: str) -> Any:
         raise ValueError(f"{name}: {error}") from error
 
 
-def changed_robot(params: Params, given: Sequence[str]) -> Params:
-    """A robot with the parameters of `--param`.
-
-    Raises:
-        ValueError: malformed text, a parameter that is not known, or a robot that cannot be.
-    """
-    try:
-        return params.replace(**assignments(given, "--param"))
-    except TypeError as error:
-        raise ValueError(f"--param: {error}") from error
-
-
 def actuators_option(name: str) -> Any:
     """The option `actuators` of an environment for a name, or for a TOML file or a URDF, whose numbers it holds.
 
@@ -171,30 +163,6 @@ def actuators_option(name: str) -> Any:
     return name
 
 
-def value_of(text: str) -> Any:
-    """A value of the command line: a number, true, false or a list as JSON has it, otherwise text."""
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text
-
-
-def assignments(given: Sequence[str], flag: str) -> dict[str, Any]:
-    """Values by name of texts NAME=VALUE."""
-    values = {}
-    for text in given:
-        name, equals, value = text.partition("=")
-        if not equals or not name:
-            raise ValueError(f"{flag} {text}: expected NAME=VALUE")
-        values[name] = value_of(value)
-    return values
-
-
-def params_of(robot: Any) -> Params:
-    """The parameters that the option `params` of an environment names or holds."""
-    return Params.preset(robot) if isinstance(robot, str) else Params(**robot)
-
-
 def _in_full(name_or_file: str, load: Callable[[str], Any]) -> Any:
     """A name as it is and a TOML file in full, so that what is kept of a run does not depend on the file."""
     return load(name_or_file) if Path(name_or_file).suffix == ".toml" else name_or_file
@@ -202,15 +170,21 @@ def _in_full(name_or_file: str, load: Callable[[str], Any]) -> Any:
 
 def env_options(arguments: argparse.Namespace) -> dict[str, Any]:
     """The options of the environment that the command line names."""
-    options = assignments(arguments.env_option, "--env-option")
+    values = settings.assignments(arguments.set)
+    laws_alone = all(name in NAMES for name in _names(arguments))
+    settings.check_names(values, (arguments.task or DEFAULT_TASK) if laws_alone else arguments.task)
+    return settings.apply(values, named_options(arguments), lambda: _trained(arguments))
+
+
+def named_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The options of the environment that have arguments of their own."""
+    options: dict[str, Any] = {}
     if arguments.model is not None:
         options["model"] = arguments.model
     if arguments.robot is not None:
         options["params"] = robot_option(arguments.robot)
-    if arguments.param and getattr(arguments, "urdf", None) is None:
-        if arguments.robot is None:
-            raise ValueError(f"--param {arguments.param[0]} needs the robot that it changes: add --robot")
-        options["params"] = changed_robot(params_of(options["params"]), arguments.param).to_dict()
+    if getattr(arguments, "urdf", None) is not None:
+        options["params"] = Params.from_urdf(*arguments.urdf).to_dict()
     if arguments.actuators is not None:
         options["actuators"] = actuators_option(arguments.actuators)
     if getattr(arguments, "sensors", None) is not None:
@@ -220,11 +194,21 @@ def env_options(arguments: argparse.Namespace) -> dict[str, Any]:
     return options
 
 
+def _names(arguments: argparse.Namespace) -> list[str]:
+    """The controllers as the command line has them."""
+    given = getattr(arguments, "controller", None) or getattr(arguments, "policy", None) or "lqr"
+    return given if isinstance(given, list) else [str(given)]
+
+
+def _trained(arguments: argparse.Namespace) -> Mapping[str, Any]:
+    """The options that the policies of the command line were trained with."""
+    return common_options([find(name, task=arguments.task) for name in _names(arguments) if name not in NAMES])
+
+
 def controllers(arguments: argparse.Namespace) -> list[ResolvedController]:
     """The controllers that the command line names."""
     options = env_options(arguments)
-    given = arguments.controller if isinstance(arguments.controller, list) else [arguments.controller or "lqr"]
-    return [find(name, task=arguments.task, env_options=options) for name in given]
+    return [find(name, task=arguments.task, env_options=options) for name in _names(arguments)]
 
 
 @dataclasses.dataclass(frozen=True)

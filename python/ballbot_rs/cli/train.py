@@ -1,10 +1,11 @@
 """`ballbot train`: train a policy, then compare it with the classical controllers."""
 
 import argparse
+import dataclasses
 import json
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from ballbot_rs._extras import require
 from ballbot_rs._text_table import print_table
 from ballbot_rs.analysis.conditions import beside
 from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
-from ballbot_rs.cli import report, scenario
+from ballbot_rs.cli import report, scenario, settings
 from ballbot_rs.cli.numbers import MAX_RUN_SEED, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.envs.registration import DEFAULT_TASK, task_of
@@ -26,20 +27,17 @@ def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("train", help="train a policy with Stable-Baselines3")
     scenario.add_task(command, otherwise="")
-    scenario.add_robot(command, otherwise="the configuration's, else")
+    scenario.add_robot(
+        command,
+        otherwise="the configuration's, else",
+        others=", or a key of the configuration, as total_timesteps=1000000 or algorithm_arguments.gamma=0.98",
+    )
     scenario.add_events(command)
     scenario.add_seed(command, "seed of the run (default 0)", None, MAX_RUN_SEED)
     command.add_argument(
         "--config",
         type=Path,
         help="TOML file to use instead of the task's own, or a variant of it, as recover of balance",
-    )
-    command.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="a value over the configuration's, for example algorithm_arguments.gamma=0.98; repeat for more",
     )
     command.add_argument("--run", type=Path, help="folder of the run (default runs/TASK-seed-SEED-TIME)")
     command.add_argument(
@@ -63,8 +61,6 @@ def run(arguments: argparse.Namespace) -> None:
         from ballbot_rs.training import config as config_module
         from ballbot_rs.training import train
     task = arguments.task or DEFAULT_TASK
-    values = scenario.assignments(arguments.set, "--set")
-    values |= {f"env.{name}": value for name, value in scenario.env_options(arguments).items()}
     started = time.perf_counter()
     progress_bar = not (arguments.quiet or arguments.json)
     if arguments.resume is not None:
@@ -72,7 +68,7 @@ def run(arguments: argparse.Namespace) -> None:
         given = [name for name in fixed if getattr(arguments, name) is not None]
         if given:
             raise ValueError(f"--resume continues a run as it was configured: --{given[0]} has no place beside it")
-        if values:
+        if arguments.set or scenario.named_options(arguments):
             raise ValueError("--resume continues a run as it was configured: it takes no other values")
         folder = arguments.resume
         policy = _interruptible(
@@ -83,6 +79,7 @@ def run(arguments: argparse.Namespace) -> None:
         config, _ = config_module.load(task, arguments.resume / "config.toml")
     else:
         config, text = config_module.load(task, arguments.config)
+        values = _values(arguments, task, config.env)
         if arguments.timesteps is not None:
             values["total_timesteps"] = arguments.timesteps
         if values:
@@ -131,6 +128,28 @@ def run(arguments: argparse.Namespace) -> None:
         print_table(results, task_of(config.env_id), nominal)
     if written is not None:
         print(f"\nreport: {written}")
+
+
+def _values(arguments: argparse.Namespace, task: str, env: Mapping[str, Any]) -> dict[str, Any]:
+    """Values over those of the configuration, by dotted name.
+
+    Args:
+        arguments: of the command line.
+        task: name of the task.
+        env: the configuration's options of the environment.
+    """
+    from ballbot_rs.training.config import TrainConfig
+
+    keys = [field.name for field in dataclasses.fields(TrainConfig)]
+    given = settings.assignments(arguments.set)
+    for name, value in given.items():
+        if name.startswith("env."):
+            raise ValueError(f"--set {name}={value}: leave out env., which is where options of the environment are")
+    settings.check_names(given, task, keys)
+    values = {name: value for name, value in given.items() if name.partition(".")[0] in keys}
+    options = {name: value for name, value in given.items() if name not in values}
+    options = settings.apply(options, scenario.named_options(arguments), env)
+    return values | {f"env.{name}": value for name, value in options.items()}
 
 
 def _interruptible(task: str, folder: Path, work: Callable[[], Path]) -> Path:

@@ -37,9 +37,7 @@ def add_to(commands: Any) -> None:
     scenario.add_robot(command)
     scenario.add_events(command, TRAINED)
     scenario.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
-    command.add_argument(
-        "--urdf", type=Path, nargs=2, metavar=("BOT", "BALL"), help="a robot as two URDFs, instead of --robot"
-    )
+    scenario.add_urdf(command)
     command.add_argument(
         "--batch",
         type=whole(1, MAX_ROBOTS),
@@ -84,7 +82,7 @@ def _start(arguments: argparse.Namespace) -> "View":
     given = scenario.env_options(arguments)
     if "history" in given:
         raise ValueError(
-            "--env-option history=... has no place here: the page's policies observe with the history of their training"
+            "--set history=... has no place here: the page's policies observe with the history of their training"
         )
     if given.get("terrain") is not None:
         raise ValueError("the page shows level ground alone: leave out terrain, and see `ballbot record` for pictures")
@@ -129,8 +127,9 @@ def _of_task(given: Mapping[str, Any], task: str) -> dict[str, Any]:
 def _robot(arguments: argparse.Namespace, chosen: Any) -> tuple[str, Params | None]:
     """Name of the robot and, unless it is a preset, its parameters."""
     if arguments.urdf is not None:
-        return arguments.urdf[0].stem, scenario.changed_robot(Params.from_urdf(*arguments.urdf), arguments.param)
+        return arguments.urdf[0].stem, Params(**chosen)
     if isinstance(chosen, str):
         return chosen, None
     name = "policy" if arguments.robot is None else Path(arguments.robot).stem
-    return (f"{name} with --param" if arguments.param else name), Params(**chosen)
+    is_changed = any(text.startswith("params.") for text in arguments.set)
+    return (f"{name} with --set" if is_changed else name), Params(**chosen)

@@ -1,10 +1,13 @@
 """The controllers that come with the package, by name, and one of them for a robot."""
 
 import dataclasses
+import html
 from collections.abc import Mapping
 from os import PathLike
 from typing import Any
 
+from ballbot_rs import _short
+from ballbot_rs._checks import check_options
 from ballbot_rs._core import CONTROLLERS, Controller, Params
 
 
@@ -19,7 +22,7 @@ class ControllerOption:
     doc: str
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class ControllerInfo:
     """A controller as `controllers` lists it."""
 
@@ -33,6 +36,18 @@ class ControllerInfo:
     traction: float | None
     #: By name.
     options: Mapping[str, ControllerOption]
+
+    def __repr__(self) -> str:
+        return f"<ControllerInfo {self.name}: {self.summary}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name, _short.number(option.default), option.unit, option.limit, option.doc)
+            for name, option in self.options.items()
+        ]
+        table = _short.table(rows, ("option", "default", "unit", "limit", ""))
+        follows = html.escape(f"{self.summary} It follows {', '.join(self.setpoint_parts)}.")
+        return f"<div><b>{html.escape(self.name)}</b>: {follows}{table}</div>"
 
     def __str__(self) -> str:
         rate = "" if self.control_dt is None else f" Made for {self.control_dt:g} s."
@@ -85,4 +100,7 @@ def make_controller(
         ValueError: an unknown name, or a number out of range.
         TypeError: an option that the controller does not have.
     """
+    if name in CONTROLLERS:
+        known = [option["name"] for option in CONTROLLERS[name]["options"]]
+        check_options(f"the controller '{name}'", options, (*known, "max_torque", "traction"))
     return Controller(name, params, control_dt, **options)

@@ -8,6 +8,7 @@ import numpy as np
 from ballbot_rs import __version__
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS, ROBOTS, Controller, Params
+from ballbot_rs.control.catalog import make_controller
 from ballbot_rs.deployment.c_text import comment, constants, guarded, piece
 
 #: What a law is written with besides its own part: both are in the folder `c`.
@@ -56,7 +57,7 @@ def controller_header(
         hint = did_you_mean(name, CONTROLLERS_IN_C)
         raise ValueError(f"the controller '{name}' cannot be written as C: expected one of {known}{hint}")
     robot = Params.preset(params or "paper") if params is None or isinstance(params, str) else params
-    law = Controller(name, robot, control_dt, **options)
+    law = make_controller(name, robot, control_dt, **options)
     for option in NOT_IN_C:
         if np.any(options.get(option, 0.0)):
             raise ValueError(
@@ -65,7 +66,7 @@ def controller_header(
     if max_wheel_torque is not None:
         # That of the environment comes on top, as in a batch.
         options["max_torque"] = _least(law.constants()["max_torque"], max_wheel_torque)
-        law = Controller(name, robot, control_dt, **options)
+        law = make_controller(name, robot, control_dt, **options)
     if unknown := sorted(set(law.setpoint_parts) - set(SETPOINT_PARTS)):
         raise ValueError(
             f"the controller '{name}' follows {', '.join(unknown)} of a setpoint, which the C does not have"

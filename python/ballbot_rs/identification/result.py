@@ -1,6 +1,7 @@
 """What an identification finds."""
 
 import dataclasses
+import html
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -14,7 +15,7 @@ from ballbot_rs.identification.parameters import unit_of
 Array = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class IdentifiedParams:
     """A robot that explains a log, with the uncertainty of each number that was fitted.
 
@@ -114,6 +115,13 @@ class IdentifiedParams:
             for name, value in self.actuators.items():
                 lines.append(f"{name} = {list(value) if isinstance(value, (tuple, list)) else value!r}")
         return "\n".join(lines) + "\n"
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{name}={value:.4g}" for name, value in zip(self.names, self.values, strict=True))
+        return f"<IdentifiedParams from {self.measurements} measurements: {found}>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.table())}</pre>"
 
     def table(self) -> str:
         """A line a number: nominal value, estimate, half of the interval, unit."""

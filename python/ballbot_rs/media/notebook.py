@@ -5,6 +5,7 @@ import dataclasses
 import html
 import io
 
+from ballbot_rs import _short
 from ballbot_rs._extras import install_hint
 from ballbot_rs.analysis.metrics import Metrics
 from ballbot_rs.analysis.trajectory import Trajectory
@@ -26,15 +27,16 @@ def to_html(trajectory: Trajectory) -> str:
     """A fragment of HTML without scripts."""
     ending = "upright to the end" if trajectory.fell_at is None else f"fell at {trajectory.fell_at:.2f} s"
     title = f"{trajectory.controller} on {trajectory.model}, {trajectory.times[-1]:.2f} s, {ending}"
-    return f"<div><b>{html.escape(title)}</b>{_table(trajectory.metrics())}{_figure(trajectory)}</div>"
+    return f"<div><b>{html.escape(title)}</b>{table_of(trajectory.metrics())}{_figure(trajectory)}</div>"
 
 
-def _table(metrics: Metrics) -> str:
+def table_of(metrics: Metrics) -> str:
+    """The numbers of a trajectory with their units."""
     rows = []
     for name, value in dataclasses.asdict(metrics).items():
         label, unit, factor = _LABELS[name]
-        rows.append(f"<tr><td>{label}</td><td>{factor * value:.4g} {unit}</td></tr>")
-    return f"<table>{''.join(rows)}</table>"
+        rows.append((label, f"{factor * value:.4g} {unit}"))
+    return _short.table(rows)
 
 
 def _figure(trajectory: Trajectory) -> str:

@@ -1,4 +1,4 @@
-"""Pictures and videos of a trajectory. Videos need moviepy, which brings ffmpeg along."""
+"""Pictures, videos and animations of a trajectory. Videos need moviepy, which brings ffmpeg along."""
 
 import io
 from collections.abc import Iterator
@@ -17,10 +17,14 @@ from ballbot_rs.envs._render import Frames
 #: Lowest and highest number of frames a second.
 FRAME_RATES = (1.0, 240.0)
 
+#: Ends of the names of what `write_video` writes.
+SUFFIXES = (".mp4", ".webp")
+
 
 def renderer_for(trajectory: Trajectory, **options: Any) -> Renderer:
     """What takes the pictures; `options` as those of `Renderer`, which has 4 samples a pixel unless told."""
-    return Renderer(trajectory.params, **{"samples": 4, "terrain": trajectory.terrain, **options})
+    robot = {} if options.get("urdf") else {"params": trajectory.params}
+    return Renderer(**{**robot, "samples": 4, "terrain": trajectory.terrain, **options})
 
 
 def picture(trajectory: Trajectory, renderer: Renderer, time: float, forces: bool = False) -> Frames:
@@ -56,32 +60,35 @@ def write_video(
     forces: bool = False,
     progress: Progress = no_progress,
 ) -> int:
-    """Writes an mp4 (H.264) that plays in real time; returns the number of its frames.
+    """Writes a video (mp4, H.264) or an animation (WebP) that plays in real time; returns the number of its frames.
 
     Args:
         trajectory: what is shown.
-        path: the file; its name ends in .mp4.
-        renderer: takes the pictures; width and height must be even.
+        path: the file; its name ends in .mp4 or .webp.
+        renderer: takes the pictures; width and height must be even for a video.
         frame_rate: frames a second.
         forces: whether arrows show the forces at the contacts.
         progress: told how many frames of how many are done.
 
     Raises:
-        ModuleNotFoundError: moviepy is not installed.
+        ModuleNotFoundError: moviepy, or Pillow for an animation, is not installed.
         ValueError: another suffix, an odd size, or a frame rate out of range.
         OSError: the video cannot be encoded or written; an earlier file stays as it is.
     """
     renderer = renderer or renderer_for(trajectory)
-    if path.suffix != ".mp4":
-        raise ValueError(f"{path}: the name of a video ends in .mp4")
+    check_suffix(path)
     lowest, highest = FRAME_RATES
     if not lowest <= frame_rate <= highest:
         raise ValueError(f"frame_rate = {frame_rate} is out of range: it must be from {lowest:g} to {highest:g}")
+    total = frame_count(trajectory, frame_rate)
+    if path.suffix == ".webp":
+        shown = frames(trajectory, renderer, frame_rate, forces)
+        _write_animation([_counted(frame, i, total, progress) for i, frame in enumerate(shown, 1)], path, frame_rate)
+        return total
     if renderer.width % 2 or renderer.height % 2:
         raise ValueError(f"a video of {renderer.width}x{renderer.height} pixels: width and height must be even")
     with require("a video", "video"):
         from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
-    total = frame_count(trajectory, frame_rate)
     # Only colors at half the resolution play in every browser.
     size = (renderer.width, renderer.height)
     options = {"pixel_format": "yuv420p", "preset": "medium"}
@@ -100,6 +107,29 @@ def write_video(
         if writer.proc.returncode != 0:
             raise _failure(said.decode("utf-8", "replace"))
     return total
+
+
+def check_suffix(path: Path) -> None:
+    """Checks that a file's name is that of a video or an animation."""
+    if path.suffix not in SUFFIXES:
+        raise ValueError(f"{path}: the name of a video ends in .mp4, that of an animation in .webp")
+
+
+def _counted(frame: Frames, done: int, total: int, progress: Progress) -> Frames:
+    progress(done, total)
+    return frame
+
+
+def _write_animation(shown: list[Frames], path: Path, frame_rate: float) -> None:
+    with require("an animation", "video"):
+        from PIL import Image
+    # Whole milliseconds that add up to the time of the frames.
+    ends = np.round(np.arange(len(shown) + 1) * 1000.0 / frame_rate)
+    first, *others = (Image.fromarray(frame) for frame in shown)
+    drawn = io.BytesIO()
+    durations = np.diff(ends).astype(int).tolist()
+    first.save(drawn, "WEBP", save_all=True, append_images=others, duration=durations, quality=70, method=4)
+    _files.write(path, drawn.getvalue())
 
 
 def _failure(said: str) -> OSError:

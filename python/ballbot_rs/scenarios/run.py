@@ -22,7 +22,7 @@ from ballbot_rs.scenarios.trial import Trial
 Array = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Outcome:
     """A scenario under a controller."""
 
@@ -34,6 +34,11 @@ class Outcome:
     success: npt.NDArray[np.bool_]
     #: Of a map, the largest number up to which all succeed, in each direction, shape (directions,); else empty.
     largest: Array
+
+    def __repr__(self) -> str:
+        successes = f"{int(self.success.sum())} of {len(self.success)} successes"
+        score = "largest" if self.scenario.is_map else self.scenario.score
+        return f"<Outcome of {self.controller} in {self.scenario.id}: {score} {self.score:.4g}, {successes}>"
 
     @property
     def _fell(self) -> npt.NDArray[np.bool_]:

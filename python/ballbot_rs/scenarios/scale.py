@@ -6,13 +6,14 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs import _short
 from ballbot_rs._core import Ballbot, LinearModel, Params, SpatialModel
 
 #: Directions in which the traction is examined.
 _DIRECTIONS = 72
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Scale:
     """Numbers of one robot, from its linear model and the loads of its wheels upright.
 
@@ -29,6 +30,9 @@ class Scale:
     capture_impulse: float
     #: Horizontal force at the center of mass per lean that balances it, N/rad.
     force_per_lean: float
+
+    def __repr__(self) -> str:
+        return _short.fields(self)
 
     @classmethod
     def of(cls, params: Params) -> "Scale":

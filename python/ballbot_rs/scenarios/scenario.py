@@ -202,7 +202,7 @@ def select(names: Sequence[str], known: Mapping[str, Scenario]) -> list[Scenario
         fitting = {key: one for key, one in known.items() if key == name or key.split("-")[0] == name}
         if not fitting:
             raise ValueError(
-                f"unknown scenario '{name}'{did_you_mean(name, known)}: expected one of {', '.join(known)}"
+                f"unknown scenario '{name}': expected one of {', '.join(known)}{did_you_mean(name, known)}"
             )
         found.update(fitting)
     return list(found.values())

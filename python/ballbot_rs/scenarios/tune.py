@@ -7,10 +7,12 @@ from typing import Final
 
 import numpy as np
 
+from ballbot_rs import _short
 from ballbot_rs._checks import check_count, check_seed
-from ballbot_rs._core import CONTROLLERS, Controller, Params
+from ballbot_rs._core import CONTROLLERS, Params
 from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs.control.catalog import make_controller
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.scenarios.run import Outcome, outcome_on, run_scenarios
 from ballbot_rs.scenarios.scenario import Scenario, load, select
@@ -80,7 +82,7 @@ DEFAULT: Final = (
 )
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Tuned:
     """Options of a controller that a search has found."""
 
@@ -92,6 +94,10 @@ class Tuned:
     #: Best cost after each evaluation.
     history: Sequence[float]
 
+    def __repr__(self) -> str:
+        options = ", ".join(f"{name}={_short.number(value)}" for name, value in self.options.items())
+        return f"<Tuned {self.controller}: cost {self.cost:.4g} after {len(self.history)} evaluations, {options}>"
+
     def source(self) -> ResolvedController:
         """The tuned controller, as `compare`, `run_scenarios` and the others take it."""
         return with_options(self.controller, self.options, f"{self.controller} (tuned)")
@@ -101,7 +107,7 @@ def with_options(name: str, options: Mapping[str, float], title: str | None = No
     """A controller of the core with options, for any robot."""
     return ResolvedController(
         title or name,
-        make_law=lambda params, control_dt: Controller(name, params, control_dt, **options),
+        make_law=lambda params, control_dt: make_controller(name, params, control_dt, **options),
         control_dt=CONTROLLERS[name]["control_dt"],
     )
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs import _toml
+from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS, TASKS
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
 
@@ -165,7 +166,8 @@ def _check_keys(source: str, table: dict[str, Any], kind: type) -> None:
     known = [field.name for field in dataclasses.fields(kind)]
     for key in table:
         if key not in known:
-            raise ValueError(f"{source}: unknown key '{key}': expected one of {', '.join(known)}")
+            hint = did_you_mean(key, known)
+            raise ValueError(f"{source}: unknown key '{key}': expected one of {', '.join(known)}{hint}")
 
 
 def default_text(task: str, variant: str | None = None) -> str:

@@ -1,0 +1,30 @@
+"""A trained policy where it was not trained: other models and engines, other robots, less friction, late motors."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import ballbot_rs as bb
+
+policy = Path(__file__).parents[1] / "assets" / "policies" / "balance.onnx"
+episodes = int(sys.argv[1]) if len(sys.argv) > 1 else 50
+paper = bb.Params.paper()
+
+
+def slippery(share):
+    """The robot on wheels and a floor with a share of the friction."""
+    names = ("wheel_dynamic_friction", "wheel_static_friction", "floor_dynamic_friction", "floor_static_friction")
+    return {"params": paper.replace(**{name: share * getattr(paper, name) for name in names})}
+
+
+places = {model: {"model": model} for model in ("contact", "rigid", "spatial")}
+places |= {f"friction x {share}": slippery(share) for share in (0.5, 0.3, 0.2)}
+places |= {f"delay {1000 * delay:g} ms": {"actuators": {"delay": delay}} for delay in (0.01, 0.03, 0.05)}
+places |= {"body 20 % heavier": {"params": paper.replace(body_mass=1.2 * paper.body_mass)}}
+places |= {"sensors of kugle": {"sensors": "kugle", "observation": "sensors"}}
+for place, options in places.items():
+    results = bb.compare([policy, "lqr"], episodes=episodes, env_options=options)
+    print(f"{place:<18} policy {results[0].success_rate:4.0%}  lqr {results[1].success_rate:4.0%}")
+if importlib.util.find_spec("mujoco"):
+    (result,) = bb.compare([policy], episodes=min(episodes, 20), engine="mujoco")
+    print(f"{'MuJoCo':<18} policy {result.success_rate:4.0%}")

@@ -1,0 +1,102 @@
+"""`ballbot list`: the names that other arguments take, with what each is."""
+
+import argparse
+import collections
+import json
+import shutil
+import textwrap
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from ballbot_rs import _assets
+from ballbot_rs._core import ACTUATORS, EVENT_SETS, MODELS, ROBOTS, SENSORS, TASKS, Params, terrain_kinds
+from ballbot_rs._text_table import WIDTH
+from ballbot_rs.control.catalog import controllers
+
+#: Each model in a line; the README has more.
+SUMMARIES_OF_MODELS: Final = {
+    "planar": "the paper's equations, three decoupled planes",
+    "spatial": "coupled motion without slip",
+    "contact": "contacts with friction: slip, lift-off and falls; the default",
+    "rigid": "rigid bodies in a general engine, to check contact",
+}
+
+
+def _robots() -> dict[str, str]:
+    presets = {name: Params.preset(name) for name in ROBOTS}
+    return {
+        name: f"body {one.body_mass:.1f} kg, center of mass {one.body_com_height:.2f} m above the center of a ball of "
+        f"{one.ball_mass:.1f} kg and radius {one.ball_radius:.3f} m; up to {one.max_wheel_torque:g} N·m a wheel"
+        for name, one in presets.items()
+    }
+
+
+def _controllers() -> dict[str, str]:
+    return {**{name: one.summary for name, one in controllers().items()}, "zero": "No torque."}
+
+
+def _terrains() -> dict[str, str]:
+    kinds = terrain_kinds()
+    counted = collections.Counter(key for keys in kinds.values() for key in keys)
+    # What most kinds have, as their size, says nothing of one of them.
+    shared = {key for key, count in counted.items() if 2 * count > len(kinds)} - {"slope", "wavelength"}
+    return {
+        name: ", ".join(
+            f"{key} {one['default']:g}{one['unit'] and ' ' + one['unit']}"
+            for key, one in keys.items()
+            if key not in shared
+        )
+        for name, keys in kinds.items()
+    }
+
+
+def policies() -> dict[str, str]:
+    """Path and task of each policy that comes with the package."""
+    found = sorted(_assets.path("policies").glob("*.onnx"))
+    return {_shortest(path): TASKS[path.stem.partition("-")[0]]["summary"] for path in found}
+
+
+def _shortest(path: Path) -> str:
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+
+
+#: What there is, by what it is called: the argument that takes it, and its names with a text each.
+KINDS: Final[Mapping[str, tuple[str, Callable[[], Mapping[str, str]]]]] = {
+    "tasks": ("TASK", lambda: {name: task["summary"] for name, task in TASKS.items()}),
+    "robots": ("--robot", _robots),
+    "models": ("--model", lambda: {name: SUMMARIES_OF_MODELS[name] for name in MODELS}),
+    "controllers": ("--controller", _controllers),
+    "policies": ("--controller", policies),
+    "terrains": ("--set terrain", _terrains),
+    "actuators": ("--actuators", lambda: dict.fromkeys(ACTUATORS, "")),
+    "sensors": ("--sensors", lambda: dict.fromkeys(SENSORS, "")),
+    "events": ("--events", lambda: dict.fromkeys(EVENT_SETS, "")),
+}
+
+
+def add_to(commands: Any) -> None:
+    """Adds the command to the parser."""
+    command = commands.add_parser("list", help=f"list {', '.join(KINDS)}")
+    command.add_argument("kind", nargs="?", choices=tuple(KINDS), metavar="KIND", help=f"{', '.join(KINDS)} (all)")
+    command.add_argument("--json", action="store_true", help="print JSON")
+    command.set_defaults(carry_out=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Carries the command out."""
+    chosen = KINDS if arguments.kind is None else {arguments.kind: KINDS[arguments.kind]}
+    found = {kind: dict(names()) for kind, (_, names) in chosen.items()}
+    if arguments.json:
+        print(json.dumps(found, indent=2))
+        return
+    width = min(WIDTH, shutil.get_terminal_size((WIDTH, 24)).columns)
+    for kind, texts in found.items():
+        if len(found) > 1:
+            print(f"{kind} ({KINDS[kind][0]})")
+        column = max(map(len, texts)) + 2
+        for name, text in texts.items():
+            line = f"  {name.ljust(column)}{text}".rstrip()
+            print(textwrap.fill(line, width, subsequent_indent=" " * (column + 2), break_on_hyphens=False))
+        if len(found) > 1:
+            print()

@@ -1,0 +1,140 @@
+"""`--set NAME=VALUE`: options of the task, the robot and the training, spelled alike in every command."""
+
+import argparse
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final
+
+from ballbot_rs._checks import did_you_mean
+from ballbot_rs._core import Params, load_actuators, load_sensors
+from ballbot_rs.envs._batch_env import option_names
+from ballbot_rs.envs.registration import DEFAULT_TASK
+
+FLAG: Final = "--set"
+
+#: What follows `--set` in messages and in the text of `--help`.
+EXAMPLES: Final = "control_dt=0.005, actuators.delay=0.01, params.body_mass=2.5"
+
+
+def add_to(command: Any, what: str = f"an option of the environment, or a part of one, as {EXAMPLES}") -> None:
+    """Adds `--set`."""
+    command.add_argument(FLAG, action="append", default=[], metavar="NAME=VALUE", help=f"{what}; repeat for more")
+
+
+def params_of(robot: Any) -> Params:
+    """The parameters that the option `params` of an environment names or holds."""
+    return Params.preset(robot) if isinstance(robot, str) else Params(**robot)
+
+
+def value_of(text: str) -> Any:
+    """A value of the command line: a number, true, false or a list as JSON has it, otherwise text."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def assignments(given: Sequence[str], flag: str = FLAG) -> dict[str, Any]:
+    """Values by name of texts NAME=VALUE."""
+    values = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise ValueError(f"{flag} {text}: expected NAME=VALUE")
+        values[name] = value_of(value)
+    return values
+
+
+#: Options that have parts, and the table of one that is given by its name or in full.
+_TABLES: Final[Mapping[str, Callable[[Any], dict[str, Any]]]] = {
+    "params": lambda robot: params_of("paper" if robot is None else robot).to_dict(),
+    "actuators": lambda motors: dict(load_actuators(motors) if isinstance(motors, str) else motors or {}),
+    "sensors": lambda sensors: dict(load_sensors(sensors) if isinstance(sensors, str) else sensors or {}),
+    "terrain": lambda terrain: {"kind": terrain} if isinstance(terrain, str) else dict(terrain or {}),
+    "scan": lambda scan: dict(scan or {}),
+    "depth": lambda depth: dict(depth or {}),
+    "reward": lambda scales: dict(scales or {}),
+}
+
+
+def apply(
+    values: Mapping[str, Any], options: Mapping[str, Any], base: Mapping[str, Any] | Callable[[], Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Options of an environment with values of the command line over them.
+
+    Args:
+        values: by name; with a dot a part of an option, `actuators.delay`.
+        options: those that other arguments name.
+        base: the options that parts are laid over where neither `options` nor `values` have the whole; a function is
+            called if there are such parts.
+
+    Raises:
+        ValueError: an option given twice, one without parts, or a robot that cannot be.
+    """
+    found = dict(options)
+    for name, value in values.items():
+        if "." not in name:
+            if name in options:
+                raise ValueError(f"{FLAG} {name}={value}: {name} is given by an argument of its own, too")
+            found[name] = value
+    for name, value in values.items():
+        head, dot, part = name.partition(".")
+        if not dot:
+            continue
+        if head not in _TABLES:
+            known = ", ".join(f"{one}.NAME" for one in _TABLES)
+            raise ValueError(f"{FLAG} {name}={value}: '{head}' has no parts: expected one of {known}")
+        if head not in found:
+            base = base() if callable(base) else base
+            found[head] = base.get(head)
+        table = _TABLES[head](found[head])
+        found[head] = changed_robot(Params(**table), {part: value}) if head == "params" else {**table, part: value}
+    return found
+
+
+def changed_robot(params: Params, values: Mapping[str, Any]) -> dict[str, Any]:
+    """The parameters of a robot with others in their place.
+
+    Raises:
+        ValueError: a parameter that is not known, or a robot that cannot be.
+    """
+    try:
+        return params.replace(**values).to_dict()
+    except TypeError as error:
+        raise ValueError(f"{FLAG} params: {error}") from error
+
+
+def robot_of(arguments: argparse.Namespace, robot: Any) -> Params:
+    """The robot of a command that has no environments, where `--set` changes parameters alone."""
+    values = assignments(arguments.set)
+    for name, value in values.items():
+        if not name.startswith("params."):
+            raise ValueError(f"{FLAG} {name}={value}: expected params.NAME=VALUE{_as_part(name)}")
+    return Params(**_TABLES["params"](apply(values, {"params": robot}, {})["params"]))
+
+
+def check_names(names: Iterable[str], task: str | None, others: Sequence[str] = ()) -> None:
+    """Checks names of options.
+
+    Args:
+        names: the names; of one with a dot the part before it.
+        task: whose options are known; None if a policy decides the task, then parameters of robots alone are refused.
+        others: further known names.
+
+    Raises:
+        ValueError: an unknown name; the message has the closest known one.
+    """
+    known = (*option_names(task or DEFAULT_TASK), *others)
+    for name in (name.partition(".")[0] for name in names):
+        if name in known or (task is None and not _as_part(name)):
+            continue
+        close = _as_part(name) or did_you_mean(name, known) or f": expected one of {', '.join(known)}"
+        raise ValueError(f"{FLAG} {name}: unknown option '{name}'{close}")
+
+
+def _as_part(name: str) -> str:
+    """The hint that a name is a parameter of the robot."""
+    parameters = Params.paper().to_dict()
+    if name in parameters:
+        return f": did you mean 'params.{name}'?"
+    return ""

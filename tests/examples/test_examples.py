@@ -1,0 +1,80 @@
+"""The programs of `examples/` run, say what they do, and need nothing but what the package promises."""
+
+import ast
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support.commands import IMPORT_PATH
+from tests.support.paths import ROOT
+
+EXAMPLES = ROOT / "examples"
+PROGRAMS = sorted(EXAMPLES.glob("*.py"))
+
+#: Arguments that make each small, what it prints, and what it writes.
+RUNS = {
+    "push_and_plot": (["0.5"], r"4 s, 401 rows, upright>\n(.*\n)*tilt_max +0\.0[5-9]", ["push.svg", "push.csv"]),
+    "circle": (["6", "2"], r"\n +6 +23%  0\.\d\d.*\n +2  the motion .* would do", []),
+    "noise_and_delay": (["0", "100"], r"delay   0 ms  exact: upright.*\ndelay 100 ms  exact: fell", []),
+    "own_controller": (["5"], r"mylqr +success 100%.*\nlqr +success 100%.*\npid +success [1-4]?0%", []),
+    "own_robot": ([], r"tilt up to 4\.\d deg", ["robot.toml"]),
+    "own_task": (["8192"], r"spin\.zip: upright \d+%.*\nzero: upright 0%", ["spin.zip"]),
+    "tune": (["6"], r"cost (1\.000|0\.\d+) of.*\n(.*\n)*S18-circle +lqr \(tuned\)", []),
+    "train_sac": (["2500"], r"sac\.zip: success \d+%.*\nlqr: success 100%", ["sac.zip"]),
+    "dataset": (["8"], r"observations +\(8, 1001, 16\).*\nactions +\(8, 1000, 3\)", ["dataset.npz"]),
+    "randomization": (["10"], r"\nnone +lqr upright 100%(.*\n)*friction +lqr upright +([1-9]?\d)%", []),
+    "transfer": (["4"], r"contact +policy 100%  lqr 100%\n(.*\n)*delay 50 ms +policy +0%  lqr 100%", []),
+    "terrain": (["4"], r"slope 0\.20 +lqr upright 100%(.*\n)*<Trajectory of lqi on contact: 5 s", ["hills.svg"]),
+}
+NEEDS = {
+    "own_task": "stable_baselines3",
+    "push_and_plot": "matplotlib",
+    "terrain": "matplotlib",
+    "train_sac": "stable_baselines3",
+    "transfer": "onnxruntime",
+    "tune": "cmaes",
+}
+
+
+def test_every_program_has_its_run():
+    assert [path.stem for path in PROGRAMS] == sorted(RUNS)
+
+
+@pytest.mark.parametrize("name", sorted(RUNS))
+def test_it_runs(name, tmp_path):
+    if name in NEEDS:
+        pytest.importorskip(NEEDS[name])
+    arguments, printed, written = RUNS[name]
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / f"{name}.py", *arguments],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(IMPORT_PATH), "MPLBACKEND": "agg"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert re.search(printed, done.stdout), done.stdout
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(written)
+
+
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
+def test_it_is_short_and_uses_the_public_interface(path: Path):
+    text = path.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 40
+    tree = ast.parse(text)
+    first = (ast.get_docstring(tree) or "").splitlines()[0]
+    assert first.endswith(".")
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            assert not any(alias.name.startswith("ballbot_rs.") for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert not (node.module or "").startswith("ballbot_rs")
+        elif isinstance(node, ast.Attribute):
+            assert not node.attr.startswith("_"), f"{node.attr} is private"
+    assert f"[{path.name}]({path.name})" in (EXAMPLES / "README.md").read_text(encoding="utf-8")
