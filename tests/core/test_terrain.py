@@ -53,7 +53,9 @@ def test_heights_have_rows_along_y():
 def test_a_recipe_makes_the_same_terrain_again(kind):
     parameters = bb.terrain_kinds()[kind]
     assert all(entry["doc"] and entry["limit"] is not None for entry in parameters.values())
-    coarse = {} if kind == "plane" else {"cell": 0.03, "size_x": 4.0, "size_y": 4.0}
+    coarse = {"plane": {}, "levels": {"cell": 0.1}, "hills": {"cell": 0.1}}.get(
+        kind, {"cell": 0.03, "size_x": 4.0, "size_y": 4.0}
+    )
     terrain = bb.Terrain.generate(kind, seed=3, slope=0.12, **coarse)
     recipe = json.loads(json.dumps(terrain.recipe))
     assert set(recipe) == {"kind", "seed", *parameters}
@@ -114,7 +116,7 @@ def test_events_do_not_tilt_a_floor_that_is_a_terrain_nor_make_balls_too_large()
         (lambda: bb.Terrain.from_function(lambda *_: 0.0, (1.0, 1.0), 0.1), ValueError, "shape"),
         (lambda: bb.Terrain.from_function(hills, (1.0,), 0.1), ValueError, "size"),
         (lambda: bb.Terrain.plane(0.1).heights(), ValueError, "no edges"),
-        (lambda: bb.Ballbot(terrain="hills"), ValueError, "unknown kind of terrain 'hills'"),
+        (lambda: bb.Ballbot(terrain="sea"), ValueError, "unknown kind of terrain 'sea'"),
         (lambda: bb.Ballbot(terrain=3), TypeError, "terrain must be"),
         (lambda: bb.Ballbot(terrain={"seed": 1}), ValueError, "kind"),
         (lambda: bb.Ballbot(terrain={"kind": "noise", "fingerprint": "0"}), ValueError, "pass it as terrain="),

@@ -15,7 +15,10 @@ EPISODES, STEPS = 200, 900
 
 def drawn(task):
     """First states, and the commands of the first nine seconds without an end: values, and sums over all episodes."""
-    batch = bb.Batch(EPISODES, task, autoreset="disabled", seed=1000, model="spatial", fall_tilt=np.pi)
+    # `spatial` does not simulate the terrain that two tasks have.
+    plane = {"terrain": {"kind": "plane", "slope": 0.05}, "max_episode_steps": 1000}
+    own = plane if TASKS[task]["has_terrain"] else {}
+    batch = bb.Batch(EPISODES, task, autoreset="disabled", seed=1000, model="spatial", fall_tilt=np.pi, **own)
     batch.reset()
     starts = batch.states()
     commands = [batch.command()]

@@ -84,7 +84,19 @@ def standing(batch, states, options):
     }
 
 
-OF_TASKS = {"balance": standing, "velocity": velocity, "goal": goal, "path": path, "push": standing}
+def published(_batch, states, _options):
+    return {"progress": states[:, rows.BALL_VELOCITY][:, 1] * 5.0}
+
+
+OF_TASKS = {
+    "balance": standing,
+    "velocity": velocity,
+    "goal": goal,
+    "path": path,
+    "push": standing,
+    "terrain": velocity,
+    "openballbot": published,
+}
 
 
 def test_every_task_is_here():
@@ -116,6 +128,10 @@ def test_terms_are_those_of_the_documentation(task):
             **effort(states, action.astype(float), last),
             **OF_TASKS[task](batch, states, batch.options),
         }
+        if task == "openballbot":
+            # Sums over steps of 2 ms.
+            norm = squares(action.astype(float))
+            wanted = {"progress": wanted["progress"], "alive": np.full(N, 5.0), "action": 5.0 * norm}
         terms = batch.reward_terms()
         assert set(names) == set(wanted)
         for k, name in enumerate(names):

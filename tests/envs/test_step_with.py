@@ -16,7 +16,8 @@ class Outside:
     def __init__(self, batch):
         self.batch = batch
         self.robots = [
-            bb.Ballbot(batch.params(i), model=batch.model, sim_dt=batch.sim_dt) for i in range(batch.num_envs)
+            bb.Ballbot(batch.params(i), model=batch.model, sim_dt=batch.sim_dt, terrain=batch.terrain)
+            for i in range(batch.num_envs)
         ]
         self.torques, self.steps = None, batch.substeps
 

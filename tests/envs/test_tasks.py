@@ -9,6 +9,7 @@ from gymnasium.utils.env_checker import check_env
 
 import ballbot_rs as bb
 from ballbot_rs._core import TASKS
+from tests.support.surface import class_name
 
 ALL = sorted(TASKS)
 COMMANDED = [task for task in ALL if TASKS[task]["command"]]
@@ -27,7 +28,7 @@ def test_gymnasium_checks_the_environment(task):
     assert env.spec.max_episode_steps == TASKS[task]["max_episode_steps"]
     assert env.observation_space.shape == (len(TASKS[task]["observation"]),)
     assert type(env.unwrapped) is bb.BallbotEnv
-    named = getattr(bb, f"{task.capitalize()}Env")(model="contact")
+    named = getattr(bb, f"{class_name(task)}Env")(model="contact")
     first, again = env.reset(seed=3)[0], named.reset(seed=3)[0]
     np.testing.assert_array_equal(first, again)
 
@@ -161,6 +162,8 @@ def test_wrong_commands_are_refused(task):
 def test_a_regulator_does_the_task(task):
     """LQR with the task's setpoints, in the core and as a law in Python, gets the same metrics."""
     options = {"model": "contact", "max_episode_steps": 500}
+    if TASKS[task]["has_terrain"]:
+        options["terrain"] = {"kind": "plane", "slope": 0.05}
     found = bb.compare(["lqr"], task=task, episodes=6, seed=2, env_options=options)[0]
     params = bb.Params.paper()
     lqr = bb.Controller("lqr", params, 0.01)

@@ -2,7 +2,7 @@ use super::Clock;
 
 #[test]
 fn samples_are_read_in_order_at_their_age() {
-    for (period, latency) in [(1, 0), (1, 3), (4, 0), (4, 1), (4, 4), (4, 11), (7, 3)] {
+    for (period, latency) in [(1_u32, 0_u32), (1, 3), (4, 0), (4, 1), (4, 4), (4, 11), (7, 3)] {
         let clock = Clock::new(100.0 / f64::from(period), f64::from(latency) * 0.01, 0.01).unwrap();
         let mut kept = vec![0; clock.slots()];
         let mut last = 0;
