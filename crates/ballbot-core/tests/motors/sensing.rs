@@ -238,7 +238,10 @@ fn snapshots_do_not_go_to_other_sensors() {
             let (own, foreign) = (run.batch.save(0).unwrap(), others.batch.save(0).unwrap());
             for (bytes, to) in [(&own, &mut others), (&foreign, &mut run)] {
                 let error = to.batch.load(0, bytes).unwrap_err().to_string();
-                assert!(error.contains("sensors, terrain, history or options of its task differ"), "{error}");
+                assert!(
+                    error.contains("sensors, terrain, instruments, history or options of its task differ"),
+                    "{error}"
+                );
             }
         }
     }

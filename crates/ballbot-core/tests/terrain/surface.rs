@@ -103,7 +103,11 @@ fn a_ball_of_another_radius_touches_to_the_second_order() {
 fn every_kind_has_the_slope_that_it_is_asked_for() {
     for kind in TerrainKind::ALL {
         for slope in [0.05, 0.15] {
-            let coarse: &[_] = if kind.name == "plane" { &[] } else { &[("cell", 0.02)] };
+            let coarse: &[_] = match kind.name {
+                "plane" => &[],
+                "levels" | "hills" => &[("cell", 0.05), ("tile", 6.0)],
+                _ => &[("cell", 0.02)],
+            };
             let parameters: Vec<_> = coarse.iter().copied().chain([("slope", slope)]).collect();
             let terrain = Terrain::generate(kind.name, 3, &parameters).unwrap();
             let recipe = terrain.recipe().unwrap();
@@ -111,8 +115,8 @@ fn every_kind_has_the_slope_that_it_is_asked_for() {
             let found = terrain.slope();
             let most = match kind.name {
                 // A percentile, of any seed; and hollows that overlap.
-                "noise" => 2.0,
-                "bumps" => 2.5,
+                "noise" | "hills" => 2.0,
+                "bumps" | "levels" => 2.5,
                 "mix" => 1.5,
                 _ => 1.02,
             };
