@@ -6,12 +6,15 @@ use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Outcome, StepBuffers, Under, When};
 use ballbot_core::control::{Controller, Lqr, Pid, PidGains, controller_kinds};
 use ballbot_core::kinematics::TorqueMap;
+use ballbot_core::perception::{DepthOptions, ScanOptions};
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{ACTION_LEN, Balance};
+use ballbot_core::terrain::Terrain;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::f64::consts::PI;
 use std::hint::black_box;
+use std::sync::Arc;
 
 thread_local! {
     static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
@@ -97,6 +100,11 @@ fn steps_allocate_nothing() {
     let friction = Event { when: When::At(0.01), ..Event::new("floor_dynamic_friction", [0.9, 1.0]) };
     let events = vec![push, friction, Event::new("gravity", [9.0, 10.0]), Event::new("ball_radius", [0.112, 0.113])];
     assert_eq!(allocations(&BalanceConfig { events, ..brief.clone() }, None), 0, "contact with events");
+    let scan = ScanOptions { noise: 0.01, dropout: 0.1, latency: 0.02, rate: 0.0, ..ScanOptions::default() };
+    let depth = DepthOptions { noise: [0.001, 0.001], freeze: 0.1, rate: 50.0, ..DepthOptions::default() };
+    let terrain = Some(Arc::new(Terrain::generate("noise", 0, &[("cell", 0.05)]).unwrap()));
+    let seeing = BalanceConfig { terrain, scan: Some(scan), depth: Some(depth), ..brief.clone() };
+    assert_eq!(allocations(&seeing, None), 0, "contact with instruments");
     let actuators = MotorOptions { delay: 0.026, lag: 0.01, speed_limit: 20.0, ..MotorOptions::default() };
     let sensors = SensorOptions { gyro_noise: 0.01, encoder_ticks: 1e3, latency: 0.02, ..SensorOptions::default() };
     let slow = SensorOptions { imu_rate: 40.0, encoder_rate: 30.0, ..sensors };
