@@ -4,7 +4,7 @@ use super::channel::Reads;
 use super::options::DepthOptions;
 use super::view::View;
 use crate::lanes::{Draws, run_one};
-use crate::terrain::{PLACES, Places, Rays, Terrain, each};
+use crate::terrain::{PLACES, Rays, Terrain, each};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// Height over the ground at which a ray follows the tangent there, m.
@@ -187,7 +187,7 @@ impl Course {
 
 /// Where rays meet level ground.
 #[inline(always)]
-fn level(eye: &Vector3<f64>, rays: &Rays) -> Places {
+fn level<const N: usize>(eye: &Vector3<f64>, rays: &Rays<N>) -> [f64; N] {
     each(
         #[inline(always)]
         |i| match rays.direction[2][i] {

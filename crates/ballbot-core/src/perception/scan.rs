@@ -4,7 +4,7 @@ use super::channel::Reads;
 use super::options::ScanOptions;
 use super::view::View;
 use crate::lanes::{Draws, Heading, run_one};
-use crate::terrain::{PLACES, Places, Terrain, each};
+use crate::terrain::{PLACES, Terrain, each};
 
 /// Largest magnitude of a height, m.
 pub const BOUND: f32 = 1.0;
@@ -22,7 +22,7 @@ const DROPOUT: u32 = 2 << 20;
 pub struct Scan {
     options: ScanOptions,
     /// Points in the heading frame, from the ball's center, m: x and y of eight at a time; the last ones may be none.
-    points: Vec<[Places; 2]>,
+    points: Vec<[[f64; PLACES]; 2]>,
 }
 
 impl Scan {

@@ -27,7 +27,7 @@ pub use parameters::Parameter;
 pub use patch::Patch;
 pub(crate) use placement::static_lean;
 pub use placement::upright_on;
-pub(crate) use places::{PLACES, Places, each};
+pub(crate) use places::{PLACES, each};
 pub(crate) use ray::Rays;
 pub use spline::{Height, Jet, Spline};
 pub use tiles::Tiles;
@@ -75,8 +75,9 @@ pub struct Recipe {
 /// Extremes of a terrain.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Steepness {
-    /// Steepest slope, rad.
+    /// Steepest slope, rad, and its tangent.
     slope: f64,
+    rise: f64,
     /// Largest curvature of valleys, 1/m.
     valley: f64,
     /// Largest curvature of crests, 1/m.
@@ -104,7 +105,7 @@ impl Terrain {
         terrain.plane = Some(gradient);
         let parameters = vec![("slope", slope), ("direction", direction)];
         terrain.recipe = Some(Recipe { kind: "plane", seed: 0, parameters });
-        terrain.steepness = Steepness { slope, ..Steepness::default() };
+        terrain.steepness = Steepness { slope, rise: slope.tan(), ..Steepness::default() };
         Ok(terrain)
     }
 
@@ -204,12 +205,12 @@ impl Terrain {
         self.surface.jet(x, y).z
     }
 
-    /// Heights at eight places; for code that [`crate::lanes::run_one`] dispatches.
+    /// Heights at several places; for code that [`crate::lanes::run_one`] dispatches.
     #[inline(always)]
-    pub(crate) fn heights_at(&self, x: &Places, y: &Places) -> Places {
+    pub(crate) fn heights_at<const N: usize>(&self, x: &[f64; N], y: &[f64; N]) -> [f64; N] {
         let [half_x, half_y] = self.half_size;
         let mut outside = false;
-        for i in 0..PLACES {
+        for i in 0..N {
             outside |= x[i].abs() > half_x || y[i].abs() > half_y;
         }
         if outside || self.plane.is_some() {
@@ -366,7 +367,8 @@ impl Steepness {
                 out.highest = out.highest.max(jet.z);
             }
         }
-        out.slope = most.sqrt().atan();
+        out.rise = most.sqrt();
+        out.slope = out.rise.atan();
         if out.slope > STEEPEST {
             let [x, y] = steepest;
             return Err(Error::Inconsistent(format!(

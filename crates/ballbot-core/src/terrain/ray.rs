@@ -1,7 +1,7 @@
 //! Where rays meet the ground.
 
 use super::Terrain;
-use super::places::{PLACES, Places, each};
+use super::places::each;
 use crate::lanes::run_one;
 use nalgebra::Vector3;
 
@@ -11,27 +11,22 @@ const MOST_STEPS: usize = 400;
 /// Height over the ground at which a ray of a picture follows the tangent there, m.
 const MET: f64 = 1e-7;
 
-/// Eight rays from one origin.
-pub struct Rays {
+/// Rays from one origin.
+pub struct Rays<const N: usize> {
     /// Components of their directions.
-    pub direction: [Places; 3],
+    pub direction: [[f64; N]; 3],
     /// Shares of the directions before which no ray meets the ground.
-    pub from: Places,
+    pub from: [f64; N],
     /// Shares at which they end.
-    pub limit: Places,
+    pub limit: [f64; N],
 }
 
 impl Terrain {
     /// The first share of `direction`, up to `limit`, at which a ray from `origin` meets the ground from above, and the
     /// ground's normal there; `None` if it does not, or meets it beyond the edges of the terrain.
     pub fn cast(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<(f64, Vector3<f64>)> {
-        let one = |value: f64| [value; PLACES];
-        let rays = Rays {
-            direction: [one(direction.x), one(direction.y), one(direction.z)],
-            from: one(0.0),
-            limit: one(limit),
-        };
-        let [share, ..] = run_one(
+        let rays = Rays { direction: [[direction.x], [direction.y], [direction.z]], from: [0.0], limit: [limit] };
+        let [share] = run_one(
             #[inline(always)]
             || self.meet(origin, &rays, MET),
         );
@@ -47,12 +42,12 @@ impl Terrain {
     /// A step is the longest of two that cannot pass through the ground: that of the steepest slope, and that of the slope
     /// here with the largest curvature, which near the ground is one of Newton's method.
     #[inline(always)]
-    pub fn meet(&self, origin: &Vector3<f64>, rays: &Rays, met: f64) -> Places {
+    pub fn meet<const N: usize>(&self, origin: &Vector3<f64>, rays: &Rays<N>, met: f64) -> [f64; N] {
         let Rays { direction: [dx, dy, dz], from, limit } = rays;
-        let mut hit = [f64::INFINITY; PLACES];
+        let mut hit = [f64::INFINITY; N];
         if let Some([gx, gy]) = self.plane {
             let above = origin.z - gx * origin.x - gy * origin.y;
-            for i in 0..PLACES {
+            for i in 0..N {
                 let closing = gx * dx[i] + gy * dy[i] - dz[i];
                 let share = above / closing;
                 if above < 0.0 {
@@ -63,36 +58,35 @@ impl Terrain {
             }
             return hit;
         }
-        let steepest = self.steepness.slope.tan();
         let (mut share, mut end) = (*from, *limit);
-        let (mut closing, mut bend) = ([0.0; PLACES], [0.0; PLACES]);
+        let (mut closing, mut bend) = ([0.0; N], [0.0; N]);
         let top = self.steepness.highest + met;
-        for i in 0..PLACES {
+        for i in 0..N {
             clip(&mut share[i], &mut end[i], origin.x, dx[i], [-self.half_size[0], self.half_size[0]]);
             clip(&mut share[i], &mut end[i], origin.y, dy[i], [-self.half_size[1], self.half_size[1]]);
             clip(&mut share[i], &mut end[i], origin.z, dz[i], [f64::NEG_INFINITY, top]);
             let sideways = dx[i].mul_add(dx[i], dy[i] * dy[i]);
-            closing[i] = steepest.mul_add(sideways.sqrt(), -dz[i]);
+            closing[i] = self.steepness.rise.mul_add(sideways.sqrt(), -dz[i]);
             bend[i] = 2.0 * self.steepness.bend * sideways;
         }
-        let mut active = [false; PLACES];
-        for i in 0..PLACES {
+        let mut active = [false; N];
+        for i in 0..N {
             active[i] = share[i] <= end[i];
         }
         for _ in 0..MOST_STEPS {
             if !active.contains(&true) {
                 break;
             }
-            let x = each(
+            let x: [f64; N] = each(
                 #[inline(always)]
                 |i| dx[i].mul_add(share[i], origin.x),
             );
-            let y = each(
+            let y: [f64; N] = each(
                 #[inline(always)]
                 |i| dy[i].mul_add(share[i], origin.y),
             );
             let ground = self.surface.slopes_at(&x, &y);
-            for i in 0..PLACES {
+            for i in 0..N {
                 if !active[i] {
                     continue;
                 }
@@ -116,7 +110,7 @@ impl Terrain {
                 active[i] = share[i] <= end[i];
             }
         }
-        for i in 0..PLACES {
+        for i in 0..N {
             if active[i] {
                 hit[i] = share[i];
             }
@@ -126,7 +120,7 @@ impl Terrain {
 
     /// Tangent of the steepest slope anywhere.
     pub(crate) fn steepest(&self) -> f64 {
-        self.steepness.slope.tan()
+        self.steepness.rise
     }
 }
 

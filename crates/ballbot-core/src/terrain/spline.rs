@@ -232,7 +232,7 @@ fn interpolate(values: &[f64], coefficients: &mut [f64], room: &mut [f64]) {
 
 /// Shares of four coefficients in the height.
 #[inline(always)]
-fn weights<L: Lane>(t: L) -> [L; 4] {
+pub(super) fn weights<L: Lane>(t: L) -> [L; 4] {
     let (sixth, one) = (1.0 / 6.0, t.splat(1.0));
     let rest = one - t;
     let (square, rest_square) = (t.squared(), rest.squared());
@@ -243,7 +243,7 @@ fn weights<L: Lane>(t: L) -> [L; 4] {
 
 /// Derivatives of the shares by the place in the cell.
 #[inline(always)]
-fn slopes<L: Lane>(t: L) -> [L; 4] {
+pub(super) fn slopes<L: Lane>(t: L) -> [L; 4] {
     let rest = t.splat(1.0) - t;
     let middle = t.mul_add_all(1.5, t.splat(-2.0)) * t;
     let other = rest.mul_add_all(1.5, t.splat(-2.0)) * rest;
