@@ -120,6 +120,17 @@ impl Error {
     pub fn unknown(kind: &'static str, name: &str, known: &[&str]) -> Self {
         Self::UnknownName { kind, name: name.into(), known: known.join(", ") }
     }
+
+    /// The same of an option of a stage: the stage stands before its name.
+    pub(crate) fn of_option(self, stage: &str) -> Self {
+        match self {
+            Self::OutOfRange { name, value, limit } => {
+                Self::OutOfRange { name: format!("{stage}.{name}"), value, limit }
+            }
+            Self::Length { name, found, expected } => Self::Length { name: format!("{stage}.{name}"), found, expected },
+            other => other,
+        }
+    }
 }
 
 /// The result of every fallible function of the crate.

@@ -159,6 +159,27 @@ pub trait Fields: Clone + Default {
         Ok(())
     }
 
+    /// The defaults with some fields set by their names. An unknown one is one of that `kind`; other errors name the option of
+    /// that `stage`.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] or [`Error::Length`]. Limits are checked by [`Fields::check_limits`].
+    fn with_fields<'n, 'v>(
+        kind: &'static str,
+        stage: &str,
+        fields: impl IntoIterator<Item = (&'n str, &'v [f64])>,
+    ) -> Result<Self> {
+        let mut options = Self::default();
+        for (name, values) in fields {
+            if !Self::FIELDS.iter().any(|field| field.name == name) {
+                let known: Vec<_> = Self::FIELDS.iter().map(|field| field.name).collect();
+                return Err(Error::unknown(kind, name, &known));
+            }
+            options.set(name, values).map_err(|error| error.of_option(stage))?;
+        }
+        Ok(options)
+    }
+
     /// Checks every number against the limit of its field.
     ///
     /// # Errors

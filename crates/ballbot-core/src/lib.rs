@@ -28,6 +28,7 @@ pub mod actuator;
 pub mod batch;
 mod constants;
 pub mod control;
+mod control_steps;
 mod energy;
 mod error;
 pub mod fields;

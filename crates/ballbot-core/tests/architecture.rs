@@ -9,9 +9,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BOTTOM: [&str; 18] = [
+const BOTTOM: [&str; 19] = [
     "error",
     "constants",
+    "control_steps",
     "files",
     "interrupt",
     "memory",

@@ -56,7 +56,7 @@ impl MotorOptions {
                 _ if values.len() == field.len() => field.copy_from_slice(values),
                 _ => {
                     let (found, expected) = (values.len(), field.len());
-                    return Err(Error::Length { name: qualified(name), found, expected });
+                    return Err(Error::Length { name: name.into(), found, expected }.of_option(KIND));
                 }
             }
         }
@@ -133,10 +133,7 @@ impl MotorOptions {
     /// # Errors
     /// [`Error::OutOfRange`] or [`Error::Inconsistent`], naming the value and the limit.
     pub fn validate(&self) -> Result<()> {
-        self.check_limits().map_err(|error| match error {
-            Error::OutOfRange { name, value, limit } => Error::OutOfRange { name: qualified(&name), value, limit },
-            other => other,
-        })?;
+        self.check_limits().map_err(|error| error.of_option(KIND))?;
         let (stall, speed) = (self.stall_torque, self.no_load_speed);
         if (stall > 0.0) != (speed > 0.0) {
             return Err(Error::Inconsistent(format!(
@@ -154,9 +151,4 @@ impl MotorOptions {
         }
         Ok(())
     }
-}
-
-/// The name of an option as messages have it.
-fn qualified(name: &str) -> String {
-    format!("actuators.{name}")
 }

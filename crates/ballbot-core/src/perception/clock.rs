@@ -3,10 +3,8 @@
 #[cfg(test)]
 mod tests;
 
-use crate::error::{Result, check};
-
-/// Most control steps of a latency.
-const MAX_LATENCY: f64 = 100.0;
+use crate::control_steps::{latency_steps, steps_of};
+use crate::error::Result;
 
 /// Times in control steps of an episode.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,15 +19,8 @@ impl Clock {
     /// # Errors
     /// [`crate::Error::OutOfRange`] for a latency that is no whole number of at most 100 control steps.
     pub fn new(rate: f64, latency: f64, control_dt: f64) -> Result<Self> {
-        let steps = latency / control_dt;
-        let words = format_args!(
-            "a whole number of at most {MAX_LATENCY} control steps (latency = {latency} s, control_dt = {control_dt} s)"
-        );
-        check("latency / control_dt", steps, words, |n| {
-            (n - n.round()).abs() <= 1e-6 * n.max(1.0) && n <= MAX_LATENCY + 0.5
-        })?;
-        let period = if rate > 0.0 { (1.0 / (rate * control_dt)).round().max(1.0) } else { 1.0 };
-        Ok(Self { period: period as u64, latency: steps.round() as u64 })
+        let latency = latency_steps(latency, control_dt)? as u64;
+        Ok(Self { period: steps_of(rate, control_dt) as u64, latency })
     }
 
     /// Samples that may be under way.

@@ -1,7 +1,7 @@
 //! Options of the height scan and of the depth camera.
 
 use super::clock::Clock;
-use crate::error::{Error, Result, check};
+use crate::error::{Result, check};
 use crate::fields;
 use crate::fields::{Fields, Limit};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -96,14 +96,7 @@ pub trait Instrument: Fields {
     /// # Errors
     /// [`Error::UnknownName`] and [`Error::Length`]; [`Error::OutOfRange`] for numbers beyond their limits.
     fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
-        let mut options = Self::default();
-        for (name, values) in fields {
-            if !Self::FIELDS.iter().any(|field| field.name == name) {
-                let known: Vec<_> = Self::FIELDS.iter().map(|field| field.name).collect();
-                return Err(Error::unknown(Self::KIND, name, &known));
-            }
-            options.set(name, values).map_err(qualified::<Self>)?;
-        }
+        let options = Self::with_fields(Self::KIND, Self::NAME, fields)?;
         options.validate()?;
         Ok(options)
     }
@@ -124,7 +117,7 @@ pub trait Instrument: Fields {
             })?;
             self.check_own()
         };
-        check_all().map_err(qualified::<Self>)
+        check_all().map_err(|error| error.of_option(Self::NAME))
     }
 
     /// When it is sampled by robots that are controlled every `control_dt`, s.
@@ -133,7 +126,7 @@ pub trait Instrument: Fields {
     /// [`Error::OutOfRange`] for a latency that is no whole number of at most 100 control steps.
     fn clock(&self, control_dt: f64) -> Result<Clock> {
         let [rate, latency] = self.timing();
-        Clock::new(rate, latency, control_dt).map_err(qualified::<Self>)
+        Clock::new(rate, latency, control_dt).map_err(|error| error.of_option(Self::NAME))
     }
 
     /// Rows and columns of a reading.
@@ -145,16 +138,6 @@ pub trait Instrument: Fields {
     /// All numbers, in the order of the fields.
     fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
         (0..Self::FIELDS.len()).flat_map(|index| self.values(index)).copied()
-    }
-}
-
-/// The same error with the instrument before the name of the option.
-fn qualified<I: Instrument>(error: Error) -> Error {
-    let name_of = |name: String| format!("{}.{name}", I::NAME);
-    match error {
-        Error::OutOfRange { name, value, limit } => Error::OutOfRange { name: name_of(name), value, limit },
-        Error::Length { name, found, expected } => Error::Length { name: name_of(name), found, expected },
-        other => other,
     }
 }
 

@@ -3,7 +3,8 @@
 use super::axes::Axes;
 use super::encoders::Encoders;
 use super::options::SensorOptions;
-use super::period::{Period, steps_of};
+use super::period::Period;
+use crate::control_steps::steps_of;
 use crate::error::Result;
 use crate::lanes::Lane;
 use std::f64::consts::TAU;

@@ -1,7 +1,7 @@
 //! Options of the sensors.
 
 use super::estimator::MAX_DT;
-use super::period::steps_of;
+use crate::control_steps::{self, steps_of};
 use crate::error::{Error, Result, check};
 use crate::fields;
 use crate::fields::{Fields, Limit};
@@ -19,9 +19,6 @@ const KIND: &str = "sensors";
 
 /// The name of exact sensors.
 const EXACT: &str = "exact";
-
-/// Most control steps of a latency.
-const MAX_LATENCY: f64 = 100.0;
 
 fields! {
     /// What a gyroscope, an accelerometer and three encoders read. The default is exact. SI units and radians; the three
@@ -68,17 +65,7 @@ impl SensorOptions {
     /// # Errors
     /// [`Error::UnknownName`], [`Error::Length`]; those of [`SensorOptions::validate`].
     pub fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
-        let mut options = Self::default();
-        for (name, values) in fields {
-            if !Self::FIELDS.iter().any(|field| field.name == name) {
-                let known: Vec<_> = Self::FIELDS.iter().map(|field| field.name).collect();
-                return Err(Error::unknown("option of sensors", name, &known));
-            }
-            options.set(name, values).map_err(|error| match error {
-                Error::Length { name, found, expected } => Error::Length { name: qualified(&name), found, expected },
-                other => other,
-            })?;
-        }
+        let options = Self::with_fields("option of sensors", KIND, fields)?;
         options.validate()?;
         Ok(options)
     }
@@ -170,16 +157,7 @@ impl SensorOptions {
     /// # Errors
     /// [`Error::OutOfRange`] for one that is no whole number of at most 100.
     pub fn latency_steps(&self, control_dt: f64) -> Result<usize> {
-        let (latency, steps) = (self.latency, self.latency / control_dt);
-        check(
-            "sensors.latency / control_dt",
-            steps,
-            format_args!(
-                "a whole number of at most {MAX_LATENCY} (latency = {latency} s, control_dt = {control_dt} s)"
-            ),
-            |n| (n - n.round()).abs() <= 1e-6 * n && n <= MAX_LATENCY + 0.5,
-        )?;
-        Ok(steps.round() as usize)
+        control_steps::latency_steps(self.latency, control_dt).map_err(|error| error.of_option(KIND))
     }
 
     /// Checks the numbers against their limits.
@@ -187,10 +165,7 @@ impl SensorOptions {
     /// # Errors
     /// [`Error::OutOfRange`] naming the value and the limit.
     pub fn validate(&self) -> Result<()> {
-        self.check_limits().map_err(|error| match error {
-            Error::OutOfRange { name, value, limit } => Error::OutOfRange { name: qualified(&name), value, limit },
-            other => other,
-        })?;
+        self.check_limits().map_err(|error| error.of_option(KIND))?;
         for (name, range, unit) in
             [("gyro_range", self.gyro_range, "rad/s"), ("accelerometer_range", self.accelerometer_range, "m/s²")]
         {
@@ -212,9 +187,4 @@ impl SensorOptions {
         check("sensors.encoder_ticks", self.encoder_ticks, "0 (exact) or at least 1", |n| n == 0.0 || n >= 1.0)?;
         Ok(())
     }
-}
-
-/// The name of an option as messages have it.
-fn qualified(name: &str) -> String {
-    format!("{KIND}.{name}")
 }

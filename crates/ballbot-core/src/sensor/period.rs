@@ -3,11 +3,6 @@
 use crate::lanes::Lane;
 use crate::lanes::floor;
 
-/// Control steps of `dt` (s) nearest to the period of `rate` (Hz; 0: every control step), at least one.
-pub fn steps_of(rate: f64, dt: f64) -> f64 {
-    if rate > 0.0 { (1.0 / (rate * dt)).round().max(1.0) } else { 1.0 }
-}
-
 /// Time from one sample of a sensor to the next, a whole number of control steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Period<T> {
