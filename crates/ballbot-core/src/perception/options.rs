@@ -88,13 +88,14 @@ pub trait Instrument: Fields {
     /// Checks options against each other.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] naming the value and the limit.
+    /// [`crate::Error::OutOfRange`] naming the value and the limit.
     fn check_own(&self) -> Result<()>;
 
     /// Options from named numbers, the others at their defaults.
     ///
     /// # Errors
-    /// [`Error::UnknownName`] and [`Error::Length`]; [`Error::OutOfRange`] for numbers beyond their limits.
+    /// [`crate::Error::UnknownName`] and [`crate::Error::Length`]; [`crate::Error::OutOfRange`] for numbers beyond their
+    /// limits.
     fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         let options = Self::with_fields(Self::KIND, Self::NAME, fields)?;
         options.validate()?;
@@ -104,7 +105,7 @@ pub trait Instrument: Fields {
     /// Checks all numbers.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] naming the value and the limit.
+    /// [`crate::Error::OutOfRange`] naming the value and the limit.
     fn validate(&self) -> Result<()> {
         let check_all = || {
             self.check_limits()?;
@@ -123,7 +124,7 @@ pub trait Instrument: Fields {
     /// When it is sampled by robots that are controlled every `control_dt`, s.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a latency that is no whole number of at most 100 control steps.
+    /// [`crate::Error::OutOfRange`] for a latency that is no whole number of at most 100 control steps.
     fn clock(&self, control_dt: f64) -> Result<Clock> {
         let [rate, latency] = self.timing();
         Clock::new(rate, latency, control_dt).map_err(|error| error.of_option(Self::NAME))
