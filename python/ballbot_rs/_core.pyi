@@ -1460,7 +1460,8 @@ class Batch:
                 A reference should be made for the robot; it goes on where an episode ends and another begins.
             record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
                 `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
-                step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success` with one row a step.
+                step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success`,
+                `metrics` (of the task, of the episode of the step) with one row a step.
             privileged: as in `control`.
             impulses: on each body before each of the first k steps, shape (k, num_envs, 3), inertial frame, N·s.
             points: where on each body, shape (num_envs, 3), body frame, m; None is its CoM.

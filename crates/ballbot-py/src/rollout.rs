@@ -67,7 +67,7 @@ const fn contact(part: &ContactPart) -> Record {
 }
 
 /// All quantities that can be recorded.
-static RECORDS: [Record; 13] = [
+static RECORDS: [Record; 14] = [
     Record {
         name: "states",
         width: |_| State::LEN,
@@ -115,6 +115,16 @@ static RECORDS: [Record; 13] = [
     flag("terminated", |outcome| outcome.terminated.is_some()),
     flag("truncated", |outcome| outcome.truncated),
     flag("success", |outcome| outcome.success),
+    Record {
+        name: "metrics",
+        width: |batch| batch.task().metrics.len(),
+        at_start: false,
+        source: Source::Row(|batch, _, i, out| {
+            if batch.metrics(i, out).is_err() {
+                out.fill(f64::NAN);
+            }
+        }),
+    },
     contact(&CONTACT_PARTS[0]),
     contact(&CONTACT_PARTS[1]),
     contact(&CONTACT_PARTS[2]),

@@ -163,14 +163,6 @@ def compare(
     return results
 
 
-def _metrics(batch: Batch, survived: npt.NDArray[np.bool_]) -> dict[str, npt.NDArray[np.float64]]:
-    """Of each episode that ran to its end, where it has one."""
-    # An episode that ran to its end is the last one that ended.
-    columns = batch.metrics()[survived].T
-    names = [metric["name"] for metric in description_of(batch.task)["metrics"]]
-    return {name: column[np.isfinite(column)] for name, column in zip(names, columns, strict=True)}
-
-
 def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], None]) -> Result:
     n, steps = batch.num_envs, batch.max_episode_steps
     if n * steps > MAX_STEPS:
@@ -182,6 +174,8 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
     tilts = np.full((steps, n), np.nan)
     distances = np.full((steps, n), np.nan)
     squared_torques = np.full((steps, n), np.nan)
+    names = [metric["name"] for metric in description_of(batch.task)["metrics"]]
+    last = np.full((n, len(names)), np.nan)
     returns = np.zeros(n)
     for chunk in rollout(batch, controller, steps):
         ended = chunk.terminated | chunk.truncated
@@ -194,7 +188,10 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
         squared_torques[rows] = np.where(still, np.mean(chunk.torques**2, axis=-1), np.nan)
         returns += np.where(still, chunk.rewards, 0.0).sum(axis=0)
         success |= (chunk.success & still).any(axis=0)
-        survived |= (chunk.truncated & ~chunk.terminated & still).any(axis=0)
+        ran = chunk.truncated & ~chunk.terminated & still
+        survived |= ran.any(axis=0)
+        for step, robot in np.argwhere(ran):
+            last[robot] = chunk.metrics[step, robot]
         running &= ~ended.any(axis=0)
         advance(rows.stop)
         if not running.any():
@@ -202,7 +199,7 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
     advance(steps)
     settling = np.where(survived, settling_times(tilts, SETTLED_TILT, batch.control_dt), np.inf)
     median = float(np.median(settling))
-    metrics = _metrics(batch, survived)
+    metrics = {name: column[np.isfinite(column)] for name, column in zip(names, last.T, strict=True)}
     return Result(
         controller=controller.name,
         model=getattr(batch, "engine", batch.model),

@@ -41,6 +41,8 @@ class Chunk:
     truncated: npt.NDArray[np.bool_]
     #: Whether an episode that ended with a step was a success, shape (k, n).
     success: npt.NDArray[np.bool_]
+    #: Of the task, of the episode that a step belongs to, shape (k, n, metrics).
+    metrics: Array
     #: CoM of each robot in its first episode, body frame, m, shape (n, 3).
     com: Array
 
@@ -112,10 +114,12 @@ def rollout(
 
 
 def _in_core(batch: Batch, law: Controller, first: int, length: int, com: Array) -> Chunk:
-    record = ("states", "torques", "rewards", "terminated", "truncated", "success")
+    record = ("states", "torques", "rewards", "terminated", "truncated", "success", "metrics")
     found = batch.rollout(law, length, record=record)
     found["states"] = found["states"][:-1]
     found["success"] &= found["terminated"] | found["truncated"]
+    # A single number a robot has no axis of its own there.
+    found["metrics"] = found["metrics"].reshape(length, batch.num_envs, -1)
     return Chunk(first, **found, com=com)
 
 
@@ -130,10 +134,10 @@ def _in_python(
         success = batch.endings()[0] & ended
         if ended.any():
             act.ended(ended)
-        rows.append((states, actions.astype(float) * batch.max_wheel_torque, rewards, terminated, truncated, success))
+        torques = actions.astype(float) * batch.max_wheel_torque
+        rows.append((states, torques, rewards, terminated, truncated, success, batch.metrics()))
     columns = (np.array(column) for column in zip(*rows, strict=True))
-    states, torques, rewards, terminated, truncated, success = columns
-    return Chunk(first, states, torques, rewards, terminated, truncated, success, com), observations
+    return Chunk(first, *columns, com=com), observations
 
 
 @dataclasses.dataclass(frozen=True)

@@ -37,6 +37,9 @@ class Teacher:
     controller: str
     #: Its options, as `make_controller` takes them.
     options: dict[str, Any] = dataclasses.field(default_factory=dict)
+    #: Whether the law follows the position that the task asks for; else each robot is where it should be. An observation
+    #: without the error of the position does not tell what a law does about it.
+    follows_position: bool = True
     #: How often robots are driven and the actor is fitted to all states so far.
     rounds: int = 15
     #: Control steps of all environments in a round.
@@ -56,6 +59,8 @@ class Teacher:
             raise ValueError(f"teacher.controller = {self.controller!r} is no law: expected one of {known}")
         if not isinstance(self.options, dict):
             raise ValueError(f"teacher.options = {self.options!r} must be a table")
+        if not isinstance(self.follows_position, bool):
+            raise ValueError(f"teacher.follows_position = {self.follows_position!r} must be true or false")
         least = {"rounds": 1, "steps": 1, "epochs": 1, "batch_size": 1, "value_rollouts": 0}
         for name, bound in least.items():
             _check_whole(f"teacher.{name}", getattr(self, name), bound)

@@ -16,7 +16,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
 from ballbot_rs._core import Batch, Controller
-from ballbot_rs._state_rows import BODY_QUATERNION
+from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
 from ballbot_rs.envs.own.batch import OwnBatch
 from ballbot_rs.training.config import Teacher
 
@@ -122,7 +122,7 @@ def _visited(
     wanted = np.empty((teacher.steps, n, 3), dtype=np.float32)
     for step in range(teacher.steps):
         seen[step] = observations
-        wanted[step] = batch.control(law, _setpoints(batch, law), privileged=True)
+        wanted[step] = batch.control(law, _setpoints(batch, law, teacher), privileged=True)
         with torch.no_grad():
             own = _actions(model, torch.as_tensor(observations)).numpy()
         driven = np.where(rng.random((n, 1)) < share, wanted[step], own)
@@ -153,13 +153,16 @@ def _regress(
     return float(np.sqrt(total / len(seen)))
 
 
-def _setpoints(batch: Batch, law: Controller) -> dict[str, npt.NDArray[np.float64]]:
+def _setpoints(batch: Batch, law: Controller, teacher: Teacher) -> dict[str, npt.NDArray[np.float64]]:
     """What the task asks of the law on each robot, but the heading that it has: no task observes the heading."""
     asked = [batch.setpoint(robot) for robot in range(batch.num_envs)]
     parts = {part: np.array([setpoint[part] for setpoint in asked]) for part in law.setpoint_parts if part in asked[0]}
+    states = batch.states()
     if "yaw" in law.setpoint_parts:
-        w, _, _, z = batch.states()[:, BODY_QUATERNION].T
+        w, _, _, z = states[:, BODY_QUATERNION].T
         parts["yaw"] = 2.0 * np.arctan2(z, w)
+    if "position" in parts and not teacher.follows_position:
+        parts["position"] = states[:, BALL_POSITION][:, :2].copy()
     return parts
 
 

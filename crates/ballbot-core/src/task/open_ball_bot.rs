@@ -67,7 +67,7 @@ impl Task for OpenBallBot {
     }
 
     fn terrain(&self, _: &Params) -> Result<Option<Arc<Terrain>>> {
-        let parameters = [("slope", SLOPE), ("wavelength", WAVELENGTH), ("tiles", 10.0), ("tile", 12.0)];
+        let parameters = [("slope", SLOPE), ("wavelength", WAVELENGTH), ("tiles", 5.0), ("tile", 24.0)];
         Terrain::shared("hills", 0, &parameters).map(Some)
     }
 

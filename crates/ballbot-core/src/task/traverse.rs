@@ -1,11 +1,13 @@
 //! The terrain task: follow a commanded velocity over uneven ground, on tiles of rising difficulty.
 
-use super::shared::FALLS;
+use super::shared::{FALLS, bounded_error, squared_norm};
 use super::start::{check_range, drawn_steps, in_range, task_fields};
-use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Terms, Velocity};
+use super::velocity::{POSITION, Velocity};
+use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use crate::error::Result;
 use crate::fields::Limit;
 use crate::kinematics::Omniwheels;
+use crate::lane_state::LaneState;
 use crate::lanes::{Heading, Lane, Memory};
 use crate::params::Params;
 use crate::setpoint::Setpoint;
@@ -28,6 +30,8 @@ task_fields! {
         pub velocity_scales: [f64; 2] = [0.2, 0.04], "m/s", Limit::from(1e-6).to(10.0);
         /// Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
         pub yaw_rate_scales: [f64; 2] = [0.5, 0.1], "rad/s", Limit::from(1e-6).to(10.0);
+        /// Distance from where the commands lead that costs half of `position`.
+        pub position_scale: f64 = 0.3, "m", Limit::from(1e-6).to(10.0);
         /// Steepest level of the terrain where none is chosen, as a share of the slope that the robot can stand on.
         pub hardest: f64 = 0.8, "", Limit::from(0.0).to(1.0);
         /// Least share of the commanded distance in a success.
@@ -70,6 +74,13 @@ impl Traverse {
             fall_tilt: self.fall_tilt,
         }
     }
+}
+
+/// The way from the ball to where the commands since the start lead, heading frame, m.
+#[inline(always)]
+fn behind<L: Lane>(state: &LaneState<L>, memory: &Memory<'_, L>) -> [L; 2] {
+    let [x, y] = [memory.get(POSITION), memory.get(POSITION + 1)];
+    Heading::new(state.body_quaternion).of(x - state.ball_position.x, y - state.ball_position.y)
 }
 
 impl Task for Traverse {
@@ -129,6 +140,9 @@ impl Task for Traverse {
     #[inline(always)]
     fn observe<L: Lane>(&self, sensed: &Sensed<'_, L>, memory: &Memory<'_, L>, rows: &mut impl Rows<L>) {
         self.velocity().observe(sensed, memory, rows);
+        let [x, y] = behind(sensed.state, memory);
+        rows.row(Row::new("way to where the commands lead, heading x", "m", 1.0, 0.2), x);
+        rows.row(Row::new("way to where the commands lead, heading y", "m", 1.0, 0.2), y);
     }
 
     #[inline(always)]
@@ -163,6 +177,10 @@ impl Task for Traverse {
         terms: &mut impl Terms<L>,
     ) {
         self.velocity().reward(step, terminated, memory, terms);
+        terms.term(
+            Term::cost("position", 0.1, "d² / (d² + position_scale²), d the distance from where the commands lead"),
+            bounded_error(squared_norm(behind(step.state, memory)), self.position_scale),
+        );
     }
 
     fn measure(&self, memory: &[f64], control_dt: f64, metrics: &mut impl Metrics) {
