@@ -16,6 +16,7 @@ mod motion;
 mod passes;
 mod pushes;
 mod repetition;
+mod ripple;
 mod rolling;
 mod slipping;
 mod slope;

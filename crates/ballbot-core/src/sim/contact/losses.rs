@@ -12,7 +12,7 @@ use crate::lanes::{Lane, Value, Vec3};
 /// Brakes the robots that have these losses.
 #[inline(always)]
 pub fn brake<L: Lane, V: Value<L>>(c: &Constants<V>, token: L::Token, state: &mut ContactState<L::Cell>) {
-    let Start { velocities: before, rows, rotation, .. } = Start::new::<V>(c, token, state);
+    let Start { velocities: before, rows, rotation, .. } = Start::new::<false, V>(c, token, state);
     let like = before.ball.x;
     let zero = like.zero();
     let tiny = like.splat(f64::MIN_POSITIVE);
