@@ -61,9 +61,9 @@ fn the_body_bobs_as_the_closed_form_says(simulation: Simulation) {
     }
     turned = robot.state().wheel_angles[0] - turned;
     let amplitude = params.roller_ripple / cos;
-    close("off the ripple", off, 0.0, simulation.pick(2e-6, 2e-7));
-    close("bob", highest - lowest, amplitude, simulation.pick(2e-6, 1e-6));
-    close("times down", downs as f64, turned * count / TAU, 1.0);
+    close("off the ripple", off, 0.0, 2e-7);
+    close("bob", highest - lowest, amplitude, 2e-7);
+    close("times down", f64::from(downs), turned * count / TAU, 1.0);
     let ripple = 0.5 * params.roller_ripple * (count * rate).powi(2) / cos * params.body_mass / (3.0 * cos);
     close("load", load, 0.0, 0.05 * ripple);
 }
@@ -94,7 +94,7 @@ fn ripple_does_no_work(simulation: Simulation) {
             bob = bob.max((robot.state().body_position - robot.state().ball_position).norm());
         }
         assert!(bob > 0.5 * params.roller_ripple, "{name}: no bob");
-        close(name, off, 0.0, 0.03 * swing);
+        close(name, off, 0.0, 0.01 * swing);
     }
 }
 
@@ -123,8 +123,8 @@ fn the_body_is_where_three_rims_touch_the_ball(simulation: Simulation) {
         apart = gaps(&params, &wheels, &state).iter().fold(apart, |worst, gap| worst.max(gap.abs()));
         assert!(robot.contacts().wheel_normal_forces.iter().all(|load| *load > 0.0));
     }
-    close("displacement", worst, 0.0, simulation.pick(1e-6, 1e-6));
-    close("gaps", apart, 0.0, simulation.pick(1e-6, 1e-6));
+    close("displacement", worst, 0.0, 2e-7);
+    close("gaps", apart, 0.0, 1e-7);
 }
 
 /// Beyond A n² ψ̇² = 2 g cos α the wheels let go at the top of each roller.
@@ -182,6 +182,6 @@ fn both_simulations_agree_on_what_ripple_does() {
     for ((what, contact), (rigid, round)) in ["ball", "body"].iter().zip(contact).zip(rigid.into_iter().zip(round)) {
         let effect = (contact - round).norm();
         println!("{what}: ripple moves it by {effect:e}, simulations are {:e} apart", (contact - rigid).norm());
-        assert!(effect > 1e-4 && (contact - rigid).norm() < 0.05 * effect, "{what}");
+        assert!(effect > 1e-4 && (contact - rigid).norm() < 2e-3 * effect, "{what}");
     }
 }
