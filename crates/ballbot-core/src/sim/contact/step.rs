@@ -106,40 +106,25 @@ fn step<L: Lane, V: Value<L>>(
     footing: Option<&Footing<L::Cell>>,
     actions: &Actions<L::Cell>,
 ) {
-    // One look for both: what the usual step does not have costs it next to nothing.
+    // One look for both: the usual step has neither.
     let unusual = c.unusual.at(L::load(token, &state.steps));
     if L::any(unusual.zero().lt(unusual)) {
-        let stepped = L::rarely(
+        L::rarely(
             token,
             #[inline(always)]
-            || braked_step(c, token, state, footing, actions),
+            || brake(c, token, state),
         );
-        if stepped {
+        let ripple = c.ripple_amplitude.at(unusual);
+        if L::any(ripple.zero().lt(ripple)) {
+            L::rarely(
+                token,
+                #[inline(always)]
+                move || step_on::<L, V, true>(c, token, state, footing, actions),
+            );
             return;
         }
     }
     step_on::<L, V, false>(c, token, state, footing, actions);
-}
-
-/// The losses of a step, and the step itself where any robot has a ripple, which it then returns.
-#[inline(always)]
-fn braked_step<L: Lane, V: Value<L>>(
-    c: &Constants<V>,
-    token: L::Token,
-    state: &mut ContactState<L::Cell>,
-    footing: Option<&Footing<L::Cell>>,
-    actions: &Actions<L::Cell>,
-) -> bool {
-    let like = L::load(token, &state.steps);
-    let (share, ripple) = (c.loss_share.at(like), c.ripple_amplitude.at(like));
-    if L::any(like.zero().lt(share)) {
-        brake(c, token, state);
-    }
-    let rippled = L::any(like.zero().lt(ripple));
-    if rippled {
-        step_on::<L, V, true>(c, token, state, footing, actions);
-    }
-    rippled
 }
 
 /// The step on round wheels, or on wheels of which some have a ripple.
