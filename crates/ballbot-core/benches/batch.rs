@@ -125,7 +125,7 @@ fn perception(criterion: &mut Criterion) {
 fn rollers(criterion: &mut Criterion) {
     const ENVS: usize = 1024;
     let round = runner::config(ModelKind::Contact);
-    let params = Params { roller_ripple: 1e-4, ..round.params.clone() };
+    let params = Params { roller_ripple: 1e-4, ..Params::paper() };
     let rippled = BalanceConfig { params, ..runner::config(ModelKind::Contact) };
     let mut group = criterion.benchmark_group("rollers");
     group.throughput(Throughput::Elements(ENVS as u64));

@@ -42,7 +42,7 @@ fn the_body_bobs_as_the_closed_form_says(simulation: Simulation) {
     run(robot.as_mut(), [0.0; 3], 200);
     let mut turned = robot.state().wheel_angles[0];
     let [mut off, mut lowest, mut highest] = [0.0_f64; 3];
-    let (mut load, mut downs, mut was) = (0.0_f64, 0, 0.0);
+    let (mut load, mut downs, mut was) = (0.0_f64, 0_u32, 0.0);
     let steps = 2000;
     for _ in 0..steps {
         robot.step(&[0.0; 3]);
@@ -50,7 +50,7 @@ fn the_body_bobs_as_the_closed_form_says(simulation: Simulation) {
         let height = state.body_position.z - params.ball_radius;
         off = off.max((height + depths(&params, &state)[0] / cos).abs());
         (lowest, highest) = (lowest.min(height), highest.max(height));
-        downs += usize::from(was >= 0.0 && state.body_velocity.z < 0.0);
+        downs += u32::from(was >= 0.0 && state.body_velocity.z < 0.0);
         was = state.body_velocity.z;
         // The load of a step is that of the phase at its start.
         let phase = count * (state.wheel_angles[0] - state.wheel_speeds[0] * dt);
