@@ -34,7 +34,7 @@ SWEEP = Sweep(
     (0.0, 1e-4, 2e-4, 5e-4, 1e-3, 1.5e-3),
     _options,
     1e-5,
-    '--env-option \'events=[{"term": "roller_ripple", "range": [1e-4, 1e-4]}]\'',
+    '--set \'events=[{"term": "roller_ripple", "range": [1e-4, 1e-4]}]\'',
 )
 _SPEEDS = (0.2, 0.5)
 _SIM_DT = 5e-4

@@ -77,6 +77,7 @@ fn several<L: Lane, V: Value<L>>(
     let mut actions = Actions { torques: *torques, gravity_dt: *torques };
     let like = L::load(token, &state.steps);
     Vec3::from(at3(c.gravity_dt, like)).store(&mut actions.gravity_dt);
+    let unusual = L::any(like.zero().lt(c.unusual.at(like)));
     for _ in 0..steps {
         // Apart from the step, which so keeps its registers on level ground.
         if let Some(footing) = &mut footing {
@@ -86,7 +87,15 @@ fn several<L: Lane, V: Value<L>>(
                 || footing.enter(c, token, state, &mut actions.gravity_dt),
             );
         }
-        step::<L, V>(c, token, state, footing.as_deref(), &actions);
+        let on_rollers = unusual
+            && L::rarely(
+                token,
+                #[inline(always)]
+                || brake_or_roll::<L, V>(c, token, state, footing.as_deref(), &actions),
+            );
+        if !on_rollers {
+            step::<L, V, false>(c, token, state, footing.as_deref(), &actions);
+        }
         if let Some(footing) = &footing {
             L::rarely(
                 token,
@@ -97,39 +106,27 @@ fn several<L: Lane, V: Value<L>>(
     }
 }
 
-/// One step of all robots of the lanes, in the frame of the floor.
+/// Brakes robots with losses. If some have wheels with a ripple, it makes the step of all, and returns true.
 #[inline(always)]
-fn step<L: Lane, V: Value<L>>(
+fn brake_or_roll<L: Lane, V: Value<L>>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
     footing: Option<&Footing<L::Cell>>,
     actions: &Actions<L::Cell>,
-) {
-    // One look for both: the usual step has neither.
-    let unusual = c.unusual.at(L::load(token, &state.steps));
-    if L::any(unusual.zero().lt(unusual)) {
-        L::rarely(
-            token,
-            #[inline(always)]
-            || brake(c, token, state),
-        );
-        let ripple = c.ripple_amplitude.at(unusual);
-        if L::any(ripple.zero().lt(ripple)) {
-            L::rarely(
-                token,
-                #[inline(always)]
-                move || step_on::<L, V, true>(c, token, state, footing, actions),
-            );
-            return;
-        }
+) -> bool {
+    brake(c, token, state);
+    let ripple = c.ripple_amplitude.at(L::load(token, &state.steps));
+    let any = L::any(ripple.zero().lt(ripple));
+    if any {
+        step::<L, V, true>(c, token, state, footing, actions);
     }
-    step_on::<L, V, false>(c, token, state, footing, actions);
+    any
 }
 
-/// The step on round wheels, or on wheels of which some have a ripple.
+/// One step of all robots of the lanes, in the frame of the floor; with `RIPPLE` the wheels of some of them are not round.
 #[inline(always)]
-fn step_on<L: Lane, V: Value<L>, const RIPPLE: bool>(
+fn step<L: Lane, V: Value<L>, const RIPPLE: bool>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,

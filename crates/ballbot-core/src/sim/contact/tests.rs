@@ -56,7 +56,7 @@ fn params_of(i: usize, kind: Kind) -> Params {
         return params;
     }
     if kind == Kind::Rippled {
-        params = rippled(params);
+        params = rippled(&params);
     }
     params.body_mass *= 1.0 + 0.02 * i as f64;
     match i {
@@ -314,17 +314,17 @@ fn one_call_of_many_steps_equals_many_calls() {
 
 /// Robots that spin, slip and have a ball 3 mm and a tenth of a radian out of place: with symmetry and without.
 fn displaced() -> [ContactMotion; 2] {
-    displaced_robots(|params| params)
+    displaced_robots(Params::clone)
 }
 
-fn displaced_robots(change: fn(Params) -> Params) -> [ContactMotion; 2] {
-    [params(), general()].map(|params| displaced_robot(&change(params)))
+fn displaced_robots(change: fn(&Params) -> Params) -> [ContactMotion; 2] {
+    [params(), general()].map(|params| displaced_robot(&change(&params)))
 }
 
 /// With a ripple of twelve and of seven rollers a turn.
-fn rippled(params: Params) -> Params {
+fn rippled(params: &Params) -> Params {
     let roller_count = if params.is_symmetric() { 12.0 } else { 7.0 };
-    Params { roller_ripple: 5e-4, roller_count, roller_phases: [0.5, -1.0, 2.5], ..params }
+    Params { roller_ripple: 5e-4, roller_count, roller_phases: [0.5, -1.0, 2.5], ..params.clone() }
 }
 
 fn general() -> Params {

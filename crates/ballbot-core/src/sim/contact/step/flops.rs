@@ -188,7 +188,7 @@ fn operations(params: &Params) -> Operations {
     motion.advance(&TORQUES, 1);
     DONE.set(Operations::default());
     let c = motion.constants();
-    step::<Counted, f64>(c, Scalar, &mut memory, None, &Actions::level(c.gravity_dt, &TORQUES));
+    step::<Counted, f64, false>(c, Scalar, &mut memory, None, &Actions::level(c.gravity_dt, &TORQUES));
     assert_eq!(&memory, motion.memory());
     DONE.take()
 }
