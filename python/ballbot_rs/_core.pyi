@@ -152,6 +152,9 @@ class _ParamFields(TypedDict, total=False):
     floor_spinning_friction: float
     roller_friction: float
     roller_friction_slope: float
+    roller_ripple: float
+    roller_count: float
+    roller_phases: npt.ArrayLike
     floor_tilt: npt.ArrayLike
 
 # End of the generated part.
@@ -171,8 +174,9 @@ class Params:
     `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m), `wheel_static_friction` (1.1),
     `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1), `floor_dynamic_friction` (1.05),
     `friction_critical_velocity` (0.1 m/s), `floor_rolling_friction` (0 m, torque per load), `floor_spinning_friction`
-    (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m), `floor_tilt` (rotation
-    vector x, y that turns a level floor into this one, 0 rad).
+    (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m), `roller_ripple` (how much
+    less the radius of a wheel is between two rollers, 0 m), `roller_count` (rollers a turn, 12), `roller_phases` (0 rad),
+    `floor_tilt` (rotation vector x, y that turns a level floor into this one, 0 rad).
     Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
     `docs/conventions.md` has all ranges.
 
@@ -212,6 +216,9 @@ class Params:
         floor_spinning_friction: float = 0.0,  # Spinning friction of the ball on the floor: largest torque about the vertical per load, m.
         roller_friction: float = 0.0,  # Friction coefficient of the rollers of a wheel, along its free direction.
         roller_friction_slope: float = 0.0,  # Growth of that coefficient with the speed of the ball along the free direction, s/m.
+        roller_ripple: float = 0.0,  # Ripple of a wheel's rim: how much less its radius is between two rollers than in the middle of one, m.
+        roller_count: float = 12.0,  # Rollers of a wheel that pass the ball in a turn, of all its rows.
+        roller_phases: npt.ArrayLike = ...,  # Phase of the ripple of each wheel, rad.
         floor_tilt: npt.ArrayLike = ...,  # Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad.
     ) -> Self: ...
     # End of the generated part.
@@ -299,6 +306,15 @@ class Params:
     @property
     def roller_friction_slope(self) -> float:
         """Growth of that coefficient with the speed of the ball along the free direction, s/m."""
+    @property
+    def roller_ripple(self) -> float:
+        """Ripple of a wheel's rim: how much less its radius is between two rollers than in the middle of one, m."""
+    @property
+    def roller_count(self) -> float:
+        """Rollers of a wheel that pass the ball in a turn, of all its rows."""
+    @property
+    def roller_phases(self) -> tuple[float, float, float]:
+        """Phase of the ripple of each wheel, rad."""
     @property
     def floor_tilt(self) -> tuple[float, float]:
         """Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad."""

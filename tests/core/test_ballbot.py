@@ -165,6 +165,22 @@ def test_losses_at_the_ball_dissipate_and_planar_refuses_them(loss):
         assert lossy.energy < free.energy - 1e-5, model
 
 
+def test_ripple_of_the_rollers_bobs_the_body_and_models_without_slip_refuse_it(paper):
+    rippled = paper.replace(roller_ripple=1e-4, roller_count=10, roller_phases=(0.1, 0.2, -0.3))
+    assert (rippled.roller_ripple, rippled.roller_count, rippled.roller_phases) == (1e-4, 10.0, (0.1, 0.2, -0.3))
+    for model in ("planar", "spatial"):
+        with pytest.raises(ValueError, match=r"'planar' and 'spatial' roll on round wheels.* roller_ripple = 0.0001 m"):
+            Ballbot(rippled, model=model)
+    for model in ("contact", "rigid"):
+        robot = Ballbot(rippled, model=model)
+        robot.reset(State.rolling(rippled, (0.5, 0.0)))
+        heights = []
+        for _ in range(100):
+            robot.step((0, 0, 0), 1)
+            heights.append(robot.state.body_position[2])
+        assert 5e-5 < np.ptp(heights) < 1.5e-4, model
+
+
 def test_a_robot_stands_on_a_tilted_floor_and_planar_refuses_it(paper):
     tilted = paper.replace(floor_tilt=(0.03, -0.04))
     assert tilted.floor_tilt == (0.03, -0.04)

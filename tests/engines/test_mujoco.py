@@ -62,9 +62,10 @@ def test_parameters_that_are_set_are_those_that_move():
                 batch.step(np.zeros((1, 3)))
         tilts.append(batch.state(0).tilt)
     assert tilts[0] == tilts[1]
-    batch.set_params(0, params.replace(roller_friction=0.01))
-    with pytest.raises(ValueError, match=r"roller_friction = 0.01: it must be 0"):
-        batch.step(np.zeros((1, 3)))
+    for name in ("roller_friction", "roller_ripple"):
+        batch.set_params(0, params.replace(**{name: 0.001}))
+        with pytest.raises(ValueError, match=rf"{name} = 0.001: it must be 0"):
+            batch.step(np.zeros((1, 3)))
 
 
 def test_motors_that_an_event_weakens_are_weak_there():

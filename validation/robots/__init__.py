@@ -6,6 +6,7 @@ from validation.robots import (
     friction,
     lag,
     products_of_inertia,
+    ripple,
     rollers,
     rolling,
     slope,
@@ -16,6 +17,7 @@ from validation.robots import (
 from validation.topic import Topic
 
 BODY = [
-    Topic.of(module) for module in (com_offset, products_of_inertia, uneven_wheels, friction, rolling, rollers, slope)
+    Topic.of(module)
+    for module in (com_offset, products_of_inertia, uneven_wheels, friction, rolling, rollers, ripple, slope)
 ]
 MOTORS = [Topic.of(module) for module in (delay, strength, lag, torque_speed)]

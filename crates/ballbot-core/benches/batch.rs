@@ -7,11 +7,11 @@
 
 mod runner;
 
-use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{BalanceConfig, Event, load_events};
 use ballbot_core::perception::{DepthOptions, ScanOptions};
 use ballbot_core::terrain::Terrain;
+use ballbot_core::{ModelKind, Params};
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, f64x8};
@@ -121,6 +121,21 @@ fn perception(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// What wheels of rollers cost a step.
+fn rollers(criterion: &mut Criterion) {
+    const ENVS: usize = 1024;
+    let round = runner::config(ModelKind::Contact);
+    let params = Params { roller_ripple: 1e-4, ..Params::paper() };
+    let rippled = BalanceConfig { params, ..runner::config(ModelKind::Contact) };
+    let mut group = criterion.benchmark_group("rollers");
+    group.throughput(Throughput::Elements(ENVS as u64));
+    for (name, config) in [("round wheels", &round), ("ripple", &rippled)] {
+        let mut runner = Runner::of(config, ENVS, Some(1));
+        group.bench_function(format!("a step/{name}"), |b| b.iter(|| runner.step()));
+    }
+    group.finish();
+}
+
 /// Multiply-adds of each chain in one run.
 const LINKS: usize = 1000;
 
@@ -193,6 +208,6 @@ criterion_group! {
         .sample_size(20)
         .warm_up_time(Duration::from_secs(1))
         .measurement_time(Duration::from_secs(3));
-    targets = peak, batches, motors, events, ground, perception
+    targets = peak, batches, motors, events, ground, rollers, perception
 }
 criterion_main!(benches);

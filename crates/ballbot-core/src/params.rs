@@ -5,6 +5,7 @@ mod geometry;
 mod losses;
 mod presets;
 pub(crate) mod robot_file;
+mod rollers;
 
 use crate::error::{Error, Result, check, finite, positive};
 use crate::fields::Limit;
@@ -206,6 +207,14 @@ parameters! {
         roller_friction: f64 = 0.0, FRICTION;
         /// Growth of that coefficient with the speed of the ball along the free direction, s/m. Default 0.
         roller_friction_slope: f64 = 0.0, FRICTION;
+        /// Ripple A of a wheel's rim: how much less its radius is between two rollers than in the middle of one, m. Default
+        /// 0, round wheels. Of `contact` and `rigid` only.
+        roller_ripple: f64 = 0.0, LEVER;
+        /// Rollers n of a wheel that pass the ball in a turn, of all its rows; a whole number. Default 12.
+        roller_count: f64 = 12.0, Limit::from(3.0).to(1e3);
+        /// Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below
+        /// `wheel_radius`, rad. Default 0.
+        roller_phases: [f64; 3] = [0.0; 3], Limit::from(-1e3).to(1e3);
         /// Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad; its length, the slope,
         /// is at most 0.5. Gravity is [`Params::gravity_vector`]. Default 0.
         floor_tilt: [f64; 2] = [0.0; 2], Limit::from(-0.5).to(0.5);
@@ -270,6 +279,7 @@ impl Params {
         self.validate_masses()?;
         self.validate_geometry()?;
         self.validate_friction()?;
+        self.validate_rollers()?;
         self.validate_slope()
     }
 
@@ -303,6 +313,7 @@ impl Params {
             ("floor_spinning_friction", self.floor_spinning_friction),
             ("roller_friction", self.roller_friction),
             ("roller_friction_slope", self.roller_friction_slope),
+            ("roller_ripple", self.roller_ripple),
         ] {
             check(name, value, ">= 0", |v| v >= 0.0)?;
         }

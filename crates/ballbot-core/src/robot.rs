@@ -67,8 +67,19 @@ impl ModelKind {
         }
     }
 
+    /// Checks that the model simulates the wheels of a robot.
+    fn require(self, params: &Params) -> Result<()> {
+        match self {
+            Self::Planar | Self::Spatial => params.require_round_wheels(
+                "the models 'planar' and 'spatial' roll on round wheels; 'contact' and 'rigid' have the ripple of rollers",
+            ),
+            Self::Contact | Self::Rigid => Ok(()),
+        }
+    }
+
     /// A robot of this kind, at rest upright.
     fn build(self, params: &Params, sim_dt: f64) -> Result<Box<dyn Model>> {
+        self.require(params)?;
         Ok(match self {
             Self::Planar => Box::new(PlanarMotion::new(params, sim_dt)?),
             Self::Spatial => Box::new(SpatialMotion::new(params, sim_dt)),
@@ -119,8 +130,8 @@ impl Ballbot {
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for parameters or a time step that cannot be; [`Error::Inconsistent`] likewise, and for a robot
-    /// that the model does not simulate: [`ModelKind::Planar`] takes symmetric robots only ([`Params::is_symmetric`]);
-    /// [`Error::MissingFeature`] for a model that was not compiled.
+    /// that the model does not simulate: [`ModelKind::Planar`] takes symmetric robots only ([`Params::is_symmetric`]), and it and
+    /// [`ModelKind::Spatial`] those with round wheels ([`Params::has_ripple`]); [`Error::MissingFeature`] for a model that was not compiled.
     pub fn new(params: &Params, kind: ModelKind, sim_dt: f64) -> Result<Self> {
         params.validate()?;
         check_sim_dt(sim_dt)?;
@@ -198,6 +209,7 @@ impl Ballbot {
         if self.ground.is_some() {
             params.require_level("a robot on a terrain")?;
         }
+        self.kind.require(params)?;
         let goes_on = same_geometry(self.params(), params);
         self.model.set_params(params)?;
         if !goes_on {

@@ -63,8 +63,10 @@ fn mixed(config: &BalanceConfig, robots: &[Params], mode: Autoreset, threads: us
     Run::new(batch)
 }
 
-/// The same, every other one without symmetry, with losses at the ball and on a slope.
-fn general_robots() -> Vec<Params> {
+/// The same, every other one without symmetry, with losses at the ball and on a slope; some on wheels with a ripple, if the
+/// model has it.
+fn general_robots(model: ModelKind) -> Vec<Params> {
+    let rippled = model != ModelKind::Spatial;
     let mut robots = robots();
     for (i, params) in robots.iter_mut().enumerate().skip(1).step_by(2) {
         let share = 0.1 * i as f64;
@@ -73,6 +75,9 @@ fn general_robots() -> Vec<Params> {
         match i % 4 {
             1 => params.floor_rolling_friction = 1e-3,
             _ => (params.floor_spinning_friction, params.roller_friction) = (1e-3, 0.02),
+        }
+        if rippled && i % 4 == 3 {
+            (params.roller_ripple, params.roller_phases) = (3e-4 * share, [0.3, share, -1.0]);
         }
         // One with its CoM off the mast alone, and one whose body axes alone are not principal.
         if i != 3 {
@@ -95,7 +100,7 @@ const GENERAL: [ModelKind; 3] = [ModelKind::Spatial, ModelKind::Contact, ModelKi
 #[test]
 fn robots_of_a_mixed_batch_equal_batches_of_one() {
     let cases = ModelKind::ALL.map(|model| (model, robots())).into_iter();
-    for (model, robots) in cases.chain(GENERAL.map(|model| (model, general_robots()))) {
+    for (model, robots) in cases.chain(GENERAL.map(|model| (model, general_robots(model)))) {
         for mode in [Autoreset::NextStep, Autoreset::SameStep] {
             let mut alone: Vec<Run> = (0..robots.len())
                 .map(|i| Run::new(batch(&config(model, &robots[i]), 1, mode, SEED + i as u64)))
@@ -369,7 +374,7 @@ fn refused_parameters_change_nothing() {
 #[test]
 fn snapshots_carry_the_parameters() {
     let cases = ModelKind::ALL.map(|model| (model, robots())).into_iter();
-    for (model, robots) in cases.chain(GENERAL.map(|model| (model, general_robots()))) {
+    for (model, robots) in cases.chain(GENERAL.map(|model| (model, general_robots(model)))) {
         let config = config(model, &robots[0]);
         let mut run = mixed(&config, &robots, Autoreset::SameStep, 1);
         let mut other = Run::new(batch(&config, 11, Autoreset::SameStep, SEED + 100));

@@ -96,6 +96,7 @@ fn negative_friction_is_refused() {
         "floor_spinning_friction",
         "roller_friction",
         "roller_friction_slope",
+        "roller_ripple",
     ] {
         assert_refused(&[(name, &[-0.1], [&format!("{name} = -0.1 "), ">= 0"])]);
         let changed = Params::paper().replace([(name, &[0.0][..])]).unwrap();
@@ -110,6 +111,22 @@ fn static_friction_is_at_least_dynamic_friction() {
         ("floor_dynamic_friction", &[1.2], ["floor_static_friction = 1.1 ", "at least the dynamic coefficient, 1.2"]),
     ]);
     assert!(Params::paper().replace([("wheel_static_friction", &[1.0][..])]).is_ok());
+}
+
+#[test]
+fn rollers_that_cannot_be_are_refused() {
+    // Twelve straight rollers on the paper's wheels of 50 mm.
+    let straight = 0.05 * (1.0 - (std::f64::consts::PI / 12.0).cos());
+    let words = format!("at most {straight} m, wheel_radius (1 - cos(pi / roller_count))");
+    assert_refused(&[
+        ("roller_ripple", &[2e-3], ["roller_ripple = 0.002 ", &words]),
+        ("roller_count", &[12.5], ["roller_count = 12.5 ", "a whole number"]),
+        ("roller_count", &[2.0], ["roller_count = 2 ", ">= 3"]),
+    ]);
+    for (count, ripple) in [(12.0, straight), (24.0, 4e-4), (3.0, 0.02)] {
+        let fields = [("roller_count", &[count][..]), ("roller_ripple", &[ripple])];
+        assert!(Params::paper().replace(fields).unwrap().has_ripple());
+    }
 }
 
 #[test]
@@ -275,6 +292,8 @@ fn unlike_any_other() -> Params {
     }
     let turned = fields.iter_mut().find(|(name, _)| *name == "wheel_azimuths").unwrap();
     turned.1 = [0.1, 0.2 + TAU / 3.0, 0.15 + 2.0 * TAU / 3.0].to_vec();
+    let rollers = fields.iter_mut().find(|(name, _)| *name == "roller_count").unwrap();
+    rollers.1 = vec![9.0];
     from_fields(&fields).unwrap()
 }
 
@@ -283,8 +302,8 @@ fn fields_round_trip() {
     let params = unlike_any_other();
     let names: Vec<_> = params.fields().map(|(name, _)| name).collect();
     assert_eq!(names, Params::NAMES);
-    // Four vectors of three and two of two.
-    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::NAMES.len() + 4 * 2 + 2);
+    // Five vectors of three and two of two.
+    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::NAMES.len() + 5 * 2 + 2);
     for ((name, changed), (_, default)) in params.fields().zip(Params::paper().fields()) {
         assert!(changed.iter().zip(default).all(|(a, b)| a != b), "{name} is as before");
     }

@@ -21,8 +21,9 @@ use std::path::PathBuf;
 /// `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m), `wheel_static_friction` (1.1),
 /// `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1), `floor_dynamic_friction` (1.05),
 /// `friction_critical_velocity` (0.1 m/s), `floor_rolling_friction` (0 m, torque per load), `floor_spinning_friction`
-/// (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m), `floor_tilt` (rotation
-/// vector x, y that turns a level floor into this one, 0 rad).
+/// (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m), `roller_ripple` (how much
+/// less the radius of a wheel is between two rollers, 0 m), `roller_count` (rollers a turn, 12), `roller_phases` (0 rad),
+/// `floor_tilt` (rotation vector x, y that turns a level floor into this one, 0 rad).
 /// Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
 /// `docs/conventions.md` has all ranges.
 ///
@@ -297,6 +298,24 @@ impl PyParams {
     #[getter]
     fn roller_friction_slope(&self) -> f64 {
         self.0.roller_friction_slope
+    }
+
+    /// Ripple of a wheel's rim: how much less its radius is between two rollers than in the middle of one, m.
+    #[getter]
+    fn roller_ripple(&self) -> f64 {
+        self.0.roller_ripple
+    }
+
+    /// Rollers of a wheel that pass the ball in a turn, of all its rows.
+    #[getter]
+    fn roller_count(&self) -> f64 {
+        self.0.roller_count
+    }
+
+    /// Phase of the ripple of each wheel, rad.
+    #[getter]
+    fn roller_phases(&self) -> (f64, f64, f64) {
+        self.0.roller_phases.into()
     }
 
     /// Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad.

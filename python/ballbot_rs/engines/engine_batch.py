@@ -24,6 +24,7 @@ NOT_SIMULATED: Final = (
     "floor_spinning_friction",
     "roller_friction",
     "roller_friction_slope",
+    "roller_ripple",
 )
 
 #: Parameters of friction at rest, which the engines' models hold like a slow slip.

@@ -21,8 +21,9 @@ MOTORS: Final = tuple(MOTOR_LIMITS)
 SHORTEST_LAG: Final = 0.5
 #: Constant errors of the IMU, with their units and typical sizes.
 BIASES: Final[Mapping[str, tuple[str, float]]] = {"gyro_bias": ("rad/s", 0.01), "acc_bias": ("m/s²", 0.1)}
-#: What a fit cannot find: a limit of the motor, and which way a slope goes, since logs have no heading.
-EXCLUDED: Final = ("max_wheel_torque", "floor_tilt")
+#: What a fit cannot find: a limit of the motor, which way a slope goes, since logs have no heading, and the ripple of
+#: rollers, which is faster than the steps of a log.
+EXCLUDED: Final = ("max_wheel_torque", "floor_tilt", "roller_ripple", "roller_count", "roller_phases")
 #: Components of vectors, as they are printed.
 SUFFIXES: Final[Mapping[str, Sequence[str]]] = {
     "body_inertia": ("xx", "yy", "zz"),

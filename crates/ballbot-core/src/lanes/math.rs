@@ -68,6 +68,17 @@ pub fn sin_cos_of_step<L: Lane>(angle: L) -> (L, L) {
     (angle * sin, cos)
 }
 
+/// Sine and cosine of any angle below 1e9 rad, error 1e-11 at 1e4 turns.
+#[inline(always)]
+pub fn sin_cos<L: Lane>(angle: L) -> (L, L) {
+    let (mut sin, mut cos) = sin_cos_of_step(wrapped_angle(angle) * 0.25);
+    for _ in 0..2 {
+        let twice = sin + sin;
+        (cos, sin) = (sin.neg_mul_add(twice, cos.splat(1.0)), twice * cos);
+    }
+    (sin, cos)
+}
+
 /// Series of the arctangent for |t| ≤ tan(π/8).
 #[inline(always)]
 fn arctangent<L: Lane>(t: L) -> L {

@@ -296,6 +296,24 @@ fn planar_refuses_rolling_spinning_and_roller_friction() {
 }
 
 #[test]
+fn models_without_slip_refuse_wheels_with_ripple() {
+    let paper = Params::paper();
+    let params = paper.replace([("roller_ripple", &[1e-4][..])]).unwrap();
+    for kind in ModelKind::ALL {
+        let mut robot = Ballbot::new(&paper, kind, 1e-3).unwrap();
+        let refused = matches!(kind, ModelKind::Planar | ModelKind::Spatial);
+        for result in [Ballbot::new(&params, kind, 1e-3).map(|_| ()), robot.set_params(&params).map(|_| ())] {
+            assert_eq!(result.is_err(), refused, "{kind}");
+            if let Err(error) = result {
+                assert!(matches!(error, Error::Inconsistent(_)), "{error:?}");
+                assert!(error.to_string().contains("roller_ripple = 0.0001 m, but it requires 0"), "{error}");
+            }
+        }
+        assert_eq!(robot.params() == &paper, refused, "{kind}");
+    }
+}
+
+#[test]
 fn planar_refuses_robots_that_are_not_symmetric() {
     let paper = Params::paper();
     let cases: [(&str, &[f64], &str); 4] = [

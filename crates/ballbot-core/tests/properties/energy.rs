@@ -1,7 +1,9 @@
 //! Without motors a robot only loses energy.
 
 use super::support::general::any_general_robot;
-use super::support::{Start, any_losses, any_robot, any_start, largest, natural_rate, vector, without_losses};
+use super::support::{
+    Start, any_losses, any_ripple, any_robot, any_start, largest, natural_rate, vector, without_losses,
+};
 use super::{robot, same_cases};
 use ballbot_core::{ModelKind, Params, State};
 use nalgebra::Vector3;
@@ -119,6 +121,21 @@ proptest! {
         }
         let rolls = rise(ModelKind::Spatial, &params, &start.of(&params), 0.005).expect("it has no floor");
         prop_assert!(rolls <= 1e-4, "spatial: rises by {rolls:e}");
+    }
+
+    /// The same on wheels with a ripple.
+    #[test]
+    fn ripple_adds_no_energy(
+        params in any_robot(), ripple in any_ripple(), start in any_start(0.3, 0.5), slip in any_slip(),
+    ) {
+        let params = ripple.of(&params);
+        let slip = Slip { lift: [0.0; 2], ..slip };
+        for state in [start.of(&params), slip.of(&params, &start)] {
+            for (kind, limit) in [(ModelKind::Contact, 1e-4), (ModelKind::Rigid, 1e-2)] {
+                let rise = rise(kind, &params, &state, 0.005).unwrap_or(0.0);
+                prop_assert!(rise <= limit, "{kind}: rises by {rise:e}");
+            }
+        }
     }
 
     /// The same without symmetry, before a fall; in a fall, of `contact`.

@@ -1,7 +1,7 @@
 //! Dimensional analysis: a robot in other units of length, mass and time is another robot, whose motion is the same in
 //! those units. What a simulation counts in meters, kilograms or seconds for itself shows here, and is told apart.
 
-use super::support::{Start, any_losses, any_robot, any_start};
+use super::support::{Start, any_losses, any_ripple, any_robot, any_start};
 use super::{Drive, Run, any_drive, cases, most_apart, robot, run, run_upright, run_with_grip, same_cases};
 use ballbot_core::{ModelKind, Params, State};
 use proptest::prelude::*;
@@ -47,6 +47,7 @@ impl Units {
             floor_rolling_friction: p.floor_rolling_friction * self.length,
             floor_spinning_friction: p.floor_spinning_friction * self.length,
             roller_friction_slope: p.roller_friction_slope / self.speed(),
+            roller_ripple: p.roller_ripple * self.length,
             ..p.clone()
         }
     }
@@ -126,6 +127,15 @@ proptest! {
     ) {
         let (params, start, drive) = motion;
         let off = off(ModelKind::Contact, run_upright, &(losses.of(&params), start, drive), units, COARSE);
+        prop_assert!(off <= 1e-8, "off by {off:e}");
+    }
+
+    #[test]
+    fn contact_with_ripple_is_scale_invariant(
+        motion in any_motion(0.1, 0.3, 1.5), ripple in any_ripple(), units in any_units(0..=2),
+    ) {
+        let (params, start, drive) = motion;
+        let off = off(ModelKind::Contact, run_upright, &(ripple.of(&params), start, drive), units, COARSE);
         prop_assert!(off <= 1e-8, "off by {off:e}");
     }
 

@@ -1,6 +1,7 @@
 //! The simulations with contacts, `rigid` and `contact`, against closed forms, against the models without slip, and
 //! against each other where there is no closed form: lift-off, slip, falls and landings.
 
+mod barrels;
 mod coulomb;
 mod falling;
 mod flight;
@@ -16,6 +17,7 @@ mod motion;
 mod passes;
 mod pushes;
 mod repetition;
+mod ripple;
 mod rolling;
 mod slipping;
 mod slope;

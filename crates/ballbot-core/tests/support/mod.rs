@@ -98,6 +98,34 @@ impl Losses {
     }
 }
 
+/// Ripple of the wheels' rims, free of a robot's size.
+#[derive(Clone, Debug)]
+pub struct Ripple {
+    /// As a share of that of straight rollers.
+    share: f64,
+    count: u8,
+    phases: [f64; 3],
+}
+
+/// From barrels without gaps to rollers that are spheres.
+pub fn any_ripple() -> impl Strategy<Value = Ripple> {
+    (0.0..1.0, 6..25_u8, uniform3(-PI..PI)).prop_map(|(share, count, phases)| Ripple { share, count, phases })
+}
+
+impl Ripple {
+    pub fn of(&self, params: &Params) -> Params {
+        let count = f64::from(self.count);
+        let params = Params {
+            roller_ripple: self.share * params.wheel_radius * (1.0 - (PI / count).cos()),
+            roller_count: count,
+            roller_phases: self.phases,
+            ..params.clone()
+        };
+        params.validate().expect("at most that of straight rollers");
+        params
+    }
+}
+
 /// A tilt of the floor by up to `steepest`, rad, in any direction.
 pub fn any_floor_tilt(steepest: f64) -> impl Strategy<Value = [f64; 2]> {
     (0.0..steepest, -PI..PI).prop_map(|(slope, azimuth)| [slope * azimuth.cos(), slope * azimuth.sin()])

@@ -118,7 +118,7 @@ impl<'a, L: Lane> Near<'a, L> {
     /// Adds the impulses of the rare contacts to the velocities of the robots in the mask, and solves for the impulses of
     /// the coupled ones anew. Returns 1 for robots that touch the floor, else 0.
     #[inline(always)]
-    pub fn solve<V: Value<L>, const JOINTS: bool>(
+    pub fn solve<V: Value<L>, const JOINTS: bool, const RIPPLE: bool>(
         &self,
         c: &Constants<V>,
         start: &Start<L>,
@@ -129,7 +129,7 @@ impl<'a, L: Lane> Near<'a, L> {
         let threshold = (conditions.static_impulse * SETTLED_SHARE).squared();
         let mut open = self.mask;
         for sweep in 0..MOST_SWEEPS {
-            let change = contacts.sweep::<V, JOINTS>(c, start, conditions, self, open);
+            let change = contacts.sweep::<V, JOINTS, RIPPLE>(c, start, conditions, self, open);
             if sweep + 1 >= SWEEPS {
                 open = open & threshold.lt(change);
                 if !L::any(open) {
@@ -213,7 +213,7 @@ impl<L: Lane> Contacts<L> {
     /// One sweep over all contacts of the robots in `open`. Returns the sum of the squared changes of the impulses, which
     /// does not depend on the directions of the axes.
     #[inline(always)]
-    fn sweep<V: Value<L>, const JOINTS: bool>(
+    fn sweep<V: Value<L>, const JOINTS: bool, const RIPPLE: bool>(
         &mut self,
         c: &Constants<V>,
         start: &Start<L>,
@@ -238,7 +238,7 @@ impl<L: Lane> Contacts<L> {
             self.ball.impulse = L::select(open, self.ball.impulse, before);
         }
         if L::any(coupled) {
-            let mut residuals = start.rows.residuals(c, &v);
+            let mut residuals = start.rows.residuals::<RIPPLE, V>(c, &v);
             let (mut impulses, mut estimate) = (self.impulses, self.normal_estimate);
             conditions.delassus.sweep::<JOINTS>(
                 conditions.friction,
@@ -249,7 +249,7 @@ impl<L: Lane> Contacts<L> {
             );
             let step = impulses.minus(&self.impulses);
             let mut moved = v;
-            start.rows.apply::<JOINTS, V>(c, &step, &mut moved);
+            start.rows.apply::<JOINTS, RIPPLE, V>(c, &step, &mut moved);
             v = Velocities::select(coupled, &moved, &v);
             let size = |row: [L; 3]| Vec3::from(row).norm_squared();
             change += L::select(coupled, size(step.floor) + size(step.normals) + size(step.drives), zero);

@@ -104,6 +104,13 @@ cells! {
         pub spinning_loss: T,
         pub roller_friction: T,
         pub roller_friction_slope: T,
+        /// 1 for a robot with losses or with a ripple, else 0.
+        pub unusual: T,
+        /// Half the ripple of the wheels' rims.
+        pub ripple_amplitude: T,
+        /// Ripples a turn of a wheel.
+        pub roller_count: T,
+        pub roller_phases: [T; 3],
     }
 }
 
@@ -186,6 +193,10 @@ impl Constants<f64> {
             spinning_loss: params.floor_spinning_friction / params.ball_inertia,
             roller_friction: params.roller_friction,
             roller_friction_slope: params.roller_friction_slope,
+            unusual: if params.has_losses() || params.has_ripple() { 1.0 } else { 0.0 },
+            ripple_amplitude: 0.5 * params.roller_ripple,
+            roller_count: params.roller_count,
+            roller_phases: params.roller_phases,
         }
     }
 }
@@ -251,6 +262,10 @@ impl<V> Constants<V> {
             spinning_loss: one(&self.spinning_loss),
             roller_friction: one(&self.roller_friction),
             roller_friction_slope: one(&self.roller_friction_slope),
+            unusual: one(&self.unusual),
+            ripple_amplitude: one(&self.ripple_amplitude),
+            roller_count: one(&self.roller_count),
+            roller_phases: three(&self.roller_phases),
         }
     }
 }

@@ -29,7 +29,7 @@ pub struct Delassus<L, V> {
 
 impl<L: Lane, V: Value<L>> Delassus<L, V> {
     #[inline(always)]
-    pub fn new<const JOINTS: bool>(c: &Constants<V>, rows: &Rows<L>) -> Self {
+    pub fn new<const JOINTS: bool, const RIPPLE: bool>(c: &Constants<V>, rows: &Rows<L>) -> Self {
         let zero = rows.floor_gap.zero();
         let none = [[zero; 3]; 3];
         let one = zero.splat(1.0);
@@ -53,14 +53,20 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
             ball_surface,
             own_drive: c.drive_compliance.at(zero),
             wheel_surface: c.wheel_surface_compliance.at(zero),
+            wheel_rim_ratio: c.wheel_rim_ratio.at(zero),
+            wheel_inertia_inverse: c.wheel_inertia_inverse.at(zero),
         };
         // Written out, because the compiler keeps nested loops over pairs as loops over arrays in memory.
         let (n01, n02, n12) = (pairs.normals(0, 1), pairs.normals(0, 2), pairs.normals(1, 2));
-        let nn = [[pairs.own_normal(0), n01, n02], [n01, pairs.own_normal(1), n12], [n02, n12, pairs.own_normal(2)]];
+        let nn = [
+            [pairs.own_normal::<RIPPLE>(0), n01, n02],
+            [n01, pairs.own_normal::<RIPPLE>(1), n12],
+            [n02, n12, pairs.own_normal::<RIPPLE>(2)],
+        ];
         let nd = [
-            [pairs.own_mixed(0), pairs.mixed(0, 1), pairs.mixed(0, 2)],
-            [pairs.mixed(1, 0), pairs.own_mixed(1), pairs.mixed(1, 2)],
-            [pairs.mixed(2, 0), pairs.mixed(2, 1), pairs.own_mixed(2)],
+            [pairs.own_mixed::<RIPPLE>(0), pairs.mixed(0, 1), pairs.mixed(0, 2)],
+            [pairs.mixed(1, 0), pairs.own_mixed::<RIPPLE>(1), pairs.mixed(1, 2)],
+            [pairs.mixed(2, 0), pairs.mixed(2, 1), pairs.own_mixed::<RIPPLE>(2)],
         ];
         let (d01, d02, d12) = (pairs.drives(0, 1), pairs.drives(0, 2), pairs.drives(1, 2));
         let dd = [[pairs.own_drive(0), d01, d02], [d01, pairs.own_drive(1), d12], [d02, d12, pairs.own_drive(2)]];
@@ -88,6 +94,10 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
                 }
                 jd[i][i] = rows.spin_shares[i].mul_add(c.wheel_rim_ratio.at(zero), jd[i][i]);
                 jj[i][i] += c.wheel_inertia_inverse.at(zero);
+                if RIPPLE {
+                    let with_rim = rows.ripple.slopes[i].mul_add(c.wheel_inertia_inverse.at(zero), jn[i][i]);
+                    jn[i][i] = rows.ripple.select(with_rim, jn[i][i]);
+                }
             }
         }
 
@@ -198,7 +208,7 @@ impl<L: Copy, V: Copy> Delassus<L, V> {
 }
 
 /// Elements of the Delassus matrix among the wheels' rows.
-struct Couplings<'a, L> {
+struct Couplings<'a, L: Lane> {
     rows: &'a Rows<L>,
     /// Normal arms divided by the inertia of the body.
     normal: [Vec3<L>; 3],
@@ -208,12 +218,19 @@ struct Couplings<'a, L> {
     ball_surface: L,
     own_drive: L,
     wheel_surface: L,
+    wheel_rim_ratio: L,
+    wheel_inertia_inverse: L,
 }
 
 impl<L: Lane> Couplings<'_, L> {
     #[inline(always)]
-    fn own_normal(&self, i: usize) -> L {
-        self.normal[i].dot(self.rows.normal_arms[i]) + self.linear
+    fn own_normal<const RIPPLE: bool>(&self, i: usize) -> L {
+        let of_body = self.normal[i].dot(self.rows.normal_arms[i]) + self.linear;
+        if !RIPPLE {
+            return of_body;
+        }
+        let ripple = &self.rows.ripple;
+        ripple.select(ripple.slopes[i].squared().mul_add(self.wheel_inertia_inverse, of_body), of_body)
     }
 
     #[inline(always)]
@@ -223,8 +240,14 @@ impl<L: Lane> Couplings<'_, L> {
     }
 
     #[inline(always)]
-    fn own_mixed(&self, i: usize) -> L {
-        self.normal[i].dot(self.rows.drive_arms[i])
+    fn own_mixed<const RIPPLE: bool>(&self, i: usize) -> L {
+        let of_body = self.normal[i].dot(self.rows.drive_arms[i]);
+        if !RIPPLE {
+            return of_body;
+        }
+        let ripple = &self.rows.ripple;
+        let of_spin = self.rows.spin_shares[i] * self.wheel_rim_ratio;
+        ripple.select(ripple.slopes[i].mul_add(of_spin, of_body), of_body)
     }
 
     #[inline(always)]

@@ -12,11 +12,14 @@ use crate::lanes::{Lane, Value, Vec3};
 /// Brakes the robots that have these losses.
 #[inline(always)]
 pub fn brake<L: Lane, V: Value<L>>(c: &Constants<V>, token: L::Token, state: &mut ContactState<L::Cell>) {
-    let Start { velocities: before, rows, rotation, .. } = Start::new::<V>(c, token, state);
+    let share = c.loss_share.at(L::load(token, &state.steps));
+    let zero = share.zero();
+    if !L::any(zero.lt(share)) {
+        return;
+    }
+    let Start { velocities: before, rows, rotation, .. } = Start::new::<false, V>(c, token, state);
     let like = before.ball.x;
-    let zero = like.zero();
     let tiny = like.splat(f64::MIN_POSITIVE);
-    let share = c.loss_share.at(like);
     let loads = state.impulses::<L>(token);
     let mut after = before;
 

@@ -18,6 +18,7 @@ mod motion;
 mod phases;
 mod principal;
 mod readout;
+mod ripple;
 mod rows;
 mod state;
 mod step;

@@ -1,13 +1,14 @@
 //! Phases of a time step with any contacts: start, free velocities, finish.
 
 use super::constants::{Constants, at3};
+use super::ripple::Ripple;
 use super::rows::{Rows, encoder_rate};
 use super::state::ContactState;
 use super::types::{Actions, PerRow, Pose, Velocities};
 use crate::lanes::{Lane, Rotation, Value, Vec3};
 
 /// The robot at the start of a step.
-pub struct Start<L> {
+pub struct Start<L: Lane> {
     pub pose: Pose<L>,
     pub velocities: Velocities<L>,
     pub rotation: Rotation<L>,
@@ -16,11 +17,18 @@ pub struct Start<L> {
 
 impl<L: Lane> Start<L> {
     #[inline(always)]
-    pub fn new<V: Value<L>>(c: &Constants<V>, token: L::Token, state: &ContactState<L::Cell>) -> Self {
-        let pose = state.pose::<L>(token);
+    pub fn new<const RIPPLE: bool, V: Value<L>>(
+        c: &Constants<V>,
+        token: L::Token,
+        state: &ContactState<L::Cell>,
+    ) -> Self {
+        let (pose, velocities) = (state.pose::<L>(token), state.velocities(token));
         let rotation = pose.body_quaternion.rotation();
-        let rows = Rows::new(c, &rotation, pose.ball, pose.body);
-        Self { velocities: state.velocities(token), rows, rotation, pose }
+        let mut rows = Rows::new(c, &rotation, pose.ball, pose.body);
+        if RIPPLE {
+            rows = rows.with_ripple(c, Ripple::new(c, &pose, &velocities));
+        }
+        Self { velocities, rows, rotation, pose }
     }
 }
 

@@ -4,6 +4,7 @@
 //! is diagonal. Drive and normal impulses act on the bot; the opposite impulses act on the ball.
 
 use super::constants::{Constants, at3};
+use super::ripple::Ripple;
 use super::types::{PerRow, Velocities};
 use crate::lanes::{Lane, Rotation, Value, Vec3};
 
@@ -16,7 +17,7 @@ const MIN_AXLE_SINE: f64 = 1e-3;
 const MAX_RECOVERY_SPEED: f64 = 1.0;
 
 /// The rows of one step.
-pub struct Rows<L> {
+pub struct Rows<L: Lane> {
     /// Gap between each wheel and the ball, m; negative for an overlap.
     pub gaps: [L; 3],
     /// Gap between ball and floor, m; negative for an overlap.
@@ -35,6 +36,8 @@ pub struct Rows<L> {
     pub drive_arms: [Vec3<L>; 3],
     /// Sine of the angle between axle and normal: the share of a wheel's spin along its drive direction.
     pub spin_shares: [L; 3],
+    /// The rims of the wheels. What is generic over `RIPPLE` has terms of it if that is true.
+    pub ripple: Ripple<L>,
 }
 
 impl<L: Lane> Rows<L> {
@@ -56,7 +59,21 @@ impl<L: Lane> Rows<L> {
             normal_arms: [a.normal_arm, b.normal_arm, d.normal_arm],
             drive_arms: [a.drive_arm, b.drive_arm, d.drive_arm],
             spin_shares: [a.spin_share, b.spin_share, d.spin_share],
+            ripple: Ripple::none(ball.z),
         }
+    }
+
+    /// The rows with the rims of the wheels. A gap changes with the angle of its wheel, so the normal force acts on the
+    /// joint: the constraint is one of positions and does no work.
+    #[inline(always)]
+    pub fn with_ripple<V: Value<L>>(self, c: &Constants<V>, ripple: Ripple<L>) -> Self {
+        let (mut gaps, mut normal_arms) = (self.gaps, self.normal_arms);
+        for i in 0..3 {
+            gaps[i] = ripple.select(gaps[i] + ripple.depths[i], gaps[i]);
+            let arm = normal_arms[i].plus(c.u(i, gaps[i]), ripple.slopes[i]);
+            normal_arms[i] = Vec3::select(ripple.on, arm, normal_arms[i]);
+        }
+        Self { gaps, normal_arms, ripple, ..self }
     }
 
     /// Surface speed of wheel `i` relative to the ball along the drive direction.
@@ -75,18 +92,26 @@ impl<L: Lane> Rows<L> {
     }
 
     #[inline(always)]
-    fn approach<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>, i: usize) -> L {
-        let speed = self.normals[i].dot(v.body - v.ball) + self.normal_arms[i].dot(v.body_rate);
+    fn approach<const RIPPLE: bool, V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>, i: usize) -> L {
+        let mut speed = self.normals[i].dot(v.body - v.ball) + self.normal_arms[i].dot(v.body_rate);
+        if RIPPLE {
+            let of_rim = self.ripple.slopes[i].mul_add(v.spins[i], self.ripple.bends[i]);
+            speed = self.ripple.select(speed + of_rim, speed);
+        }
         speed + allowance(c, self.gaps[i])
     }
 
     /// Residuals that the impulses bring to zero: slip, and approach faster than the gap allows.
     #[inline(always)]
-    pub fn residuals<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> PerRow<L> {
+    pub fn residuals<const RIPPLE: bool, V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> PerRow<L> {
         let [x, y] = self.floor_slip(c, v);
         PerRow {
             floor: [v.ball.z + allowance(c, self.floor_gap), x, y],
-            normals: [self.approach(c, v, 0), self.approach(c, v, 1), self.approach(c, v, 2)],
+            normals: [
+                self.approach::<RIPPLE, V>(c, v, 0),
+                self.approach::<RIPPLE, V>(c, v, 1),
+                self.approach::<RIPPLE, V>(c, v, 2),
+            ],
             drives: [self.slip_speed(c, v, 0), self.slip_speed(c, v, 1), self.slip_speed(c, v, 2)],
             joints: [encoder_rate(c, v, 0), encoder_rate(c, v, 1), encoder_rate(c, v, 2)],
         }
@@ -94,7 +119,7 @@ impl<L: Lane> Rows<L> {
 
     /// Applies `impulses` to the velocities.
     #[inline(always)]
-    pub fn apply<const JOINTS: bool, V: Value<L>>(
+    pub fn apply<const JOINTS: bool, const RIPPLE: bool, V: Value<L>>(
         &self,
         c: &Constants<V>,
         impulses: &PerRow<L>,
@@ -114,6 +139,10 @@ impl<L: Lane> Rows<L> {
             if JOINTS {
                 body_angular_impulse = body_angular_impulse.plus(c.u(i, like), impulses.joints[i]);
                 wheel_impulse += impulses.joints[i];
+            }
+            if RIPPLE {
+                let with_rim = normal.mul_add(self.ripple.slopes[i], wheel_impulse);
+                wheel_impulse = self.ripple.select(with_rim, wheel_impulse);
             }
             v.spins[i] = wheel_impulse.mul_add(c.wheel_inertia_inverse.at(like), v.spins[i]);
         }

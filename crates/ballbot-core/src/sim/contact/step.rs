@@ -77,6 +77,7 @@ fn several<L: Lane, V: Value<L>>(
     let mut actions = Actions { torques: *torques, gravity_dt: *torques };
     let like = L::load(token, &state.steps);
     Vec3::from(at3(c.gravity_dt, like)).store(&mut actions.gravity_dt);
+    let unusual = L::any(like.zero().lt(c.unusual.at(like)));
     for _ in 0..steps {
         // Apart from the step, which so keeps its registers on level ground.
         if let Some(footing) = &mut footing {
@@ -86,7 +87,15 @@ fn several<L: Lane, V: Value<L>>(
                 || footing.enter(c, token, state, &mut actions.gravity_dt),
             );
         }
-        step::<L, V>(c, token, state, footing.as_deref(), &actions);
+        let on_rollers = unusual
+            && L::rarely(
+                token,
+                #[inline(always)]
+                || brake_or_roll::<L, V>(c, token, state, footing.as_deref(), &actions),
+            );
+        if !on_rollers {
+            step::<L, V, false>(c, token, state, footing.as_deref(), &actions);
+        }
         if let Some(footing) = &footing {
             L::rarely(
                 token,
@@ -97,24 +106,34 @@ fn several<L: Lane, V: Value<L>>(
     }
 }
 
-/// One step of all robots of the lanes, in the frame of the floor.
+/// Brakes robots with losses. If some have wheels with a ripple, it makes the step of all, and returns true.
 #[inline(always)]
-fn step<L: Lane, V: Value<L>>(
+fn brake_or_roll<L: Lane, V: Value<L>>(
+    c: &Constants<V>,
+    token: L::Token,
+    state: &mut ContactState<L::Cell>,
+    footing: Option<&Footing<L::Cell>>,
+    actions: &Actions<L::Cell>,
+) -> bool {
+    brake(c, token, state);
+    let ripple = c.ripple_amplitude.at(L::load(token, &state.steps));
+    let any = L::any(ripple.zero().lt(ripple));
+    if any {
+        step::<L, V, true>(c, token, state, footing, actions);
+    }
+    any
+}
+
+/// One step of all robots of the lanes, in the frame of the floor; with `RIPPLE` the wheels of some of them are not round.
+#[inline(always)]
+fn step<L: Lane, V: Value<L>, const RIPPLE: bool>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
     footing: Option<&Footing<L::Cell>>,
     actions: &Actions<L::Cell>,
 ) {
-    let share = c.loss_share.at(L::load(token, &state.steps));
-    if L::any(share.zero().lt(share)) {
-        L::rarely(
-            token,
-            #[inline(always)]
-            || brake(c, token, state),
-        );
-    }
-    let start = Start::new(c, token, state);
+    let start = Start::new::<RIPPLE, V>(c, token, state);
     let near = Near::new(c, &start, token, state, footing);
     if L::any(near.mask) {
         // Nothing but references to memory goes there, so that the usual step keeps its numbers in registers.
@@ -122,18 +141,18 @@ fn step<L: Lane, V: Value<L>>(
             token,
             #[inline(always)]
             || {
-                let start = Start::new(c, token, state);
+                let start = Start::new::<RIPPLE, V>(c, token, state);
                 let near = Near::new(c, &start, token, state, footing);
-                step_from::<L, V, true>(c, token, state, actions, &start, &near);
+                step_from::<L, V, RIPPLE, true>(c, token, state, actions, &start, &near);
             },
         );
     } else {
-        step_from::<L, V, false>(c, token, state, actions, &start, &near);
+        step_from::<L, V, RIPPLE, false>(c, token, state, actions, &start, &near);
     }
 }
 
 #[inline(always)]
-fn step_from<L: Lane, V: Value<L>, const NEAR: bool>(
+fn step_from<L: Lane, V: Value<L>, const RIPPLE: bool, const NEAR: bool>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
@@ -142,15 +161,16 @@ fn step_from<L: Lane, V: Value<L>, const NEAR: bool>(
     near: &Near<'_, L>,
 ) {
     let joints = JointFriction::new(c, start.rows.floor_gap);
-    if joints.any() {
-        step_with::<L, V, true, NEAR>(c, token, state, actions, start, &joints, near);
+    // Rows of joints without friction change no bits; so ripple needs no step of its own without them.
+    if RIPPLE || joints.any() {
+        step_with::<L, V, true, RIPPLE, NEAR>(c, token, state, actions, start, &joints, near);
     } else {
-        step_with::<L, V, false, NEAR>(c, token, state, actions, start, &joints, near);
+        step_with::<L, V, false, RIPPLE, NEAR>(c, token, state, actions, start, &joints, near);
     }
 }
 
 #[inline(always)]
-fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const NEAR: bool>(
+fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const RIPPLE: bool, const NEAR: bool>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
@@ -163,8 +183,8 @@ fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const NEAR: bool>(
     let mut velocities = free_velocities(c, token, state, start, actions);
     let like = velocities.ball.x;
     let conditions = Conditions {
-        delassus: &Delassus::new::<JOINTS>(c, &start.rows),
-        residuals: &start.rows.residuals(c, &velocities),
+        delassus: &Delassus::new::<JOINTS, RIPPLE>(c, &start.rows),
+        residuals: &start.rows.residuals::<RIPPLE, V>(c, &velocities),
         friction: &friction,
         joint_friction,
         static_impulse: c.static_wheel_load.at(like) * c.sim_dt.at(like),
@@ -183,9 +203,9 @@ fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const NEAR: bool>(
             count(token, L::select(solution.unsolved, one, like.zero()), &mut state.unsolved_steps);
         }
     }
-    start.rows.apply::<JOINTS, V>(c, &impulses, &mut velocities);
+    start.rows.apply::<JOINTS, RIPPLE, V>(c, &impulses, &mut velocities);
     let on_floor = if NEAR {
-        near.solve::<V, JOINTS>(c, start, &conditions, (&mut impulses, &mut velocities))
+        near.solve::<V, JOINTS, RIPPLE>(c, start, &conditions, (&mut impulses, &mut velocities))
     } else {
         like.zero()
     };

@@ -39,11 +39,24 @@ fn params() -> Params {
     }
 }
 
+/// What a lane's robot does.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    /// The same as the other calm ones; nothing happens to it.
+    Calm,
+    Eventful,
+    /// Eventful, on wheels with a ripple.
+    Rippled,
+}
+
 /// The robot of a lane: calm ones are alike, the others have masses, geometry or friction of their own.
-fn params_of(i: usize, calm: bool) -> Params {
+fn params_of(i: usize, kind: Kind) -> Params {
     let mut params = params();
-    if calm {
+    if kind == Kind::Calm {
         return params;
+    }
+    if kind == Kind::Rippled {
+        params = rippled(&params);
     }
     params.body_mass *= 1.0 + 0.02 * i as f64;
     match i {
@@ -73,18 +86,18 @@ fn params_of(i: usize, calm: bool) -> Params {
     params
 }
 
-fn constants_of(i: usize, calm: bool) -> Constants<f64> {
-    Constants::new(&params_of(i, calm), 1e-3)
+fn constants_of(i: usize, kind: Kind) -> Constants<f64> {
+    Constants::new(&params_of(i, kind), 1e-3)
 }
 
 /// What a robot of its lane starts with; a calm one is not pushed, does not fall and is like the other calm ones.
-fn start(i: usize, calm: bool) -> ContactState<f64> {
-    let params = params_of(i, calm);
+fn start(i: usize, kind: Kind) -> ContactState<f64> {
+    let params = params_of(i, kind);
     let mut robot = ContactMotion::new(&params, 1e-3);
     let angle = i as f64;
     let degrees: f64 = match i {
         AT_REST => 0.0,
-        FALLING if !calm => 40.0,
+        FALLING if kind != Kind::Calm => 40.0,
         _ => 0.3 + 0.2 * angle,
     };
     let tilt = Vector2::new(angle.cos(), angle.sin()) * degrees.to_radians();
@@ -112,27 +125,26 @@ fn torques(i: usize, step: usize) -> [f64; 3] {
     [0, 1, 2].map(|k| size * ((i * 7 + k * 3 + step / 20) as f64).sin())
 }
 
-/// Lanes in which no event happens.
-type Calm = [bool; EIGHT];
+type Kinds = [Kind; EIGHT];
 
 /// What happens to a lane's robot before a step, besides its torques.
-fn event(i: usize, step: usize, calm: bool, memory: &mut ContactState<f64>) {
+fn event(i: usize, step: usize, kind: Kind, memory: &mut ContactState<f64>) {
     match (i, step) {
-        _ if calm => (),
+        _ if kind == Kind::Calm => (),
         (DIVERGING, 100) => push(memory, 1e200),
         (PUSHED, 0) => push(memory, 0.05),
         (PUSHED, 200) => push(memory, 1.5),
-        (RESET, 250) => *memory = start(RESET, false),
+        (RESET, 250) => *memory = start(RESET, kind),
         _ => (),
     }
 }
 
-fn alone(i: usize, calm: bool, ground: Option<&Arc<Ground>>) -> Vec<ContactState<f64>> {
-    let constants = constants_of(i, calm);
+fn alone(i: usize, kind: Kind, ground: Option<&Arc<Ground>>) -> Vec<ContactState<f64>> {
+    let constants = constants_of(i, kind);
     let mut footing = ground.map(Footing::new);
-    let mut memory = start(i, calm);
+    let mut memory = start(i, kind);
     let step = |k| {
-        event(i, k, calm, &mut memory);
+        event(i, k, kind, &mut memory);
         advance(&constants, &mut memory, footing.as_mut(), &torques(i, k), 1);
         memory.clone()
     };
@@ -140,20 +152,20 @@ fn alone(i: usize, calm: bool, ground: Option<&Arc<Ground>>) -> Vec<ContactState
 }
 
 #[inline(always)]
-fn side_by_side<S: Simd>(simd: S, calm: Calm, ground: Option<&Arc<Ground>>) -> Vec<ContactState<Eight>> {
+fn side_by_side<S: Simd>(simd: S, kinds: Kinds, ground: Option<&Arc<Ground>>) -> Vec<ContactState<Eight>> {
     let mut footing = ground.map(Footing::new);
-    let mut constants = LaneConstants::shared(constants_of(0, true));
+    let mut constants = LaneConstants::shared(constants_of(0, Kind::Calm));
     let mut robots = ContactState::<Eight>::default();
-    for (i, &calm) in calm.iter().enumerate() {
-        constants.set_lane(i, &constants_of(i, calm));
-        robots.set_lane(i, &start(i, calm));
+    for (i, &kind) in kinds.iter().enumerate() {
+        constants.set_lane(i, &constants_of(i, kind));
+        robots.set_lane(i, &start(i, kind));
     }
     let mut out = Vec::new();
     for k in 0..STEPS {
         let mut all = [Eight::default(); 3];
-        for (i, &calm) in calm.iter().enumerate() {
+        for (i, &kind) in kinds.iter().enumerate() {
             let mut one = robots.lane(i);
-            event(i, k, calm, &mut one);
+            event(i, k, kind, &mut one);
             robots.set_lane(i, &one);
             for (eight, torque) in all.iter_mut().zip(torques(i, k)) {
                 eight.0[i] = torque;
@@ -172,21 +184,21 @@ fn side_by_side<S: Simd>(simd: S, calm: Calm, ground: Option<&Arc<Ground>>) -> V
 }
 
 /// The run with every instruction set that this machine has.
-fn runs(calm: Calm, ground: Option<&Arc<Ground>>) -> Vec<(&'static str, Vec<ContactState<Eight>>)> {
+fn runs(kinds: Kinds, ground: Option<&Arc<Ground>>) -> Vec<(&'static str, Vec<ContactState<Eight>>)> {
     let level = Level::new();
     let mut out = Vec::new();
     #[cfg(target_arch = "x86_64")]
     {
         if let Some(simd) = level.as_avx512() {
-            out.push(("AVX-512", side_by_side(simd, calm, ground)));
+            out.push(("AVX-512", side_by_side(simd, kinds, ground)));
         }
         if let Some(simd) = level.as_avx2() {
-            out.push(("AVX2", side_by_side(simd, calm, ground)));
+            out.push(("AVX2", side_by_side(simd, kinds, ground)));
         }
     }
     #[cfg(target_arch = "aarch64")]
     if let Some(simd) = level.as_neon() {
-        out.push(("NEON", side_by_side(simd, calm, ground)));
+        out.push(("NEON", side_by_side(simd, kinds, ground)));
     }
     println!("{level:?}: {:?}", out.iter().map(|(name, _)| name).collect::<Vec<_>>());
     out
@@ -203,11 +215,18 @@ fn assert_same(label: &str, found: &ContactState<f64>, expected: &ContactState<f
 }
 
 /// Runs with events; near the floor all eight take another kind of step, so with a fall or without.
-fn assert_lanes_equal_robots(falling: bool, ground: Option<&Arc<Ground>>) -> [Vec<ContactState<f64>>; EIGHT] {
-    let mut calm = [false; EIGHT];
-    calm[FALLING] = !falling;
-    let expected = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| alone(i, calm[i], ground));
-    for (name, run) in runs(calm, ground) {
+fn assert_lanes_equal_robots(
+    falling: bool,
+    rippled: &[usize],
+    ground: Option<&Arc<Ground>>,
+) -> [Vec<ContactState<f64>>; EIGHT] {
+    let mut kinds = [Kind::Eventful; EIGHT];
+    rippled.iter().for_each(|&i| kinds[i] = Kind::Rippled);
+    if !falling {
+        kinds[FALLING] = Kind::Calm;
+    }
+    let expected = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| alone(i, kinds[i], ground));
+    for (name, run) in runs(kinds, ground) {
         for (k, robots) in run.iter().enumerate() {
             for (i, alone) in expected.iter().enumerate() {
                 assert_same(&format!("{name}, lane {i}, step {k}"), &robots.lane(i), &alone[k]);
@@ -220,7 +239,17 @@ fn assert_lanes_equal_robots(falling: bool, ground: Option<&Arc<Ground>>) -> [Ve
 #[test]
 fn robots_in_lanes_equal_single_robots() {
     for falling in [true, false] {
-        assert_eventful(&assert_lanes_equal_robots(falling, None), falling);
+        assert_eventful(&assert_lanes_equal_robots(falling, &[], None), falling);
+    }
+}
+
+#[test]
+fn robots_in_lanes_on_wheels_with_ripple_equal_single_robots() {
+    for falling in [true, false] {
+        // Some on round wheels beside them; all on others.
+        for rippled in [&[LIFTED, FRICTION, SLIPPING][..], &[0, 1, 2, 3, 4, 5, 6, 7]] {
+            assert_eventful(&assert_lanes_equal_robots(falling, rippled, None), falling);
+        }
     }
 }
 
@@ -230,7 +259,7 @@ fn robots_in_lanes_on_a_terrain_equal_single_robots() {
     let terrain = Arc::new(Terrain::generate("noise", 1, &parameters).unwrap());
     let ground = Arc::new(Ground::new(&terrain, params().ball_radius).unwrap());
     for falling in [true, false] {
-        let robots = assert_lanes_equal_robots(falling, Some(&ground));
+        let robots = assert_lanes_equal_robots(falling, &[PUSHED, FALLING], Some(&ground));
         assert_eq!(robots[FALLING][STEPS - 1].bot_on_floor > 0.0, falling);
         assert!(robots[SLIPPING][STEPS - 1].ball_position[2] != robots[AT_REST][STEPS - 1].ball_position[2]);
     }
@@ -254,10 +283,11 @@ fn assert_eventful(expected: &[Vec<ContactState<f64>>; EIGHT], falling: bool) {
 /// A robot that falls, diverges, is pushed, reset or differs leaves its neighbors as they are, to the last bit.
 #[test]
 fn lanes_do_not_depend_on_their_neighbors() {
-    let calm = runs([true; EIGHT], None);
-    for eventful in [LIFTED, FRICTION, FALLING, DIVERGING, PUSHED, RESET, SLIPPING] {
-        let mut only = [true; EIGHT];
-        only[eventful] = false;
+    let calm = runs([Kind::Calm; EIGHT], None);
+    let on_round_wheels = [LIFTED, FRICTION, FALLING, DIVERGING, PUSHED, RESET, SLIPPING].map(|i| (i, Kind::Eventful));
+    for (eventful, kind) in on_round_wheels.into_iter().chain([(FALLING, Kind::Rippled), (PUSHED, Kind::Rippled)]) {
+        let mut only = [Kind::Calm; EIGHT];
+        only[eventful] = kind;
         for ((name, found), (_, expected)) in runs(only, None).iter().zip(&calm) {
             for (k, (found, expected)) in found.iter().zip(expected).enumerate() {
                 for i in (0..EIGHT).filter(|&i| i != eventful) {
@@ -273,8 +303,8 @@ fn lanes_do_not_depend_on_their_neighbors() {
 
 #[test]
 fn one_call_of_many_steps_equals_many_calls() {
-    let constants = constants_of(1, false);
-    let (mut once, mut singly) = (start(1, false), start(1, false));
+    let constants = constants_of(1, Kind::Eventful);
+    let (mut once, mut singly) = (start(1, Kind::Eventful), start(1, Kind::Eventful));
     advance(&constants, &mut once, None, &[0.02, -0.01, 0.03], 200);
     for _ in 0..200 {
         advance(&constants, &mut singly, None, &[0.02, -0.01, 0.03], 1);
@@ -284,7 +314,17 @@ fn one_call_of_many_steps_equals_many_calls() {
 
 /// Robots that spin, slip and have a ball 3 mm and a tenth of a radian out of place: with symmetry and without.
 fn displaced() -> [ContactMotion; 2] {
-    [params(), general()].map(|params| displaced_robot(&params))
+    displaced_robots(Params::clone)
+}
+
+fn displaced_robots(change: fn(&Params) -> Params) -> [ContactMotion; 2] {
+    [params(), general()].map(|params| displaced_robot(&change(&params)))
+}
+
+/// With a ripple of twelve and of seven rollers a turn.
+fn rippled(params: &Params) -> Params {
+    let roller_count = if params.is_symmetric() { 12.0 } else { 7.0 };
+    Params { roller_ripple: 5e-4, roller_count, roller_phases: [0.5, -1.0, 2.5], ..params.clone() }
 }
 
 fn general() -> Params {
@@ -316,7 +356,7 @@ fn displaced_robot(params: &Params) -> ContactMotion {
 #[test]
 fn slip_of_the_rows_is_the_slip_of_the_surfaces() {
     for robot in displaced() {
-        let start = Start::<f64>::new(robot.constants(), Scalar, robot.memory());
+        let start = Start::<f64>::new::<false, f64>(robot.constants(), Scalar, robot.memory());
         for (i, expected) in robot.contacts().wheel_slip_speeds.into_iter().enumerate() {
             let found = start.rows.slip_speed(robot.constants(), &start.velocities, i);
             println!("wheel {i}: {found}, expected {expected}");
@@ -328,14 +368,15 @@ fn slip_of_the_rows_is_the_slip_of_the_surfaces() {
 /// The Delassus matrix predicts the residuals of the rows after each impulse.
 #[test]
 fn delassus_matrix_is_the_effect_of_impulses_on_the_rows() {
-    displaced().iter().for_each(check_delassus_matrix);
+    displaced().iter().for_each(check_delassus_matrix::<false>);
+    displaced_robots(rippled).iter().for_each(check_delassus_matrix::<true>);
 }
 
-fn check_delassus_matrix(robot: &ContactMotion) {
+fn check_delassus_matrix<const RIPPLE: bool>(robot: &ContactMotion) {
     let c = robot.constants();
-    let start = Start::<f64>::new(c, Scalar, robot.memory());
-    let before = start.rows.residuals(c, &start.velocities);
-    let delassus = Delassus::new::<true>(c, &start.rows);
+    let start = Start::<f64>::new::<RIPPLE, f64>(c, Scalar, robot.memory());
+    let before = start.rows.residuals::<RIPPLE, f64>(c, &start.velocities);
+    let delassus = Delassus::new::<true, RIPPLE>(c, &start.rows);
     for row in 0..12 {
         let mut impulse = before;
         let rows = [&mut impulse.floor, &mut impulse.normals, &mut impulse.drives, &mut impulse.joints];
@@ -343,8 +384,8 @@ fn check_delassus_matrix(robot: &ContactMotion) {
             *cell = if k == row { 1.0 } else { 0.0 };
         }
         let mut velocities = start.velocities;
-        start.rows.apply::<true, f64>(c, &impulse, &mut velocities);
-        let after = start.rows.residuals(c, &velocities);
+        start.rows.apply::<true, RIPPLE, f64>(c, &impulse, &mut velocities);
+        let after = start.rows.residuals::<RIPPLE, f64>(c, &velocities);
         let mut expected = before;
         delassus.add_effect::<true>(&impulse, &mut expected);
         let blocks = [

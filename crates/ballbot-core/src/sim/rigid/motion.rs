@@ -130,6 +130,12 @@ impl RigidMotion {
         self.world.multibody_joints.get_multibody(self.handles.bot).expect("the bot is never removed")
     }
 
+    /// Encoder angles.
+    pub(super) fn wheel_angles(&self) -> [f64; 3] {
+        let bot = self.multibody();
+        [0, 1, 2].map(|i| bot.link(1 + i).map_or(0.0, |link| link.joint().coords()[3]))
+    }
+
     /// Linear velocity of the root and angular velocity of the body, inertial frame. After a step the multibody has the
     /// new velocities; its rigid bodies are updated only at the start of the next step.
     pub(super) fn root_velocity(&self) -> (Vector3<f64>, Vector3<f64>) {
@@ -255,7 +261,6 @@ impl Model for RigidMotion {
         let body_quaternion = rotation_from_rapier(*body.rotation());
         let (velocity, rate) = self.root_velocity();
         let rate = body_quaternion.inverse_transform_vector(&rate);
-        let angle = |i: usize| bot.link(1 + i).map_or(0.0, |link| link.joint().coords()[3]);
         State {
             ball_position: from_rapier(ball.translation()),
             ball_quaternion: rotation_from_rapier(*ball.rotation()),
@@ -265,7 +270,7 @@ impl Model for RigidMotion {
             body_quaternion,
             body_velocity: velocity - body_quaternion * rate.cross(&self.root),
             body_angular_velocity: rate,
-            wheel_angles: [angle(0), angle(1), angle(2)],
+            wheel_angles: self.wheel_angles(),
             wheel_speeds: [velocities[6], velocities[7], velocities[8]],
         }
     }
@@ -344,6 +349,9 @@ fn same_bodies(a: &Params, b: &Params) -> bool {
         wheel_coulomb_friction: b.wheel_coulomb_friction,
         wheel_static_friction: b.wheel_static_friction,
         wheel_dynamic_friction: b.wheel_dynamic_friction,
+        roller_ripple: b.roller_ripple,
+        roller_count: b.roller_count,
+        roller_phases: b.roller_phases,
         ..a.clone()
     };
     read_each_step == *b

@@ -5,6 +5,7 @@
 
 use super::bot::{Bot, Coordinates, join, split};
 use super::solve::{Coupling, FLOOR, JOINT, ROWS, TRACTION};
+use crate::params::Params;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// Smallest sine of the angle between axle and contact normal at which a wheel drives the ball.
@@ -59,6 +60,8 @@ pub struct WheelContact {
     pub drive: Vector3<f64>,
     /// Gap between the surfaces, m; negative for an overlap.
     pub gap: f64,
+    /// Change of the gap with the angle of the wheel, m/rad.
+    slope: f64,
     /// Velocity of the wheel's surface relative to the ball's along the drive direction, m/s.
     pub slip: f64,
     /// Acceleration of the gap and of the slip at constant velocities: J̇ ν, m/s².
@@ -68,6 +71,7 @@ pub struct WheelContact {
 }
 
 impl WheelContact {
+    /// Contact of a wheel that is at its nominal radius.
     pub fn new(parts: &Parts, bot: &Bot, motion: &Motion, i: usize) -> Self {
         let (center, axle) = (&bot.centers[i], &bot.axles[i]);
         let [velocity, rate, joints] = split(&motion.velocities.bot);
@@ -101,21 +105,35 @@ impl WheelContact {
             ],
             rim: parts.wheel_radius * sine,
             gap: distance - parts.ball_radius - parts.wheel_radius,
+            slope: 0.0,
             normal,
             drive,
         }
+    }
+
+    /// The contact of a wheel whose rim has the ripple of `params`, at its angle and encoder rate.
+    pub fn with_ripple(mut self, params: &Params, i: usize, angle: f64, rate: f64) -> Self {
+        let (amplitude, count) = (0.5 * params.roller_ripple, params.roller_count);
+        let (sin, cos) = count.mul_add(angle, params.roller_phases[i]).sin_cos();
+        self.gap += amplitude * (1.0 - cos);
+        self.slope = amplitude * count * sin;
+        // Half of it: velocities are those of the middles of steps, between which the slope changes.
+        self.curvature[0] += 0.5 * amplitude * cos * (count * rate).powi(2);
+        self
     }
 
     /// Force on root and torque on root and joint of unit impulses along normal and drive direction, and the arm of the
     /// latter on the ball.
     fn wrenches(&self, parts: &Parts, bot: &Bot, i: usize) -> [(Coordinates, Vector3<f64>); 2] {
         let center = &bot.centers[i];
-        let mut joints = Vector3::zeros();
-        joints[i] = self.rim;
+        let joint = |arm: f64| Vector3::ith(i, arm);
         let point = center - self.normal * parts.wheel_radius;
         [
-            (join(&[self.normal, center.cross(&self.normal), Vector3::zeros()]), Vector3::zeros()),
-            (join(&[self.drive, point.cross(&self.drive), joints]), self.normal.cross(&self.drive) * parts.ball_radius),
+            (join(&[self.normal, center.cross(&self.normal), joint(self.slope)]), Vector3::zeros()),
+            (
+                join(&[self.drive, point.cross(&self.drive), joint(self.rim)]),
+                self.normal.cross(&self.drive) * parts.ball_radius,
+            ),
         ]
     }
 }

@@ -141,7 +141,7 @@ impl RigidMotion {
         let dt = self.settings.dt;
         let p = &self.params;
         let motion = self.motion();
-        let contacts = [0, 1, 2].map(|i| WheelContact::new(&self.parts, &self.bot, &motion, i));
+        let contacts = self.wheel_contacts(&motion);
         let down = self.gravity_in_body(&motion);
         let velocity = from_rapier(self.world.bodies[self.handles.ball].linvel());
         let drag = (velocity - motion.floor_normal * motion.floor_normal.dot(&velocity)) * -p.ball_viscous_friction;
@@ -169,6 +169,20 @@ impl RigidMotion {
             motion,
             acceleration,
         }
+    }
+
+    /// Contacts of the wheels and the ball.
+    fn wheel_contacts(&self, motion: &Motion) -> [WheelContact; 3] {
+        let contacts = [0, 1, 2].map(|i| WheelContact::new(&self.parts, &self.bot, motion, i));
+        if !self.params.has_ripple() {
+            return contacts;
+        }
+        let ([_, _, rates], angles) = (split(&motion.velocities.bot), self.wheel_angles());
+        let mut i = 0..3;
+        contacts.map(|contact| {
+            let i = i.next().expect("three wheels");
+            contact.with_ripple(&self.params, i, angles[i], rates[i])
+        })
     }
 
     /// Acceleration of gravity in body axes, m/s².

@@ -40,7 +40,7 @@ struct Step {
 
 impl Step {
     fn new(c: &Constants<f64>, state: &ContactState<f64>, torques: &[f64; 3]) -> Self {
-        let start = Start::<f64>::new(c, Scalar, state);
+        let start = Start::<f64>::new::<false, f64>(c, Scalar, state);
         Self {
             free: free_velocities(c, Scalar, state, &start, &Actions::level(c.gravity_dt, torques)),
             friction: Friction::new(c, &start.rows, &start.velocities),
@@ -51,14 +51,14 @@ impl Step {
     /// Residuals of the rows with impulses.
     fn residuals(&self, c: &Constants<f64>, impulses: &PerRow<f64>) -> PerRow<f64> {
         let mut velocities = self.free;
-        self.start.rows.apply::<true, f64>(c, impulses, &mut velocities);
-        self.start.rows.residuals(c, &velocities)
+        self.start.rows.apply::<true, false, f64>(c, impulses, &mut velocities);
+        self.start.rows.residuals::<false, f64>(c, &velocities)
     }
 
     /// Largest error of an impulse that meets its condition by itself, N·s; joints are left out.
     fn error(&self, c: &Constants<f64>, impulses: &PerRow<f64>) -> f64 {
         let r = self.residuals(c, impulses);
-        let d = Delassus::<f64, f64>::new::<true>(c, &self.start.rows);
+        let d = Delassus::<f64, f64>::new::<true, false>(c, &self.start.rows);
         let mut worst = 0.0_f64;
         for i in 0..3 {
             let (n, t) = (impulses.normals[i], impulses.drives[i]);

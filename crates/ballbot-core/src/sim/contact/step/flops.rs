@@ -188,7 +188,7 @@ fn operations(params: &Params) -> Operations {
     motion.advance(&TORQUES, 1);
     DONE.set(Operations::default());
     let c = motion.constants();
-    step::<Counted, f64>(c, Scalar, &mut memory, None, &Actions::level(c.gravity_dt, &TORQUES));
+    step::<Counted, f64, false>(c, Scalar, &mut memory, None, &Actions::level(c.gravity_dt, &TORQUES));
     assert_eq!(&memory, motion.memory());
     DONE.take()
 }
@@ -210,13 +210,13 @@ fn operations_of_a_step_are_as_documented() {
 fn operations_of_a_sweep_are_as_counted_by_hand() {
     let motion = moving(&Params::paper());
     let (c, memory) = (motion.constants(), motion.memory());
-    let start = Start::<Counted>::new(c, Scalar, memory);
+    let start = Start::<Counted>::new::<false, f64>(c, Scalar, memory);
     let friction = Friction::new(c, &start.rows, &start.velocities);
     let joint_friction = JointFriction::new(c, start.rows.floor_gap);
     let free = free_velocities(c, Scalar, memory, &start, &Actions::level(c.gravity_dt, &TORQUES));
-    let mut residuals = start.rows.residuals(c, &free);
+    let mut residuals = start.rows.residuals::<false, f64>(c, &free);
     let mut impulses = memory.impulses(Scalar);
-    let delassus = Delassus::new::<false>(c, &start.rows);
+    let delassus = Delassus::new::<false, false>(c, &start.rows);
     DONE.set(Operations::default());
     let mut bearing = impulses.normals;
     delassus.sweep::<false>(&friction, &joint_friction, &mut bearing, &mut impulses, &mut residuals);

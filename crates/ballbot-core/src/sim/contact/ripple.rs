@@ -1,0 +1,50 @@
+//! Ripple of the wheels' rims, which rollers make up: `docs/rollers.md`.
+
+use super::constants::{Constants, at3};
+use super::rows::encoder_rate;
+use super::types::{Pose, Velocities};
+use crate::lanes::{Lane, Value, sin_cos};
+
+/// The rims at the start of a step.
+pub struct Ripple<L: Lane> {
+    /// Robots whose wheels have a ripple. The others keep the bits that they have beside round wheels.
+    pub on: L::Mask,
+    /// How far the rim of each wheel is below its nominal radius, m.
+    pub depths: [L; 3],
+    /// Change of that with the angle of the wheel, m/rad.
+    pub slopes: [L; 3],
+    /// What the change of the slopes within the step adds to the mean speeds of the gaps, m/s.
+    pub bends: [L; 3],
+}
+
+impl<L: Lane> Ripple<L> {
+    /// Round wheels.
+    #[inline(always)]
+    pub fn none(like: L) -> Self {
+        let zeros = [like.zero(); 3];
+        Self { on: like.lt(like), depths: zeros, slopes: zeros, bends: zeros }
+    }
+
+    #[inline(always)]
+    pub fn new<V: Value<L>>(c: &Constants<V>, pose: &Pose<L>, v: &Velocities<L>) -> Self {
+        let amplitude = c.ripple_amplitude.at(v.ball.x);
+        let count = c.roller_count.at(amplitude);
+        let zero = amplitude.zero();
+        let mut ripple = Self::none(zero);
+        ripple.on = zero.lt(amplitude);
+        for (i, phase) in at3(c.roller_phases, amplitude).into_iter().enumerate() {
+            let (sin, cos) = sin_cos(pose.wheel_angles[i].mul_add(count, phase));
+            let rate = encoder_rate(c, v, i) * count;
+            ripple.depths[i] = cos.neg_mul_add(amplitude, amplitude);
+            ripple.slopes[i] = L::select(ripple.on, sin * amplitude * count, zero);
+            ripple.bends[i] = cos * amplitude * rate.squared() * c.half_dt.at(zero);
+        }
+        ripple
+    }
+
+    /// `yes` for the robots with a ripple, `no` for the others.
+    #[inline(always)]
+    pub fn select(&self, yes: L, no: L) -> L {
+        L::select(self.on, yes, no)
+    }
+}
