@@ -32,3 +32,15 @@ def test_the_pid_runs_at_about_500_hz(sim_dt, expected):
 def test_the_same_starts_give_the_same_result():
     assert evaluate("lqr", episodes=3, env_options=SHORT) == evaluate("lqr", episodes=3, env_options=SHORT)
     assert evaluate("lqr", episodes=3, env_options=SHORT) != evaluate("lqr", episodes=3, seed=5, env_options=SHORT)
+
+
+def test_metrics_are_those_of_the_episode_that_left_its_tile():
+    # Once off its tile a robot starts anew, and has a short way behind it when the last one leaves.
+    hills = {"kind": "hills", "slope": 0.0, "tiles": 1, "tile": 5.0}
+    options = {"terrain": hills, "speed": 1.0, "max_episode_steps": 1000}
+    result = evaluate("lqr", task="openballbot", episodes=8, env_options=options)
+    assert result.survival_rate == 1.0
+    # 2.5 m at up to 1 m/s, after an acceleration of 0.3 m/s².
+    assert result.metrics["speed"] == pytest.approx(2.5 / (2.5 + 0.5 * 1.0 / 0.3), rel=0.15)
+    least, most = result.metric_intervals["speed"]
+    assert most - least < 0.1

@@ -54,6 +54,15 @@ def velocity(batch, states, options):
     }
 
 
+def distance_from_setpoint(batch, states, options):
+    point = np.array([batch.setpoint(i)["position"] for i in range(N)])
+    return bounded(squares(point - states[:, rows.BALL_POSITION][:, :2]), options["position_scale"])
+
+
+def terrain(batch, states, options):
+    return {**velocity(batch, states, options), "position": distance_from_setpoint(batch, states, options)}
+
+
 def goal(batch, states, options):
     away = batch.command() - states[:, rows.BALL_POSITION][:, :2]
     distance = np.sqrt(squares(away))
@@ -94,7 +103,7 @@ OF_TASKS = {
     "goal": goal,
     "path": path,
     "push": standing,
-    "terrain": velocity,
+    "terrain": terrain,
     "openballbot": published,
 }
 

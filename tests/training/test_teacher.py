@@ -1,5 +1,6 @@
 """The fit to a classical law before PPO: what it reaches, what it leaves alone, and what is refused."""
 
+import dataclasses
 import shutil
 
 import numpy as np
@@ -123,7 +124,7 @@ class TestFit:
         observations = batch.reset(starts=starts)
         np.testing.assert_allclose(observations, np.tile(observations[:1], (32, 1)), atol=1e-5)
         law = teacher.law_of(model, FIT)
-        labels = batch.control(law, teacher._setpoints(batch, law))
+        labels = batch.control(law, teacher._setpoints(batch, law, FIT))
         np.testing.assert_allclose(labels, np.tile(labels[:1], (32, 1)), atol=1e-5)
         # With the heading held at zero they would differ.
         assert np.ptp(batch.control(law), axis=0).max() > 0.1
@@ -133,7 +134,24 @@ class TestFit:
         model = new_model(task)
         quick = config.Teacher("cascade_pid", rounds=2, steps=10)
         assert np.isfinite(teacher.fit_actor(model, quick, seed=0)).all()
-        assert set(teacher._setpoints(teacher._batch(model), teacher.law_of(model, quick))) >= {"position", "yaw"}
+        assert set(teacher._setpoints(teacher._batch(model), teacher.law_of(model, quick), quick)) >= {
+            "position",
+            "yaw",
+        }
+
+    def test_a_law_that_does_not_follow_positions_takes_any_for_the_right_one(self):
+        model = new_model("path")
+        batch = teacher._batch(model)
+        batch.reset()
+        law = teacher.law_of(model, FIT)
+        asked = batch.setpoint(0)
+        for follows in (True, False):
+            chosen = teacher._setpoints(batch, law, dataclasses.replace(FIT, follows_position=follows))
+            place = asked["position"] if follows else batch.state(0).ball_position[:2]
+            np.testing.assert_array_equal(chosen["position"][0], place)
+            np.testing.assert_array_equal(chosen["velocity"][0], asked["velocity"])
+        with pytest.raises(ValueError, match="follows_position = 1 must be true or false"):
+            dataclasses.replace(FIT, follows_position=1)
 
 
 class TestRun:

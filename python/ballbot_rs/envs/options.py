@@ -345,6 +345,8 @@ class TerrainOptions(CommonOptions, total=False):
     #: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`. (rad/s, >= 1e-6 and <=
     #: 10)
     yaw_rate_scales: npt.ArrayLike
+    #: Distance from where the commands lead that costs half of `position`. (m, >= 1e-6 and <= 10)
+    position_scale: float
     #: Steepest level of the terrain where none is chosen, as a share of the slope that the robot can stand on. (>= 0
     #: and <= 1)
     hardest: float

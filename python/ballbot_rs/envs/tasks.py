@@ -918,31 +918,33 @@ class TerrainEnv(BallbotEnv):
     `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a share of `max_wheel_torque`; clipped.
 
     ## Observation space
-    `Box(-10, 10, (20,), float32)`. The heading frame has the yaw of the
+    `Box(-10, 10, (22,), float32)`. The heading frame has the yaw of the
     robot and a vertical z axis.
 
-    | row | what                             | unit  | bound | at rest | typical |
-    | --- | -------------------------------- | ----- | ----- | ------- | ------- |
-    | 0   | gravity direction, body x        |       | 1     | 0       | 0.1     |
-    | 1   | gravity direction, body y        |       | 1     | 0       | 0.1     |
-    | 2   | gravity direction, body z        |       | 1     | -1      | 0.1     |
-    | 3   | body rate about body x           | rad/s | 20    | 0       | 1       |
-    | 4   | body rate about body y           | rad/s | 20    | 0       | 1       |
-    | 5   | body rate about body z           | rad/s | 20    | 0       | 1       |
-    | 6   | wheel speed 0                    | rad/s | 200   | 0       | 5       |
-    | 7   | wheel speed 1                    | rad/s | 200   | 0       | 5       |
-    | 8   | wheel speed 2                    | rad/s | 200   | 0       | 5       |
-    | 9   | ball velocity, heading x         | m/s   | 10    | 0       | 0.2     |
-    | 10  | ball velocity, heading y         | m/s   | 10    | 0       | 0.2     |
-    | 11  | commanded velocity, heading x    | m/s   | 10    | 0       | 0.2     |
-    | 12  | commanded velocity, heading y    | m/s   | 10    | 0       | 0.2     |
-    | 13  | commanded rate of the heading    | rad/s | 10    | 0       | 0.5     |
-    | 14  | error of the velocity, heading x | m/s   | 10    | 0       | 0.1     |
-    | 15  | error of the velocity, heading y | m/s   | 10    | 0       | 0.1     |
-    | 16  | error of the heading's rate      | rad/s | 10    | 0       | 0.2     |
-    | 17  | last action, wheel 0             |       | 1     | 0       | 0.5     |
-    | 18  | last action, wheel 1             |       | 1     | 0       | 0.5     |
-    | 19  | last action, wheel 2             |       | 1     | 0       | 0.5     |
+    | row | what                                      | unit  | bound | at rest | typical |
+    | --- | ----------------------------------------- | ----- | ----- | ------- | ------- |
+    | 0   | gravity direction, body x                 |       | 1     | 0       | 0.1     |
+    | 1   | gravity direction, body y                 |       | 1     | 0       | 0.1     |
+    | 2   | gravity direction, body z                 |       | 1     | -1      | 0.1     |
+    | 3   | body rate about body x                    | rad/s | 20    | 0       | 1       |
+    | 4   | body rate about body y                    | rad/s | 20    | 0       | 1       |
+    | 5   | body rate about body z                    | rad/s | 20    | 0       | 1       |
+    | 6   | wheel speed 0                             | rad/s | 200   | 0       | 5       |
+    | 7   | wheel speed 1                             | rad/s | 200   | 0       | 5       |
+    | 8   | wheel speed 2                             | rad/s | 200   | 0       | 5       |
+    | 9   | ball velocity, heading x                  | m/s   | 10    | 0       | 0.2     |
+    | 10  | ball velocity, heading y                  | m/s   | 10    | 0       | 0.2     |
+    | 11  | commanded velocity, heading x             | m/s   | 10    | 0       | 0.2     |
+    | 12  | commanded velocity, heading y             | m/s   | 10    | 0       | 0.2     |
+    | 13  | commanded rate of the heading             | rad/s | 10    | 0       | 0.5     |
+    | 14  | error of the velocity, heading x          | m/s   | 10    | 0       | 0.1     |
+    | 15  | error of the velocity, heading y          | m/s   | 10    | 0       | 0.1     |
+    | 16  | error of the heading's rate               | rad/s | 10    | 0       | 0.2     |
+    | 17  | last action, wheel 0                      |       | 1     | 0       | 0.5     |
+    | 18  | last action, wheel 1                      |       | 1     | 0       | 0.5     |
+    | 19  | last action, wheel 2                      |       | 1     | 0       | 0.5     |
+    | 20  | way to where the commands lead, heading x | m     | 1     | 0       | 0.2     |
+    | 21  | way to where the commands lead, heading y | m     | 1     | 0       | 0.2     |
 
     Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
@@ -951,16 +953,17 @@ class TerrainEnv(BallbotEnv):
     The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
     sign), `reward_terms()` has the last step's terms.
 
-    | term                 | scale | formula                                                            |
-    | -------------------- | ----- | ------------------------------------------------------------------ |
-    | `alive`              | 1     | 1, unless the step ends in a fall                                  |
-    | `velocity`           | -0.4  | e² / (e² + velocity_scales[0]²), e the error of the velocity       |
-    | `velocity_precision` | -0.25 | e² / (e² + velocity_scales[1]²)                                    |
-    | `yaw_rate`           | -0.15 | e² / (e² + yaw_rate_scales[0]²), e the error of the heading's rate |
-    | `yaw_rate_precision` | -0.1  | e² / (e² + yaw_rate_scales[1]²)                                    |
-    | `rate`               | -0.01 | squared body rate in rad/s, at most 100                            |
-    | `action`             | -0.02 | mean squared action                                                |
-    | `action_change`      | -0.02 | mean squared change of the action                                  |
+    | term                 | scale | formula                                                                  |
+    | -------------------- | ----- | ------------------------------------------------------------------------ |
+    | `alive`              | 1     | 1, unless the step ends in a fall                                        |
+    | `velocity`           | -0.4  | e² / (e² + velocity_scales[0]²), e the error of the velocity             |
+    | `velocity_precision` | -0.25 | e² / (e² + velocity_scales[1]²)                                          |
+    | `yaw_rate`           | -0.15 | e² / (e² + yaw_rate_scales[0]²), e the error of the heading's rate       |
+    | `yaw_rate_precision` | -0.1  | e² / (e² + yaw_rate_scales[1]²)                                          |
+    | `rate`               | -0.01 | squared body rate in rad/s, at most 100                                  |
+    | `action`             | -0.02 | mean squared action                                                      |
+    | `action_change`      | -0.02 | mean squared change of the action                                        |
+    | `position`           | -0.1  | d² / (d² + position_scale²), d the distance from where the commands lead |
 
     ## Episode end
     Terminated, with the reason as `termination` in the info:
@@ -1032,6 +1035,8 @@ class TerrainEnv(BallbotEnv):
       (0.2, 0.04) m/s; >= 1e-6 and <= 10)
     - `yaw_rate_scales`: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
       (default (0.5, 0.1) rad/s; >= 1e-6 and <= 10)
+    - `position_scale`: Distance from where the commands lead that costs half of `position`. (default 0.3 m; >= 1e-6 and
+      <= 10)
     - `hardest`: Steepest level of the terrain where none is chosen, as a share of the slope that the robot can stand
       on. (default 0.8; >= 0 and <= 1)
     - `success_share`: Least share of the commanded distance in a success. (default 0.8; >= 0 and <= 1)
