@@ -96,10 +96,11 @@ def simulate(
     found = find(controller, task=task, env_options=given)
     # Only a fall ends the episode: lengths in steps are for the task's own rate.
     options = {**common_options([found], given), "max_episode_steps": None}
+    named = common_task([found], task)
     batch = batch_for(
         found,
         1,
-        task=common_task([found], task),
+        task=named,
         num_threads=1,
         seed=seed,
         options=options,
@@ -134,6 +135,11 @@ def simulate(
         fell_at=None if done.fell_at is None else done.fell_at * batch.control_dt,
         setpoints=_setpoints(batch, target, times),
         terrain=batch.terrain,
+        pushes=tuple(pushes),
+        forces=tuple(forces),
+        max_wheel_torque=batch.max_wheel_torque,
+        commands=done.commands,
+        task=named,
     )
 
 

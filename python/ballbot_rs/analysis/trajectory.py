@@ -14,6 +14,7 @@ from ballbot_rs._extras import require
 from ballbot_rs.analysis import columns, exports
 from ballbot_rs.analysis import metrics as numbers
 from ballbot_rs.analysis.metrics import Metrics
+from ballbot_rs.analysis.pushes import Force, Push
 
 Array = npt.NDArray[np.float64]
 
@@ -46,6 +47,15 @@ class Trajectory:
     setpoints: Mapping[str, Array]
     #: The ground; None is level.
     terrain: Terrain | None = None
+    #: Impulses and forces on the body that were asked for; those of events are among the draws.
+    pushes: Sequence[Push] = ()
+    forces: Sequence[Force] = ()
+    #: Largest torque of a wheel, N·m; None is unknown.
+    max_wheel_torque: float | None = None
+    #: Command of the task at each row up to a fall, as `Batch.command`, shape (m, k); k is 0 without.
+    commands: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
+    #: Name of the task.
+    task: str = "balance"
 
     def __repr__(self) -> str:
         ending = "upright" if self.fell_at is None else f"fell at {self.fell_at:g} s"

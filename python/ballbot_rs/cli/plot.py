@@ -1,7 +1,6 @@
 """`ballbot plot`: figures of controllers, policies and training runs."""
 
 import argparse
-import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +10,7 @@ from ballbot_rs._extras import require
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SEED
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.control.resolve import NAMES, TRAINED, common_options, common_task, options_of
+from ballbot_rs.control.resolve import NAMES, TRAINED
 
 FIGURES = ("trajectories", "estimates", "phase_portrait", "recovery_map", "learning_curve")
 
@@ -64,18 +63,8 @@ def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[s
     from ballbot_rs.training.curve import read
 
     quiet = arguments.quiet or arguments.json
-    chosen = scenario.scenario(arguments)
+    chosen, found = scenario.on_one_robot(arguments)
     drawn = []
-    # All on the same robot: the policies' own, else the default.
-    found = scenario.controllers(arguments)
-    chosen = dataclasses.replace(chosen, task=common_task(found, chosen.task))
-    shared = common_options(found, chosen.env_options)
-    found = [
-        dataclasses.replace(controller, env_options=options_of(controller, shared, chosen.env_options))
-        for controller in found
-    ]
-    if "events" in chosen.env_options:
-        chosen = dataclasses.replace(chosen, env_options={**chosen.env_options, "events": shared["events"]})
     if {"trajectories", "estimates", "phase_portrait"} & set(wanted):
         moving = [chosen.of(controller) for controller in found]
         if "trajectories" in wanted:
