@@ -49,7 +49,7 @@ def test_columns_are_the_rows_of_the_trajectory(done):
     np.testing.assert_array_equal(columns["yaw_rad"], done.of_states("yaw"))
     np.testing.assert_array_equal(columns["wheel_torque_1_N_m"], done.torques[:, 1])
     np.testing.assert_array_equal(columns["setpoint_velocity_y_m_per_s"], done.setpoints["velocity"][:, 1])
-    np.testing.assert_array_equal(columns["wheel_tractions_3_N"], done.of_contacts("wheel_tractions")[:, 2])
+    np.testing.assert_array_equal(columns["wheel_tractions_2_N"], done.of_contacts("wheel_tractions")[:, 2])
     np.testing.assert_array_equal(columns["estimated_tilt_rad"], done.of_estimates("tilt"))
     np.testing.assert_array_equal(columns["drawn_body_mass"], done.draws["body_mass"])
 

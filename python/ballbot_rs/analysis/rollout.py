@@ -186,7 +186,7 @@ def run_one(
         action = act(observations, None if setpoint is None else setpoint(step))
         for impulse, point in pushes.get(step, ()):
             batch.push(0, impulse, point)
-        observations, _, terminated, _ = batch.step(action)
+        observations, _, terminated, truncated = batch.step(action)
         if batch.ending(0)[1] == "diverged":
             return Run(states, contacts, np.array(torques).reshape(-1, 3), draws, estimates, np.array(commands), step)
         torques.append(action[0].astype(float) * batch.max_wheel_torque)
@@ -200,6 +200,9 @@ def run_one(
             # No event fires on the robot that lies.
             draws += [draws[-1]] * (len(states) - len(draws))
             return Run(states, contacts, np.array(torques), draws, estimates, np.array(commands), step + 1)
+        if truncated[0]:
+            # The end of the ground, or of a task that has a last step of its own.
+            break
     return Run(states, contacts, np.array(torques), draws, estimates, np.array(commands), None)
 
 

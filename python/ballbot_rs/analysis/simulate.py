@@ -47,7 +47,8 @@ def simulate(
     """Runs a controller on one robot; the result plots, records and exports itself.
 
     The robot begins at rest in equilibrium, but for its tilt. Once the task counts it as fallen its motors are off; a
-    model that cannot lie on the floor ends there.
+    model that cannot lie on the floor ends there. An episode that is over without a fall, as at the end of the
+    ground, ends the trajectory.
 
     Args:
         controller: a name, a path, or a law or class of laws in Python, as in `compare`.

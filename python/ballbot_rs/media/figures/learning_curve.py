@@ -28,7 +28,7 @@ def draw_on(fig: Figure, curves: Sequence[Curve]) -> None:
     for group, color in zip(by_configuration(curves), _cycle(), strict=False):
         _draw_group(returns, group, "returns", 1.0, color)
         _draw_group(successes, group, "successes", 100.0, color)
-    returns.set_ylabel("return of an episode (sum of rewards)")
+    returns.set_ylabel("return of an episode")
     successes.set_ylabel("successful episodes (%)")
     successes.set_ylim(-3, 103)
     for ax in (returns, successes):

@@ -39,8 +39,8 @@ def _band(axes: Sequence[Any], begin: float, end: float) -> None:
 
 
 def _name(ax: Any, trajectory: Trajectory, time: float, text: str, color: str) -> None:
-    # Above the axis, where there are no curves; to the left of a line near the right end.
-    late = time > 0.6 * trajectory.times[-1]
+    # Above the axis, where there are no curves; falls, and what is near the right end, to the left of their lines.
+    late = color == FELL or time > 0.6 * trajectory.times[-1]
     ax.annotate(
         text,
         (time, 1.0),
