@@ -47,9 +47,9 @@ def test_columns_are_the_rows_of_the_trajectory(done):
     for i, axis in enumerate("wxyz"):
         np.testing.assert_array_equal(columns[f"body_quaternion_{axis}"], [s.body_quaternion[i] for s in done.states])
     np.testing.assert_array_equal(columns["yaw_rad"], done.of_states("yaw"))
-    np.testing.assert_array_equal(columns["wheel_torque_2_N_m"], done.torques[:, 1])
+    np.testing.assert_array_equal(columns["wheel_torque_1_N_m"], done.torques[:, 1])
     np.testing.assert_array_equal(columns["setpoint_velocity_y_m_per_s"], done.setpoints["velocity"][:, 1])
-    np.testing.assert_array_equal(columns["wheel_tractions_3_N"], done.of_contacts("wheel_tractions")[:, 2])
+    np.testing.assert_array_equal(columns["wheel_tractions_2_N"], done.of_contacts("wheel_tractions")[:, 2])
     np.testing.assert_array_equal(columns["estimated_tilt_rad"], done.of_estimates("tilt"))
     np.testing.assert_array_equal(columns["drawn_body_mass"], done.draws["body_mass"])
 
@@ -141,7 +141,7 @@ def test_a_figure_has_the_reference_and_is_written(done, tmp_path):
     figure = done.plot(tmp_path / "a.svg")
     assert (tmp_path / "a.svg").read_bytes().startswith(b"<?xml")
     lines = {line.get_label(): line for line in figure.axes[1].get_lines()}
-    np.testing.assert_array_equal(lines["setpoint"].get_ydata(), done.setpoints["position"][:, 0])
+    np.testing.assert_array_equal(lines["x, setpoint"].get_ydata(), done.setpoints["position"][:, 0])
     with pytest.raises(ValueError, match=r"ends in \.svg, \.pdf or \.png"):
         done.plot(tmp_path / "a.gif")
 

@@ -213,3 +213,13 @@ def test_a_policy_has_the_setpoint_of_its_task():
     assert done.setpoints["position"][-1].tolist() == [0.1, 0.0]
     with pytest.raises(TypeError, match=r"is a policy, its setpoint is fixed: env_options="):
         bb.simulate(policy, seconds=1.0, reference=CIRCLE)
+
+
+def test_a_trajectory_ends_where_the_ground_does():
+    small = bb.Terrain.from_heights(np.zeros((11, 11)), 0.1)
+    options = {"terrain": small}
+    there = bb.simulate("lqr", seconds=3.0, reference={"position": (2.0, 0.0)}, env_options=options)
+    assert there.fell_at is None
+    assert there.times[-1] < 2.9
+    assert not small.contains(*(there.states[-1].ball_position[:2]))
+    assert small.contains(*(there.states[-2].ball_position[:2]))

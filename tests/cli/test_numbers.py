@@ -22,6 +22,7 @@ LIMITS = [
     ("view", "--seed", 1, 0, 2**64 - 1),
     ("view", "--seconds", 1, None, 1e6),
     ("plot", "--seed", 1, 0, 2**64 - 1),
+    ("plot", "--width", 1, 50.8, 1016),
     ("record-log", "--seconds", 1, None, 3600),
     ("record-log", "--excitation", 1, 0, 10),
     ("record-log", "--seed", 1, 0, 2**64 - 1),

@@ -57,7 +57,7 @@ def test_columns_may_have_any_order_and_others_beside_them(tmp_path):
         ({"torques": np.zeros((5, 3))}, r"torques has the shape \(5, 3\), expected \(300, 3\)"),
         ({"time": np.zeros((ROWS, 1))}, r"time has the shape \(300, 1\), expected \(n,\)"),
         (changed("gyro", (7, 1), np.nan), "gyro_y of row 7 is nan; 1 of 300 rows are not finite: leave them out"),
-        (changed("torques", ([4, 9], 2), np.inf), "torque_3 of row 4 is inf; 2 of 300 rows"),
+        (changed("torques", ([4, 9], 2), np.inf), "torque_2 of row 4 is inf; 2 of 300 rows"),
         (changed("time", 5, np.nan), "time of row 5 is nan"),
         (changed("time", 5, 0.04), "time of row 5 is 0.04 s after 0.04 s: it must increase"),
         ({"time": 10.0 * np.arange(ROWS)}, "median time step is 10 s, the limit is 0.05 s.*give time in seconds"),
@@ -67,7 +67,7 @@ def test_columns_may_have_any_order_and_others_beside_them(tmp_path):
         ),
         (
             changed("wheel_angles", (8, 0), 20.0),
-            "wheel_angle_1 changes by .* to row .*, the limit is 3.142 rad: unwrap",
+            "wheel_angle_0 changes by .* to row .*, the limit is 3.142 rad: unwrap",
         ),
         (
             {"accelerations": np.tile([0.0, 0, 1], (ROWS, 1))},

@@ -1,5 +1,6 @@
 """Figures: that they show the numbers that were collected, and that files come out as asked for."""
 
+import dataclasses
 import json
 import xml.etree.ElementTree as ET
 
@@ -11,7 +12,7 @@ from PIL import Image
 import ballbot_rs as bb
 from ballbot_rs.analysis import recovery_map as recovery
 from ballbot_rs.cli import main
-from ballbot_rs.media.figures import estimates, learning_curve, phase_portrait, recovery_map, trajectories
+from ballbot_rs.media.figures import data, estimates, learning_curve, phase_portrait, recovery_map, trajectories
 from ballbot_rs.media.figures.style import save
 from ballbot_rs.training import curve
 
@@ -55,8 +56,91 @@ def test_trajectories_show_every_quantity_with_its_unit(moving):
     torque = fig.axes[4].lines[2]
     np.testing.assert_allclose(torque.get_ydata(), moving[0].torques[:, 2])
     # At rest each wheel carries the same; the loads of the pushed robot end near that.
-    loads = [line.get_ydata()[-1] for line in fig.axes[6].lines]
+    loads = [line.get_ydata()[-1] for line in fig.axes[6].lines[:3]]
     assert np.mean(loads) == pytest.approx(10.3, abs=0.5)
+
+
+def test_pushes_falls_and_limits_are_marked(moving):
+    fig = trajectories.draw(moving)
+    (fell_at,) = (one.fell_at for one in moving if one.fell_at is not None)
+    for row in range(len(trajectories.QUANTITIES)):
+        for ax, expected in zip(fig.axes[2 * row : 2 * row + 2], ([0.5], [0.5, fell_at]), strict=True):
+            marked = [line.get_xdata()[0] for line in ax.lines if line.get_linestyle() == ":"]
+            assert marked == pytest.approx(expected)
+    assert [text.get_text() for text in fig.axes[1].texts] == ["push 0.3 N·s", "motors off"]
+    # The friction of each axis is as large as its limit at most, and that is a line.
+    limit = fig.axes[8].lines[-1]
+    assert list(limit.get_ydata()) == [100.0, 100.0]
+    (lowest, highest) = fig.axes[8].get_ylim()
+    assert lowest == 0.0
+    assert fig.axes[8].lines[3].get_ydata().max() > 0.0
+    # That of torques is far beyond what LQR asks for, and does not flatten its curves.
+    assert moving[0].max_wheel_torque == 5.0
+    assert "limit 5 N·m" in [text.get_text() for text in fig.axes[5].get_legend().get_texts()]
+    assert fig.axes[4].get_ylim()[1] < 1.0 < highest
+
+
+def test_a_limit_that_curves_come_near_is_in_the_picture():
+    from ballbot_rs.media.figures.marks import mark_limit
+    from ballbot_rs.media.figures.style import figure
+
+    ax = figure().subplots()
+    ax.plot([0, 1], [0.0, 3.0])
+    mark_limit(ax, 4.0, "limit")
+    low, high = ax.get_ylim()
+    assert low < -4.0
+    assert high > 4.0
+
+
+def drawn_boxes(fig, tmp_path):
+    """Boxes of legends, titles and axes in pixels, once the figure is laid out."""
+    fig.savefig(tmp_path / "f.png")
+    legends = [ax.get_legend() for ax in fig.axes if ax.get_legend()] + fig.legends
+    titles = [ax.title for ax in fig.axes if ax.title.get_text()]
+    return (
+        [legend.get_window_extent() for legend in legends],
+        [title.get_window_extent() for title in titles],
+        [ax.get_window_extent() for ax in fig.axes],
+        fig.bbox,
+    )
+
+
+@pytest.mark.parametrize("width", [None, 3.5, 7.0])
+def test_legends_are_beside_the_curves_and_nothing_is_cut(width, moving, maps, two_runs, tmp_path):
+    named = [dataclasses.replace(moving[0], controller="runs/lance-seed-0-20261121-104046/best_model.zip")]
+    measured = [dataclasses.replace(named[0], estimates=named[0].states)]
+    far = [dataclasses.replace(maps[0], controller=named[0].controller)]
+    figures = [
+        trajectories.draw(named, width),
+        estimates.draw(measured, width),
+        phase_portrait.draw(named, width),
+        recovery_map.draw(far, width),
+        learning_curve.draw(two_runs, width),
+    ]
+    for fig in figures:
+        if width is not None:
+            assert fig.get_figwidth() == width
+        legends, titles, axes, page = drawn_boxes(fig, tmp_path)
+        assert legends
+        for legend in legends:
+            assert not any(legend.overlaps(ax) for ax in axes)
+        for box in (*legends, *titles):
+            assert box.x0 >= page.x0 - 1
+            assert box.x1 <= page.x1 + 1
+            assert box.y1 <= page.y1 + 1
+            assert box.y0 >= page.y0 - 1
+
+
+@pytest.mark.parametrize(
+    ("width", "count", "message"),
+    [(1.0, 1, "25.4 mm is out of range: it must be from 51 to 1016 mm"), (3.5, 2, "88.9 mm is too narrow for 2")],
+)
+def test_a_width_that_cannot_be_is_refused(width, count, message, moving):
+    with pytest.raises(ValueError, match="too narrow" if count == 1 else message):
+        trajectories.draw(moving[:1] * count, width)
+    if count == 1:
+        with pytest.raises(ValueError, match=message):
+            phase_portrait.draw(moving[:1], width)
 
 
 def test_estimates_are_drawn_over_the_true_states():
@@ -178,6 +262,37 @@ def test_the_command_writes_vectors_and_pixels(tiny_run, tmp_path, capsys):
         assert image.size == (1200, 480)
     assert main(["plot", "--figure", "phase_portrait", "--format", "pdf", "--output", str(tmp_path)]) == 0
     assert (tmp_path / "phase_portrait.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_numbers_stand_beside_the_pictures(tiny_run, tmp_path, capsys):
+    what = ["--figure", "phase_portrait", "--figure", "trajectories", "--figure", "learning_curve", "--seconds", "0.2"]
+    controllers = ["--controller", "lqr", "--controller", "pid", "--controller", str(tiny_run)]
+    how = ["--data", "--width", "180", "--json", "-o", str(tmp_path)]
+    assert main(["plot", *controllers, *what, *how]) == 0
+    files = json.loads(capsys.readouterr().out)["files"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(file.rsplit("/", 1)[1] for file in files)
+    name = tiny_run.resolve().name
+    assert (tmp_path / f"trajectory-{name}.csv").exists()
+    table = np.genfromtxt(tmp_path / "trajectory-LQR.csv", delimiter=",", names=True)
+    expected = bb.run("lqr", seconds=0.2, tilt=(0.08, 0.05), task="balance")
+    np.testing.assert_array_equal(table["time_s"], expected.times)
+    learned = np.genfromtxt(tmp_path / f"learning_curve-{name}.csv", delimiter=",", names=True)
+    read = curve.read(tiny_run)
+    np.testing.assert_array_equal(learned["timesteps"], read.timesteps)
+    np.testing.assert_array_equal(learned["return_1"], read.returns[:, 1])
+    with Image.open(tmp_path / "trajectories.png") as image:
+        assert image.size[0] == pytest.approx(180 / 25.4 * 150, abs=1)
+
+
+def test_the_numbers_of_a_map_are_its_starts(maps, tmp_path):
+    data.write(data.of_recovery(maps[0]), tmp_path / "map.npz")
+    with np.load(tmp_path / "map.npz") as kept:
+        assert sorted(kept) == ["azimuth_rad", "recovered", "settling_time_s", "stood", "tilt_rad"]
+        np.testing.assert_array_equal(kept["recovered"].reshape(4, 6), maps[0].recovered)
+        np.testing.assert_array_equal(kept["tilt_rad"].reshape(4, 6)[:, 0], maps[0].tilts)
+        np.testing.assert_array_equal(kept["azimuth_rad"].reshape(4, 6)[0], maps[0].azimuths)
+    with pytest.raises(ValueError, match=r"must end in \.csv"):
+        data.write(data.of_recovery(maps[0]), tmp_path / "map.txt")
 
 
 def test_a_learning_curve_of_a_controller_is_refused(capsys, tmp_path):

@@ -10,6 +10,9 @@ from PIL import Image
 import ballbot_rs as bb
 from ballbot_rs._core import Batch
 from ballbot_rs.cli import main
+from ballbot_rs.media.arrows import arrows
+from ballbot_rs.media.caption import lines
+from ballbot_rs.media.smoothing import smooth
 from ballbot_rs.media.video import frame_count, picture, renderer_for, write_video
 
 CONTACT = {"model": "contact"}
@@ -166,13 +169,136 @@ def test_an_animation_plays_in_real_time(tmp_path, capsys):
     assert {b - a for a, b in itertools.pairwise(times)} == {33, 34}
 
 
-def test_the_robot_of_two_urdfs_is_simulated_and_shown(tmp_path, capsys, assets):
-    pictures, draws = [], []
-    for given in ([], ["--urdf", str(assets / "bot.urdf"), str(assets / "ball.urdf")]):
-        out = tmp_path / "a.mp4"
-        how = ["--size", "96", "72", "--samples", "1", "--seconds", "0.1", "--no-video", "--still", "0", "--json"]
-        assert main(["record", *given, *how, "--set", "params.body_mass=3", "-o", str(out)]) == 0
-        draws.append(json.loads(capsys.readouterr().out)["fell_at"])
-        pictures.append(np.asarray(Image.open(out.with_suffix(".png")), dtype=int))
-    assert draws == [None, None]
+def still(arguments, folder):
+    """The picture that the command writes, and what it prints."""
+    out = folder / "a.mp4"
+    how = ["--size", "96", "72", "--samples", "1", "--seconds", "0.1", "--no-video", "--json"]
+    assert main(["record", *arguments, *how, "-o", str(out)]) == 0
+    return np.asarray(Image.open(out.with_suffix(".png")), dtype=int)
+
+
+def test_the_robot_of_two_urdfs_is_simulated_and_shown(tmp_path, assets, capsys):
+    files = ["--urdf", str(assets / "bot.urdf"), str(assets / "ball.urdf"), "--set", "params.body_mass=3"]
+    plain, meshes, given = (
+        still([*arguments, "--still", "0"], tmp_path) for arguments in (["--schematic"], ["--robot", "paper"], files)
+    )
+    assert np.abs(plain - meshes).max() > 50
+    np.testing.assert_array_equal(given, meshes)
+    np.testing.assert_array_equal(
+        still(["--robot", "kugle", "--still", "0"], tmp_path),
+        still(["--robot", "kugle", "--schematic", "--still", "0"], tmp_path),
+    )
+    capsys.readouterr()
+
+
+def test_an_arrow_shows_a_push_where_it_acts():
+    push = bb.Push((0.0, 0.3, 0.0), 0.2)
+    shown = bb.run("lqr", seconds=1.0, tilt=(0.0, 0.0), push=push, env_options=CONTACT)
+    rows = [round(time / 0.01) for time in (0.1, 0.2, 0.5, 0.7)]
+    before, during, after, long_after = (arrows(shown, row) for row in rows)
+    assert len(before) == len(long_after) == 0
+    assert len(during) == len(after) == 1
+    tail, tip = during[0]
+    com = shown.states[20].body_position + np.array([0.0, 0.0, shown.params.body_com_height])
+    radius = shown.params.ball_radius
+    np.testing.assert_allclose(tip, com - [0.0, radius, 0.0], atol=1e-3)
+    np.testing.assert_allclose(tip - tail, [0.0, 3.0 * radius, 0.0], atol=1e-12)
+    assert lines(shown, 20) == ["LQR on contact", "0.20 s   tilt 0.0°", "push 0.3 N·s"]
+    assert len(lines(shown, 10)) == 2
+
+
+def test_arrows_of_two_pushes_are_as_long_as_their_impulses():
+    pushes = (bb.Push((0.2, 0.0, 0.0), 0.1), bb.Push((0.1, 0.0, 0.0), 0.1, point=(0.0, 0.0, 0.3)))
+    shown = bb.simulate("lqr", seconds=0.3, pushes=pushes, forces=(bb.Force((0.0, 1.0, 0.0), 0.2, 0.25),))
+    lengths = np.linalg.norm(np.diff(arrows(shown, 15), axis=1)[:, 0], axis=1)
+    assert lengths[0] == pytest.approx(2.0 * lengths[1])
+    assert lines(shown, 15)[2] == "push 0.2 N·s, push 0.1 N·s"
+    assert lines(shown, 22)[2] == "push 0.2 N·s, push 0.1 N·s, force 1 N"
+    assert len(arrows(shown, 22)) == 3
+
+
+def test_the_command_of_the_task_is_drawn():
+    going = bb.simulate("lqr", seconds=3.0, task="velocity", seed=1)
+    row = int(np.abs(going.commands[:, 0]).argmax())
+    ((tail, tip),) = arrows(going, row)
+    x, y, _ = going.commands[row]
+    yaw = going.states[row].yaw
+    wanted = [x * np.cos(yaw) - y * np.sin(yaw), x * np.sin(yaw) + y * np.cos(yaw)]
+    np.testing.assert_allclose((tip - tail)[:2], wanted, atol=1e-12)
+    to_goal = bb.simulate("lqr", seconds=0.1, task="goal", seed=1)
+    mark, way = arrows(to_goal, 0)
+    np.testing.assert_allclose(mark[1][:2], to_goal.commands[0])
+    np.testing.assert_allclose(way[1][:2], to_goal.commands[0])
+    path = arrows(bb.simulate("lqr", seconds=0.1, task="path", seed=1), 0)
+    np.testing.assert_allclose(path[:, 1], np.roll(path[:, 0], -1, axis=0))
+    np.testing.assert_allclose(path[0, 0, :2], 0.0, atol=1e-12)
+
+
+def test_a_caption_says_when_the_robot_fell():
+    shown = bb.run("zero", seconds=1.5, tilt=(0.3, 0.0), env_options=CONTACT)
+    assert shown.fell_at is not None
+    assert lines(shown, len(shown.times) - 1)[2] == f"fell at {shown.fell_at:.2f} s"
+    renderer = renderer_for(shown, **SMALL)
+    plain, captioned = (picture(shown, renderer, 0.1, caption=given, smooth=False) for given in (False, True))
+    changed = (plain != captioned).any(axis=2)
+    assert changed[:45].any()
+    assert not changed[45:].any(), "the caption is in the corner"
+    np.testing.assert_array_equal(plain, renderer.render(shown.states[10]))
+
+
+def test_edges_are_blended_and_nothing_else():
+    flat = np.full((20, 20, 3), 90, dtype=np.uint8)
+    np.testing.assert_array_equal(smooth(flat), flat)
+    tiny = np.zeros((2, 2, 3), dtype=np.uint8)
+    np.testing.assert_array_equal(smooth(tiny), tiny)
+    # A shallow edge, as a renderer with one sample a pixel and one with many have it.
+    fine = np.add.outer(np.arange(0, 20, 0.125), -0.2 * np.arange(0, 40, 0.125)) > 6.0
+    exact = 40.0 + 180.0 * fine.reshape(20, 8, 40, 8).mean(axis=(1, 3))
+    stairs = np.repeat(np.uint8(40 + 180 * fine[4::8, 4::8])[..., np.newaxis], 3, axis=2)
+    blended = smooth(stairs)[..., 0].astype(float)
+    error, before = (np.sqrt(((values - exact) ** 2).mean()) for values in (blended, stairs[..., 0].astype(float)))
+    assert error < 0.8 * before
+    assert blended.min() >= 40
+    assert blended.max() <= 220
+
+
+def test_controllers_are_shown_side_by_side(tmp_path, capsys):
+    out = tmp_path / "both.mp4"
+    who = ["--controller", "lqr", "--controller", "zero", "--model", "spatial", "--tilt", "0.2", "0"]
+    how = ["--size", "64", "48", "--seconds", "1.2", "--frame-rate", "10", "--still", "0.3", "--json"]
+    assert main(["record", *who, *how, "-o", str(out)]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert [one["controller"] for one in report["shown"]] == ["lqr", "zero"]
+    standing, fallen = report["shown"]
+    assert standing["fell_at"] is None
+    assert fallen["seconds"] == fallen["fell_at"] < 1.0, "without a floor the video of a fallen robot stands still"
+    frames = decoded(out)[2]
+    assert len(frames) == report["frames"] == 12
+    assert frames[0].shape == (48, 128, 3)
+    left, right = (np.abs(np.diff(np.array(frames[-2:], dtype=int)[:, 20:, part], axis=0)).max() for part in HALVES)
+    assert right < left
+    with Image.open(out.with_suffix(".png")) as taken:
+        assert taken.size == (128, 48)
+
+
+HALVES = (slice(0, 62), slice(66, 128))
+
+
+def test_a_picture_each_needs_a_renderer_each(tmp_path):
+    shown = bb.run("lqr", seconds=0.1, env_options=CONTACT)
+    one, low = renderer_for(shown, **SMALL), renderer_for(shown, **{**SMALL, "height": 48})
+    for renderers, message in (
+        ([one], "1 renderers for 2 trajectories"),
+        ([one, low], "one height"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            write_video([shown, shown], tmp_path / "a.mp4", renderer=renderers)
+    with pytest.raises(ValueError, match="at least one trajectory"):
+        write_video([], tmp_path / "a.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_picture_of_a_push_is_after_it(tmp_path):
+    push = ["--push", "0.3", "0", "0", "--push-at", "0.05"]
+    pictures = [still([*push, "--still", *time], tmp_path) for time in ([], ["0"])]
     assert np.abs(pictures[0] - pictures[1]).max() > 50

@@ -1,17 +1,23 @@
 """The report: one file, all in it, nothing fetched."""
 
 import base64
+import datetime
 import json
 import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 
+import ballbot_rs as bb
+from ballbot_rs._machine import processor
 from ballbot_rs.cli import main
-from ballbot_rs.media.report import page
+from ballbot_rs.media.report import origin, page
+from ballbot_rs.training import origin as run_origin
+from tests.support.paths import ROOT
 
 
 class Page(HTMLParser):
@@ -50,7 +56,7 @@ def shown(run_with_report):
 
 def test_nothing_is_fetched(run_with_report, shown):
     assert shown.links == []
-    assert len(shown.sources) == 3
+    assert len(shown.sources) == 4
     assert all(source.startswith("data:") for source in shown.sources)
     assert not shown.tags & {"script", "link", "iframe", "object", "embed", "base", "form"}
     text = (run_with_report / "report.html").read_text(encoding="utf-8")
@@ -65,12 +71,53 @@ def test_everything_is_there(shown):
         "The policy at work",
         "Beside the classical controllers",
         "Learning curve",
+        "After a push",
         "Recovery",
+        "Robot",
         "Configuration",
         "Versions",
     ]
     for expected in ("LQR", "PID", "seed 5", "total_timesteps = 768", "stable_baselines3", "2 episodes each"):
         assert expected in shown.text
+
+
+def test_it_says_where_the_run_comes_from(shown, run_with_report):
+    record = json.loads((run_with_report / "run.json").read_text(encoding="utf-8"))
+    for part in ("started", "finished", "machine", "command"):
+        assert record[part]
+        assert record[part] in shown.text
+    started, finished = (datetime.datetime.fromisoformat(record[part]) for part in ("started", "finished"))
+    assert datetime.timedelta(0) <= finished - started < datetime.timedelta(hours=1)
+    assert processor() in record["machine"]
+    assert f"{record['timesteps']} steps in " in shown.text
+    assert "--seed 5" in shown.text
+    if (ROOT / ".git").exists():
+        head = subprocess.run(["git", "-C", ROOT, "rev-parse", "HEAD"], capture_output=True, text=True, check=True)
+        assert head.stdout.startswith(record["commit"].partition(",")[0])
+        assert record["commit"] in shown.text
+    assert "Robot paper." in shown.text
+    assert "body_com_height" in shown.text
+
+
+def test_a_record_of_an_earlier_version_has_a_report():
+    found = dict(origin.rows({"seed": 3, "versions": {}}, Path("runs/mine"), "balance"))
+    assert sorted(found) == ["as ONNX", "to repeat it"]
+    assert found["to repeat it"] == "ballbot train balance --config config.toml --seed 3"
+
+
+def test_a_changed_robot_is_named_by_its_changes():
+    changed = bb.Params.preset("kugle").replace(body_mass=9.5, max_wheel_torque=1.0)
+    text = origin.robot(changed, {"sensors": "kugle"})[0]
+    assert "Robot kugle with body_mass = 9.5, max_wheel_torque = 1. Sensors: kugle." in text
+
+
+def test_the_command_of_a_run_can_be_given_to_a_shell(monkeypatch, tmp_path):
+    monkeypatch.setattr(sys, "argv", ["/opt/bin/ballbot", "train", "balance", "--run", "my run"])
+    assert run_origin.command() == "ballbot train balance --run 'my run'"
+    monkeypatch.setattr(sys, "argv", [str(run_origin.PACKAGE / "cli" / "__main__.py"), "info"])
+    assert run_origin.command() == "ballbot info"
+    # Outside a clone there is no commit.
+    assert run_origin.commit(tmp_path / "lib" / "python" / "ballbot_rs") is None
 
 
 def test_figures_and_video_are_whole(shown, tmp_path):

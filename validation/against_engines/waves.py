@@ -43,7 +43,12 @@ def run() -> Findings:
         times = _SIM_DT * _STEPS * np.arange(1, _CONTROLS + 1)
         for ax, (ground, found) in zip(axes, paths.items(), strict=True):
             for engine, line in (("contact", "-"), ("rigid", "--"), ("mujoco", ":")):
-                ax.plot(times, 1e3 * (found[engine][:, 0] - found[engine][0, 0]), line, label=engine)
+                ax.plot(
+                    times,
+                    1e3 * (found[engine][:, 0] - found[engine][0, 0]),
+                    line,
+                    label="MuJoCo" if engine == "mujoco" else engine,
+                )
             ax.set(xlabel="time (s)", ylabel="x of the ball (mm)", title=ground)
         axes[0].legend()
 

@@ -35,7 +35,7 @@ def draw(throughput: list[dict[str, Any]], path: Path) -> None:
     axes.set_xscale("log")
     low, high = rows[0]["min"], rows[-1]["max"]
     axes.set_xlim(10.0 ** int(math.log10(low) - 0.3), high * 4.0)
-    axes.set_xlabel(f"environment steps per second, one core (5 physics steps each), actions of ±{HEADLINE_TORQUE} N·m")
+    axes.set_xlabel(f"environment steps a second on one core, actions of ±{HEADLINE_TORQUE} N·m")
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(axis="y", length=0.0)
     axes.grid(axis="x", color="#dee2e6", linewidth=0.6)

@@ -66,11 +66,11 @@ def run() -> Findings:
         times = np.arange(len(ledgers["contact"])) * _DT
         for name, column in zip(_ENTRIES, ledgers["contact"].T, strict=True):
             left.plot(times, column, label=name)
-        left.set(xlabel="time (s)", ylabel="J", title="entries, contact")
+        left.set(xlabel="time (s)", ylabel="energy and work (J)", title="entries, contact")
         left.legend()
         for model, entries in ledgers.items():
             right.semilogy(times, np.abs(gap_of(entries)) + 1e-12, color=MODEL_COLORS[model], label=model)
-        right.set(xlabel="time (s)", ylabel="gap (J)")
+        right.set(xlabel="time (s)", ylabel="gap of the ledger (J)")
         right.legend()
 
     return Findings(claims, draw)

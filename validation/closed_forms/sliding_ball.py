@@ -59,7 +59,7 @@ def run() -> Findings:
         for model, speed in speeds.items():
             left.plot(times, speed, color=MODEL_COLORS[model], label=model)
             right.semilogy(times, np.abs(speed - exact) + 1e-16, color=MODEL_COLORS[model], label=model)
-        left.axvline(rolls_at, color=INK, linewidth=0.8, linestyle=":")
+        left.axvline(rolls_at, color=INK, linewidth=0.8, linestyle=":", label="rolls from here")
         left.set(xlabel="time (s)", ylabel="speed of the ball (m/s)")
         right.set(xlabel="time (s)", ylabel="difference from the closed form (m/s)")
         left.legend()

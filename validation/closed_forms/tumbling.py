@@ -39,9 +39,10 @@ def run() -> Findings:
     steps = round(_SECONDS / 1e-3)
     times = np.arange(1, steps + 1) * 1e-3
     masts = np.array([attitude(top, t)[:, 2] for t in times])
-    claims, off = [], {}
+    claims, off, tilts = [], {}, {}
     for model, (angle, turning, energy, orders) in _LIMITS.items():
-        off[model] = apart(masts, fly(top, model, 1e-3, steps))
+        flown = fly(top, model, 1e-3, steps)
+        off[model], tilts[model] = apart(masts, flown), np.degrees([state.tilt for state in flown])
         finer = apart(masts, fly(top, model, 5e-4, 2 * steps)[1::2])
         drift, halved = drifts(params, model, 1e-3, steps), drifts(params, model, 5e-4, 2 * steps)
         claims += [
@@ -60,8 +61,10 @@ def run() -> Findings:
         from ballbot_rs.media.figures.style import INK, MODEL_COLORS
 
         left, right = fig.subplots(1, 2)
-        tilts = np.degrees(np.arccos(masts[:, 2]))
-        left.plot(times, tilts, color=INK, label="closed form")
+        exact = np.degrees(np.arccos(masts[:, 2]))
+        left.plot(times, exact, color=INK, linewidth=4, alpha=0.25, label="closed form")
+        for (model, found), line in zip(tilts.items(), ("-", "--"), strict=True):
+            left.plot(times, found, line, color=MODEL_COLORS[model], label=model)
         left.set(xlabel="time (s)", ylabel="tilt of the mast (deg)")
         left.legend()
         for model, angles in off.items():

@@ -33,7 +33,7 @@ def draw(fig: "Figure", found: Measured) -> None:
     if found.step is not None:
         keys.append(_follow(position, lean, found.step, COLORS[1], f"a bare step of {STEP:g} m"))
     keys.append(Line2D([], [], color=INK, linestyle=":", linewidth=1.0, label="setpoint"))
-    position.set(ylabel="ball (m)", ylim=_POSITIONS, xlim=(0.0, float(found.motion.times[-1])))
+    position.set(ylabel="position (m)", ylim=_POSITIONS, xlim=(0.0, float(found.motion.times[-1])))
     position.tick_params(labelbottom=False)
     lean.set(ylabel="lean (deg)", xlabel="time (s)", ylim=_LEANS, yticks=(-10, 0, 10))
     fig.align_ylabels([position, lean])

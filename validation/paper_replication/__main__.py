@@ -20,8 +20,8 @@ number of ours that we assert, beside what it must be. What the paper prints is 
 the summary and in each section, as *printed*. Nothing is tuned to match. The figures of the paper are compared by the
 numbers that its text gives; printed values are dashed lines in ours. "Section", "eq.", "Table" and "Fig." mean the
 paper's. Symbols are those of Table I; tilts $\\theta_x$ and $\\theta_y$ lean towards $+y$ and $+x$; wheels are
-numbered 1 to 3 as in eq. (8). Each section has the command that runs it alone and prints its claims; `--figures DIR`
-draws its figure too.
+numbered 0 to 2, which are 1 to 3 in eq. (8). Each section has the command that runs it alone and prints its claims;
+`--figures DIR` draws its figure too.
 
 ## Summary
 """

@@ -109,7 +109,7 @@ def stribeck(contact: str, speeds: Array) -> Array:
 
 
 def wheel_friction(params: bb.Params, model: str) -> Curve:
-    """Of wheel 1 while equal torques make all three slip, which leaves their loads as they are."""
+    """Of wheel 0 while equal torques make all three slip, which leaves their loads as they are."""
     robot = bb.Ballbot(params, model=model, sim_dt=_SIM_DT)
     robot.step(np.zeros(3), steps=100)
     speeds, coefficients, speed = [], [], 0.0
@@ -216,7 +216,7 @@ def recovery_rate(params: bb.Params, model: str) -> float:
 
 
 def depths_at_rest(params: bb.Params, model: str) -> dict[str, float]:
-    """Overlap of wheel 1 and the ball, and of the ball and the floor, m."""
+    """Overlap of wheel 0 and the ball, and of the ball and the floor, m."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
     robot.step(np.zeros(3), steps=300)
     state = robot.state

@@ -81,7 +81,7 @@ def run() -> Findings:
                     ax.annotate("falls", (0.95, 0.06), xycoords="axes fraction", color=color, ha="right")
             ax.axhline(0.0, color=INK, linewidth=0.6)
             ax.set(title=f"{incline:g}°", xlabel="time (s)", xlim=(0.0, 0.5), ylim=(-2.0 * incline, 2.0 * incline))
-        axes[0].set_ylabel("θx (deg)")
+        axes[0].set_ylabel("tilt about x (deg)")
         axes[0].legend(loc="upper right")
 
     head = ["largest incline (deg), torques within", *_LIMITS]

@@ -180,20 +180,19 @@ def _draw(fig: "Figure", shown: dict[str, Run], cap: float) -> None:
         keep = slice(0, None, 10)
         t = r.times[keep]
         column[0].set_title(f"rigid, {mapping}")
-        for i, name in enumerate(("θx", "θy")):
+        for i, name in enumerate(("about x", "about y")):
             column[0].plot(t, np.degrees(r.tilts[keep, i]), color=COLORS[i], label=name)
         for i, name in enumerate(("x", "y")):
-            # θy leans along x.
-            column[1].plot(t, 1e3 * r.positions[keep, i], color=COLORS[1 - i], label=name)
+            column[1].plot(t, 1e3 * r.positions[keep, i], color=COLORS[i], label=name)
         for i in range(3):
-            column[2].plot(r.times[:300], r.torques[:300, i], color=COLORS[i], label=f"τ{i + 1}", linewidth=1.0)
-            column[2].plot(r.times[300::10], r.torques[300::10, i], color=COLORS[i], linewidth=1.0)
+            column[2].plot(r.times[:300], r.torques[:300, i], color=COLORS[2 + i], label=f"wheel {i}", linewidth=1.0)
+            column[2].plot(r.times[300::10], r.torques[300::10, i], color=COLORS[2 + i], linewidth=1.0)
         for bound in (-2.0, 2.0):
             column[0].axhline(bound, color=INK, linestyle="--", linewidth=0.8)
         for bound in (-cap, cap):
             column[2].axhline(bound, color=INK, linestyle="--", linewidth=0.8)
         column[0].axvline(PRINTED_SECONDS, color=INK, linestyle="--", linewidth=0.8)
         column[2].set_xlabel("time (s)")
-    for ax, label in zip(axes[:, 0], ("tilt (deg)", "ball (mm)", "wheel torque (N·m)"), strict=True):
+    for ax, label in zip(axes[:, 0], ("tilt (deg)", "ball position (mm)", "wheel torque (N·m)"), strict=True):
         ax.set_ylabel(label)
         ax.legend(loc="lower right" if ax is axes[2, 0] else "center right", fontsize=8)

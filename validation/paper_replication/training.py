@@ -61,10 +61,10 @@ def run() -> Findings:
         left.plot(thousands, returns.mean(axis=1), "o-", markersize=3, color=COLORS[0], label="mean")
         low, high = np.percentile(returns, [10, 90], axis=1)
         left.fill_between(thousands, low, high, color=COLORS[0], alpha=0.2, linewidth=0, label="10 to 90 %")
-        left.set(xlabel="thousand steps", ylabel="return (at most 1000)", ylim=(0.0, 1050.0))
+        left.set(xlabel="environment steps (thousands)", ylabel="return (at most 1000)", ylim=(0.0, 1050.0))
         left.legend(loc="lower right")
-        right.plot(thousands, 100.0 * successes.mean(axis=1), "o-", markersize=3, color=COLORS[1])
-        right.set(xlabel="thousand steps", ylabel="success (% of 50 episodes)", ylim=(-3.0, 103.0))
+        right.plot(thousands, 100.0 * successes.mean(axis=1), "o-", markersize=3, color=COLORS[0])
+        right.set(xlabel="environment steps (thousands)", ylabel="success (% of 50 episodes)", ylim=(-3.0, 103.0))
 
     head = [
         "",

@@ -9,7 +9,7 @@ $(\tau - \mu N r_w)/J_w = 30000$ rad/s² for 5 N·m.
 
 The figure is the 3° incline of the section above with torques up to ±5 N·m in `rigid`: torques, beside ± the largest
 bound $\mu_d N r_w$ that any of the wheels has with its load at the time; loads (dashed: at rest); slip speeds. The
-motors' reaction lifts wheel 3 off in the first instant; it comes down again, hard, after 60 ms.
+motors' reaction lifts wheel 2 off in the first instant; it comes down again, hard, after 60 ms.
 """
 
 from functools import partial
@@ -90,10 +90,10 @@ def run() -> Findings:
         milliseconds = 1e3 * r.times[:shown]
         bound = params.wheel_dynamic_friction * params.wheel_radius * r.loads[:shown]
         for i in range(3):
-            color = COLORS[i]
+            color = COLORS[2 + i]
             axes[0].plot(milliseconds, r.torques[:shown, i], color=color, linewidth=1.2)
             axes[1].plot(milliseconds, r.loads[:shown, i], color=color, linewidth=1.0)
-            axes[2].plot(milliseconds, r.slips[:shown, i], color=color, linewidth=1.2, label=f"wheel {i + 1}")
+            axes[2].plot(milliseconds, r.slips[:shown, i], color=color, linewidth=1.2, label=f"wheel {i}")
         most = bound.max(axis=1)
         axes[0].fill_between(milliseconds, -most, most, color=INK, alpha=0.25, linewidth=0, label="± μ N r_w")
         axes[0].set(ylabel="wheel torque (N·m)", ylim=(-6.0, 9.5))
@@ -149,7 +149,7 @@ def model_slips(params: bb.Params, torques: Array) -> float:
 
 
 def spin_up(params: bb.Params, model: str) -> float:
-    """Angular acceleration of wheel 1, by its absolute spin, under 5 N·m on all wheels, rad/s²."""
+    """Angular acceleration of wheel 0, by its absolute spin, under 5 N·m on all wheels, rad/s²."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
     robot.step(np.zeros(3), steps=20)
     spins = []

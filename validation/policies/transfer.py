@@ -127,17 +127,21 @@ def _verdict(values: Mapping[tuple[str, str], float], most: float) -> str:
     return f"Transfers under how many of {len(JUDGES)} judges: {', '.join(counts)}."
 
 
+#: What figures call arms that are no policies.
+_NAMES = {"`lqr`": "LQR"}
+
+
 def _draw(task: str, arms: Sequence[str], values: Mapping[tuple[str, str], float], fig: "Figure") -> None:
     _, what, unit, most = MEASURES[task]
     scale, label = (1.0, f"{what} ({unit})") if unit else (100.0, f"{what} (%)")
     axes = fig.subplots()
     for k, arm in enumerate(arms):
         places = [i + 0.2 * (k - 1.5) for i in range(len(JUDGES))]
-        axes.bar(places, [scale * values[judge.name, arm] for judge in JUDGES], 0.18, label=arm.strip("`"))
-    axes.axhline(scale * most, color="black", linewidth=0.8, linestyle="--")
+        axes.bar(places, [scale * values[judge.name, arm] for judge in JUDGES], 0.18, label=_NAMES.get(arm, arm))
+    axes.axhline(scale * most, color="black", linewidth=0.8, linestyle="--", label="limit")
     axes.set_xticks(range(len(JUDGES)), [judge.name.strip("`") for judge in JUDGES], rotation=30, ha="right")
     axes.set_ylabel(label)
-    axes.legend(ncols=4)
+    axes.legend(ncols=5)
 
 
 def _run_seeds() -> Findings:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-XYZ, XY, WXYZ, WHEELS, SCALAR = ("x", "y", "z"), ("x", "y"), ("w", "x", "y", "z"), ("1", "2", "3"), ()
+XYZ, XY, WXYZ, WHEELS, SCALAR = ("x", "y", "z"), ("x", "y"), ("w", "x", "y", "z"), ("0", "1", "2"), ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +73,7 @@ _CONTACTS: Final[Sequence[tuple[str, tuple[str, ...], str, str]]] = (
     ("wheel_tractions", WHEELS, "N", "drive friction of a wheel on the ball, in the time step before"),
     ("wheel_slip_speeds", WHEELS, "m/s", "of a wheel relative to the ball, in the time step before"),
     ("floor_force", XYZ, "N", "of the floor on the ball, inertial frame, in the time step before"),
-    ("friction_utilization", ("1", "2", "3", "floor"), "", "share of the dynamic friction limit"),
+    ("friction_utilization", ("0", "1", "2", "floor"), "", "share of the dynamic friction limit"),
 )
 #: Unit of a part of a setpoint, and what it is.
 _SETPOINT: Final = {
@@ -108,7 +108,7 @@ def quantities(trajectory: "Trajectory") -> Iterator[Quantity]:
             yield Quantity("estimate", f"estimated_{name}", axes, unit, f"as the task observes it: {doc}", values)
     for term, drawn in trajectory.draws.items():
         values = _rows(drawn, rows)
-        axes = tuple(str(i + 1) for i in range(values.shape[1])) if drawn.ndim > 1 else SCALAR
+        axes = tuple(str(i) for i in range(values.shape[1])) if drawn.ndim > 1 else SCALAR
         yield Quantity("draws", f"drawn_{term.replace('.', '_')}", axes, "", "what events had drawn, SI units", values)
 
 

@@ -27,16 +27,25 @@ _FRAMES: Final = (("ball", "ball_position", "ball_quaternion"), ("body", "body_p
 
 def to_csv(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
     """Writes a table, its header in the first row; numbers are read back to the last bit."""
-    table = columns(trajectory)
+    write_csv(columns(trajectory), path)
+
+
+def to_npz(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
+    """Writes a compressed archive of NumPy, an array a column."""
+    write_npz(columns(trajectory), path)
+
+
+def write_csv(table: Mapping[str, Array], path: str | PathLike[str]) -> None:
+    """Columns as CSV, as `to_csv`."""
     rows = zip(*(values.tolist() for values in table.values()), strict=True)
     lines = [",".join(table), *(",".join(map(repr, row)) for row in rows)]
     _files.write(_path(path, ".csv"), "\n".join(lines) + "\n")
 
 
-def to_npz(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
-    """Writes a compressed archive of NumPy, an array a column."""
+def write_npz(table: Mapping[str, Array], path: str | PathLike[str]) -> None:
+    """Columns as NPZ, as `to_npz`."""
     packed = io.BytesIO()
-    np.savez_compressed(packed, **columns(trajectory))  # type: ignore[arg-type]
+    np.savez_compressed(packed, **table)  # type: ignore[arg-type]
     _files.write(_path(path, ".npz"), packed.getvalue())
 
 

@@ -153,6 +153,8 @@ class Run:
     draws: Sequence[Mapping[str, Any]]
     #: States as the task observes them at each row up to a fall; empty where it observes the true ones.
     estimates: Sequence[State]
+    #: Command of the task at each row up to a fall, shape (m, k).
+    commands: Array
     #: Row at which the task counted the robot as fallen and its motors were switched off.
     fell_at: int | None
 
@@ -182,30 +184,40 @@ def run_one(
     observations = batch.reset(seeds=[seed], starts=[start])
     states, contacts, draws = [batch.state(0)], [batch.contacts(0)], [batch.draws(0)]
     estimates = _estimates(batch)
+    commands = [_command(batch)]
     torques: list[Array] = []
     for step in range(steps):
         action = act(observations, None if setpoint is None else setpoint(step))
         for impulse, point in pushes.get(step, ()):
             batch.push(0, impulse, point)
-        observations, _, terminated, _ = batch.step(action)
+        observations, _, terminated, truncated = batch.step(action)
         if batch.ending(0)[1] == "diverged":
-            return Run(states, contacts, np.array(torques).reshape(-1, 3), draws, estimates, step)
+            return Run(states, contacts, np.array(torques).reshape(-1, 3), draws, estimates, np.array(commands), step)
         torques.append(action[0].astype(float) * batch.max_wheel_torque)
         states.append(batch.state(0))
         contacts.append(batch.contacts(0))
         draws.append(batch.draws(0))
         estimates += _estimates(batch)
+        commands.append(_command(batch))
         if terminated[0]:
             _lie(batch, states, contacts, torques, steps, pushes)
             # No event fires on the robot that lies.
             draws += [draws[-1]] * (len(states) - len(draws))
-            return Run(states, contacts, np.array(torques), draws, estimates, step + 1)
-    return Run(states, contacts, np.array(torques), draws, estimates, None)
+            return Run(states, contacts, np.array(torques), draws, estimates, np.array(commands), step + 1)
+        if truncated[0]:
+            # The end of the ground, or of a task that has a last step of its own.
+            break
+    return Run(states, contacts, np.array(torques), draws, estimates, np.array(commands), None)
 
 
 def _estimates(batch: Batch) -> list[State]:
     """The present estimate of the only robot, if its task observes one."""
     return [batch.estimate(0)] if observes_estimates(batch) else []
+
+
+def _command(batch: Batch) -> Array:
+    """The present command of the only robot's task; empty without one."""
+    return np.array(batch.command(0), dtype=np.float64)
 
 
 def _lie(

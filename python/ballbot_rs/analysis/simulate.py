@@ -47,7 +47,8 @@ def simulate(
     """Runs a controller on one robot; the result plots, records and exports itself.
 
     The robot begins at rest in equilibrium, but for its tilt. Once the task counts it as fallen its motors are off; a
-    model that cannot lie on the floor ends there.
+    model that cannot lie on the floor ends there. An episode that is over without a fall, as at the end of the
+    ground, ends the trajectory.
 
     Args:
         controller: a name, a path, or a law or class of laws in Python, as in `compare`.
@@ -96,10 +97,11 @@ def simulate(
     found = find(controller, task=task, env_options=given)
     # Only a fall ends the episode: lengths in steps are for the task's own rate.
     options = {**common_options([found], given), "max_episode_steps": None}
+    named = common_task([found], task)
     batch = batch_for(
         found,
         1,
-        task=common_task([found], task),
+        task=named,
         num_threads=1,
         seed=seed,
         options=options,
@@ -134,6 +136,11 @@ def simulate(
         fell_at=None if done.fell_at is None else done.fell_at * batch.control_dt,
         setpoints=_setpoints(batch, target, times),
         terrain=batch.terrain,
+        pushes=tuple(pushes),
+        forces=tuple(forces),
+        max_wheel_torque=batch.max_wheel_torque,
+        commands=done.commands,
+        task=named,
     )
 
 

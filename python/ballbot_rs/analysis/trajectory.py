@@ -14,6 +14,7 @@ from ballbot_rs._extras import require
 from ballbot_rs.analysis import columns, exports
 from ballbot_rs.analysis import metrics as numbers
 from ballbot_rs.analysis.metrics import Metrics
+from ballbot_rs.analysis.pushes import Force, Push
 
 Array = npt.NDArray[np.float64]
 
@@ -46,6 +47,15 @@ class Trajectory:
     setpoints: Mapping[str, Array]
     #: The ground; None is level.
     terrain: Terrain | None = None
+    #: Impulses and forces on the body that were asked for; those of events are among the draws.
+    pushes: Sequence[Push] = ()
+    forces: Sequence[Force] = ()
+    #: Largest torque of a wheel, N·m; None is unknown.
+    max_wheel_torque: float | None = None
+    #: Command of the task at each row up to a fall, as `Batch.command`, shape (m, k); k is 0 without.
+    commands: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
+    #: Name of the task.
+    task: str = "balance"
 
     def __repr__(self) -> str:
         ending = "upright" if self.fell_at is None else f"fell at {self.fell_at:g} s"
@@ -81,7 +91,7 @@ class Trajectory:
     def columns(self) -> dict[str, Array]:
         """All quantities by names with their units, shape (n,) each, as the files have them.
 
-        Wheels are counted from 1. NaN is where a quantity is missing: estimates after a fall, events not drawn yet.
+        Wheels are 0, 1, 2. NaN is where a quantity is missing: estimates after a fall, events not drawn yet.
         """
         return columns.columns(self)
 
@@ -124,12 +134,16 @@ class Trajectory:
         """
         exports.to_mcap(self, path)
 
-    def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """The figure of tilt, position, torques and loads over time, of matplotlib; written to `path` if there is one.
+    def plot(self, path: str | PathLike[str] | None = None, *, width: float | None = None) -> Any:
+        """The figure of tilt, position, torques, loads and friction over time, of matplotlib.
+
+        Args:
+            path: where it is written, if there is one.
+            width: of the figure, inches, as 3.5 for one column of a paper.
 
         Raises:
             ModuleNotFoundError: matplotlib is not installed.
-            ValueError: another suffix than .svg, .pdf or .png.
+            ValueError: another suffix than .svg, .pdf or .png, or a width out of range.
             OSError: as `to_csv`.
         """
         with require("a figure", "plot"):
@@ -137,7 +151,7 @@ class Trajectory:
         file = None if path is None else Path(path)
         if file is not None and file.suffix not in (".svg", ".pdf", ".png"):
             raise ValueError(f"{file}: the name of a figure ends in .svg, .pdf or .png")
-        drawn = trajectories.draw([self])
+        drawn = trajectories.draw([self], width)
         if file is not None:
             style.save(drawn, file)
         return drawn

@@ -7,11 +7,11 @@ import os
 import platform
 import re
 import textwrap
-from pathlib import Path
 from typing import Any
 
 from ballbot_rs import __version__
 from ballbot_rs._core import MODELS, ROBOTS, TASKS
+from ballbot_rs._machine import cpuinfo, processor, threads
 from ballbot_rs._text_table import WIDTH
 from ballbot_rs.control.resolve import NAMES
 
@@ -53,24 +53,16 @@ def collect() -> dict[str, Any]:
         "python": f"{platform.python_implementation()} {platform.python_version()}",
         "system": f"{platform.system()} {platform.release()}",
         "machine": platform.machine(),
-        "processor": _processor(),
+        "processor": processor(),
         "processor_features": _features(),
         "processors": os.cpu_count(),
-        "threads": _threads(),
+        "threads": threads(),
         "models": list(MODELS),
         "robots": list(ROBOTS),
         "tasks": sorted(TASKS),
         "controllers": list(NAMES),
         "libraries": {name: _version(name) for name in LIBRARIES},
     }
-
-
-def _threads() -> int | None:
-    """How many threads this process may run at once."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:
-        return os.cpu_count()
 
 
 def _version(name: str) -> str | None:
@@ -80,19 +72,7 @@ def _version(name: str) -> str | None:
         return None
 
 
-def _cpuinfo() -> str:
-    try:
-        return Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""
-
-
-def _processor() -> str:
-    named = re.search(r"^model name\s*:\s*(.+)$", _cpuinfo(), flags=re.MULTILINE)
-    return named[1] if named else platform.processor() or "unknown"
-
-
 def _features() -> list[str]:
-    listed = re.search(r"^(?:flags|Features)\s*:\s*(.+)$", _cpuinfo(), flags=re.MULTILINE)
+    listed = re.search(r"^(?:flags|Features)\s*:\s*(.+)$", cpuinfo(), flags=re.MULTILINE)
     present = set(listed[1].split()) if listed else set()
     return [feature for feature in FEATURES if feature in present]

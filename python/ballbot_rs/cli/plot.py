@@ -1,19 +1,25 @@
 """`ballbot plot`: figures of controllers, policies and training runs."""
 
 import argparse
-import dataclasses
+import functools
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ballbot_rs._extras import require
 from ballbot_rs.cli import scenario
-from ballbot_rs.cli.numbers import MAX_SEED
+from ballbot_rs.cli.numbers import MAX_SEED, real
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.control.resolve import NAMES, TRAINED, common_options, common_task, options_of
+from ballbot_rs.control.resolve import NAMES, TRAINED
 
 FIGURES = ("trajectories", "estimates", "phase_portrait", "recovery_map", "learning_curve")
+
+#: Kinds of files with the numbers of a figure.
+DATA_FORMATS = ("csv", "npz")
+#: mm in an inch, and the narrowest and widest figure, inches.
+MM, WIDTHS = 25.4, (2.0, 40.0)
 
 
 def add_to(commands: Any) -> None:
@@ -29,6 +35,19 @@ def add_to(commands: Any) -> None:
         "--figure", action="append", choices=FIGURES, help="which figure; repeat for several (default all that apply)"
     )
     command.add_argument("--format", choices=("svg", "pdf"), default="svg", help="beside PNG (default svg)")
+    command.add_argument(
+        "--width",
+        type=real(MM * WIDTHS[0], MM * WIDTHS[1]),
+        metavar="MM",
+        help="of the figures in mm, as 89 for one column of a paper (default: as their panels need)",
+    )
+    command.add_argument(
+        "--data",
+        nargs="?",
+        choices=DATA_FORMATS,
+        const="csv",
+        help="also the numbers of each figure, a file a controller (default csv)",
+    )
     scenario.add_scenario(command, seconds=4.0)
     scenario.add_verbosity(command, "the files")
     command.set_defaults(carry_out=run)
@@ -37,6 +56,7 @@ def add_to(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     with require("a figure", "plot"):
+        from ballbot_rs.media.figures.data import write as write_table
         from ballbot_rs.media.figures.style import save
     arguments.controller = arguments.controller or ["lqr"]
     output = arguments.output or Path("figures")
@@ -50,40 +70,57 @@ def run(arguments: argparse.Namespace) -> None:
     if "estimates" in wanted and not measured:
         raise ValueError("estimates are of tasks that observe sensors: add --set observation=sensors")
     files = []
-    for name, fig in _draw(wanted, arguments, runs):
+    for drawn in _draw(wanted, arguments, runs):
         for suffix in (arguments.format, "png"):
-            path = output / f"{name}.{suffix}"
-            save(fig, path)
+            path = output / f"{drawn.name}.{suffix}"
+            save(drawn.figure, path)
             files.append(str(path))
+        for path, table in _tables(drawn, output, arguments.data) if arguments.data else ():
+            if str(path) not in files:
+                write_table(table, path)
+                files.append(str(path))
     print(json.dumps({"files": files}, indent=2) if arguments.json else "\n".join(f"wrote {file}" for file in files))
 
 
-def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[str]) -> list[tuple[str, Any]]:
+class _Drawn(NamedTuple):
+    """A figure, what its file is called, and its numbers."""
+
+    name: str
+    figure: Any
+    #: What the files of its numbers begin with.
+    data_name: str
+    #: A controller or run each.
+    owners: Sequence[str]
+    tables: Sequence[Callable[[], dict[str, Any]]]
+
+
+def _tables(drawn: _Drawn, output: Path, suffix: str) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Files and their tables; owners that would share a file are counted."""
+    names = [re.sub(r"[^A-Za-z0-9._-]+", "_", owner) for owner in drawn.owners]
+    for i, (name, table) in enumerate(zip(names, drawn.tables, strict=True)):
+        again = f"-{names[:i].count(name) + 1}" if name in names[:i] else ""
+        yield output / f"{drawn.data_name}-{name}{again}.{suffix}", table()
+
+
+def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[str]) -> list[_Drawn]:
     from ballbot_rs.analysis import recovery_map as recovery
     from ballbot_rs.media.figures import estimates, learning_curve, phase_portrait, recovery_map, trajectories
+    from ballbot_rs.media.figures.data import of_curve, of_recovery
+    from ballbot_rs.media.figures.labels import short
     from ballbot_rs.training.curve import read
 
     quiet = arguments.quiet or arguments.json
-    chosen = scenario.scenario(arguments)
-    drawn = []
-    # All on the same robot: the policies' own, else the default.
-    found = scenario.controllers(arguments)
-    chosen = dataclasses.replace(chosen, task=common_task(found, chosen.task))
-    shared = common_options(found, chosen.env_options)
-    found = [
-        dataclasses.replace(controller, env_options=options_of(controller, shared, chosen.env_options))
-        for controller in found
-    ]
-    if "events" in chosen.env_options:
-        chosen = dataclasses.replace(chosen, env_options={**chosen.env_options, "events": shared["events"]})
+    chosen, found = scenario.on_one_robot(arguments)
+    drawn: list[_Drawn] = []
+    inches = None if arguments.width is None else arguments.width / MM
     if {"trajectories", "estimates", "phase_portrait"} & set(wanted):
         moving = [chosen.of(controller) for controller in found]
-        if "trajectories" in wanted:
-            drawn.append(("trajectories", trajectories.draw(moving)))
-        if "estimates" in wanted:
-            drawn.append(("estimates", estimates.draw(moving)))
-        if "phase_portrait" in wanted:
-            drawn.append(("phase_portrait", phase_portrait.draw(moving)))
+        owners, tables = [short(one.controller) for one in moving], [one.columns for one in moving]
+        drawers = {"trajectories": trajectories, "estimates": estimates, "phase_portrait": phase_portrait}
+        for name, drawer in drawers.items():
+            if name in wanted:
+                # Their numbers are the same.
+                drawn.append(_Drawn(name, drawer.draw(moving, inches), "trajectory", owners, tables))
     if "recovery_map" in wanted:
         maps = []
         for controller in found:
@@ -91,7 +128,12 @@ def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[s
                 maps.append(
                     recovery.collect(controller, task=chosen.task, env_options=chosen.env_options, progress=progress)
                 )
-        drawn.append(("recovery_map", recovery_map.draw(maps)))
+        tables = [functools.partial(of_recovery, one) for one in maps]
+        owners = [short(one.controller) for one in maps]
+        drawn.append(_Drawn("recovery_map", recovery_map.draw(maps, inches), "recovery_map", owners, tables))
     if "learning_curve" in wanted:
-        drawn.append(("learning_curve", learning_curve.draw([read(Path(name)) for name in runs])))
+        curves = [read(Path(name)) for name in runs]
+        tables = [functools.partial(of_curve, one) for one in curves]
+        owners = [one.folder.resolve().name for one in curves]
+        drawn.append(_Drawn("learning_curve", learning_curve.draw(curves, inches), "learning_curve", owners, tables))
     return drawn

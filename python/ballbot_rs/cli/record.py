@@ -1,26 +1,32 @@
-"""`ballbot record`: a video of a robot under a controller, and a picture of it."""
+"""`ballbot record`: a video of robots under controllers, and a picture of them."""
 
 import argparse
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._core import Renderer
+from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SECONDS, MAX_SEED, real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import TRAINED
-from ballbot_rs.media.video import FRAME_RATES, check_suffix, picture, renderer_for, write_picture, write_video
+from ballbot_rs.media.video import FRAME_RATES, check_suffix, renderer_for, side_by_side, write_picture, write_video
+
+#: Color samples a pixel of a picture, which takes its time once.
+STILL_SAMPLES = 4
 
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("record", help="record a video of a controller or policy")
     scenario.add_task(command)
-    scenario.add_controller(command)
+    scenario.add_controller(command, several=True)
     scenario.add_robot(command)
     scenario.add_events(command, TRAINED)
     scenario.add_urdf(command)
@@ -36,15 +42,23 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("--no-video", action="store_true", help="the picture alone; needs --still")
     command.add_argument("--forces", action="store_true", help="show the forces at the contacts as arrows")
+    command.add_argument("--no-caption", action="store_true", help="no controller, time and tilt in the corner")
+    command.add_argument(
+        "--schematic", action="store_true", help="plain shapes in place of meshes, which take three times as long"
+    )
     command.add_argument(
         "--size",
         type=whole(1, 8192),
         nargs=2,
         metavar=("WIDTH", "HEIGHT"),
         default=(640, 480),
-        help="in pixels (default 640 480)",
+        help="of the picture of each robot in pixels (default 640 480)",
     )
-    command.add_argument("--samples", type=whole(1, 4), default=4, help="color samples a pixel: 1, 2 or 4 (default 4)")
+    command.add_argument(
+        "--samples",
+        type=whole(1, 4),
+        help="color samples a pixel: 1 with blended edges, 2 or 4 (default 1, of a picture 4)",
+    )
     command.add_argument("--frame-rate", type=real(*FRAME_RATES), default=50.0, help="frames a second (default 50)")
     command.add_argument("--camera", type=real(), nargs=2, metavar=("AZIMUTH", "ELEVATION"), help="direction in rad")
     command.add_argument("--distance", type=real(0.01, 1000.0), help="of the camera, m")
@@ -57,52 +71,86 @@ def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     if arguments.no_video and arguments.still is None:
         raise ValueError("--no-video leaves nothing to write: ask for a picture with --still")
-    out = arguments.output or Path(f"{Path(arguments.controller).stem}.mp4")
+    arguments.controller = arguments.controller or ["lqr"]
+    out = arguments.output or Path(f"{'-'.join(Path(name).stem for name in arguments.controller)}.mp4")
     check_suffix(out)
-    camera = {} if arguments.camera is None else dict(zip(("azimuth", "elevation"), arguments.camera, strict=True))
-    if arguments.distance is not None:
-        camera["distance"] = arguments.distance
-    trajectory = scenario.scenario(arguments).of(scenario.controllers(arguments)[0])
-    width, height = arguments.size
-    renderer = renderer_for(
-        trajectory,
-        width=width,
-        height=height,
-        samples=arguments.samples,
-        camera=camera or None,
-        urdf=arguments.urdf and tuple(arguments.urdf),
-    )
-    report: dict[str, Any] = {
-        "controller": trajectory.controller,
-        "model": trajectory.model,
-        "seconds": float(trajectory.times[-1]),
-        "fell_at": trajectory.fell_at,
-        "draws": {term: _last(rows) for term, rows in trajectory.draws.items()},
-    }
+    shown = scenario.trajectories(arguments)
+    caption = not arguments.no_caption
+    described = [_described(one) for one in shown]
+    # Of one robot its own record, of several those of all, from left to right.
+    report: dict[str, Any] = described[0] if len(shown) == 1 else {"shown": described}
     if arguments.still is not None:
-        time = trajectory.times[trajectory.of_states("tilt").argmax()] if arguments.still is True else arguments.still
+        time = _moment(shown) if arguments.still is True else arguments.still
+        samples = arguments.samples or STILL_SAMPLES
+        renderers = [_renderer(one, arguments, samples) for one in shown]
+        taken = side_by_side(shown, renderers, float(time), arguments.forces, caption, smooth=samples == 1)
         report["still"] = str(out.with_suffix(".png"))
-        write_picture(picture(trajectory, renderer, float(time), arguments.forces), out.with_suffix(".png"))
+        write_picture(taken, out.with_suffix(".png"))
     if not arguments.no_video:
+        samples = arguments.samples or 1
+        renderers = [_renderer(one, arguments, samples) for one in shown]
         with bar(f"rendering {out.name}", arguments.quiet or arguments.json) as progress:
             report["frames"] = write_video(
-                trajectory,
+                shown,
                 out,
-                renderer=renderer,
+                renderer=renderers,
                 frame_rate=arguments.frame_rate,
                 forces=arguments.forces,
+                caption=caption,
+                smooth=samples == 1,
                 progress=progress,
             )
         report["video"] = str(out)
     if arguments.json:
         print(json.dumps(report, indent=2))
         return
-    seconds = report["seconds"]
-    ending = f"upright for {seconds:.2f} s" if trajectory.fell_at is None else f"fell at {trajectory.fell_at:.2f} s"
-    print(f"{trajectory.controller} on {trajectory.model}: {ending}")
+    for one in shown:
+        ending = f"upright for {one.times[-1]:.2f} s" if one.fell_at is None else f"fell at {one.fell_at:.2f} s"
+        print(f"{one.controller} on {one.model}: {ending}")
     for kind in ("video", "still"):
         if kind in report:
             print(f"wrote {report[kind]}")
+
+
+def _renderer(trajectory: Trajectory, arguments: argparse.Namespace, samples: int) -> Renderer:
+    camera = {} if arguments.camera is None else dict(zip(("azimuth", "elevation"), arguments.camera, strict=True))
+    if arguments.distance is not None:
+        camera["distance"] = arguments.distance
+    width, height = arguments.size
+    return renderer_for(
+        trajectory,
+        schematic=arguments.schematic,
+        width=width,
+        height=height,
+        samples=samples,
+        camera=camera or None,
+        urdf=arguments.urdf and tuple(arguments.urdf),
+    )
+
+
+def _described(trajectory: Trajectory) -> dict[str, Any]:
+    return {
+        "controller": trajectory.controller,
+        "model": trajectory.model,
+        "seconds": float(trajectory.times[-1]),
+        "fell_at": trajectory.fell_at,
+        "draws": {term: _last(rows) for term, rows in trajectory.draws.items()},
+    }
+
+
+def _moment(shown: Sequence[Trajectory]) -> float:
+    """The time of the largest tilt of any robot: after the push if there is one, else after the first step.
+
+    At the start itself no forces are known yet.
+    """
+    latest = 0.0
+    largest = -1.0
+    for one in shown:
+        after = max((push.time for push in one.pushes), default=0.0)
+        tilts = np.where(one.times > after, one.of_states("tilt"), -1.0)
+        if tilts.max() > largest:
+            largest, latest = float(tilts.max()), float(one.times[tilts.argmax()])
+    return latest
 
 
 def _last(rows: npt.NDArray[np.float64]) -> Any:

@@ -26,7 +26,7 @@ from ballbot_rs.analysis.simulate import run
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.cli import settings
 from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
-from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, common_options, find
+from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, common_options, common_task, find, options_of
 from ballbot_rs.envs.registration import DEFAULT_TASK
 
 #: Largest file of parameters, bytes.
@@ -276,3 +276,24 @@ def scenario(arguments: argparse.Namespace) -> Scenario:
         arguments.task,
         getattr(arguments, "seed", 0),
     )
+
+
+def on_one_robot(arguments: argparse.Namespace) -> tuple[Scenario, list[ResolvedController]]:
+    """The scenario and its controllers, all on the same task and robot: the policies' own, else the default."""
+    chosen = scenario(arguments)
+    found = controllers(arguments)
+    chosen = dataclasses.replace(chosen, task=common_task(found, chosen.task))
+    shared = common_options(found, chosen.env_options)
+    found = [
+        dataclasses.replace(controller, env_options=options_of(controller, shared, chosen.env_options))
+        for controller in found
+    ]
+    if "events" in chosen.env_options:
+        chosen = dataclasses.replace(chosen, env_options={**chosen.env_options, "events": shared["events"]})
+    return chosen, found
+
+
+def trajectories(arguments: argparse.Namespace) -> list[Trajectory]:
+    """Those of all controllers of the command line."""
+    chosen, found = on_one_robot(arguments)
+    return [chosen.of(controller) for controller in found]

@@ -14,6 +14,9 @@ Frames = npt.NDArray[np.uint8]
 #: Gymnasium makes "human" and "rgb_array_list" of it.
 RENDER_MODES: Final = ("rgb_array",)
 
+#: Parameters that a robot and the URDFs that show it must have in common.
+GEOMETRY: Final = ("ball_radius", "wheel_radius", "wheel_zeniths", "wheel_azimuths")
+
 
 class Rendered:
     """A render mode and a renderer, which a copy or an unpickled environment makes anew at its first frame."""
@@ -62,7 +65,7 @@ class Rendered:
 
 
 def _check_geometry(params: Params, shown: Params) -> None:
-    for name in ("ball_radius", "wheel_radius", "wheel_zeniths", "wheel_azimuths"):
+    for name in GEOMETRY:
         ours, theirs = getattr(params, name), getattr(shown, name)
         if not np.allclose(ours, theirs, rtol=1e-3):
             raise ValueError(f"the URDFs to be shown are of another robot: {name} = {theirs}, simulated is {ours}")

@@ -26,8 +26,8 @@ MAX_LOG_FILE: Final = 1 << 30
 #: Columns of a file by field of `SensorLog`.
 COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
     "time": ("time",),
-    "torques": ("torque_1", "torque_2", "torque_3"),
-    "wheel_angles": ("wheel_angle_1", "wheel_angle_2", "wheel_angle_3"),
+    "torques": ("torque_0", "torque_1", "torque_2"),
+    "wheel_angles": ("wheel_angle_0", "wheel_angle_1", "wheel_angle_2"),
     "gyro": ("gyro_x", "gyro_y", "gyro_z"),
     "accelerations": ("acc_x", "acc_y", "acc_z"),
 }
@@ -53,8 +53,8 @@ class SensorLog:
 
     Args:
         time: s, increasing, shape (n,).
-        torques: of wheels 1 to 3 as commanded, N·m, shape (n, 3).
-        wheel_angles: of wheels 1 to 3 relative to the body, not wrapped, rad, shape (n, 3).
+        torques: of wheels 0 to 2 as commanded, N·m, shape (n, 3).
+        wheel_angles: of wheels 0 to 2 relative to the body, not wrapped, rad, shape (n, 3).
         gyro: angular velocity of the body, body frame, rad/s, shape (n, 3).
         accelerations: specific force at the IMU, body frame, m/s², shape (n, 3): the change of velocity since the row
             before, divided by the time between them, less gravity. At rest upright it is (0, 0, 9.81). None: not
@@ -97,7 +97,7 @@ class SensorLog:
     def read(cls, path: str | PathLike[str]) -> "SensorLog":
         """A log from a CSV file with a header, or from an npz file with one array a column; other columns are ignored.
 
-        Columns: `time` (s), `torque_1` to `torque_3` (N·m), `wheel_angle_1` to `wheel_angle_3` (rad), `gyro_x`,
+        Columns: `time` (s), `torque_0` to `torque_2` (N·m), `wheel_angle_0` to `wheel_angle_2` (rad), `gyro_x`,
             `gyro_y`, `gyro_z`
         (rad/s), and optionally `acc_x`, `acc_y`, `acc_z` (m/s²).
 

@@ -1,18 +1,22 @@
 """Pictures, videos and animations of a trajectory. Videos need moviepy, which brings ffmpeg along."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ballbot_rs import _files
-from ballbot_rs._core import Renderer
+from ballbot_rs import _assets, _files
+from ballbot_rs._core import Params, Renderer
 from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.analysis.trajectory import Trajectory
-from ballbot_rs.envs._render import Frames
+from ballbot_rs.envs._render import GEOMETRY, Frames
+from ballbot_rs.media.arrows import arrows
+from ballbot_rs.media.caption import lines
+from ballbot_rs.media.caption import write as write_caption
+from ballbot_rs.media.smoothing import smooth as smooth_edges
 
 #: Lowest and highest number of frames a second.
 FRAME_RATES = (1.0, 240.0)
@@ -21,83 +25,149 @@ FRAME_RATES = (1.0, 240.0)
 SUFFIXES = (".mp4", ".webp")
 
 
-def renderer_for(trajectory: Trajectory, **options: Any) -> Renderer:
-    """What takes the pictures; `options` as those of `Renderer`, which has 4 samples a pixel unless told."""
-    robot = {} if options.get("urdf") else {"params": trajectory.params}
-    return Renderer(**{**robot, "samples": 4, "terrain": trajectory.terrain, **options})
+def renderer_for(trajectory: Trajectory, *, schematic: bool = False, **options: Any) -> Renderer:
+    """What takes the pictures.
+
+    Args:
+        trajectory: what is shown.
+        schematic: plain shapes from the parameters, which take a third of the time of meshes. Otherwise a robot with
+            the geometry of `assets/bot.urdf` is shown with the meshes of that file.
+        options: as those of `Renderer`.
+    """
+    given = {"terrain": trajectory.terrain, **options}
+    if given.get("urdf") is None:
+        given.pop("urdf", None)
+        if not schematic and _has_meshes(trajectory.params):
+            given["urdf"] = (_assets.path("bot.urdf"), _assets.path("ball.urdf"))
+        else:
+            given["params"] = trajectory.params
+    return Renderer(**given)
 
 
-def picture(trajectory: Trajectory, renderer: Renderer, time: float, forces: bool = False) -> Frames:
+def _has_meshes(params: Params) -> bool:
+    """Whether the meshes that come with the package are those of a robot."""
+    paper = Params.paper()
+    return all(np.allclose(getattr(params, name), getattr(paper, name), rtol=1e-3) for name in GEOMETRY)
+
+
+def picture(
+    trajectory: Trajectory,
+    renderer: Renderer,
+    time: float,
+    forces: bool = False,
+    caption: bool = True,
+    smooth: bool = True,
+) -> Frames:
     """The robot at the row nearest to a time.
+
+    Args:
+        trajectory: what is shown.
+        renderer: takes the picture.
+        time: s.
+        forces: whether arrows show the forces at the contacts.
+        caption: whether the picture has its caption; pushes and commands are shown in any case.
+        smooth: whether edges are blended, for renderers with one sample a pixel.
 
     Raises:
         ValueError: a time outside the trajectory.
+        ModuleNotFoundError: Pillow, which a caption needs, is not installed.
     """
-    end = trajectory.times[-1]
+    _check_time(time, float(trajectory.times[-1]))
+    row = int(np.abs(trajectory.times - time).argmin())
+    contacts = trajectory.contacts[row] if forces else None
+    frame = renderer.render(trajectory.states[row], contacts, arrows(trajectory, row))
+    if smooth:
+        frame = smooth_edges(frame)
+    return write_caption(frame, lines(trajectory, row)) if caption else frame
+
+
+def side_by_side(
+    shown: Sequence[Trajectory],
+    renderers: Sequence[Renderer],
+    time: float,
+    forces: bool = False,
+    caption: bool = True,
+    smooth: bool = True,
+) -> Frames:
+    """Pictures of several trajectories at one time, from left to right; one that ended before stays at its end.
+
+    Raises:
+        ValueError: a time outside all trajectories.
+    """
+    _check_time(time, _end(shown))
+    pictures = (
+        picture(one, renderer, min(time, float(one.times[-1])), forces, caption, smooth)
+        for one, renderer in zip(shown, renderers, strict=True)
+    )
+    return np.concatenate(list(pictures), axis=1)
+
+
+def _check_time(time: float, end: float) -> None:
     if not 0.0 <= time <= end + 1e-9:
         raise ValueError(f"there is no picture at {time} s: the trajectory is from 0 to {end:.2f} s")
-    row = int(np.abs(trajectory.times - time).argmin())
-    return renderer.render(trajectory.states[row], trajectory.contacts[row] if forces else None)
 
 
-def frames(trajectory: Trajectory, renderer: Renderer, frame_rate: float, forces: bool = False) -> Iterator[Frames]:
-    """Pictures at a rate, from the start to the end."""
-    for i in range(frame_count(trajectory, frame_rate)):
-        yield picture(trajectory, renderer, min(i / frame_rate, trajectory.times[-1]), forces)
-
-
-def frame_count(trajectory: Trajectory, frame_rate: float) -> int:
+def frame_count(shown: Trajectory | Sequence[Trajectory], frame_rate: float) -> int:
     """How many pictures a video has: as many as show each moment for its time."""
-    return max(round(float(trajectory.times[-1]) * frame_rate), 1)
+    return max(round(_end(_several(shown)) * frame_rate), 1)
 
 
 def write_video(
-    trajectory: Trajectory,
+    trajectory: Trajectory | Sequence[Trajectory],
     path: Path,
     *,
-    renderer: Renderer | None = None,
+    renderer: Renderer | Sequence[Renderer] | None = None,
     frame_rate: float = 50.0,
     forces: bool = False,
+    caption: bool = True,
+    smooth: bool = True,
     progress: Progress = no_progress,
 ) -> int:
     """Writes a video (mp4, H.264) or an animation (WebP) that plays in real time; returns the number of its frames.
 
+    Pushes are shown as arrows, and so is what the task commands.
+
     Args:
-        trajectory: what is shown.
+        trajectory: what is shown; several side by side.
         path: the file; its name ends in .mp4 or .webp.
-        renderer: takes the pictures; width and height must be even for a video.
+        renderer: takes the pictures, one for each trajectory; width and height must be even for a video.
         frame_rate: frames a second.
         forces: whether arrows show the forces at the contacts.
+        caption: whether pictures have controller, model, time and tilt in their corner.
+        smooth: as of `picture`.
         progress: told how many frames of how many are done.
 
     Raises:
-        ModuleNotFoundError: moviepy, or Pillow for an animation, is not installed.
-        ValueError: another suffix, an odd size, or a frame rate out of range.
+        ModuleNotFoundError: moviepy, or Pillow for an animation or a caption, is not installed.
+        ValueError: no trajectory, another suffix, an odd size, a frame rate out of range, or as many renderers as
+            there are no trajectories.
         OSError: the video cannot be encoded or written; an earlier file stays as it is.
     """
-    renderer = renderer or renderer_for(trajectory)
     check_suffix(path)
     lowest, highest = FRAME_RATES
     if not lowest <= frame_rate <= highest:
         raise ValueError(f"frame_rate = {frame_rate} is out of range: it must be from {lowest:g} to {highest:g}")
-    total = frame_count(trajectory, frame_rate)
+    shown = _several(trajectory)
+    renderers = _renderers(shown, renderer)
+    total = frame_count(shown, frame_rate)
+    times = (min(i / frame_rate, _end(shown)) for i in range(total))
+    frames = (side_by_side(shown, renderers, time, forces, caption, smooth) for time in times)
     if path.suffix == ".webp":
-        shown = frames(trajectory, renderer, frame_rate, forces)
-        _write_animation([_counted(frame, i, total, progress) for i, frame in enumerate(shown, 1)], path, frame_rate)
+        _write_animation([_counted(frame, i, total, progress) for i, frame in enumerate(frames, 1)], path, frame_rate)
         return total
-    if renderer.width % 2 or renderer.height % 2:
-        raise ValueError(f"a video of {renderer.width}x{renderer.height} pixels: width and height must be even")
+    width, height = sum(one.width for one in renderers), renderers[0].height
+    if width % 2 or height % 2:
+        raise ValueError(f"a video of {width}x{height} pixels: width and height must be even")
     with require("a video", "video"):
         from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
     # Only colors at half the resolution play in every browser.
-    size = (renderer.width, renderer.height)
     options = {"pixel_format": "yuv420p", "preset": "medium"}
     with (
         _files.replacing(path) as beside,
-        FFMPEG_VideoWriter(str(beside), size, frame_rate, "libx264", **options) as writer,
+        FFMPEG_VideoWriter(str(beside), (width, height), frame_rate, "libx264", **options) as writer,
     ):
         try:
-            for done, frame in enumerate(frames(trajectory, renderer, frame_rate, forces), 1):
+            for done, frame in enumerate(frames, 1):
                 writer.write_frame(frame)
                 progress(done, total)
         except OSError as error:
@@ -107,6 +177,28 @@ def write_video(
         if writer.proc.returncode != 0:
             raise _failure(said.decode("utf-8", "replace"))
     return total
+
+
+def _several(shown: Trajectory | Sequence[Trajectory]) -> Sequence[Trajectory]:
+    several = [shown] if isinstance(shown, Trajectory) else shown
+    if not several:
+        raise ValueError("a video shows at least one trajectory")
+    return several
+
+
+def _renderers(shown: Sequence[Trajectory], given: Renderer | Sequence[Renderer] | None) -> Sequence[Renderer]:
+    if given is None:
+        return [renderer_for(one) for one in shown]
+    renderers = [given] if isinstance(given, Renderer) else given
+    if len(renderers) != len(shown):
+        raise ValueError(f"there are {len(renderers)} renderers for {len(shown)} trajectories: give one for each")
+    if len({one.height for one in renderers}) > 1:
+        raise ValueError("pictures side by side have one height")
+    return renderers
+
+
+def _end(shown: Sequence[Trajectory]) -> float:
+    return max(float(one.times[-1]) for one in shown)
 
 
 def check_suffix(path: Path) -> None:

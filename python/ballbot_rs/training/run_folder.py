@@ -4,6 +4,7 @@ import dataclasses
 import io
 import json
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,7 @@ class Evaluations:
 
 
 def read_record(folder: Path) -> dict[str, Any]:
-    """The record of a run: its seed, and the versions that it was made with.
+    """The record of a run: its seed, where it comes from, and the versions that it was made with.
 
     Raises:
         FileNotFoundError: the folder holds no run.
@@ -79,6 +80,15 @@ def read_record(folder: Path) -> dict[str, Any]:
     if not isinstance(record, dict) or not isinstance(record.get("seed"), int):
         raise ValueError(f"{path} is damaged: it must have the run's seed, a whole number")
     return record
+
+
+def write_record(folder: Path, record: Mapping[str, Any]) -> None:
+    """Writes the record of a run.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    _files.write(folder / RECORD, json.dumps(record, indent=2) + "\n")
 
 
 def read_evaluations(folder: Path) -> Evaluations | None:

@@ -1,8 +1,8 @@
 """A training run, from a configuration to a folder with the best policy in it."""
 
-import json
 import platform
 import shutil
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from ballbot_rs.training import run_folder, teacher
 from ballbot_rs.training.callbacks import Checkpoints, KeepBest
 from ballbot_rs.training.checkpoint import restore_newest
 from ballbot_rs.training.config import TrainConfig
+from ballbot_rs.training.origin import now, origin
 from ballbot_rs.training.scaled_rewards import ScaledRewards
 
 #: Seeds of environments: each run has its own range, evaluations have its end, and `compare` stays below all of them.
@@ -242,6 +243,7 @@ def _learn(
     model: BaseAlgorithm, config: TrainConfig, folder: Path, keep_best: KeepBest, timesteps: int, progress_bar: bool
 ) -> Path:
     checkpoints = Checkpoints(folder, _every(config))
+    started = time.perf_counter()
     if timesteps > 0:
         try:
             model.learn(
@@ -250,6 +252,7 @@ def _learn(
         finally:
             # Whatever ended it, the run can be resumed from here.
             checkpoints.keep(model)
+            _add_time(folder, model.num_timesteps, time.perf_counter() - started)
     # The last policy is often the best one.
     keep_best.evaluate(model)
     sb3_policy.write(model, folder / run_folder.FINAL)
@@ -266,5 +269,14 @@ def _write_record(folder: Path, seed: int) -> None:
             "torch": str(torch.__version__),
             "python": platform.python_version(),
         },
+        **origin(),
     }
-    _files.write(folder / run_folder.RECORD, json.dumps(record, indent=2) + "\n")
+    run_folder.write_record(folder, record)
+
+
+def _add_time(folder: Path, timesteps: int, seconds: float) -> None:
+    """Notes when learning ended, after how many steps, and how long it took; a resumed run adds to the time."""
+    record = run_folder.read_record(folder)
+    before = record.get("seconds", 0.0)
+    taken = (before if isinstance(before, float) else 0.0) + seconds
+    run_folder.write_record(folder, {**record, "finished": now(), "timesteps": timesteps, "seconds": taken})

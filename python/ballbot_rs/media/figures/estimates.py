@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ballbot_rs.analysis.trajectory import Trajectory
-from ballbot_rs.media.figures.labels import short
-from ballbot_rs.media.figures.style import COLORS, figure
+from ballbot_rs.media.figures.labels import title
+from ballbot_rs.media.figures.marks import mark_events
+from ballbot_rs.media.figures.style import COLORS, beside, columns
 
 #: From top to bottom: label, attribute of the state, factor of its unit.
 QUANTITIES = (
@@ -19,32 +20,36 @@ QUANTITIES = (
 #: The same for the distance of estimate and true state.
 ERRORS = (
     ("tilt error (deg)", "tilt_components", np.degrees(1.0)),
-    ("position error (m)", "ball_position", 1.0),
+    ("position error (mm)", "ball_position", 1e3),
 )
 
 
-def draw(trajectories: Sequence[Trajectory]) -> Figure:
+def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figure:
     """A column a controller, a row a quantity; up to a fall.
 
+    Args:
+        trajectories: what is shown.
+        width: of the figure, inches; None is as wide as its columns need.
+
     Raises:
-        ValueError: a trajectory without estimates.
+        ValueError: a trajectory without estimates, or a width out of range or too narrow for so many controllers.
     """
     for trajectory in trajectories:
         if not trajectory.estimates:
             raise ValueError(
                 f"the trajectory of {trajectory.controller} has no estimates: its task observes no sensors"
             )
-    fig = figure(max(3.3 * len(trajectories), 5.0), 8.4)
     rows = len(QUANTITIES) + len(ERRORS)
-    axes = fig.subplots(rows, len(trajectories), sharex=True, sharey="row", squeeze=False)
+    fig, axes, each = columns(rows, len(trajectories), width)
     for column, trajectory in zip(axes.T, trajectories, strict=True):
         _draw_column(column, trajectory)
+        column[0].set_title(title(trajectory.controller, trajectory.model, each), pad=16)
     for ax, (label, _, _) in zip(axes[:, 0], (*QUANTITIES, *ERRORS), strict=True):
         ax.set_ylabel(label)
     for ax in axes[len(QUANTITIES) :, 0]:
         ax.set_ylim(bottom=0.0)
     for ax in axes[: len(QUANTITIES), -1]:
-        ax.legend(loc="best", ncols=2, handlelength=1.6, columnspacing=0.9, borderaxespad=0.1)
+        beside(ax)
     fig.align_ylabels(axes[:, 0])
     return fig
 
@@ -57,12 +62,14 @@ def errors(trajectory: Trajectory, name: str) -> Any:
 
 def _draw_column(axes: Sequence[Any], trajectory: Trajectory) -> None:
     times = trajectory.times[: len(trajectory.estimates)]
-    axes[0].set_title(f"{short(trajectory.controller)} on {trajectory.model}")
     for ax, (_, name, factor) in zip(axes, QUANTITIES, strict=False):
         true, estimated = trajectory.of_states(name) * factor, trajectory.of_estimates(name) * factor
         for i, axis in enumerate("xy"):
             ax.plot(times, true[: len(times), i], color=COLORS[i], label=f"{axis}, true")
-            ax.plot(times, estimated[:, i], color=COLORS[2 + i], linestyle="--", linewidth=1.0, label="estimated")
+            ax.plot(
+                times, estimated[:, i], color=COLORS[2 + i], linestyle="--", linewidth=1.0, label=f"{axis}, estimated"
+            )
     for ax, (_, name, factor) in zip(axes[len(QUANTITIES) :], ERRORS, strict=True):
         ax.plot(times, errors(trajectory, name) * factor, color=COLORS[0])
+    mark_events(axes, trajectory)
     axes[-1].set_xlabel("time (s)")

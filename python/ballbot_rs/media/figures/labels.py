@@ -1,5 +1,6 @@
 """What figures call controllers."""
 
+import textwrap
 from pathlib import Path
 
 from ballbot_rs.control.resolve import NAMES
@@ -20,6 +21,9 @@ _NAMES = {
     "zero": "no torque",
 }
 
+#: Letters of a title that an inch holds.
+LETTERS = 10
+
 
 def short(controller: str) -> str:
     """A name that fits above a figure: of a run its folder, of a policy its file."""
@@ -27,3 +31,10 @@ def short(controller: str) -> str:
         return _NAMES[controller]
     path = Path(controller)
     return path.resolve().parent.name if path.name in ("best_model.zip", "final_model.zip") else path.name
+
+
+def title(controller: str, model: str, inches: float, *more: str) -> str:
+    """Lines above a panel of a width: controller and model, and more; long names are broken."""
+    letters = max(int(LETTERS * inches), 8)
+    lines = textwrap.wrap(f"{short(controller)} on {model}", letters, break_on_hyphens=True)
+    return "\n".join([*lines, *more])

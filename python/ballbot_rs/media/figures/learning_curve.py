@@ -5,20 +5,26 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from ballbot_rs.media.figures.style import COLORS, figure
+from ballbot_rs.media.figures.style import COLORS, FULL_WIDTH, below, figure
 from ballbot_rs.training.curve import Curve, by_configuration, on_common_steps
 
 
-def draw(curves: Sequence[Curve]) -> Figure:
-    """Left the mean return of an evaluation's episodes, right their share of successes; a color a configuration."""
-    fig = figure(8.0, 3.2)
+def draw(curves: Sequence[Curve], width: float | None = None) -> Figure:
+    """Mean return of an evaluation's episodes, and their share of successes; a color a configuration.
+
+    Args:
+        curves: what is shown.
+        width: of the figure, inches; None is 8. In a narrow one the panels stand one below the other.
+    """
+    wide = 8.0 if width is None else width
+    fig = figure(wide, 0.4 * wide if wide >= FULL_WIDTH else 1.3 * wide)
     draw_on(fig, curves)
     return fig
 
 
 def draw_on(fig: Figure, curves: Sequence[Curve]) -> None:
     """As `draw`, on a figure that is there."""
-    returns, successes = fig.subplots(1, 2)
+    returns, successes = fig.subplots(1, 2) if fig.get_figwidth() >= FULL_WIDTH else fig.subplots(2, 1)
     for group, color in zip(by_configuration(curves), _cycle(), strict=False):
         _draw_group(returns, group, "returns", 1.0, color)
         _draw_group(successes, group, "successes", 100.0, color)
@@ -28,7 +34,7 @@ def draw_on(fig: Figure, curves: Sequence[Curve]) -> None:
     for ax in (returns, successes):
         ax.set_xlabel("environment steps (thousands)")
         ax.set_xlim(left=0)
-    successes.legend(loc="lower right")
+    below(fig, successes.get_legend_handles_labels()[0], 4)
 
 
 def _draw_group(ax: Any, group: Sequence[Curve], name: str, scale: float, color: str) -> None:

@@ -5,27 +5,50 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media.figures.labels import short
-from ballbot_rs.media.figures.style import COLORS, INK, figure
+from ballbot_rs.media.figures.style import COLORS, FULL_WIDTH, INK, below, figure
 
 
-def draw(trajectories: Sequence[Trajectory]) -> Figure:
-    """Both planes of the tilt, side by side; a color a controller."""
-    fig = figure(8.0, 3.8)
-    for i, (ax, axis) in enumerate(zip(fig.subplots(1, 2, sharex=True, sharey=True), "xy", strict=True)):
+def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figure:
+    """Both planes of the tilt, side by side or, in a narrow figure, one below the other; a color a controller.
+
+    Args:
+        trajectories: what is shown.
+        width: of the figure, inches; None is 8.
+    """
+    wide = 8.0 if width is None else width
+    panels = (1, 2) if wide >= FULL_WIDTH else (2, 1)
+    fig = figure(wide, 0.5 * wide + 0.3 if wide >= FULL_WIDTH else 1.6 * wide + 0.5)
+    axes = fig.subplots(*panels, sharex=True, sharey=True)
+    for i, (ax, axis) in enumerate(zip(axes, "xy", strict=True)):
         for trajectory, color in zip(trajectories, _colors(len(trajectories)), strict=True):
             tilts, rates = tilts_and_rates(trajectory, i)
-            label = f"{short(trajectory.controller)} on {trajectory.model}"
-            ax.plot(np.degrees(tilts), np.degrees(rates), color=color, linewidth=1.2, label=label)
+            ax.plot(np.degrees(tilts), np.degrees(rates), color=color, linewidth=1.2)
             ax.plot(np.degrees(tilts[0]), np.degrees(rates[0]), "o", color=color, markersize=4)
+            for push in trajectory.pushes:
+                row = int(np.searchsorted(trajectory.times, push.time))
+                if row < len(tilts):
+                    ax.plot(np.degrees(tilts[row]), np.degrees(rates[row]), "D", color=color, markersize=4)
         ax.plot(0, 0, "+", color=INK, markersize=9)
         ax.set_xlabel(f"tilt about {axis} (deg)")
-        ax.set_title("dots: start, cross: upright" if i else "")
-    fig.axes[0].set_ylabel("tilt rate (deg/s)")
-    fig.axes[0].legend(loc="best")
+    for ax in axes if panels == (2, 1) else axes[:1]:
+        ax.set_ylabel("tilt rate (deg/s)")
+    keys = [
+        Line2D([], [], color=color, label=f"{short(one.controller)} on {one.model}")
+        for one, color in zip(trajectories, _colors(len(trajectories)), strict=True)
+    ]
+    keys.append(_mark("o", "start"))
+    if any(one.pushes for one in trajectories):
+        keys.append(_mark("D", "push"))
+    below(fig, [*keys, _mark("+", "upright")], 4)
     return fig
+
+
+def _mark(marker: str, label: str) -> Line2D:
+    return Line2D([], [], color=INK, marker=marker, linestyle="", markersize=4 if marker != "+" else 9, label=label)
 
 
 def tilts_and_rates(trajectory: Trajectory, axis: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:

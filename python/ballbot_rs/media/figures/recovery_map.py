@@ -8,24 +8,41 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 
 from ballbot_rs.analysis.recovery_map import Recovery
-from ballbot_rs.media.figures.labels import short
-from ballbot_rs.media.figures.style import COLORS, INK, figure
+from ballbot_rs.media.figures.labels import title
+from ballbot_rs.media.figures.style import COLORS, INK, PAPER, below, figure
 
 #: Light is fast; starts that are lost have colors of their own.
 _TIMES = LinearSegmentedColormap.from_list("settling", ["#e3fafc", "#66d9e8", COLORS[0], "#083344"])
 _FELL, _UNSETTLED = COLORS[1], COLORS[3]
 
+#: Least width of a map, inches.
+LEAST_MAP = 2.2
 
-def draw(recoveries: Sequence[Recovery]) -> Figure:
-    """A map a controller; radius is the initial tilt, the angle the direction of the lean, color the settling time."""
-    fig = figure(3.0 * len(recoveries) + 0.8, 3.5)
-    axes = fig.subplots(1, len(recoveries), subplot_kw={"projection": "polar"}, squeeze=False)[0]
+
+def draw(recoveries: Sequence[Recovery], width: float | None = None) -> Figure:
+    """A map a controller; radius is the initial tilt, the angle the direction of the lean, color the settling time.
+
+    Args:
+        recoveries: what is shown.
+        width: of the figure, inches; None is as wide as the maps need. Maps that do not fit stand in rows.
+    """
+    count = len(recoveries)
+    wide = 3.0 * max(count, 2) + 0.8 if width is None else width
+    across = min(max(int((wide - 0.8) // LEAST_MAP), 1), count)
+    down = -(-count // across)
+    fig = figure(wide, down * min((wide - 0.8) / across, 3.0) + 0.9)
+    kind = {"projection": "polar"}
+    axes = fig.subplots(down, across, subplot_kw=kind, squeeze=False).ravel()
+    for ax in axes[count:]:
+        ax.remove()
+    axes = axes[:count]
     longest = max((float(np.nanmax(r.settling_times)) for r in recoveries if r.recovered.any()), default=1.0)
     shown: Any = None
     for ax, recovery in zip(axes, recoveries, strict=True):
-        shown = _draw_map(ax, recovery, longest)
+        shown = _draw_map(ax, recovery, longest, (wide - 0.8) / across)
     bar = fig.colorbar(shown, ax=list(axes), shrink=0.75, pad=0.06)
     bar.set_label("time to stay within 1 deg (s)")
     bar.outline.set_visible(False)
@@ -36,11 +53,11 @@ def draw(recoveries: Sequence[Recovery]) -> Figure:
         Line2D([], [], color=INK, marker="o", fillstyle="none", linestyle="", label="radius: initial tilt"),
         Line2D([], [], color=INK, marker="s", linestyle="", markersize=4, label="wheel"),
     ]
-    fig.legend(handles=keys, loc="outside lower center", ncols=4)
+    below(fig, keys, 4 if across > 1 else 2)
     return fig
 
 
-def _draw_map(ax: Any, recovery: Recovery, longest: float) -> Any:
+def _draw_map(ax: Any, recovery: Recovery, longest: float, inches: float) -> Any:
     rings, sectors = recovery.recovered.shape
     width = recovery.tilts[0] * 2
     radii = np.degrees(np.arange(rings + 1) * width)
@@ -51,14 +68,17 @@ def _draw_map(ax: Any, recovery: Recovery, longest: float) -> Any:
         ax.pcolormesh(edges, radii, np.where(lost, 1.0, np.nan), cmap=_plain(color), rasterized=True)
     shown = ax.pcolormesh(edges, radii, recovery.settling_times, cmap=_TIMES, vmin=0.0, vmax=longest, rasterized=True)
     share = 100 * recovery.recovered.mean()
-    ax.set_title(f"{short(recovery.controller)} on {recovery.model}\n{share:.0f} % of the starts recover", pad=12)
+    starts = f"{share:.0f} % of the starts recover"
+    ax.set_title(title(recovery.controller, recovery.model, inches, starts), pad=12)
     ticks = np.arange(5, radii[-1], 5)
-    ax.set_rgrids(ticks, [f"{tick:g}°" for tick in ticks], angle=90, fontsize=7.5, color=INK)
+    _, names = ax.set_rgrids(ticks, [f"{tick:g}°" for tick in ticks], angle=90, fontsize=7.5, color=INK)
+    for name in names:
+        name.set_path_effects([withStroke(linewidth=2.0, foreground=PAPER)])
     ax.set_thetagrids(np.arange(0, 360, 60), fontsize=8)
     ax.yaxis.grid(True, color=INK, linewidth=0.3, alpha=0.5)
     # Wheels pull along three directions: where they stand explains the shape.
     for azimuth in recovery.wheel_azimuths:
-        ax.plot(azimuth, radii[-1] * 0.97, "s", color=INK, markersize=4, clip_on=False)
+        ax.plot(azimuth, radii[-1] * 0.97, "s", color=INK, markersize=5, markeredgecolor=PAPER, clip_on=False)
     return shown
 
 

@@ -3,6 +3,7 @@
 import io
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 from cycler import cycler
@@ -16,7 +17,7 @@ COLORS: Sequence[str] = ("#0b7285", "#d9480f", "#5f3dc4", "#e0a800", "#868e96", 
 #: One color a model, in every figure.
 MODEL_COLORS = {"planar": "#5f3dc4", "spatial": "#212529", "contact": "#0b7285", "rigid": "#d9480f"}
 
-_STYLE = {
+_STYLE: dict[str, Any] = {
     "axes.axisbelow": True,
     "axes.edgecolor": INK,
     "axes.facecolor": PAPER,
@@ -42,13 +43,61 @@ _STYLE = {
     "xtick.color": INK,
     "ytick.color": INK,
 }
+_NARROW = {"font.size": 8.0, "axes.titlesize": 8.5, "legend.fontsize": 7.5, "lines.linewidth": 1.1}
+
+
+#: Width from which letters have their usual size and panels stand side by side, inches; one column of a paper is less.
+FULL_WIDTH = 5.0
+#: Width of legends at the right, inches, and the least of a column.
+LEGENDS, LEAST_COLUMN = 1.1, 1.5
+#: Narrowest and widest figure, inches.
+WIDTHS = (2.0, 40.0)
 
 
 def figure(width: float = 8.0, height: float = 3.2) -> Figure:
-    """An empty figure of a size in inches, in the project's style."""
+    """An empty figure of a size in inches, in the project's style; a narrow one has smaller letters.
+
+    Raises:
+        ValueError: a width out of range.
+    """
+    lowest, highest = WIDTHS
+    if not lowest <= width <= highest:
+        limits = f"it must be from {25.4 * lowest:.0f} to {25.4 * highest:.0f} mm"
+        raise ValueError(f"a figure of {25.4 * width:g} mm is out of range: {limits}")
     mpl.rcParams.update(_STYLE)
+    if width < FULL_WIDTH:
+        mpl.rcParams.update(_NARROW)
     fig: Figure = Figure(figsize=(width, height))
     return fig
+
+
+def columns(rows: int, count: int, width: float | None) -> tuple[Figure, Any, float]:
+    """A figure of columns with common axes and room for legends at its right; its axes; the width of a column, inches.
+
+    Raises:
+        ValueError: a width out of range, or too narrow for so many columns.
+    """
+    wide = max(3.0 * count, 4.2) + LEGENDS if width is None else width
+    each = (wide - LEGENDS) / count
+    if each < LEAST_COLUMN:
+        least = 25.4 * (LEAST_COLUMN * count + LEGENDS)
+        raise ValueError(
+            f"a width of {25.4 * wide:g} mm is too narrow for {count} controllers: at least {least:.0f} mm"
+        )
+    fig = figure(wide, min(1.7, 0.8 + 0.3 * each) * rows)
+    return fig, fig.subplots(rows, count, sharex=True, sharey="row", squeeze=False), each
+
+
+def beside(ax: Any, **options: Any) -> None:
+    """The legend of an axis to the right of it, where there are no curves."""
+    ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0.0, handlelength=1.4, **options)
+
+
+def below(fig: Figure, handles: Sequence[Any], columns: int) -> None:
+    """A legend of the whole figure below it."""
+    if fig.get_figwidth() < FULL_WIDTH:
+        columns = max(columns // 2, 1)
+    fig.legend(handles=handles, loc="outside lower center", ncols=min(columns, len(handles)), handlelength=1.4)
 
 
 def save(fig: Figure, path: Path, dpi: int = 150) -> None:

@@ -15,7 +15,7 @@ h2 { font-size: 1.15rem; margin: 2rem 0 .5rem; border-bottom: 1px solid #dee2e6;
 img, video { max-width: 100%; height: auto; } video { border-radius: 4px; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .85rem; }
 th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #dee2e6; } th { font-weight: 600; }
-th:first-child, td:first-child { text-align: left; }
+th:first-child, td:first-child, .pairs td { text-align: left; }
 pre { background: #f1f3f5; padding: .8rem; overflow-x: auto; font-size: .85rem; }
 .note { color: #495057; font-size: .9rem; } .wide { overflow-x: auto; }
 """
@@ -52,6 +52,12 @@ def table(rows: Sequence[Sequence[str]]) -> str:
     lines = [f"<tr>{''.join(f'<th>{cell}</th>' for cell in head)}</tr>"]
     lines += [f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in body]
     return '<div class="wide"><table>\n' + "\n".join(lines) + "\n</table></div>"
+
+
+def pairs(rows: Sequence[tuple[str, str]]) -> str:
+    """Names and texts, one a line."""
+    lines = [f"<tr><th>{html.escape(name)}</th><td>{html.escape(text)}</td></tr>" for name, text in rows]
+    return '<div class="wide"><table class="pairs">\n' + "\n".join(lines) + "\n</table></div>"
 
 
 def figure(drawn: Any, description: str) -> str:

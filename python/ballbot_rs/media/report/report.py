@@ -16,13 +16,15 @@ from ballbot_rs.analysis.pushes import Push
 from ballbot_rs.analysis.simulate import run
 from ballbot_rs.control.resolve import ResolvedController, find
 from ballbot_rs.envs.registration import description_of, task_of
-from ballbot_rs.media.report import page
+from ballbot_rs.media.report import origin, page
 from ballbot_rs.media.video import renderer_for, write_video
 from ballbot_rs.training import config as config_module
 from ballbot_rs.training import curve, run_folder
 
-#: What the video shows: a robot that is let go at a tilt (rad), then pushed (N·s, s).
+#: What the video and the trajectories show: a robot that is let go at a tilt (rad), then pushed (N·s, s).
 TILT, PUSH = (0.08, 0.05), Push((0.3, 0.1, 0.0), 1.5)
+#: Length of the trajectories, s.
+SECONDS = 4.0
 
 
 def write(
@@ -51,7 +53,7 @@ def write(
         ModuleNotFoundError: matplotlib or moviepy is not installed.
     """
     with require("a report", "plot", "video"):
-        from ballbot_rs.media.figures import learning_curve
+        from ballbot_rs.media.figures import learning_curve, trajectories
         from ballbot_rs.media.figures.labels import short
     # Not `< 0`, which is false for NaN; the length itself is checked where it is simulated.
     if not video_seconds >= 0.0:
@@ -63,7 +65,8 @@ def write(
     task = task_of(config_module.parse(learned.config, str(folder)).env_id)
     policy = find(str(folder / run_folder.BEST), task=task)
     show = progress or (lambda _: no_progress)
-    parts = [page.note(f"Training run {folder.resolve().name}, seed {record['seed']}.")]
+    described = origin.rows(record, folder, task)
+    parts = [page.note(f"Training run {folder.resolve().name}, seed {record['seed']}."), page.pairs(described)]
     # First, because this is what may turn out not to be installed.
     if video_seconds > 0:
         parts.append(page.section("The policy at work", *_video(policy, video_seconds, show("rendering"))))
@@ -84,9 +87,23 @@ def write(
             page.note(f"{learned.returns.shape[1]} episodes an evaluation; band: the best and the worst of them."),
         )
     ]
+    # The robot as it is, without what events would draw.
+    nominal = {name: value for name, value in policy.env_options.items() if name != "events"}
+    shown = [
+        run(one, seconds=SECONDS, tilt=TILT, push=PUSH, task=task, env_options={**nominal, "events": None})
+        for one in (policy, *map(find, beside(task)))
+    ]
+    parts.append(
+        page.section(
+            "After a push",
+            page.figure(trajectories.draw(shown), "Tilt, position, torques, loads and friction over time"),
+            page.note(f"Let go at a tilt of {TILT} rad, pushed by {PUSH.impulse} N·s at {PUSH.time} s."),
+        )
+    )
     if not description_of(task)["command"]:
         parts.append(_recovery(policy, task, show))
     parts += [
+        page.section("Robot", *origin.robot(shown[0].params, nominal)),
         page.section("Configuration", page.code(learned.config)),
         page.section("Versions", page.table([("what", "version"), *_versions(record)])),
     ]

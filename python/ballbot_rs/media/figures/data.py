@@ -1,0 +1,44 @@
+"""The numbers of figures as tables: columns by names with their units, for files beside the pictures."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs.analysis import exports
+from ballbot_rs.analysis.recovery_map import Recovery
+from ballbot_rs.training.curve import Curve
+
+Table = dict[str, npt.NDArray[Any]]
+
+
+def of_recovery(recovery: Recovery) -> Table:
+    """A row a start; settling times are NaN where the robot has not recovered."""
+    tilts, azimuths = np.meshgrid(recovery.tilts, recovery.azimuths, indexing="ij")
+    return {
+        "tilt_rad": tilts.ravel(),
+        "azimuth_rad": azimuths.ravel(),
+        "stood": recovery.stood.ravel().astype(float),
+        "recovered": recovery.recovered.ravel().astype(float),
+        "settling_time_s": recovery.settling_times.ravel(),
+    }
+
+
+def of_curve(curve: Curve) -> Table:
+    """A row an evaluation, with the returns and successes of its episodes."""
+    return {
+        "timesteps": np.asarray(curve.timesteps, dtype=float),
+        **{f"return_{i}": column for i, column in enumerate(curve.returns.T)},
+        **{f"success_{i}": np.asarray(column, dtype=float) for i, column in enumerate(curve.successes.T)},
+    }
+
+
+def write(table: Table, path: Path) -> None:
+    """Writes a table as CSV or NPZ, as the suffix of `path` says.
+
+    Raises:
+        ValueError: another suffix.
+        OSError: the file cannot be written; an earlier one stays as it is.
+    """
+    (exports.write_npz if path.suffix == ".npz" else exports.write_csv)(table, path)
