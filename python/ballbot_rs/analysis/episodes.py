@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ballbot_rs import _short
 from ballbot_rs._checks import check_count, check_seed

@@ -37,8 +37,8 @@ class Teacher:
     controller: str
     #: Its options, as `make_controller` takes them.
     options: dict[str, Any] = dataclasses.field(default_factory=dict)
-    #: Whether the law follows the position that the task asks for; else each robot is where it should be. An observation
-    #: without the error of the position does not tell what a law does about it.
+    #: Whether the law follows the position that the task asks for; else each robot is where it should be. What a law
+    #: does about an error of the position cannot be learned from observations without it.
     follows_position: bool = True
     #: How often robots are driven and the actor is fitted to all states so far.
     rounds: int = 15
