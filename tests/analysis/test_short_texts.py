@@ -76,3 +76,30 @@ def test_a_controller_says_what_it_is():
     cells = Tags(info._repr_html_()).cells
     assert cells[cells.index("position") + 1] == "0.15"
     assert cells[cells.index("position") + 3] == ">= 1e-6 and <= 1e6"
+
+
+def test_a_state_is_one_line_and_a_table(paper):
+    state = bb.State.at_rest(paper, tilt=(0.1, 0.0), yaw=0.5)
+    assert repr(state) == "<State: ball at (0, 0) m, 0 m/s, tilt 5.73 deg, yaw 28.65 deg, wheels (0, 0, 0) rad/s>"
+    cells = Tags(state._repr_html_()).cells
+    assert cells[:3] == ["ball_position", "0, 0, 0.112", "m"]
+    assert "body_velocity" in cells
+    tiny = state.replace(ball_velocity=(1.5e-7, 0.0, 0.0), wheel_speeds=(123456.0, 1234.56, -0.00001))
+    assert "1.500e-7 m/s" in repr(tiny)
+    assert "(1.235e5, 1235, -1.000e-5)" in repr(tiny)
+    contacts = bb.Ballbot().contacts
+    assert Tags(contacts._repr_html_()).cells[0] == "wheel_normal_forces"
+
+
+def test_a_name_that_is_much_like_a_known_one_is_asked_for(paper):
+    with pytest.raises(TypeError, match="did you mean 'position'"):
+        bb.Lqr(paper, positon=0.1)
+    with pytest.raises(ValueError, match="did you mean 'cascade_pid'"):
+        bb.Controller("cascade_pdi", paper, 0.01)
+    batch = bb.Batch(1)
+    batch.reset()
+    with pytest.raises(ValueError, match="did you mean 'states'"):
+        batch.rollout(bb.Lqr(batch.params(0), batch.control_dt), 1, record=["state"])
+    with pytest.raises(TypeError) as error:
+        bb.Lqr(paper, zzz=0.1)
+    assert "did you mean" not in str(error.value)

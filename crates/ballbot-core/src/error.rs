@@ -116,9 +116,9 @@ impl fmt::Display for Readable {
 }
 
 impl Error {
-    /// An [`Error::UnknownName`] that lists the `known` names.
+    /// An [`Error::UnknownName`] that lists the `known` names, and asks for one that is much like `name`.
     pub fn unknown(kind: &'static str, name: &str, known: &[&str]) -> Self {
-        Self::UnknownName { kind, name: name.into(), known: known.join(", ") }
+        Self::UnknownName { kind, name: name.into(), known: one_of(name, known) }
     }
 
     /// The same of an option of a stage: the stage stands before its name.
@@ -130,6 +130,19 @@ impl Error {
             Self::Length { name, found, expected } => Self::Length { name: format!("{stage}.{name}"), found, expected },
             other => other,
         }
+    }
+}
+
+/// Similarity by Jaro and Winkler from which on two names are alike.
+const ALIKE: f64 = 0.85;
+
+/// The `known` names, and a question where one of them is much like `name`.
+pub fn one_of(name: &str, known: &[&str]) -> String {
+    let listed = known.join(", ");
+    let like = |known: &&str| strsim::jaro_winkler(name, known);
+    match known.iter().copied().max_by(|a, b| like(a).total_cmp(&like(b))) {
+        Some(closest) if like(&closest) >= ALIKE => format!("{listed}; did you mean '{closest}'?"),
+        _ => listed,
     }
 }
 

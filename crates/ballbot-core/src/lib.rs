@@ -59,7 +59,7 @@ mod thread_pool;
 pub mod urdf;
 
 pub use energy::mechanical_energy;
-pub use error::{Error, MAX_MAGNITUDE, Result, bounded as check_bounded, finite as check_finite};
+pub use error::{Error, MAX_MAGNITUDE, Result, bounded as check_bounded, finite as check_finite, one_of};
 pub use interrupt::stoppable;
 pub use lane_state::{LaneRobot, LaneState, StateCells};
 pub use memory::{require_memory, try_zeros};

@@ -6,12 +6,12 @@ use crate::exclusive::Exclusive;
 use crate::numbers::{one_or_more, optional_real, real};
 use crate::params::or_paper;
 use crate::state::PyState;
-use ballbot_core::Params;
 use ballbot_core::control::{
     Constant, Constants, Controller, DEFAULT_TRACTION, LimitOptions, Lqr, LqrOptions, Pid, PidGains, SETPOINT_PARTS,
     Setpoint, controller_kind,
 };
 use ballbot_core::fields::Fields;
+use ballbot_core::{Params, one_of};
 use nalgebra::DMatrix;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -61,7 +61,7 @@ fn options(class: &str, keywords: Keywords<'_, '_>, known: &[&str]) -> PyResult<
         if !known.contains(&name.as_str()) {
             return Err(PyTypeError::new_err(format!(
                 "{class} got an unexpected keyword argument '{name}': expected one of {}",
-                known.join(", ")
+                one_of(&name, known)
             )));
         }
         let values = one_or_more(&name, &value)?;
@@ -136,7 +136,7 @@ impl PyController {
         Err(PyTypeError::new_err(format!(
             "{} got an unexpected keyword argument '{name}'{reason}: expected one of {}",
             self.class,
-            law.parts().join(", ")
+            one_of(name, law.parts())
         )))
     }
 }

@@ -23,6 +23,7 @@ mod render;
 mod robot;
 mod rollout;
 mod sensors;
+mod short;
 mod signals;
 mod state;
 mod tasks;

@@ -11,7 +11,6 @@ use ballbot_core::task::ACTION_LEN;
 use ballbot_core::{Contacts, Error, State, try_zeros};
 use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
-use pyo3::exceptions::PyValueError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -141,7 +140,7 @@ impl Record {
     fn named(name: &String) -> PyResult<&'static Self> {
         RECORDS.iter().find(|record| record.name == name).ok_or_else(|| {
             let known: Vec<_> = RECORDS.iter().map(|record| record.name).collect();
-            PyValueError::new_err(format!("unknown record '{name}': expected one of {}", known.join(", ")))
+            to_python(Error::unknown("record", name, &known))
         })
     }
 

@@ -4,6 +4,7 @@ use crate::convert::{array, numbers, vector, vector_or};
 use crate::errors::{call, to_python};
 use crate::numbers::real;
 use crate::params::PyParams;
+use crate::short;
 use ballbot_core::{Contacts, Params, State, check_finite, unit_quaternion, wxyz};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use numpy::PyArray1;
@@ -46,6 +47,9 @@ const NAMES: [&str; 10] = [
     "body_position",
     "body_velocity",
 ];
+
+/// Of [`NAMES`].
+const UNITS: [&str; 10] = ["m", "m/s", "rad/s", "w, x, y, z", "rad/s", "rad/s", "w, x, y, z", "rad", "m", "m/s"];
 
 #[pymethods]
 impl PyState {
@@ -236,13 +240,23 @@ impl PyState {
         self.0.yaw()
     }
 
-    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
-        let mut parts = Vec::new();
-        for name in NAMES {
-            let values: Vec<f64> = slf.getattr(name)?.extract()?;
-            parts.push(format!("{name}={values:?}"));
-        }
-        Ok(format!("State({})", parts.join(", ")))
+    fn __repr__(&self) -> String {
+        let state = &self.0;
+        let ball = short::numbers(&state.ball_position.as_slice()[..2]);
+        let speed = short::number(state.ball_velocity.xy().norm());
+        let tilt = short::number(state.tilt_components().norm().to_degrees());
+        let yaw = short::number(state.yaw().to_degrees());
+        let wheels = short::numbers(&state.wheel_speeds);
+        format!("<State: ball at {ball} m, {speed} m/s, tilt {tilt} deg, yaw {yaw} deg, wheels {wheels} rad/s>")
+    }
+
+    fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<String> {
+        let rows: Vec<_> = NAMES
+            .into_iter()
+            .zip(UNITS)
+            .map(|(name, unit)| Ok((name, slf.getattr(name)?.extract()?, unit)))
+            .collect::<PyResult<_>>()?;
+        Ok(short::table(rows))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Array<'py>,))> {
@@ -332,6 +346,25 @@ impl PyContacts {
     }
 
     fn __repr__(&self) -> String {
-        format!("{:?}", self.contacts)
+        let Contacts { wheel_normal_forces, wheel_slip_speeds, floor_force, bot_on_floor, .. } = &self.contacts;
+        format!(
+            "<Contacts: loads {} N, slip {} m/s, floor {} N{}>",
+            short::numbers(wheel_normal_forces),
+            short::numbers(wheel_slip_speeds),
+            short::number(floor_force.norm()),
+            if *bot_on_floor { ", the bot touches it" } else { "" }
+        )
+    }
+
+    fn _repr_html_(&self) -> String {
+        let c = &self.contacts;
+        short::table([
+            ("wheel_normal_forces", c.wheel_normal_forces.to_vec(), "N"),
+            ("wheel_tractions", c.wheel_tractions.to_vec(), "N"),
+            ("wheel_slip_speeds", c.wheel_slip_speeds.to_vec(), "m/s"),
+            ("floor_force", c.floor_force.as_slice().to_vec(), "N"),
+            ("floor_slip_velocity", c.floor_slip_velocity.as_slice().to_vec(), "m/s"),
+            ("friction_utilization", c.friction_utilization(&self.params).to_vec(), ""),
+        ])
     }
 }

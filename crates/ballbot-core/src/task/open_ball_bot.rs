@@ -22,6 +22,8 @@ task_fields! {
     pub struct OpenBallBot {
         /// Speed in the direction of travel that a classical controller is to keep.
         pub speed: f64 = 0.5, "m/s", Limit::from(0.0).to(10.0);
+        /// Acceleration to that speed.
+        pub acceleration: f64 = 0.3, "m/s²", Limit::above(0.0).to(1e6);
     }
 }
 
@@ -38,9 +40,6 @@ const PUBLISHED_DT: f64 = 0.002;
 /// within 0.1 m.
 const SLOPE: f64 = 0.272;
 const WAVELENGTH: f64 = 0.8;
-
-/// Acceleration of a controller's setpoint, m/s².
-const ACCELERATION: f64 = 0.3;
 
 impl Task for OpenBallBot {
     const NAME: &'static str = "openballbot";
@@ -100,7 +99,7 @@ impl Task for OpenBallBot {
         memory.set(TRAVELLED, memory.get(TRAVELLED) + step.state.ball_velocity.y * dt);
         memory.set(TIME, memory.get(TIME) + dt);
         let speed = memory.get(SETPOINT_SPEED);
-        let speed = (speed + ACCELERATION * dt).min(speed.splat(self.speed));
+        let speed = (speed + self.acceleration * dt).min(speed.splat(self.speed));
         memory.set(SETPOINT_SPEED, speed);
         memory.set(SETPOINT + 1, memory.get(SETPOINT + 1) + speed * dt);
     }
