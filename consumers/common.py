@@ -20,6 +20,9 @@ ROLLOUT: Final = 32
 #: Share of robots that a policy which has learned keeps upright to the ends of their episodes; without torques all fall.
 LEARNED: Final = 0.9
 
+#: Given on the command line, s; read here, for some learners have arguments of their own there.
+_LIMIT: Final = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
+
 Act = Callable[[npt.NDArray[np.float32]], npt.NDArray[Any]]
 
 
@@ -27,8 +30,6 @@ class Timer:
     """The time that a program may train, from its making on."""
 
     def __init__(self) -> None:
-        #: Given on the command line, s.
-        self.limit = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
         self._start = time.perf_counter()
 
     @property
@@ -39,7 +40,7 @@ class Timer:
     @property
     def is_over(self) -> bool:
         """Whether the training should end."""
-        return self.seconds >= self.limit
+        return self.seconds >= _LIMIT
 
 
 def reach(act: Act, num_envs: int = 100) -> tuple[float, float]:
