@@ -7,10 +7,11 @@ from pathlib import Path
 from rl_zoo3 import exp_manager
 from stable_baselines3 import PPO
 
-from ballbot_rs._core import TASKS
 from ballbot_rs.training import rl_zoo3
 from consumers.common import Timer, finish
 from consumers.with_sb3 import UntilTimeIsOver
+
+LEARNED = "ballbot/Balance-v0"
 
 
 def train(env_id, folder, steps, timer=None):
@@ -34,14 +35,15 @@ def train(env_id, folder, steps, timer=None):
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
-        for task in TASKS.values():
-            settings = rl_zoo3.hyperparams[task["id"]]
-            PPO.load(train(task["id"], folder, settings["n_envs"] * settings["n_steps"]))
+        for env_id, settings in rl_zoo3.hyperparams.items():
+            # rl-zoo3 changes the settings that it has used.
+            if env_id != LEARNED:
+                PPO.load(train(env_id, folder, settings["n_envs"] * settings["n_steps"]))
         timer = Timer()
-        model = PPO.load(train("ballbot/Balance-v0", folder, 280_000, timer))
+        model = PPO.load(train(LEARNED, folder, 280_000, timer))
         finish(
             model.num_timesteps,
             timer,
             lambda observations: model.predict(observations, deterministic=True)[0],
-            f"{len(TASKS)} tasks with hyperparameters",
+            f"{len(rl_zoo3.hyperparams)} tasks with hyperparameters",
         )
