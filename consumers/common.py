@@ -17,7 +17,7 @@ ENV_ID: Final = "ballbot_rs:ballbot/Balance-v0"
 NUM_ENVS: Final = 128
 ROLLOUT: Final = 32
 
-#: Share of robots that a policy which has learned keeps upright to the ends of their episodes; without torques all fall.
+#: Share of robots that a policy which has learned keeps upright to the ends of their episodes.
 LEARNED: Final = 0.9
 
 #: Given on the command line, s; read here, for some learners have arguments of their own there.

@@ -25,7 +25,7 @@ class Actor(GaussianMixin, Model):
         self.net = _layers(self.num_observations, self.num_actions)
         self.log_std = nn.Parameter(torch.zeros(self.num_actions))
 
-    def compute(self, inputs, role=""):
+    def compute(self, inputs, role=""):  # noqa: ARG002
         """As skrl asks for."""
         return self.net(inputs["observations"]), {"log_std": self.log_std}
 
@@ -38,7 +38,7 @@ class Critic(DeterministicMixin, Model):
         DeterministicMixin.__init__(self)
         self.net = _layers(self.num_observations, 1)
 
-    def compute(self, inputs, role=""):
+    def compute(self, inputs, role=""):  # noqa: ARG002
         """As skrl asks for."""
         return self.net(inputs["observations"]), {}
 

@@ -31,7 +31,7 @@ class TianshouEnv(BaseVectorEnv):
         self.is_async = False
         self.is_closed = False
 
-    def get_env_attr(self, key: str, id: Any = None) -> list[Any]:  # noqa: A002
+    def get_env_attr(self, key: str, id: Any = None) -> list[Any]:  # noqa: A002, ARG002
         """An attribute of each environment."""
         return list(self._env.get_attr(key))
 
@@ -85,9 +85,10 @@ if __name__ == "__main__":
     timer = Timer()
     steps = 0
     while not timer.is_over:
-        with torch.no_grad():
-            steps += collector.collect(n_step=NUM_ENVS * ROLLOUT).n_collected_steps
+        # Elsewhere a policy acts by its means.
         with policy_within_training_step(policy):
+            with torch.no_grad():
+                steps += collector.collect(n_step=NUM_ENVS * ROLLOUT).n_collected_steps
             algorithm.update(buffer, batch_size=1024, repeat=5)
         collector.reset_buffer(keep_statistics=True)
 

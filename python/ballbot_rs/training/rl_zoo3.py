@@ -47,7 +47,7 @@ def main() -> None:
     from ballbot_rs.envs.sb3 import BallbotVecEnv
 
     ExperimentManager.default_vec_env_cls = BallbotVecEnv
-    if "--conf-file" not in sys.argv and "-conf" not in sys.argv:
+    if not {"--conf-file", "-conf"} & set(sys.argv):
         sys.argv += ["--conf-file", __spec__.name if __spec__ is not None else __name__]
     train()
 
