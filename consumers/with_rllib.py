@@ -16,12 +16,17 @@ if __name__ == "__main__":
         PPOConfig()
         .environment(ENV_ID)
         .env_runners(num_env_runners=0, num_envs_per_env_runner=NUM_ENVS, rollout_fragment_length=ROLLOUT)
-        .rl_module(model_config=DefaultModelConfig(fcnet_hiddens=[64, 64], fcnet_activation="tanh"))
+        .rl_module(
+            model_config=DefaultModelConfig(
+                fcnet_hiddens=[64, 64], fcnet_activation="tanh", vf_share_layers=False, free_log_std=True
+            )
+        )
         .training(
             train_batch_size_per_learner=NUM_ENVS * ROLLOUT,
             minibatch_size=1024,
             num_epochs=5,
             gamma=0.98,
+            lambda_=0.95,
             lr=1e-3,
             grad_clip=0.5,
             # Returns reach some hundreds; RLlib's own limit cuts the gradient of the value off.
