@@ -21,8 +21,9 @@ RUST_SOURCES := $(shell find crates -name '*.rs' -o -name '*.toml')
 SEED ?= 0
 MINUTES ?= 5
 SOAK_STEPS ?= 10000000
+SECONDS_EACH ?= 60
 
-.PHONY: help setup generate train test test-builds lint docs wheel paper verify robots controllers tunings policies transfer bench bench-core instructions fuzz soak cad demo format clean
+.PHONY: help setup generate train test test-builds lint docs wheel consumers paper verify robots controllers tunings policies transfer bench bench-core instructions fuzz soak cad demo format clean
 
 help:
 	@echo "make demo    watch a trained policy balance; installs no PyTorch"
@@ -33,6 +34,7 @@ help:
 	@echo "make generate  write what follows from the tables of tasks, controllers and parameters"
 	@echo "make docs    documentation of the Rust core, in target/doc"
 	@echo "make wheel   build a wheel for Linux (COMPATIBILITY=$(COMPATIBILITY)) and try it in an empty environment"
+	@echo "make consumers  train with learners of others, each in an environment of its own, table in docs/learners.md (SECONDS_EACH=$(SECONDS_EACH))"
 	@echo "make paper   repeat the paper's experiments, report in docs/paper.md"
 	@echo "make verify  check closed forms and other engines, report in docs/verification.md (ALLOW_MISSING=1 without all engines)"
 	@echo "make robots  change the robot and its motors more and more, report in docs/robots.md"
@@ -91,6 +93,9 @@ wheel: $(WHEEL_INSTALLED)
 	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m maturin build --release --locked --zig \
 		--compatibility $(COMPATIBILITY) --out target/wheels
 	$(BIN)/python tools/check_wheel.py target/wheels/*.whl
+
+consumers: wheel
+	$(BIN)/python -m consumers target/wheels/*.whl --seconds $(SECONDS_EACH) --page docs/learners.md
 
 paper: $(PLOT_INSTALLED)
 	$(BIN)/python -m validation.paper_replication

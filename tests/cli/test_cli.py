@@ -29,10 +29,19 @@ def test_help(capsys, arguments):
     assert "usage: ballbot" in out
 
 
+@pytest.mark.parametrize("task", ["ballbot/Velocity-v0", "ballbot_rs:ballbot/Velocity-v0"])
+def test_an_id_is_a_task_with_and_without_the_package_before_it(capsys, task):
+    arguments = ("--controller", "lqr", "--episodes", "2", "--json", "--set", "max_episode_steps=5")
+    named, by_id = run(capsys, "evaluate", "velocity", *arguments), run(capsys, "evaluate", task, *arguments)
+    assert named[0] == by_id[0] == 0
+    assert parse_json(named[1]) == parse_json(by_id[1])
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
         ["fly"],
+        ["evaluate", "ballbot_rs:ballbot/Walk-v0"],
         ["evaluate", "walk", "--controller", "lqr"],
         ["evaluate", "balance", "--controller", "lqr", "--episodes", "many"],
         ["train", "balance", "--bogus"],

@@ -8,7 +8,6 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
-from stable_baselines3.common.env_util import make_vec_env
 
 import ballbot_rs as bb
 from tests.support.names import BALANCE
@@ -135,11 +134,6 @@ def test_a_view_has_what_wrappers_of_gymnasium_use():
     assert env.env_method("set_wrapper_attr", "other", 1, force=False) == [False, False]
     with pytest.raises(AttributeError, match="reward is fixed"):
         env.env_method("set_wrapper_attr", "reward", {})
-
-
-def test_make_vec_env_with_our_class_says_what_to_call():
-    with pytest.raises(TypeError, match=r"call BallbotVecEnv\(num_envs=4, \.\.\.\) in place of make_vec_env"):
-        make_vec_env(BALANCE, n_envs=4, vec_env_cls=bb.BallbotVecEnv)
 
 
 @pytest.mark.parametrize(

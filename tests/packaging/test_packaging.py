@@ -19,6 +19,7 @@ MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob(
 LEARNING = {
     "control/sb3_archive.py",
     "control/sb3_policy.py",
+    "envs/_sb3_functions.py",
     "envs/sb3.py",
     "envs/sb3_grouped.py",
     "training/callbacks.py",

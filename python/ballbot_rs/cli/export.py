@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs import _files
-from ballbot_rs._core import TASKS
 from ballbot_rs._extras import require
 from ballbot_rs.cli import scenario, settings
 from ballbot_rs.control.onnx_policy import OnnxPolicy
@@ -29,7 +28,8 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument(
         "--task",
-        choices=sorted(TASKS),
+        type=scenario.task_name,
+        metavar="TASK",
         help="the task of a policy file without metadata (ballbot_rs.save adds it)",
     )
     command.add_argument(

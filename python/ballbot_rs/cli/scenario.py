@@ -1,6 +1,7 @@
 """Options that several commands share: every command spells, explains and orders them alike."""
 
 import argparse
+import contextlib
 import dataclasses
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -27,7 +28,7 @@ from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.cli import settings
 from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
 from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, common_options, common_task, find, options_of
-from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.envs.registration import DEFAULT_TASK, name_of
 
 #: Largest file of parameters, bytes.
 MAX_ROBOT_FILE = 1 << 20
@@ -39,12 +40,13 @@ CONTROLLER_HELP = f"{', '.join(NAMES)}, a policy file, a training run, or FILE.p
 def add_task(command: Any, *, otherwise: str = "the policy's own, else ") -> None:
     """Adds the task, the first argument."""
     known = f"{', '.join(sorted(TASKS))} (default: {otherwise}{DEFAULT_TASK})"
-    command.add_argument("task", nargs="?", type=_task, metavar="TASK", help=known)
+    command.add_argument("task", nargs="?", type=task_name, metavar="TASK", help=known)
 
 
-def _task(name: str) -> str:
-    if name in TASKS:
-        return name
+def task_name(name: str) -> str:
+    """The task of a name or an id, for argparse."""
+    with contextlib.suppress(ValueError):
+        return name_of(name)
     hint = did_you_mean(name, TASKS)
     if name in NAMES or Path(name).exists():
         hint = f": a controller is named by --controller {name}"

@@ -12,6 +12,9 @@ from ballbot_rs.envs.own.task import Task
 
 DEFAULT_TASK: Final = "balance"
 
+#: With this before an id, Gymnasium imports the package first.
+PREFIX: Final = "ballbot_rs:"
+
 
 def register_environments() -> None:
     """Registers the environment of every task of the core, once."""
@@ -67,11 +70,12 @@ def description_of(task: str) -> Mapping[str, Any]:
 
 
 def name_of(task: str) -> str:
-    """The name of a task from its name or its id.
+    """The name of a task from its name or its id, which may begin with `ballbot_rs:`.
 
     Raises:
         ValueError: there is no such task.
     """
+    task = task.removeprefix(PREFIX)
     for name, known in TASKS.items():
         if task == known["id"]:
             return name
@@ -94,11 +98,12 @@ def env_id_of(task: str) -> str:
 
 
 def task_of(env_id: str) -> str:
-    """The task of an environment's id.
+    """The task of an environment's id, which may begin with `ballbot_rs:`.
 
     Raises:
         ValueError: it is no environment of this package.
     """
+    env_id = env_id.removeprefix(PREFIX)
     if registry.find(env_id) is not None:
         return env_id
     ids = {task["id"]: name for name, task in TASKS.items()}

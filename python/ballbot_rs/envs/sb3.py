@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 from gymnasium.envs.registration import EnvSpec
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 from typing_extensions import Unpack
 
@@ -17,6 +18,7 @@ from ballbot_rs._checks import check_reset_options, check_seed
 from ballbot_rs._core import Batch
 from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, OneRobot, fixed_option
 from ballbot_rs.envs._render import Rendered
+from ballbot_rs.envs._sb3_functions import Episodes, Functions, Made
 from ballbot_rs.envs.options import TaskOptions
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 from ballbot_rs.envs.spaces import action_space, observation_space_of
@@ -110,7 +112,8 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
     `terminal_observation`, `TimeLimit.truncated`, `is_success` and, where terminated, `termination`.
 
     Args:
-        first: number of robots, or name or id of the task, in place of `num_envs` or `task`.
+        first: number of robots, or name or id of the task, in place of `num_envs` or `task`; or the functions of
+            `make_vec_env(..., vec_env_cls=BallbotVecEnv)`, whose environments say the number, the task and its options.
         num_envs: number of robots.
         task: name or id of the task.
         num_threads: threads that step the robots; None takes all cores. Results do not depend on it.
@@ -134,7 +137,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
 
     def __init__(
         self,
-        first: int | str | None = None,
+        first: int | str | Functions | None = None,
         /,
         *,
         num_envs: int | None = None,
@@ -150,12 +153,25 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         render_options: dict[str, Any] | None = None,
         **options: Unpack[TaskOptions],
     ) -> None:
-        if isinstance(first, (list, tuple)):
-            raise TypeError(
-                f"BallbotVecEnv makes its robots itself, not from {len(first)} functions: "
-                f"call BallbotVecEnv(num_envs={len(first)}, ...) in place of make_vec_env"
+        self._episodes = Episodes([])
+        if first is not None and not isinstance(first, (int, str)):
+            made = Made(
+                _functions_alone(
+                    first,
+                    num_envs=num_envs,
+                    task=task,
+                    render_mode=render_mode,
+                    width=width,
+                    height=height,
+                    camera=camera,
+                    render_options=render_options,
+                    **options,
+                )
             )
-        if first is not None:
+            num_envs, task, options = made.num_envs, made.task, made.options  # type: ignore[assignment]
+            render_mode, render_options = made.render_mode, made.render_options
+            self._episodes = made.monitor
+        elif first is not None:
             name, other = ("task", task) if isinstance(first, str) else ("num_envs", num_envs)
             if other is not None:
                 raise TypeError(f"BallbotVecEnv got {first!r} and {name}={other!r}: give one of the two")
@@ -189,6 +205,8 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         observations = self._batch.reset(seeds=seeds, starts=starts)
         if self._stagger:
             self._batch.stagger()
+        if self._episodes.is_used:
+            self._episodes.reset()
         self.reset_infos = [{} for _ in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
@@ -209,11 +227,15 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
             raise RuntimeError("step_wait without step_async")
         actions, self._actions = self._actions, None
         observations, rewards, terminated, truncated = self._batch.step(actions)
+        dones, infos = terminated | truncated, self._batch.infos()
+        if self._episodes.is_used:
+            self._episodes.step(rewards, dones, infos)
         # Stable-Baselines3 keeps rewards as float32.
-        return observations, rewards.astype(np.float32), terminated | truncated, self._batch.infos()
+        return observations, rewards.astype(np.float32), dones, infos
 
     def close(self) -> None:
-        """Does nothing: there are no processes or files to close."""
+        """Closes the files of the monitors that functions made; there is nothing else to close."""
+        self._episodes.close()
 
     def _chosen(self, indices: VecEnvIndices) -> Iterable[EnvView]:
         return (self._views[i] for i in self._get_indices(indices))
@@ -239,12 +261,20 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         """Calls a method of the chosen environments, as `EnvView` has it."""
         return [getattr(view, method_name)(*method_args, **method_kwargs) for view in self._chosen(indices)]
 
-    def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:  # noqa: ARG002
-        """False for each of the chosen environments: there is nothing around them."""
-        return [False for _ in self._chosen(indices)]
+    def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:
+        """Whether each of the chosen environments is wrapped: in a `Monitor` if functions made it so, else in none."""
+        wrapped = self._episodes.is_used and issubclass(Monitor, wrapper_class)
+        return [wrapped for _ in self._chosen(indices)]
 
     def get_images(self) -> Sequence[npt.NDArray[np.uint8] | None]:
         """A picture of each robot, shape (height, width, 3), uint8; None for each without a render mode."""
         if self.render_mode is None:
             return [None] * self.num_envs
         return list(self._frames(self._batch.states()))
+
+
+def _functions_alone(functions: Functions, **others: Any) -> Functions:
+    for name, value in others.items():
+        if value is not None:
+            raise TypeError(f"BallbotVecEnv got functions and {name}={value!r}: the environments that they make say it")
+    return functions

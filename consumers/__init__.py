@@ -1,0 +1,1 @@
+"""Learners of others, each in an environment of its own: `make consumers`."""

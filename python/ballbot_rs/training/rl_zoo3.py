@@ -1,0 +1,56 @@
+"""rl-zoo3 on a `BallbotVecEnv`, with hyperparameters for every task.
+
+    python -m ballbot_rs.training.rl_zoo3 --algo ppo --env ballbot/Goal-v0
+
+The arguments are those of `rl_zoo3.train`. Its own command finds the hyperparameters by `--gym-packages ballbot_rs
+--conf-file ballbot_rs.training.rl_zoo3`, and steps the robots one by one.
+"""
+
+import sys
+from typing import Any, Final
+
+from ballbot_rs._core import TASKS
+from ballbot_rs.training.config import TrainConfig, load
+
+#: Whose arguments of PPO tasks take that `ballbot train` begins with a teacher, which rl-zoo3 does not have.
+_WITHOUT_TEACHER: Final = "goal"
+
+
+def _hyperparameters(config: TrainConfig) -> dict[str, Any]:
+    learner = config if config.teacher is None else load(_WITHOUT_TEACHER)[0]
+    arguments = dict(learner.algorithm_arguments)
+    for name in learner.schedule:
+        arguments[name] = f"lin_{arguments[name]}"
+    found: dict[str, Any] = {
+        "n_timesteps": config.total_timesteps,
+        "policy": "MlpPolicy",
+        "n_envs": config.num_envs,
+        "env_kwargs": dict(config.env),
+        "policy_kwargs": dict(learner.policy),
+        **arguments,
+    }
+    if config.reward_scale != 1.0:
+        wrapper = "ballbot_rs.training.scaled_rewards.ScaledRewards"
+        found["vec_env_wrapper"] = [{wrapper: {"factor": config.reward_scale}}]
+    return found
+
+
+#: Of PPO by the environment's id, from the configurations of `ballbot train`.
+hyperparams: Final = {description["id"]: _hyperparameters(load(task)[0]) for task, description in TASKS.items()}
+
+
+def main() -> None:
+    """Runs `rl_zoo3.train`."""
+    from rl_zoo3.exp_manager import ExperimentManager
+    from rl_zoo3.train import train
+
+    from ballbot_rs.envs.sb3 import BallbotVecEnv
+
+    ExperimentManager.default_vec_env_cls = BallbotVecEnv
+    if not {"--conf-file", "-conf"} & set(sys.argv):
+        sys.argv += ["--conf-file", __spec__.name if __spec__ is not None else __name__]
+    train()
+
+
+if __name__ == "__main__":
+    main()
