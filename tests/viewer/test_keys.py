@@ -66,7 +66,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         down(page, "KeyW")
         becomes(0.5, 0.0, 0.0)
         assert ask(view, lambda session: session.frame().asked.by_hand)
-        page.wait_for("[...document.querySelectorAll('input')].some(i => /0.50, 0.00\\) m.s.*by hand/.test(i.value))")
+        page.wait_for("/0.50, 0.00\\) m.s.*by hand/.test(document.querySelector('.ballbot-status').innerText)")
         wait_until(lambda: np.linalg.norm(ball()) > 3.2)
         page.screenshot(tmp_path / "drive.png")
         down(page, "ArrowLeft")
@@ -143,7 +143,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         page.wait_for("/Drive/.test(document.body.innerText)")
 
         # What is typed into a field is text.
-        tab = "[...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'Robot')"
+        tab = "[...document.querySelectorAll('[role=tab]')].find(b => b.innerText.trim() === 'Robot')"
         page.click(*page.place_of(tab))
         label = "[...document.querySelectorAll('label')].find(l => l.innerText.trim() === 'Policy file')"
         field = f"({label}).closest('.mantine-Flex-root, div').parentElement.querySelector('input')"

@@ -6,7 +6,6 @@ viser has no events of keys and gamepads. Whoever drives must go on doing so: a 
 import asyncio
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated, Final
 
 import msgspec
@@ -30,11 +29,6 @@ MAX_REFUSED: Final = 100
 
 Share = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
 _DECODER = msgspec.json.Decoder(tuple[Share, Share, Share])
-
-
-def script() -> bytes:
-    """The element of the page that reads keyboard and gamepad."""
-    return b"<script>" + (Path(__file__).with_name("drive.js")).read_bytes() + b"</script>"
 
 
 def shares_of(raw: str | bytes) -> tuple[float, float, float] | None:

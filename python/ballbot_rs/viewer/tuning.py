@@ -8,6 +8,7 @@ import numpy as np
 import viser
 
 from ballbot_rs.viewer.changes import CHANGES, NEUTRAL
+from ballbot_rs.viewer.controls import put
 from ballbot_rs.viewer.runner import Command
 from ballbot_rs.viewer.session import Session
 
@@ -66,8 +67,7 @@ class Tuning:
     def _correct(self, session: Session) -> None:
         """Shows what is simulated, where a change was refused or taken back."""
         for name, value in session.changes.items():
-            if self._sliders[name].value != value:
-                self._sliders[name].value = value
+            put(self._sliders[name], value=value)
 
     def show(self, session: Session) -> None:
         """Shows what robot 0 is."""
