@@ -73,7 +73,7 @@ WRONG = [
     ("Controller sees", "sensors"),
     ("Policy file", 5),
     ("Policy file", "x" * 2000),
-    ("Replay at (s)", 0.0),
+    ("Replay at (s)", -1.0),
     ("Push", "now"),
 ]
 

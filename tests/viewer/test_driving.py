@@ -109,8 +109,8 @@ WRONG = [
 
 @pytest.mark.parametrize("wrong", WRONG, ids=lambda raw: repr(raw)[:20])
 def test_what_is_no_command_is_dropped(wrong):
-    assert driving.shares_of(wrong) is None
-    assert driving.shares_of("[1, -1, 0.5]") == (1.0, -1.0, 0.5)
+    assert driving.message_of(wrong) is None
+    assert driving.message_of("[1, -1, 0.5]") == (1.0, -1.0, 0.5)
 
 
 def test_a_page_that_sends_nonsense_is_closed_and_drives_nothing(view):

@@ -13,7 +13,7 @@ from ballbot_rs.viewer.handle import PullHandle
 from ballbot_rs.viewer.plots import Plots
 from ballbot_rs.viewer.record_panel import RecordPanel
 from ballbot_rs.viewer.recording import Frame
-from ballbot_rs.viewer.robot_panel import RobotPanel
+from ballbot_rs.viewer.robot_panel import RobotPanel, chosen
 from ballbot_rs.viewer.run_panel import RunPanel
 from ballbot_rs.viewer.scene import Scene
 from ballbot_rs.viewer.session import Session
@@ -48,7 +48,7 @@ class Page:
         self._server, self._submit = server, submit
         self._scene = Scene(server, look, PullHandle(submit).attach)
         self._next_status = self._next_plot = 0.0
-        self._last_choice = ("", "")
+        self._last_choice: dict[str, str] = {}
         self._framed = (session.robots.name, len(session.robots))
         server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BRAND)
         # Beside the scene, so that no robot is behind it.
@@ -97,8 +97,9 @@ class Page:
         now = time.perf_counter()
         with self._server.atomic():
             self._scene.show(frame)
-            if (session.controller, session.task) != self._last_choice:
-                self._last_choice = (session.controller, session.task)
+            choice = chosen(session)
+            if choice != self._last_choice:
+                self._last_choice = choice
                 self.robot.correct(session)
             shown = (frame.robot, len(frame.states))
             if shown != self._framed:

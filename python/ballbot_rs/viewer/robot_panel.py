@@ -76,7 +76,7 @@ class RobotPanel:
         waits_for_name = self.controller.value == POLICY and not controller
 
         def command(session: Session) -> None:
-            now = {**_chosen(session), "num_robots": str(len(session.robots))}
+            now = chosen(session)
             changes: dict[str, Any] = {name: value for name, value in wanted.items() if value != now[name]}
             if "num_robots" in changes:
                 changes["num_robots"] = int(changes["num_robots"])
@@ -109,11 +109,13 @@ class RobotPanel:
         put(self.ghost, value=NONE if session.ghost is None else session.ghost.controller)
 
 
-def _chosen(session: Session) -> dict[str, str]:
+def chosen(session: Session) -> dict[str, str]:
+    """What is simulated, as parameters of `Session.choose`."""
     return {
         "model": session.robots.model,
         "robot": session.robots.name,
         "task": session.task,
         "observation": session.observation,
         "controller": session.controller,
+        "num_robots": str(len(session.robots)),
     }

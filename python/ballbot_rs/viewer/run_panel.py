@@ -39,9 +39,10 @@ class RunPanel:
         gui, submit = self._gui, self._submit
         self._time = gui.add_button_group("Time", (PAUSE, STEP, RESET), hint="Step: pauses, then one control step")
         self._time.on_click(on_client(submit, self._of_time))
-        speed = gui.add_slider(
+        speed = self._speed = gui.add_slider(
             "Speed (×)", min=MIN_SPEED, max=MAX_SPEED, step=0.01, initial_value=1.0, hint="1: real time; above: fast"
         )
+        self._shown_speed = session.speed
         speed.on_update(on_client(submit, lambda: bound(Session.set_speed, speed.value)))
         degrees = [round(math.degrees(angle), 1) for angle in session.start_tilt]
         self._tilts = [
@@ -83,6 +84,9 @@ class RunPanel:
         """Shows the state of the session."""
         put(self._time, options=(CONTINUE if session.paused else PAUSE, STEP, RESET))
         put(self.task, value=session.task)
+        if session.speed != self._shown_speed:
+            self._shown_speed = session.speed
+            put(self._speed, value=session.speed)
         # A route is of the task balance, a goal may be clicked.
         put(self._ways, visible=session.takes_clicks, options=self._ways_in(session))
         put(self.clicks, visible=session.takes_clicks)

@@ -25,6 +25,7 @@ class Tuning:
     def __init__(self, server: viser.ViserServer, submit: Callable[[Command], bool], session: Session) -> None:
         gui = server.gui
         self._submit = submit
+        self._shown = session.changes
         self._sliders: dict[str, viser.GuiSliderHandle[float]] = {}
         for name, change in CHANGES.items():
             slider = gui.add_slider(
@@ -70,7 +71,10 @@ class Tuning:
             put(self._sliders[name], value=value)
 
     def show(self, session: Session) -> None:
-        """Shows what robot 0 is."""
+        """Shows what robot 0 is, and what was changed elsewhere."""
+        if session.changes != self._shown:
+            self._shown = session.changes
+            self._correct(session)
         text = table_of(session)
         if self._table.content != text:
             self._table.content = text

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 #: Scripts, each with its own subject, and the style sheet.
-SCRIPTS: Final = ("drive.js",)
+SCRIPTS: Final = ("drive.js", "take.js")
 STYLE: Final = "style.css"
 
 TITLE: Final = b"<title>ballbot</title>"
