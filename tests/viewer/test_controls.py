@@ -41,7 +41,8 @@ CONTRASTS = """
   while (walker.nextNode()) {
     const element = walker.currentNode.parentElement;
     const text = walker.currentNode.textContent.trim();
-    if (!text || !element.offsetParent || element.closest("script, style, noscript, :disabled, [data-disabled]")) continue;
+    const isRead = text && element.offsetParent && !element.closest("script, style, :disabled, [data-disabled]");
+    if (!isRead) continue;
     const above = [];
     for (let e = element; e; e = e.parentElement) above.push(getComputedStyle(e));
     let behind = [255, 255, 255];
