@@ -49,6 +49,7 @@ class Scene:
         #: Whether robot 0 stays in the middle, and what else is shown.
         self.follows = self.shows_trail = self.shows_shadow = True
         self.shows_forces = False
+        self._casts_shadow = True
         #: The point of the floor in the middle, m.
         self.middle = np.zeros(2)
         self._shown: tuple[str, int] = ("", 0)
@@ -107,9 +108,10 @@ class Scene:
         self._forces.show(frame, self.shows_forces)
         self._push.show(frame)
         self._route.show(frame)
-        shadow = SHADOW if self.shows_shadow else 0.0
-        if self._grid.shadow_opacity != shadow:
-            self._grid.shadow_opacity = shadow
+        if self._casts_shadow != self.shows_shadow:
+            # Without them slow machines draw several times as many pictures.
+            self._casts_shadow = self.shows_shadow
+            self._server.scene.configure_default_lights(cast_shadow=self.shows_shadow)
 
     def _show_ghost(self, frame: Frame) -> None:
         if (frame.ghost is None) != (self._ghost is None):
