@@ -81,6 +81,8 @@ def scene_of(picture):
 
 @pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
 def test_the_page_in_a_browser(view, tmp_path):
+    # Shadows are slow to draw in software; the setpoint stays where it is seen.
+    view._page._scene.shows_shadow = view._page._scene.follows = False
     page = Chromium(find_browser(), tmp_path)
     try:
         page.call("Page.navigate", url=view.url)
@@ -170,6 +172,8 @@ def test_the_page_in_a_browser(view, tmp_path):
 
 @pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
 def test_dragging_the_robot_pulls_it(view, tmp_path):
+    # Shadows are slow to draw in software; the setpoint stays where it is seen.
+    view._page._scene.shows_shadow = view._page._scene.follows = False
     page = Chromium(find_browser(), tmp_path)
     try:
         page.call("Page.navigate", url=view.url)
@@ -185,14 +189,16 @@ def test_dragging_the_robot_pulls_it(view, tmp_path):
 
         view.runner.submit(listen)
         # The mast is in the middle of the scene.
-        mast = page.place_of("document.querySelector('canvas[data-engine]')")
+        scene = "document.querySelector('canvas[data-engine]').getBoundingClientRect()"
+        mast = page.evaluate(f"(b => [b.x + b.width / 2, b.y + b.height / 2])({scene})")
         page.drag(mast, (mast[0] + 90, mast[1]))
         page.screenshot(tmp_path / "drag.png")
         # The robot was pulled to the right, then let go; the end of the drag was not taken for a click on the floor.
         wait_until(lambda: pulls and pulls[-1] is None)
         assert max(point[0] for point in pulls if point is not None) > 0.1
         assert np.array_equal(ask(view, lambda session: session.setpoint), [0.0, 0.0])
-        assert page.errors == []
+        # viser 1.1.1 stops the default of a passive event in a drag, which Chromium notes.
+        assert [error for error in page.errors if "inside passive event listener" not in error] == []
     finally:
         page.close()
 
