@@ -46,7 +46,7 @@ gymnasium.make_vec("ballbot/Balance-v0", 2).reset()
 import ballbot_rs.analysis.episodes, ballbot_rs.cli
 ballbot_rs.cli.parser()
 ballbot_rs.analysis.episodes.evaluate("lqr", episodes=1, env_options={"model": "planar"})
-heavy = {"torch", "stable_baselines3", "tensorboard", "matplotlib", "viser", "trimesh", "plotly"}
+heavy = {"torch", "stable_baselines3", "tensorboard", "matplotlib", "viser", "trimesh"}
 print(sorted({m.split(".")[0] for m in sys.modules} & heavy))
 """
     assert run_python(code).strip() == "[]"

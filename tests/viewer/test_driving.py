@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 import time
 import urllib.request
 
@@ -13,7 +14,7 @@ viser = pytest.importorskip("viser", reason="the page is not tested: install 'ba
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
 
-from ballbot_rs.viewer import driving, server  # noqa: E402
+from ballbot_rs.viewer import driving, front, server  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.view import ask  # noqa: E402
@@ -108,8 +109,8 @@ WRONG = [
 
 @pytest.mark.parametrize("wrong", WRONG, ids=lambda raw: repr(raw)[:20])
 def test_what_is_no_command_is_dropped(wrong):
-    assert driving.shares_of(wrong) is None
-    assert driving.shares_of("[1, -1, 0.5]") == (1.0, -1.0, 0.5)
+    assert driving.message_of(wrong) is None
+    assert driving.message_of("[1, -1, 0.5]") == (1.0, -1.0, 0.5)
 
 
 def test_a_page_that_sends_nonsense_is_closed_and_drives_nothing(view):
@@ -141,10 +142,13 @@ def test_there_is_room_for_as_many_as_there_are_pages(view, monkeypatch):
         assert refused.value.response.status_code == 503
 
 
-def test_the_script_is_one_element_of_the_page_and_calls_nobody(view):
-    whole = driving.script()
+def test_the_page_has_our_head_once_and_whole_and_calls_nobody(view):
     with urllib.request.urlopen(view.url, timeout=60) as answer:
-        assert answer.read().count(whole) == 1
-    assert whole.count(b"<script>") == whole.count(b"</script>") == 1
-    assert b"http://" not in whole
-    assert b"https://" not in whole
+        page = answer.read()
+    own = front.head()
+    assert page.count(own) == 1
+    assert page.rstrip().endswith(b"</html>")
+    assert page.count(b"<title>") == own.count(b"<title>") == 1
+    assert own.count(b"<script>") == own.count(b"</script>") == len(front.SCRIPTS)
+    assert b"https://" not in own
+    assert re.findall(rb"http://[^'\"]*", own) == [b"http://www.w3.org/2000/svg"]

@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import re
 import socket
 import subprocess
 import sys
@@ -17,16 +16,16 @@ viser = pytest.importorskip("viser", reason="the page is not tested: install 'ba
 
 from PIL import Image  # noqa: E402
 from websockets.exceptions import ConnectionClosed  # noqa: E402
-from websockets.sync.client import connect  # noqa: E402
 
 from ballbot_rs import Params  # noqa: E402
 from ballbot_rs.viewer import shapes, urdf  # noqa: E402
+from ballbot_rs.viewer.plots import PLOTS  # noqa: E402
 from ballbot_rs.viewer.server import free_port  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.chromium import Chromium, find_browser  # noqa: E402
 from tests.support.paths import ASSETS  # noqa: E402
-from tests.support.view import ask  # noqa: E402
+from tests.support.view import ask, connect  # noqa: E402
 from tests.support.waiting import LIMIT, wait_until  # noqa: E402
 
 
@@ -43,7 +42,7 @@ def state(view):
 
 
 def button(name):
-    return f"[...document.querySelectorAll('button')].find(b => b.innerText.trim() === '{name}')"
+    return f"[...document.querySelectorAll('button, [role=tab]')].find(b => b.innerText.trim() === '{name}')"
 
 
 def click(page, expression):
@@ -82,6 +81,8 @@ def scene_of(picture):
 
 @pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
 def test_the_page_in_a_browser(view, tmp_path):
+    # Shadows are slow to draw in software; the setpoint stays where it is seen.
+    view._page._scene.shows_shadow = view._page._scene.follows = False
     page = Chromium(find_browser(), tmp_path)
     try:
         page.call("Page.navigate", url=view.url)
@@ -106,7 +107,7 @@ def test_the_page_in_a_browser(view, tmp_path):
         click_until(lambda: np.linalg.norm(state(view)[7:9]) > 0.01, page, button("Push"))
 
         # The text says what the session does.
-        page.wait_for("[...document.querySelectorAll('input')].some(i => /s, running/.test(i.value))")
+        page.wait_for("/ s\\s*running/.test(document.querySelector('.ballbot-status').innerText)")
 
         # A click on the floor moves the setpoint there, and the page shows it where the click was. The camera,
         # which begins elsewhere, has to be known first.
@@ -145,19 +146,19 @@ def test_the_page_in_a_browser(view, tmp_path):
         time_ = ask(view, lambda s: s.time)
         click_until(lambda: ask(view, lambda s: s.time) == pytest.approx(time_ + 0.01), page, button("Step"))
         view.runner.submit(lambda session: setattr(session, "paused", False))
-        record = "[...document.querySelectorAll('button')].filter(b => b.innerText.trim() === 'Record')[1]"
+        record = "[...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'Record')"
         click_until(lambda: ask(view, lambda s: s.is_recording), page, button("Record"), record)
         wait_until(lambda: ask(view, lambda s: s.recording.duration) > 0.3)
         click_until(lambda: ask(view, lambda s: s.replay_time is not None), page, button("Replay"))
         at_end = lambda s: s.replay_time is not None and s.replay_time == s.recording.duration  # noqa: E731
         wait_until(lambda: ask(view, at_end))
-        page.wait_for("[...document.querySelectorAll('input')].some(i => /replay/.test(i.value))")
+        page.wait_for("/replay, /.test(document.querySelector('.ballbot-status').innerText)")
         click_until(lambda: ask(view, lambda s: s.replay_time is None), page, button("Back to the simulation"))
 
         # Plots draw.
-        shown = "document.querySelectorAll('.js-plotly-plot').length"
+        shown = "document.querySelectorAll('.uplot canvas').length"
         click_until(lambda: page.evaluate(f"{shown} > 0"), page, button("Plots"))
-        page.wait_for("document.querySelectorAll('.js-plotly-plot .scatterlayer path.js-line').length >= 15")
+        page.wait_for(f"{shown} === {len(PLOTS)}")
         page.screenshot(tmp_path / "plots.png")
         assert page.errors == []
     finally:
@@ -170,7 +171,9 @@ def test_the_page_in_a_browser(view, tmp_path):
 
 
 @pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
-def test_dragging_the_handle_pulls_the_robot(view, tmp_path):
+def test_dragging_the_robot_pulls_it(view, tmp_path):
+    # Shadows are slow to draw in software; the setpoint stays where it is seen.
+    view._page._scene.shows_shadow = view._page._scene.follows = False
     page = Chromium(find_browser(), tmp_path)
     try:
         page.call("Page.navigate", url=view.url)
@@ -185,14 +188,17 @@ def test_dragging_the_handle_pulls_the_robot(view, tmp_path):
             session.pull = lambda point: (pulls.append(point), pull(point))
 
         view.runner.submit(listen)
-        # The tip of the arrow along x; the camera is where it was put.
-        page.drag((682, 302), (760, 285))
+        # The mast is in the middle of the scene.
+        scene = "document.querySelector('canvas[data-engine]').getBoundingClientRect()"
+        mast = page.evaluate(f"(b => [b.x + b.width / 2, b.y + b.height / 2])({scene})")
+        page.drag(mast, (mast[0] + 90, mast[1]))
         page.screenshot(tmp_path / "drag.png")
-        # The handle pulled along x, then let go; the end of the drag was not taken for a click on the floor.
+        # The robot was pulled to the right, then let go; the end of the drag was not taken for a click on the floor.
         wait_until(lambda: pulls and pulls[-1] is None)
         assert max(point[0] for point in pulls if point is not None) > 0.1
         assert np.array_equal(ask(view, lambda session: session.setpoint), [0.0, 0.0])
-        assert page.errors == []
+        # viser 1.1.1 stops the default of a passive event in a drag, which Chromium notes.
+        assert [error for error in page.errors if "inside passive event listener" not in error] == []
     finally:
         page.close()
 
@@ -282,9 +288,9 @@ def test_a_urdf_whose_mesh_is_missing_is_refused(tmp_path):
 def test_the_page_is_served_and_calls_nobody(view):
     with urllib.request.urlopen(view.url, timeout=60) as answer:
         page = answer.read().decode()
-    assert "<div id=" in page
-    assert "<script" in page
-    assert "gtag" not in re.sub("<!--.*?-->", "", page, flags=re.DOTALL)
+    assert '<div id="root">' in page
+    assert "gtag" not in page
+    assert "<title>ballbot</title>" in page
     assert view.server.request_share_url() is None
 
 
@@ -306,14 +312,14 @@ def test_garbage_and_many_clients_that_vanish_do_no_harm(view, capfd):
 
 def test_choices_that_are_not_offered_are_refused(view):
     """What a client that is no browser may put into a control; viser lets all text through."""
-    page = view._page
+    panel = view._page.robot
     event = viser.GuiEvent(client=None, client_id=3, target=None)
-    controls = (page._model, page._robot, page._count, page._controller)
+    controls = (panel.model, panel.robot, panel.count, panel.controller)
     now = [control.value for control in controls]
     for values in (("flat", "nobody", "1e9", "../x"), ("", "", "", ""), ("rigid\0", "kugle", "-1", "a.pkl")):
         for control, value in zip(controls, values, strict=True):
             control.value = value
-        page._choose(event)
+        panel._choose(event)
         wait_until(lambda: [control.value for control in controls] == now)
     assert ask(view, lambda s: (s.robots.model, s.robots.name, s.controller)) == ("contact", "paper", "lqr")
     assert ask(view, lambda session: len(session.notices)) == 3

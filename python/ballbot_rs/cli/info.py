@@ -18,7 +18,7 @@ from ballbot_rs.control.resolve import NAMES
 #: What the package may work with.
 LIBRARIES = (
     *("numpy", "scipy", "gymnasium", "stable-baselines3", "torch", "matplotlib", "moviepy", "rich", "tensorboard"),
-    *("onnx", "onnxruntime", "onnxscript", "viser", "websockets", "trimesh", "yourdfpy", "plotly", "pillow", "pygame"),
+    *("onnx", "onnxruntime", "onnxscript", "viser", "websockets", "trimesh", "yourdfpy", "pillow", "pygame"),
 )
 #: Features of a processor on which the speed of the core depends.
 FEATURES = ("sse4_2", "avx", "avx2", "fma", "avx512f", "avx512dq", "avx512vl", "asimd", "sve")

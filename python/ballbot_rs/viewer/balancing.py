@@ -4,15 +4,19 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ballbot_rs._core import Params
-from ballbot_rs.control.reference import Reference
+from ballbot_rs.control.reference import RATE, Reference
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs.registration import DEFAULT_TASK
 from ballbot_rs.viewer.bounds import check_bounded
 from ballbot_rs.viewer.drivers import BalancingDriver, Torques, lead_of, make_driver
 from ballbot_rs.viewer.objective import Objective
 from ballbot_rs.viewer.robots import Robots
+from ballbot_rs.viewer.route import MAX_SPEED, Route
+
+FloatArray = npt.NDArray[np.float64]
 
 #: Largest coordinate of a setpoint, m.
 MAX_SETPOINT = 5.0
@@ -32,10 +36,16 @@ class Balancing:
         self._controller, self._params = controller, params
         self.setpoint = np.zeros(2)
         self._references: list[Reference] = []
+        #: The curve along which the setpoint moves, and for how long it has, s.
+        self._route: Route | None = None
+        self._route_time = 0.0
 
     def torques(self, robots: Robots, call: Callable[[Callable[[], Any]], Any]) -> Torques:
         """As `Objective`."""
         driver, states = self.driver, robots.seen
+        if self._route is not None:
+            self._route_time += driver.control_dt
+            self.setpoint = self._route.at(self._route_time)
         if driver.follows_position:
             if not self._references:
                 lead = call(lambda: lead_of(self._controller, self._params))
@@ -51,7 +61,7 @@ class Balancing:
     def reset(self) -> None:
         """As `Objective`: the setpoint is the origin again."""
         self.driver.reset()
-        self.setpoint = np.zeros(2)
+        self._move_to(np.zeros(2))
         self._references = []
 
     def restarted(self, robots: Robots, index: int) -> None:  # noqa: ARG002
@@ -60,23 +70,44 @@ class Balancing:
         if self._references:
             self._references[index].start((0.0, 0.0), (0.0, 0.0))
         if index == 0:
-            self.setpoint = np.zeros(2)
+            self._move_to(np.zeros(2))
 
     def go_on(self, robots: Robots, before: Objective) -> None:  # noqa: ARG002
         """As `Objective`."""
         if isinstance(before, Balancing):
-            self.setpoint = before.setpoint
+            self._move_to(before.setpoint)
+            if self.driver.follows_position:
+                self._route, self._route_time = before._route, before._route_time
 
     def click(self, robots: Robots, x: float, y: float) -> None:  # noqa: ARG002
         """As `Objective`: moves the setpoint."""
         goal = np.array([check_bounded(n, v, -MAX_SETPOINT, MAX_SETPOINT) for n, v in (("x", x), ("y", y))])
+        self._check_follows()
+        self._move_to(goal)
+
+    def follow(self, name: str) -> None:
+        """Has the setpoint move along a curve of `route.ROUTES`, from where it is.
+
+        Raises:
+            ValueError: an unknown curve, or a controller that follows no position.
+        """
+        self._check_follows()
+        # At this share of what the target can do, LQR on `paper` keeps within 2 cm of the curve.
+        speed = min(MAX_SPEED, 0.35 * RATE * lead_of(self._controller, self._params))
+        x, y = self.setpoint.tolist()
+        self._route, self._route_time = Route(name, (x, y), speed), 0.0
+
+    def _check_follows(self) -> None:
         if not self.driver.follows_position:
             raise ValueError(f"{self._controller.name} does not follow a setpoint; choose lqr or a policy")
-        self.setpoint = goal
+
+    def _move_to(self, goal: FloatArray) -> None:
+        self.setpoint, self._route = goal, None
 
     def shown(self, robots: Robots) -> dict[str, Any]:  # noqa: ARG002
         """As `Objective`: the setpoint, and the target on the way there."""
         return {
             "setpoint": self.setpoint if self.driver.follows_position else None,
             "target": self._references[0].position if self._references else None,
+            "route": self._route.curve() if self._route is not None else None,
         }

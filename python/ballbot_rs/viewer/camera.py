@@ -6,6 +6,15 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
+#: Vertical angle of view, rad: a wide one makes upright robots at the side look tilted.
+FOV = math.radians(38.0)
+
+#: Where the camera is from the robots, as a direction.
+DIRECTION = np.array([-0.60, -0.76, 0.36]) / np.linalg.norm([-0.60, -0.76, 0.36])
+
+#: Share of the picture that stays free around the robots.
+MARGIN = 1.4
+
 
 def floor_point(
     position: npt.ArrayLike, wxyz: npt.ArrayLike, fov: float, aspect: float, screen: tuple[float, float]
@@ -28,7 +37,19 @@ def floor_point(
     return float(x - z / dz * dx), float(y - z / dz * dy)
 
 
-def look_from(client: viser.ClientHandle, distance: float) -> None:
-    """Puts the camera of a client at a distance from the robot, m."""
-    client.camera.position = (-0.8 * distance, -distance, 0.55 * distance + 0.3)
-    client.camera.look_at = (0.0, 0.0, 0.2)
+def distance_for(radius: float, fov: float, aspect: float) -> float:
+    """From where a ball of a radius, m, fills a picture, but for a margin."""
+    narrow = min(fov, 2.0 * math.atan(math.tan(0.5 * fov) * aspect))
+    return MARGIN * radius / math.sin(0.5 * narrow)
+
+
+def frame_robots(client: viser.ClientHandle, reach: float, height: float) -> None:
+    """Puts the camera of a client where it sees robots of a height, m, within a distance from the middle, m."""
+    middle = np.array([0.0, 0.0, 0.5 * height])
+    aspect = client.camera.aspect
+    distance = distance_for(math.hypot(reach, 0.5 * height), FOV, aspect)
+    with client.atomic():
+        client.camera.fov = FOV
+        # What is looked at moves along with the camera, so it comes last.
+        client.camera.position = tuple(middle + distance * DIRECTION)
+        client.camera.look_at = tuple(middle)

@@ -56,28 +56,18 @@ class _Nodes:
 
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
         self._scene, self._name = server.scene, name
-        self._nodes: list[viser.SceneNodeHandle] = []
-        self._add(server.scene.add_frame(name, show_axes=False, position=place))
-
-    def _add(self, node: viser.SceneNodeHandle) -> None:
-        self._nodes.append(node)
+        self._root = server.scene.add_frame(name, show_axes=False, position=place)
 
     def _arrow(self, name: str, color: tuple[int, int, int]) -> viser.MeshHandle:
         corners = arrows.straight(0.0, AHEAD)
         path = f"{self._name}/{name}"
-        arrow = self._scene.add_mesh_simple(path, corners, arrows.FACES, color=color, side="double", visible=False)
-        self._add(arrow)
-        return arrow
+        return self._scene.add_mesh_simple(path, corners, arrows.FACES, color=color, side="double", visible=False)
 
     def _line(self, name: str, points: FloatArray, color: tuple[int, int, int]) -> viser.LineSegmentsHandle:
-        line = self._scene.add_line_segments(f"{self._name}/{name}", _closed(points), color, line_width=3.0)
-        self._add(line)
-        return line
+        return self._scene.add_line_segments(f"{self._name}/{name}", _closed(points), color, thickness=0.006)
 
     def _point(self, name: str, radius: float, color: tuple[int, int, int]) -> viser.SceneNodeHandle:
-        point = self._scene.add_icosphere(f"{self._name}/{name}", radius, color, subdivisions=2)
-        self._add(point)
-        return point
+        return self._scene.add_icosphere(f"{self._name}/{name}", radius, color, subdivisions=2)
 
     def show(self, asked: Asked, state: FloatArray, index: int, time: float) -> None:
         """Shows what is asked of robot `index`."""
@@ -85,8 +75,7 @@ class _Nodes:
 
     def remove(self) -> None:
         """Takes the nodes away."""
-        for node in self._nodes:
-            node.remove()
+        self._root.remove()
 
 
 class _Velocity(_Nodes):

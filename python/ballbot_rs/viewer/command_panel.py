@@ -1,66 +1,45 @@
 """What a task asks, in words: the command, the metrics so far, and how to command it by hand."""
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import viser
 
 from ballbot_rs._core import TASKS
 from ballbot_rs.viewer.asked import Asked
 from ballbot_rs.viewer.commanding import ACCELERATION, CLICKED, DRIVEN, Commanding
+from ballbot_rs.viewer.controls import Submit, add_button, put
 from ballbot_rs.viewer.driving import HOLD
-from ballbot_rs.viewer.recording import Frame
-from ballbot_rs.viewer.runner import Command
 from ballbot_rs.viewer.session import Session
 
 
 class CommandPanel:
-    """Texts, shown with the task that they are of; `add_controls` adds the rest where it is to be.
+    """How to command a task by hand, and the way back; `add_controls` adds it where it is to be.
 
     Args:
-        server: shows them.
+        server: shows it.
         submit: puts a command into the queue.
     """
 
-    def __init__(self, server: viser.ViserServer, submit: Callable[[Command], bool]) -> None:
+    def __init__(self, server: viser.ViserServer, submit: Submit) -> None:
         self._gui, self._submit = server.gui, submit
-        self._command = self._gui.add_text(
-            "Command", "", disabled=True, hint="of robot 0; velocities are in its heading frame"
-        )
-        most = max(len(task["metrics"]) for task in TASKS.values())
-        self._metrics = [self._gui.add_text(f"Metric {i}", "", disabled=True, visible=False) for i in range(most)]
 
     def add_controls(self) -> None:
-        """Adds how to command by hand, and the way back."""
+        """Adds the help, and the button."""
         self._help = self._gui.add_markdown("")
-        self._draw = self._gui.add_button(
-            "New command of the task", hint="the task draws the commands again, from where the robots are"
+        self._draw = add_button(
+            self._gui,
+            self._submit,
+            "New command of the task",
+            Session.draw_commands,
+            hint="the task draws the commands again, from where the robots are",
         )
-        self._draw.on_click(self._pressed)
 
-    def _pressed(self, event: viser.GuiEvent[Any]) -> None:
-        if event.client_id is not None:
-            self._submit(Session.draw_commands)
-
-    def show(self, session: Session, frame: Frame) -> None:
-        """Shows what is asked in a frame."""
-        asked, commanding = frame.asked, session.commanding
-        metrics = {} if asked is None else metrics_of(asked)
-        rows = [*metrics.items(), *[("", "")] * (len(self._metrics) - len(metrics))]
-        is_drawn = commanding is not None and bool(TASKS[session.task]["command"])
-        help_text = "" if commanding is None else help_of(commanding)
-        for control, is_visible in ((self._help, bool(help_text)), (self._draw, is_drawn)):
-            if control.visible != is_visible:
-                control.visible = is_visible
-        if self._help.content != help_text:
-            self._help.content = help_text
-        texts = [("Command" if asked else "", command_of(asked) if asked else ""), *rows]
-        for text, (label, value) in zip([self._command, *self._metrics], texts, strict=True):
-            if text.visible != bool(label):
-                text.visible = bool(label)
-            if label and (text.label, text.value) != (label, value):
-                text.label, text.value = label, value
+    def show(self, session: Session) -> None:
+        """Shows what fits the task."""
+        commanding = session.commanding
+        text = "" if commanding is None else help_of(commanding)
+        put(self._help, visible=bool(text), content=text)
+        put(self._draw, visible=commanding is not None and bool(TASKS[session.task]["command"]))
 
 
 def command_of(asked: Asked) -> str:

@@ -4,14 +4,15 @@ viser has no events of keys and gamepads. Whoever drives must go on doing so: a 
 """
 
 import asyncio
+import functools
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated, Final
 
 import msgspec
 from websockets.asyncio.server import ServerConnection
 
+from ballbot_rs.viewer import link
 from ballbot_rs.viewer.commanding import DRIVEN
 from ballbot_rs.viewer.runner import Command
 from ballbot_rs.viewer.session import Session
@@ -29,18 +30,22 @@ LEAST_PERIOD: Final = 0.005
 MAX_REFUSED: Final = 100
 
 Share = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
-_DECODER = msgspec.json.Decoder(tuple[Share, Share, Share])
 
 
-def script() -> bytes:
-    """The element of the page that reads keyboard and gamepad."""
-    return b"<script>" + (Path(__file__).with_name("drive.js")).read_bytes() + b"</script>"
+class Restore(msgspec.Struct, forbid_unknown_fields=True):
+    """The query of the address with which a page was opened."""
+
+    restore: Annotated[str, msgspec.Meta(max_length=link.MAX_QUERY)]
 
 
-def shares_of(raw: str | bytes) -> tuple[float, float, float] | None:
-    """Forward, left and turn in [-1, 1] of a message; None if it is no such message."""
+_DECODER = msgspec.json.Decoder(tuple[Share, Share, Share] | Restore)
+
+
+def message_of(raw: str | bytes) -> tuple[float, float, float] | Restore | None:
+    """Forward, left and turn in [-1, 1], or what a link says; None if a message is neither."""
     try:
-        return _DECODER.decode(raw)
+        message: tuple[float, float, float] | Restore = _DECODER.decode(raw)
+        return message
     except (msgspec.MsgspecError, ValueError, RecursionError):
         return None
 
@@ -74,9 +79,12 @@ class Driving:
         try:
             await connection.send(_text(self._is_on))
             async for raw in connection:
-                shares = shares_of(raw)
-                if shares is not None:
-                    self._submit(self._drive(connection, shares))
+                message = message_of(raw)
+                if isinstance(message, Restore):
+                    self._submit(functools.partial(link.restore, query=message.restore))
+                elif message is not None:
+                    self._submit(self._drive(connection, message))
+                if message is not None:
                     await asyncio.sleep(LEAST_PERIOD)
                     continue
                 refused += 1

@@ -1,48 +1,37 @@
-"""The handle by which robot 0 is pulled with the mouse.
+"""Pulling robot 0 with the mouse: dragging it stretches a spring from its center of mass to the pointer."""
 
-What viser offers is a gizmo that reports where it was dragged to, but neither the beginning nor the end of a drag. So
-the handle stays on the robot's center of mass; once it is moved, it pulls the robot towards itself as a spring does,
-and when it has rested for `HOLD` it lets go and returns to the robot.
-"""
-
-import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import viser
 
 from ballbot_rs.viewer.runner import Command
-from ballbot_rs.viewer.scene import WORLD
 from ballbot_rs.viewer.session import Session
-
-#: How long the handle pulls after its last move, s.
-HOLD = 0.4
 
 
 class PullHandle:
-    """A gizmo on robot 0, hidden in a replay."""
+    """Makes a robot's meshes draggable.
 
-    def __init__(self, server: viser.ViserServer, submit: Callable[[Command], bool]) -> None:
-        self._gizmo = server.scene.add_transform_controls(
-            f"{WORLD}/pull", scale=0.25, disable_rotations=True, disable_sliders=True, depth_test=False
-        )
+    Args:
+        submit: puts a command into the queue.
+    """
+
+    def __init__(self, submit: Callable[[Command], bool]) -> None:
         self._submit = submit
-        self._moved = -np.inf
-        self._gizmo.on_update(self._dragged)
 
-    def _dragged(self, gizmo: viser.TransformControlsHandle) -> None:
-        target = np.array(gizmo.position)
+    def attach(self, node: viser.MeshHandle) -> None:
+        """Makes one mesh draggable."""
+        node.on_drag(self._dragged)
+
+    def _dragged(self, event: viser.SceneNodeDragEvent[Any]) -> None:
+        stretch = np.subtract(event.end_position, event.start_position)
+        ends = event.phase == "end"
 
         def command(session: Session) -> None:
-            session.pull(target)
-            self._moved = time.perf_counter()
+            if ends:
+                session.pull(None)
+            elif session.replay_time is None:
+                session.pull(session.robots.com + stretch)
 
         self._submit(command)
-
-    def show(self, session: Session) -> None:
-        """Puts the handle on the robot unless it is being dragged."""
-        if session.pull_point is not None and time.perf_counter() - self._moved > HOLD:
-            session.pull(None)
-        if session.pull_point is None:
-            self._gizmo.position = session.robots.com
-        self._gizmo.visible = session.replay_time is None

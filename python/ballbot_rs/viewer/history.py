@@ -5,6 +5,7 @@ from collections import deque
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._state_rows import BALL_POSITION, BALL_VELOCITY
 from ballbot_rs.viewer.recording import Frame
 
 FloatArray = npt.NDArray[np.float64]
@@ -22,7 +23,10 @@ SERIES: dict[str, slice] = {
     "slip": slice(9, 12),
     "utilization": slice(12, 16),
     "estimated tilt": slice(16, 18),
+    "position": slice(18, 20),
+    "speed": slice(20, 21),
 }
+ROWS = 21
 
 
 class History:
@@ -40,7 +44,9 @@ class History:
             elif elapsed < PERIOD * (1.0 - 1e-9):
                 return
         estimated = np.full(2, np.nan) if frame.estimated_tilt is None else frame.estimated_tilt
-        parts = ([frame.time], frame.tilt, frame.torques[0], frame.loads, frame.slip, frame.utilization, estimated)
+        position, speed = frame.states[0, BALL_POSITION][:2], np.hypot(*frame.states[0, BALL_VELOCITY][:2])
+        forces = (frame.torques[0], frame.loads, frame.slip, frame.utilization)
+        parts = ([frame.time], frame.tilt, *forces, estimated, position, [speed])
         self._samples.append(np.concatenate(parts))
 
     def clear(self) -> None:
@@ -48,5 +54,5 @@ class History:
         self._samples.clear()
 
     def series(self) -> FloatArray:
-        """All samples, shape (18, n), rows as in `SERIES`; NaN where there was no estimate."""
-        return np.array(self._samples).T if self._samples else np.empty((18, 0))
+        """All samples, shape (21, n), rows as in `SERIES`; NaN where there was no estimate."""
+        return np.array(self._samples).T if self._samples else np.empty((ROWS, 0))

@@ -5,7 +5,7 @@ opened later.
 """
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 import viser
@@ -22,6 +22,9 @@ Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Name = Annotated[str, msgspec.Meta(max_length=256)]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]
+Place = tuple[Share, Share]
+Index = Annotated[int, msgspec.Meta(ge=0, le=1_000_000)]
+Pixels = Annotated[int, msgspec.Meta(ge=1, le=100_000)]
 
 
 class _Message(msgspec.Struct, tag_field="type", forbid_unknown_fields=True):
@@ -36,7 +39,8 @@ class Camera(_Message, tag="ViewerCameraMessage"):
     fov: Annotated[float, msgspec.Meta(gt=0.0, lt=math.pi)]
     near: Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
     far: Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
-    aspect: Annotated[float, msgspec.Meta(gt=0.0, le=1e3)]
+    image_height: Pixels
+    image_width: Pixels
     look_at: Vector
     up_direction: Vector
 
@@ -54,16 +58,25 @@ class Click(_Message, tag="SceneNodeClickMessage"):
     name: Name
     ray_origin: Vector
     ray_direction: Vector
-    screen_pos: tuple[Share, Share]
-    instance_index: Annotated[int, msgspec.Meta(ge=0, le=1_000_000)] | None = None
+    screen_pos: Place
+    instance_index: Index | None = None
+    modifier: Name | None = None
+    owner: Name = ""
 
 
-class Drag(_Message, tag="TransformControlsUpdateMessage"):
-    """A handle that was dragged."""
+class Drag(_Message, tag="SceneNodeDragMessage"):
+    """A node of the scene that is dragged: where it was grabbed, and where the pointer is."""
 
+    phase: Literal["start", "update", "end"]
     name: Name
-    wxyz: Quaternion
-    position: Vector
+    start_position: Vector
+    start_screen_pos: tuple[Number, Number]
+    end_position: Vector
+    end_screen_pos: tuple[Number, Number]
+    button: Literal["left", "middle", "right"]
+    instance_index: Index | None = None
+    modifier: Name | None = None
+    owner: Name = ""
 
 
 _DECODER = msgspec.msgpack.Decoder(Camera | Control | Click | Drag)
@@ -84,8 +97,6 @@ def accepted(raw: bytes | str, controls: dict[str, Any]) -> Camera | Control | C
         return None
     if isinstance(message, Control):
         return message if _is_offered(message, controls) else None
-    if isinstance(message, Camera | Drag) and abs(math.hypot(*message.wxyz) - 1.0) > 1e-3:
-        return None
     return None if isinstance(message, Camera) and not _looks_somewhere(message) else message
 
 
@@ -101,7 +112,7 @@ def _is_offered(message: Control, controls: dict[str, Any]) -> bool:
     value = message.updates["value"]
     if isinstance(control, viser.GuiButtonHandle | viser.GuiCheckboxHandle):
         return isinstance(value, bool)
-    if isinstance(control, viser.GuiDropdownHandle):
+    if isinstance(control, viser.GuiDropdownHandle | viser.GuiButtonGroupHandle):
         return isinstance(value, str) and value in control.options
     if isinstance(control, viser.GuiSliderHandle):
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
@@ -110,7 +121,9 @@ def _is_offered(message: Control, controls: dict[str, Any]) -> bool:
 
 
 def _looks_somewhere(camera: Camera) -> bool:
-    """Whether the direction of view and the upward direction span a plane, without which viser has no attitude."""
+    """Whether its attitude is one, and the direction of view and the upward direction span a plane."""
+    if abs(math.hypot(*camera.wxyz) - 1.0) > 1e-3:
+        return False
     (a, b, c), (x, y, z) = (
         [p - q for p, q in zip(camera.look_at, camera.position, strict=True)],
         camera.up_direction,

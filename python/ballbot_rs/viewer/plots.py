@@ -1,75 +1,132 @@
-"""Live plots of robot 0: tilt and its estimate, torques, loads, slip and how much of the traction limit is in use."""
+"""Live plots of robot 0: where it is, how it leans, and what its wheels do."""
+
+import dataclasses
+import math
 
 import numpy as np
-import plotly.graph_objects as go
+import numpy.typing as npt
 import viser
-from plotly.subplots import make_subplots
+from viser import uplot
 
-from ballbot_rs.viewer.history import SERIES, SPAN, History
+from ballbot_rs.viewer.history import SERIES, History
 
-#: Title, row of `SERIES`, factor to the unit shown, names of the curves.
-PLOTS = (
-    ("tilt from the equilibrium (deg); dotted: estimate", "tilt", 180.0 / np.pi, ("about x", "about y")),
-    ("wheel torques (N·m)", "torques", 1.0, ("wheel 0", "wheel 1", "wheel 2")),
-    ("wheel loads (N)", "loads", 1.0, ("wheel 0", "wheel 1", "wheel 2")),
-    ("slip speeds (m/s)", "slip", 1.0, ("wheel 0", "wheel 1", "wheel 2")),
-    ("traction in use (1: limit)", "utilization", 1.0, ("wheel 0", "wheel 1", "wheel 2", "floor")),
-)
-COLORS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#7f7f7f")
+FloatArray = npt.NDArray[np.float64]
 
-#: Rows of `SERIES` that are drawn dotted over others.
-DOTTED = {"tilt": "estimated tilt"}
+#: Distinguishable by color-blind people, at 3:1 and more on white.
+COLORS = ("#1f6fb4", "#c05a00", "#2a8a3a", "#6b6b6b")
+LIMIT_COLOR = "#c0262d"
 
 #: A contact without load has no limit: its share is infinite, and drawn at this height.
 TOP = 2.0
 
-#: Smallest range of each ordinate, so that noise of rounding does not fill a plot.
-LEAST_RANGE = {"tilt": 0.5, "torques": 0.02, "loads": 1.0, "slip": 0.01}
+#: Heights of a plot, px.
+HEIGHT = 130
+
+
+@dataclasses.dataclass(frozen=True)
+class Plot:
+    """One plot."""
+
+    title: str
+    unit: str
+    #: Row of `SERIES`, and the curves in it.
+    row: str
+    curves: tuple[str, ...]
+    #: Smallest largest and largest smallest ordinate, so that noise of rounding does not fill a plot.
+    least: tuple[float, float]
+    #: To the unit shown.
+    factor: float = 1.0
+    #: A row that is drawn dashed beside it, and its name.
+    other: tuple[str, str] | None = None
+    #: A line at this height, and its name.
+    limit: tuple[float, str] | None = None
+
+
+WHEELS = ("wheel 0", "wheel 1", "wheel 2")
+PLOTS = (
+    Plot("Ball position", "m", "position", ("x", "y"), (-0.1, 0.1)),
+    Plot("Ball speed", "m/s", "speed", ("speed",), (0.0, 0.1)),
+    Plot("Tilt", "deg", "tilt", ("about x", "about y"), (-0.5, 0.5), 180.0 / math.pi, ("estimated tilt", "estimate")),
+    Plot("Wheel torques", "N·m", "torques", WHEELS, (-0.02, 0.02)),
+    Plot("Wheel loads", "N", "loads", WHEELS, (0.0, 1.0)),
+    Plot("Slip speeds", "m/s", "slip", WHEELS, (-0.01, 0.01)),
+    Plot("Traction in use", "", "utilization", (*WHEELS, "floor"), (0.0, 1.1), limit=(1.0, "limit")),
+)
 
 
 class Plots:
-    """One figure on the page with a row for each of `PLOTS`."""
+    """A chart for each of `PLOTS`, below its title and legend."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        self._figure = make_subplots(
-            rows=len(PLOTS), cols=1, shared_xaxes=True, vertical_spacing=0.05, subplot_titles=[p[0] for p in PLOTS]
-        )
-        for row, (_, key, _, names) in enumerate(PLOTS, start=1):
-            for dash in ("solid", "dot") if key in DOTTED else ("solid",):
-                for name, color in zip(names, COLORS, strict=False):
-                    line = {"color": color, "width": 1.5, "dash": dash}
-                    self._figure.add_trace(go.Scatter(name=name, line=line, mode="lines"), row=row, col=1)
-        self._figure.add_hline(y=1.0, line={"color": "#d62728", "dash": "dash", "width": 1.5}, row=len(PLOTS), col=1)
-        self._figure.update_yaxes(range=[0.0, TOP], row=len(PLOTS), col=1)
-        self._figure.update_layout(
-            showlegend=False, margin={"l": 36, "r": 6, "t": 22, "b": 26}, font={"size": 10}, template="plotly_white"
-        )
-        self._figure.update_annotations(font_size=11)
-        self._figure.update_xaxes(title_text="time (s)", row=len(PLOTS), col=1)
-        self._handle = server.gui.add_plotly(self._figure, aspect=1.9)
+        self._charts = [_Chart(server, plot) for plot in PLOTS]
 
     def show(self, history: History) -> None:
         """Draws the last seconds."""
         series = history.series()
-        if not series.shape[1]:
-            return
-        time = np.round(series[0], 3)
-        traces = iter(self._figure.data)
-        with self._figure.batch_update():
-            for row, (_, key, factor, _) in enumerate(PLOTS, start=1):
-                rows = [series[SERIES[name]] for name in (key, DOTTED.get(key)) if name is not None]
-                values = factor * np.concatenate(rows)
-                if key == "utilization":
-                    values = np.nan_to_num(np.minimum(values, TOP), nan=0.0)
-                else:
-                    self._set_range(row, values, LEAST_RANGE[key])
-                for curve in values:
-                    trace = next(traces)
-                    trace.x, trace.y = time, np.round(curve, 5)
-            self._figure.update_xaxes(range=[time[-1] - SPAN, time[-1]])
-        self._handle.figure = self._figure
+        # A chart of one sample has no abscissa.
+        if series.shape[1] > 1:
+            for chart in self._charts:
+                chart.show(series)
 
-    def _set_range(self, row: int, values: np.ndarray, least: float) -> None:
-        low, high = float(np.nanmin(values)), float(np.nanmax(values))
-        margin = 0.05 * (high - low) + max(0.0, 0.5 * (least - (high - low)))
-        self._figure.update_yaxes(range=[low - margin, high + margin], row=row, col=1)
+
+class _Chart:
+    def __init__(self, server: viser.ViserServer, plot: Plot) -> None:
+        self._plot = plot
+        styles = [uplot.Series(label=n, stroke=c, width=1.5) for n, c in zip(plot.curves, COLORS, strict=False)]
+        if plot.other is not None:
+            styles += [uplot.Series(**style, dash=(5.0, 4.0)) for style in styles]
+        if plot.limit is not None:
+            styles.append(uplot.Series(label=plot.limit[1], stroke=LIMIT_COLOR, width=1.5, dash=(6.0, 4.0)))
+        self._legend = server.gui.add_html(legend_of(plot, has_other=False))
+        low, high = plot.least
+        axis = uplot.Axis(size=46, font="11px sans-serif", stroke="#333", ticks={"size": 4}, gap=4)
+        self._handle = server.gui.add_uplot(
+            tuple(np.array([0.0, 1.0]) for _ in range(len(styles) + 1)),
+            (uplot.Series(label="time (s)"), *styles),
+            scales={"x": {"time": False}, "y": {"range": {"min": _soft(low), "max": _soft(high)}}},
+            axes=({**axis, "size": 24}, axis),
+            legend={"show": False},
+            cursor={"drag": {"x": False, "y": False}},
+            height=HEIGHT,
+            padding=(6, 12, 0, 0),
+        )
+
+    def show(self, series: FloatArray) -> None:
+        plot = self._plot
+        values = plot.factor * series[SERIES[plot.row]]
+        if plot.limit is not None:
+            values = np.nan_to_num(np.minimum(values, TOP), nan=0.0)
+        curves = list(values)
+        if plot.other is not None:
+            others = plot.factor * series[SERIES[plot.other[0]]]
+            has_other = bool(np.isfinite(others).any())
+            # Where there is no estimate its curve is hidden by the true one.
+            curves += list(np.where(np.isfinite(others), others, values))
+            text = legend_of(plot, has_other)
+            if self._legend.content != text:
+                self._legend.content = text
+        if plot.limit is not None:
+            curves.append(np.full_like(series[0], plot.limit[0]))
+        self._handle.data = (np.round(series[0], 3), *(np.round(curve, 5) for curve in curves))
+
+
+def legend_of(plot: Plot, has_other: bool) -> str:
+    """Title, unit, and the names of the curves in their colors."""
+    unit = f" ({plot.unit})" if plot.unit else ""
+    keys = [_key(name, color, "solid") for name, color in zip(plot.curves, COLORS, strict=False)]
+    if plot.other is not None and has_other:
+        keys.append(_key(plot.other[1], COLORS[3], "dashed"))
+    if plot.limit is not None:
+        keys.append(_key(plot.limit[1], LIMIT_COLOR, "dashed"))
+    # A single curve is what the title says.
+    shown = "".join(keys) if len(keys) > 1 else ""
+    return f'<div class="ballbot-legend"><b>{plot.title}{unit}</b>{shown}</div>'
+
+
+def _key(name: str, color: str, line: str) -> str:
+    return f'<span><i style="border-top: 2px {line} {color}"></i>{name}</span>'
+
+
+def _soft(value: float) -> dict[str, float]:
+    """A bound that holds unless the data go beyond it."""
+    return {"pad": 0.08, "soft": value, "mode": 1}

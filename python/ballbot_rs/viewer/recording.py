@@ -6,6 +6,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._core import Contacts, Params
 from ballbot_rs.viewer.asked import Asked
 
 FloatArray = npt.NDArray[np.float64]
@@ -33,6 +34,9 @@ class Frame:
     tilt: FloatArray
     #: The same of the state that its controller takes; None where that is the true one.
     estimated_tilt: FloatArray | None
+    #: Forces of the last time step on robot 0, and what changes and events have made of it.
+    contacts: Contacts
+    params: Params
     #: Loads of the wheels of robot 0, N.
     loads: FloatArray
     #: Slip speeds of the wheels of robot 0, m/s.
@@ -45,6 +49,12 @@ class Frame:
     target: FloatArray | None
     #: What a task other than balance asks.
     asked: Asked | None = None
+    #: The curve along which the setpoint moves, m, shape (k, 2).
+    route: FloatArray | None = None
+    #: State of the robot to compare with, as a row of `states`.
+    ghost: FloatArray | None = None
+    #: Impulse (x, y) of a push by hand that has just been, N·s.
+    push: FloatArray | None = None
 
 
 class Recording:

@@ -170,10 +170,14 @@ class Robots:
             return self
         others = Robots(setup, len(self))
         others._start = self._start
-        others.down_for = self.down_for.copy()
-        for index, robot in enumerate(others._robots):
-            robot.go_on_from(self._robots[index], self._turned(self._start, index))
+        others.go_on_from(self)
         return others
+
+    def go_on_from(self, others: "Robots") -> None:
+        """Each robot is in the episode, and where, another one of the same number is."""
+        for index, robot in enumerate(self._robots):
+            robot.go_on_from(others._robots[index], self._turned(self._start, index))
+            self.down_for[index] = others.down_for[index]
 
     def push(self, impulse: npt.ArrayLike) -> None:
         """Gives every robot an impulse (inertial frame, N·s) at its center of mass."""
@@ -218,6 +222,9 @@ class Robots:
         setpoint: FloatArray | None = None,
         target: FloatArray | None = None,
         asked: Asked | None = None,
+        route: FloatArray | None = None,
+        ghost: FloatArray | None = None,
+        push: FloatArray | None = None,
     ) -> Frame:
         """What is to be shown."""
         states = self._rows()
@@ -237,4 +244,9 @@ class Robots:
             setpoint=setpoint,
             target=target,
             asked=asked,
+            route=route,
+            ghost=ghost,
+            push=push,
+            contacts=contacts,
+            params=self.params_of(0),
         )

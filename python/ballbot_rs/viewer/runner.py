@@ -23,6 +23,9 @@ FRAME_DT = 1.0 / 30.0
 #: The most real time that is caught up after a delay, s: a machine that is too slow shows slow motion, not a jam.
 MAX_DELAY = 0.5
 
+#: Simulated time between two looks at the clock, s.
+SLICE = 0.05
+
 #: How long `stop` waits, s. What cannot be interrupted, such as the reading of a large mesh, is left behind.
 STOP_TIMEOUT = 0.1
 
@@ -88,7 +91,7 @@ class Runner:
         began = time.perf_counter()
         simulated = 0.0
         try:
-            simulated = session.advance(min(elapsed, MAX_DELAY))
+            simulated = self._advance(min(elapsed, MAX_DELAY))
         except Exception as error:
             if self._stop.is_set():
                 return
@@ -106,6 +109,16 @@ class Runner:
                 # viser wakes its senders from this thread while its own may be doing so. The next frame shows the rest.
                 if RACE not in str(error):
                     raise
+
+    def _advance(self, seconds: float) -> float:
+        """Lets real time pass in slices, as many as there is time for: a fast-forward may be more than can be done."""
+        session, simulated = self._session, 0.0
+        ends = time.perf_counter() + MAX_DELAY
+        piece = SLICE / max(1.0, session.speed)
+        while seconds > 0.0 and time.perf_counter() < ends:
+            simulated += session.advance(min(seconds, piece))
+            seconds -= piece
+        return simulated
 
     def _carry_out_commands(self) -> None:
         for _ in range(MAX_COMMANDS):

@@ -16,6 +16,7 @@ from ballbot_rs._state_rows import (
     WHEEL_ANGLES,
 )
 from ballbot_rs.viewer.command_nodes import CommandNodes
+from ballbot_rs.viewer.effects import Forces, Push, RouteLine, Trail
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.shapes import Look, Piece
 
@@ -30,17 +31,25 @@ SPACING = 1.0
 #: Of the floor and of the squares that it is divided into, m.
 FLOOR_SIZE, SECTION = 20.0, 1.0
 
+#: Darkness of shadows, and opacity of the robot to compare with.
+SHADOW, GHOST_OPACITY = 0.3, 0.35
+
 GOAL_COLOR, TARGET_COLOR = (30, 160, 60), (240, 140, 26)
 
 
 class Scene:
-    """Shows frames on a server; `look` makes a robot's look of its name."""
+    """Shows frames on a server; `look` makes a robot's look of its name, `attach` makes a mesh of robot 0 draggable."""
 
-    def __init__(self, server: viser.ViserServer, look: Callable[[str], Look]) -> None:
+    def __init__(
+        self, server: viser.ViserServer, look: Callable[[str], Look], attach: Callable[[viser.MeshHandle], None]
+    ) -> None:
         self._server = server
         self._look = look
-        #: Whether robot 0 stays in the middle.
-        self.follows = False
+        self._attach = attach
+        #: Whether robot 0 stays in the middle, and what else is shown.
+        self.follows = self.shows_trail = self.shows_shadow = True
+        self.shows_forces = False
+        self._casts_shadow = True
         #: The point of the floor in the middle, m.
         self.middle = np.zeros(2)
         self._shown: tuple[str, int] = ("", 0)
@@ -55,8 +64,13 @@ class Scene:
             width=FLOOR_SIZE,
             height=FLOOR_SIZE,
             cell_size=0.1,
-            cell_color=(205, 208, 214),
+            cell_color=(214, 219, 226),
+            section_color=(172, 180, 190),
             section_size=SECTION,
+            plane_color=(246, 248, 250),
+            plane_opacity=1.0,
+            shadow_opacity=SHADOW,
+            fade_distance=FLOOR_SIZE,
         )
         # What is clicked is a sheet under the grid: viser tells a click on a node from a drag, which turns the camera.
         half = 0.5 * FLOOR_SIZE
@@ -64,6 +78,9 @@ class Scene:
         self.floor = server.scene.add_mesh_simple(
             "/sheet", corners, np.array([(0, 1, 2), (0, 2, 3)]), opacity=0.01, position=(0.0, 0.0, -0.002)
         )
+        self._trail, self._forces = Trail(server, f"{WORLD}/trail"), Forces(server, f"{WORLD}/forces")
+        self._push, self._route = Push(server, f"{WORLD}/push"), RouteLine(server, f"{WORLD}/route")
+        self._ghost: _RobotNodes | None = None
         self._commands: CommandNodes | None = None
         self._task: str | None = None
         self._setpoint = server.scene.add_icosphere(f"{WORLD}/setpoint", 0.03, GOAL_COLOR, subdivisions=2)
@@ -86,6 +103,36 @@ class Scene:
                 node.position = (float(place[0]), float(place[1]), 0.0)
         for nodes, state in zip(self._robots, frame.states, strict=True):
             nodes.show(state)
+        self._show_ghost(frame)
+        self._trail.show(frame, self.shows_trail)
+        self._forces.show(frame, self.shows_forces)
+        self._push.show(frame)
+        self._route.show(frame)
+        if self._casts_shadow != self.shows_shadow:
+            # Without them slow machines draw several times as many pictures.
+            self._casts_shadow = self.shows_shadow
+            self._server.scene.configure_default_lights(cast_shadow=self.shows_shadow)
+
+    def _show_ghost(self, frame: Frame) -> None:
+        if (frame.ghost is None) != (self._ghost is None):
+            if self._ghost is not None:
+                self._ghost.remove()
+                self._ghost = None
+            else:
+                name = f"{WORLD}/ghost_{self._generation}"
+                self._ghost = _RobotNodes(self._server, name, self._look(frame.robot), (0.0, 0.0, 0.0), GHOST_OPACITY)
+                self._generation += 1
+        if self._ghost is not None and frame.ghost is not None:
+            self._ghost.show(frame.ghost)
+
+    def extent(self, robot: str, num_robots: int) -> tuple[float, float]:
+        """How far from the middle robots stand, and how high they are, m."""
+        look = self._look(robot)
+        wheels = [piece.vertices @ w.mount[:3, :3].T + w.mount[:3, 3] for w in look.wheels for piece in w.pieces]
+        parts = np.concatenate([*(piece.vertices for piece in look.body), *wheels])
+        radius = max(float(piece.vertices[:, 2].max()) for piece in look.ball)
+        half = float(np.abs(parts[:, :2]).max())
+        return half + max(math.hypot(x, y) for x, y, _ in places(num_robots)), radius + float(parts[:, 2].max())
 
     def _move_middle(self, middle: FloatArray) -> None:
         if np.array_equal(middle, self.middle):
@@ -107,11 +154,16 @@ class Scene:
     def _rebuild(self, robot: str, num_robots: int) -> None:
         for nodes in self._robots:
             nodes.remove()
+        if self._ghost is not None:
+            self._ghost.remove()
+            self._ghost = None
         look = self._look(robot)
         self._robots = [
             _RobotNodes(self._server, f"{WORLD}/robot_{self._generation}_{i}", look, place)
             for i, place in enumerate(places(num_robots))
         ]
+        for mesh in self._robots[0].meshes:
+            self._attach(mesh)
         self._generation += 1
         self._shown = (robot, num_robots)
 
@@ -128,10 +180,17 @@ def places(num_robots: int) -> list[tuple[float, float, float]]:
 class _RobotNodes:
     """The scene nodes of one robot."""
 
-    def __init__(self, server: viser.ViserServer, name: str, look: Look, place: tuple[float, float, float]) -> None:
-        self._scene = server.scene
-        self._nodes: list[viser.SceneNodeHandle] = []
-        self._frame(name, position=place)
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        name: str,
+        look: Look,
+        place: tuple[float, float, float],
+        opacity: float | None = None,
+    ) -> None:
+        self._scene, self._opacity = server.scene, opacity
+        self.meshes: list[viser.MeshHandle] = []
+        self._root = self._frame(name, position=place)
         self._ball = self._frame(f"{name}/ball")
         self._body = self._frame(f"{name}/body")
         self._wheels = []
@@ -144,17 +203,20 @@ class _RobotNodes:
             self._add(f"{mount}/turned", wheel.pieces)
 
     def _frame(self, name: str, **pose: Any) -> viser.FrameHandle:
-        node = self._scene.add_frame(name, show_axes=False, **pose)
-        self._nodes.append(node)
-        return node
+        return self._scene.add_frame(name, show_axes=False, **pose)
 
     def _add(self, name: str, pieces: list[Piece], *, smooth: bool = False) -> None:
         for i, one in enumerate(pieces):
-            self._nodes.append(
-                self._scene.add_mesh_simple(
-                    f"{name}/piece_{i}", one.vertices, one.faces, color=one.color, flat_shading=not smooth
-                )
+            mesh = self._scene.add_mesh_simple(
+                f"{name}/piece_{i}",
+                one.vertices,
+                one.faces,
+                color=one.color,
+                flat_shading=not smooth,
+                opacity=self._opacity,
+                cast_shadow=self._opacity is None,
             )
+            self.meshes.append(mesh)
 
     def show(self, state: FloatArray) -> None:
         """Moves the robot."""
@@ -166,9 +228,8 @@ class _RobotNodes:
             node.wxyz = np.array([math.cos(0.5 * angle), *(math.sin(0.5 * angle) * axle)])
 
     def remove(self) -> None:
-        """Takes the robot away: the page needs to hear of the parent first, the server of every node."""
-        for node in self._nodes:
-            node.remove()
+        """Takes the robot away."""
+        self._root.remove()
 
 
 def quaternion_of(rotation: FloatArray) -> tuple[float, float, float, float]:

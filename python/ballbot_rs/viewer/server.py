@@ -6,7 +6,6 @@ import functools
 import http
 import io
 import logging
-import re
 import socket
 import time
 from collections.abc import Awaitable, Callable, Iterator
@@ -18,7 +17,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from ballbot_rs.viewer import driving, messages
+from ballbot_rs.viewer import driving, front, messages
 from ballbot_rs.viewer.access import refusal
 
 HOST = "127.0.0.1"
@@ -27,18 +26,17 @@ HOST = "127.0.0.1"
 MAX_CLIENTS = 16
 FULL = f"{MAX_CLIENTS} pages of this server are open already, which is the limit: close one"
 
+#: What viser's page asks for: the version that made it.
+PROTOCOL = f"viser-v{viser.__version__}"
+
 #: Messages a second of one client; it is read more slowly if it sends more. The page's own throttle is below that.
 MAX_RATE = 200.0
 
 #: Messages that a client may send in vain before it is disconnected.
 MAX_REFUSED = 100
 
-#: How long the end of a connection may take, and the end of the server, s.
+#: How long the end of a connection may take, s.
 CLOSE_TIMEOUT = 0.02
-STOP_TIMEOUT = 0.08
-
-#: The analytics script of viser's page, which is removed.
-ANALYTICS = re.compile(rb"<script(?:(?!</script>).)*(?:googletagmanager|gtag)(?:(?!</script>).)*</script>", re.DOTALL)
 
 
 class LocalServer(viser.ViserServer):
@@ -74,6 +72,10 @@ class LocalServer(viser.ViserServer):
         if self.is_full:
             await connection.close(1013, FULL)
             return
+        if connection.subprotocol != PROTOCOL:
+            # viser would say so on the terminal.
+            await connection.close(1002, f"this server speaks {PROTOCOL}: load the page again")
+            return
         self._clients.add(connection)
         try:
             await handler(_Client(connection, self))
@@ -85,11 +87,6 @@ class LocalServer(viser.ViserServer):
     def is_for_driving(self, request: Request | None) -> bool:
         """Whether a connection is asked for to drive."""
         return self._driving is not None and request is not None and request.path == driving.PATH
-
-    def complete(self, page: bytes | bytearray) -> bytes:
-        """Viser's page without what calls others, and with the script that drives."""
-        own = ANALYTICS.sub(b"", bytes(page))
-        return own if self._driving is None else own.replace(b"</head>", driving.script() + b"</head>", 1)
 
     def is_full_for(self, request: Request) -> bool:
         """Whether there is no room for what is asked for."""
@@ -115,25 +112,10 @@ class LocalServer(viser.ViserServer):
     def stop(self) -> None:
         """Ends the server, quietly; clients that do not answer are not waited for."""
         with contextlib.redirect_stdout(io.StringIO()):
-            if self._event_loop.is_running():
+            with contextlib.suppress(RuntimeError):
+                # The loop may have ended with the interpreter.
                 self._event_loop.call_soon_threadsafe(self._abort)
             super().stop()
-            # The server's thread says so when it ends, which it does not tell otherwise.
-            deadline = time.monotonic() + STOP_TIMEOUT
-            while self._event_loop.is_running() and time.monotonic() < deadline:
-                time.sleep(0.005)
-            time.sleep(0.01)
-        if not self._event_loop.is_running():
-            # What waits for messages would be complained about when Python ends.
-            self._event_loop.run_until_complete(_cancel_all())
-
-
-async def _cancel_all() -> None:
-    waiting = asyncio.all_tasks() - {asyncio.current_task()}
-    for task in waiting:
-        task.cancel()
-    await asyncio.gather(*waiting, return_exceptions=True)
-    await asyncio.get_running_loop().shutdown_asyncgens()
 
 
 def free_port(first: int) -> int:
@@ -160,6 +142,7 @@ class _Client:
         self._last = time.monotonic()
         self._refused = 0
         self._has_camera = False
+        self.subprotocol = connection.subprotocol
 
     async def send(self, message: bytes) -> None:
         """Sends to the client."""
@@ -215,18 +198,20 @@ def _guarded(server: LocalServer) -> Iterator[list[bool]]:
                 request.headers.pop("Accept-Encoding", None)
             response = process_request(connection, request)
             if is_page and isinstance(response, Response):
-                response.body = server.complete(response.body)
+                response.body = front.complete(bytes(response.body))
+                del response.headers["Content-Length"]
+                response.headers["Content-Length"] = str(len(response.body))
             return response
 
         guards.append(True)
         own = {"max_size": messages.MAX_MESSAGE, "close_timeout": CLOSE_TIMEOUT, "logger": _silent_logger()}
         return serve(functools.partial(server.serve, handler), *arguments, process_request=answer, **{**options, **own})
 
-    websockets.asyncio.server.serve = guarded  # type: ignore[assignment]
+    websockets.asyncio.server.serve = guarded  # type: ignore[assignment, misc]
     try:
         yield guards
     finally:
-        websockets.asyncio.server.serve = serve
+        websockets.asyncio.server.serve = serve  # type: ignore[misc]
 
 
 def _refused(status: http.HTTPStatus, reason: str) -> Response:

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
@@ -18,9 +17,11 @@ from ballbot_rs.viewer.bounds import check_bounded
 from ballbot_rs.viewer.changes import NEUTRAL, Motors, Sensors, checked
 from ballbot_rs.viewer.commanding import Commanding
 from ballbot_rs.viewer.drivers import Driver
-from ballbot_rs.viewer.history import History
+from ballbot_rs.viewer.ghost import keep_up, shared
+from ballbot_rs.viewer.notices import Notices
 from ballbot_rs.viewer.objective import Objective
-from ballbot_rs.viewer.recording import Frame, Recording
+from ballbot_rs.viewer.player import Player
+from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.robots import Robots
 from ballbot_rs.viewer.setup import Events, Setup
 from ballbot_rs.viewer.trial import check_balances
@@ -46,13 +47,16 @@ DEFAULT_SENSORS = {"sensors": "exact", "ground_truth": "kugle"}
 #: How long a robot that has fallen lies before it starts anew, s.
 LIES_FOR = 2.0
 
+#: For how long a push is shown, s.
+PUSH_SECONDS = 0.7
+
 #: Bounds of what a page can ask for: simulated per real time, rad and N·s.
-MIN_SPEED, MAX_SPEED = 0.01, 1.0
+MIN_SPEED, MAX_SPEED = 0.01, 8.0
 MAX_TILT = math.radians(30.0)
 MAX_IMPULSE = 20.0
 
 
-class Session:
+class Session(Player):
     """Everything that a page shows and commands. Not for several threads: `Runner` owns one.
 
     Args:
@@ -93,6 +97,7 @@ class Session:
         task: str | None = None,
         task_options: Mapping[str, Any] | None = None,
     ) -> None:
+        super().__init__()
         self._own = {} if params is None else {robot: params}
         self._motors, self._events, self._seed = motors, events, seed
         _check_observation(observation)
@@ -102,11 +107,11 @@ class Session:
         self.paused = False
         self.speed = 1.0
         self.start_tilt = np.radians([3.0, 0.0])
-        self.recording = Recording()
-        self.is_recording = False
-        self.replay_time: float | None = None
-        self.history = History()
-        self.notices: deque[str] = deque(maxlen=20)
+        self.notices = Notices()
+        #: The same robot under another controller, to compare with.
+        self.ghost: Session | None = None
+        #: Last push by hand: when, s, and the impulse (x, y), N·s.
+        self.pushed: tuple[float, npt.NDArray[np.float64]] | None = None
         self.pull_point: npt.NDArray[np.float64] | None = None
         self.watch = Watch()
         self._ahead = 0.0
@@ -268,8 +273,10 @@ class Session:
         else:
             objective.go_on(self.robots, before)
         self.replay_time = None
+        self._compare_again()
 
-    def change(self, **values: float) -> None:
+    @shared
+    def change(self, /, **values: float) -> None:
         """Changes parameters, motors and sensors of all robots, by the names of `changes.CHANGES`; the others remain.
 
         The robots move on. Controllers and estimator remain those of the robot without changes.
@@ -285,6 +292,7 @@ class Session:
             if self.robots is not before:
                 self._objective.go_on(self.robots, self._objective)
 
+    @shared
     def reset(self, tilt: npt.ArrayLike | None = None) -> None:
         """Starts all robots anew, at rest, with the setpoint at the origin or commands that the task draws.
 
@@ -302,14 +310,19 @@ class Session:
         self.history.clear()
         self.replay_time = None
         self.pull_point = None
+        self.pushed = None
         self.stop_recording()
 
+    @shared
     def push(self, direction: float, impulse: float) -> None:
         """Pushes every robot horizontally: direction in rad from inertial x, impulse in N·s."""
         direction = check_bounded("direction", direction, -1e3, 1e3)
         impulse = check_bounded("impulse", impulse, 0.0, MAX_IMPULSE)
-        self.robots.push([impulse * math.cos(direction), impulse * math.sin(direction), 0.0])
+        x, y = impulse * math.cos(direction), impulse * math.sin(direction)
+        self.robots.push([x, y, 0.0])
+        self.pushed = (self.time, np.array([x, y]))
 
+    @shared
     def pull(self, towards: npt.ArrayLike | None) -> None:
         """Pulls robot 0 towards a point (inertial frame, m) from now on; None lets go."""
         if towards is not None:
@@ -319,6 +332,7 @@ class Session:
             towards = point
         self.pull_point = towards
 
+    @shared
     def move_setpoint(self, x: float, y: float) -> None:
         """The place to go to, m: the setpoint, or the goal of the task goal; in a batch, from where each robot started.
 
@@ -327,6 +341,19 @@ class Session:
         """
         self._objective.click(self.robots, x, y)
 
+    @shared
+    def follow(self, route: str) -> None:
+        """Has the setpoint move along a closed curve from where it is, one of `route.ROUTES`.
+
+        Raises:
+            ValueError: an unknown curve, another task than balance, or a controller that follows no position.
+        """
+        objective = self._objective
+        if not isinstance(objective, Balancing):
+            raise ValueError(f"the task {self.task} has commands of its own: choose the task {DEFAULT_TASK}")
+        self._watched(self._controller, lambda: objective.follow(route), MAX_LOAD)
+
+    @shared
     def drive(self, forward: float, left: float, turn: float) -> None:
         """Commands the task velocity: shares in [-1, 1] of its largest speed, heading frame, and rate of the heading.
 
@@ -337,6 +364,7 @@ class Session:
             raise ValueError(f"the task {self.task} is not driven: choose the task velocity")
         self.commanding.drive(forward, left, turn)
 
+    @shared
     def draw_commands(self) -> None:
         """Gives the commands back to the task: its next episodes begin where the robots are.
 
@@ -352,28 +380,6 @@ class Session:
         """Simulated time a real time: 1 is real time."""
         self.speed = check_bounded("speed", speed, MIN_SPEED, MAX_SPEED)
 
-    def start_recording(self) -> None:
-        """Begins a recording in place of the last one."""
-        self.replay_time = None
-        self.recording = Recording()
-        self.is_recording = True
-
-    def stop_recording(self) -> None:
-        """Ends the recording, if there is one."""
-        self.is_recording = False
-
-    def replay(self, seconds: float = 0.0) -> None:
-        """Shows the recording from `seconds` after its beginning; the robots wait. Raises ValueError if it is empty."""
-        self.stop_recording()
-        self.recording.at(0.0)
-        self.replay_time = check_bounded("seconds", seconds, 0.0, max(self.recording.duration, 0.0))
-        self.history.clear()
-
-    def end_replay(self) -> None:
-        """Lets the robots move on."""
-        self.replay_time = None
-        self.history.clear()
-
     def step(self) -> None:
         """One control step, or one frame of a replay."""
         if self.replay_time is not None:
@@ -388,10 +394,8 @@ class Session:
             self.notices.append(f"robot {', '.join(map(str, lost))} left the range of the simulation and starts anew")
         self._start_anew(lost)
         self.time += driver.control_dt
-        frame = self._frame()
-        self.history.add(frame)
-        if self.is_recording and not self.recording.add(frame):
-            self.stop_recording()
+        keep_up(self)
+        if not self._note(self._frame()):
             self.notices.append(f"the recording is full, after {self.recording.duration:.0f} s")
 
     def _of_driver(self, function: Callable[[], T]) -> T:
@@ -422,19 +426,56 @@ class Session:
         self._ahead -= steps * self.driver.control_dt
         return steps * self.driver.control_dt
 
-    def _move_replay(self, seconds: float) -> None:
-        assert self.replay_time is not None
-        self.replay_time = min(self.replay_time + seconds, self.recording.duration)
-        self.history.add(self.recording.at(self.replay_time))
-
     def frame(self) -> Frame:
         """What is to be shown now. At its end, a replay goes on showing its last frame."""
         if self.replay_time is not None:
             return self.recording.at(self.replay_time)
         return self._frame()
 
+    def compare_with(self, controller: str | None) -> None:
+        """Puts a second robot beside robot 0 that begins where it is, under another controller; None takes it away.
+
+        Raises as the constructor, and changes nothing then.
+        """
+        if controller is None:
+            self.ghost = None
+            return
+        robots = self.robots
+        ghost = Session(
+            robots.model,
+            robots.name,
+            controller,
+            1,
+            self._own.get(robots.name),
+            self._motors,
+            self._events,
+            self._seed,
+            self._sensors,
+            self.observation,
+            self.task,
+            self._task_options,
+        )
+        ghost.change(**self.changes)
+        ghost.robots.go_on_from(robots)
+        ghost._objective.go_on(ghost.robots, self._objective)
+        ghost.start_tilt, ghost.time = self.start_tilt, self.time
+        self.ghost = ghost
+
+    def _compare_again(self) -> None:
+        """After a choice: the ghost goes on as another robot."""
+        if self.ghost is None:
+            return
+        name, self.ghost = self.ghost.controller, None
+        try:
+            self.compare_with(name)
+        except (ValueError, OSError, TimeoutError) as error:
+            self.notices.append(f"{name}, to compare with, is gone: {error}")
+
     def _frame(self) -> Frame:
-        return self.robots.frame(self.time, **self._objective.shown(self.robots))
+        ghost = None if self.ghost is None else self.ghost.robots.states[0].to_array()
+        is_pushed = self.pushed is not None and self.time - self.pushed[0] < PUSH_SECONDS
+        push = self.pushed[1] if self.pushed is not None and is_pushed else None
+        return self.robots.frame(self.time, ghost=ghost, push=push, **self._objective.shown(self.robots))
 
 
 def _objective(

@@ -8,6 +8,7 @@ import numpy as np
 import viser
 
 from ballbot_rs.viewer.changes import CHANGES, NEUTRAL
+from ballbot_rs.viewer.controls import put
 from ballbot_rs.viewer.runner import Command
 from ballbot_rs.viewer.session import Session
 
@@ -24,6 +25,7 @@ class Tuning:
     def __init__(self, server: viser.ViserServer, submit: Callable[[Command], bool], session: Session) -> None:
         gui = server.gui
         self._submit = submit
+        self._shown = session.changes
         self._sliders: dict[str, viser.GuiSliderHandle[float]] = {}
         for name, change in CHANGES.items():
             slider = gui.add_slider(
@@ -66,11 +68,13 @@ class Tuning:
     def _correct(self, session: Session) -> None:
         """Shows what is simulated, where a change was refused or taken back."""
         for name, value in session.changes.items():
-            if self._sliders[name].value != value:
-                self._sliders[name].value = value
+            put(self._sliders[name], value=value)
 
     def show(self, session: Session) -> None:
-        """Shows what robot 0 is."""
+        """Shows what robot 0 is, and what was changed elsewhere."""
+        if session.changes != self._shown:
+            self._shown = session.changes
+            self._correct(session)
         text = table_of(session)
         if self._table.content != text:
             self._table.content = text

@@ -1,0 +1,57 @@
+"""What panels of the page share: callbacks that put commands into the queue, and notes."""
+
+import functools
+import html
+from collections.abc import Callable
+from typing import Any
+
+import viser
+
+from ballbot_rs.viewer.runner import Command
+
+Submit = Callable[[Command], bool]
+
+
+def on_client(submit: Submit, make: Callable[[], Command]) -> Callable[[viser.GuiEvent[Any]], None]:
+    """A callback that submits the command made when a client, not the server, changed something."""
+
+    def callback(event: viser.GuiEvent[Any]) -> None:
+        if event.client_id is not None:
+            submit(make())
+
+    return callback
+
+
+def bound(method: Callable[..., Any], *arguments: Any) -> Command:
+    """A command that calls a method of the session."""
+    return lambda session: method(session, *arguments)
+
+
+def add_button(
+    gui: viser.GuiApi, submit: Submit, label: str, command: Command, hint: str | None = None, **look: Any
+) -> viser.GuiButtonHandle:
+    """A button that submits always the same command."""
+    button = gui.add_button(label, hint=hint, **look)
+    button.on_click(on_client(submit, functools.partial(_same, command)))
+    return button
+
+
+def add_note(gui: viser.GuiApi, text: str) -> viser.GuiHtmlHandle:
+    """A line of explanation."""
+    return gui.add_html(note(text))
+
+
+def note(text: str) -> str:
+    """Text as a note."""
+    return f'<div class="ballbot-note">{html.escape(text)}</div>'
+
+
+def put(handle: Any, **values: Any) -> None:
+    """Sets properties of a control that are not what they should be; each that is set goes to all pages."""
+    for name, value in values.items():
+        if getattr(handle, name) != value:
+            setattr(handle, name, value)
+
+
+def _same(command: Command) -> Command:
+    return command

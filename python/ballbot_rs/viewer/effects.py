@@ -1,0 +1,162 @@
+"""What the scene adds to robot 0: its trail, the forces on it, a push, and the curve that it follows."""
+
+import math
+from collections import deque
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ballbot_rs._core import Params
+from ballbot_rs._state_rows import BALL_POSITION, BODY_POSITION, body_axes_of
+from ballbot_rs.viewer.recording import Frame
+
+FloatArray = npt.NDArray[np.float64]
+
+TRAIL_COLOR, ROUTE_COLOR, PUSH_COLOR = (26, 76, 140), (30, 140, 60), (204, 56, 46)
+
+#: As in pictures of `ballbot record`: loads, tractions, horizontal force of the floor.
+LOAD_COLOR, TRACTION_COLOR, FLOOR_COLOR = (25, 113, 194), (47, 158, 68), (224, 49, 49)
+FORCE_COLORS = np.array([*[LOAD_COLOR] * 3, *[TRACTION_COLOR] * 3, FLOOR_COLOR], dtype=np.uint8)
+
+#: Length of an arrow per force, m/N, and per impulse, m/(N·s); shorter ones than the last have no direction.
+FORCE_LENGTH, PUSH_LENGTH, SHORTEST = 0.012, 0.35, 0.004
+
+#: Pieces of the trail, least length of one, m, and time between two updates, s.
+TRAIL_POINTS, TRAIL_STEP, TRAIL_PERIOD = 400, 0.01, 0.1
+
+#: Above the floor, m.
+TRAIL_HEIGHT, ROUTE_HEIGHT = 0.003, 0.004
+
+#: Thickness of lines on the floor, m.
+THICKNESS = 0.008
+
+
+class Trail:
+    """A line on the floor where the ball has been."""
+
+    def __init__(self, server: viser.ViserServer, name: str) -> None:
+        self._line = server.scene.add_line_segments(
+            name, np.zeros((1, 2, 3)), TRAIL_COLOR, thickness=THICKNESS, visible=False
+        )
+        self._points: deque[FloatArray] = deque(maxlen=TRAIL_POINTS)
+        self._time = self._drawn = -math.inf
+
+    def show(self, frame: Frame, is_on: bool) -> None:
+        """Adds where the ball is; after a jump in time or place the trail begins anew."""
+        point = np.append(frame.states[0, BALL_POSITION][:2], TRAIL_HEIGHT)
+        step = float(np.linalg.norm(point - self._points[-1])) if self._points else math.inf
+        if frame.time < self._time or (self._points and step > 0.5):
+            self._points.clear()
+            step = math.inf
+        if step >= TRAIL_STEP:
+            self._points.append(point)
+        if frame.time < self._time or frame.time - self._drawn >= TRAIL_PERIOD:
+            self._drawn = frame.time
+            points = np.array(self._points)
+            if is_on and len(points) > 1:
+                self._line.points = np.float32(np.stack([points[:-1], points[1:]], axis=1))
+            _set_visible(self._line, is_on and len(points) > 1)
+        self._time = frame.time
+
+
+class Forces:
+    """Arrows of the contact forces."""
+
+    def __init__(self, server: viser.ViserServer, name: str) -> None:
+        self._arrows = server.scene.add_arrows(
+            name,
+            np.tile([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], (7, 1, 1)),
+            FORCE_COLORS,
+            shaft_radius=0.005,
+            head_radius=0.013,
+            head_length=0.03,
+            visible=False,
+        )
+
+    def show(self, frame: Frame, is_on: bool) -> None:
+        """Draws those of a frame."""
+        _set_visible(self._arrows, is_on)
+        if is_on:
+            self._arrows.points = np.float32(force_arrows(frame))
+
+
+class Push:
+    """An arrow to the body, for a while after a push."""
+
+    def __init__(self, server: viser.ViserServer, name: str) -> None:
+        self._arrow = server.scene.add_arrows(
+            name,
+            np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]]),
+            PUSH_COLOR,
+            shaft_radius=0.012,
+            head_radius=0.03,
+            head_length=0.06,
+            visible=False,
+        )
+
+    def show(self, frame: Frame) -> None:
+        """Draws that of a frame."""
+        push = frame.push
+        length = 0.0 if push is None else PUSH_LENGTH * float(np.linalg.norm(push))
+        _set_visible(self._arrow, length >= SHORTEST)
+        if push is not None and length >= SHORTEST:
+            way = np.append(push, 0.0) * ((length + 0.08) / np.linalg.norm(push))
+            com = frame.states[0, BODY_POSITION] + body_axes_of(frame.states[0]) @ np.asarray(frame.params.body_com)
+            # Its tip is outside of the mast.
+            tip = com - 0.06 * way / np.linalg.norm(way)
+            self._arrow.points = np.array([[tip - way, tip]], dtype=np.float32)
+
+
+class RouteLine:
+    """The curve along which the setpoint moves."""
+
+    def __init__(self, server: viser.ViserServer, name: str) -> None:
+        self._line = server.scene.add_line_segments(
+            name, np.zeros((1, 2, 3)), ROUTE_COLOR, thickness=THICKNESS, visible=False
+        )
+        self._shown: FloatArray | None = None
+
+    def show(self, frame: Frame) -> None:
+        """Draws that of a frame."""
+        _set_visible(self._line, frame.route is not None)
+        if frame.route is not None and (self._shown is None or not np.array_equal(frame.route, self._shown)):
+            self._shown = frame.route
+            lifted = np.column_stack([frame.route, np.full(len(frame.route), ROUTE_HEIGHT)])
+            self._line.points = np.float32(np.stack([lifted, np.roll(lifted, -1, axis=0)], axis=1))
+
+
+def force_arrows(frame: Frame) -> FloatArray:
+    """Tails and tips, m, shape (7, 2, 3): loads on the wheels from above, tractions at the contacts, the floor's force.
+
+    A force that is too small for an arrow is one without length far below the floor.
+    """
+    state, contacts, params = frame.states[0], frame.contacts, frame.params
+    axes, center = body_axes_of(state), state[BODY_POSITION]
+    outwards, drives = contact_directions(params)
+    touched = center + params.ball_radius * outwards @ axes.T
+    # Load arrows end at the outside of the wheel, which would hide them otherwise.
+    tops = touched + 2.0 * params.wheel_radius * outwards @ axes.T
+    loads = FORCE_LENGTH * contacts.wheel_normal_forces[:, np.newaxis] * (outwards @ axes.T)
+    tractions = FORCE_LENGTH * contacts.wheel_tractions[:, np.newaxis] * (drives @ axes.T)
+    lowest = state[BALL_POSITION] - np.array([0.0, 0.0, 0.98 * params.ball_radius])
+    floor = FORCE_LENGTH * np.append(contacts.floor_force[:2], 0.0)
+    tails = np.concatenate([tops + loads, touched, [lowest]])
+    tips = np.concatenate([tops, touched + tractions, [lowest + floor]])
+    arrows = np.stack([tails, tips], axis=1)
+    arrows[np.linalg.norm(tips - tails, axis=1) < SHORTEST] = [[0.0, 0.0, -9.0], [0.0, 0.0, -9.1]]
+    return arrows
+
+
+def contact_directions(params: Params) -> tuple[FloatArray, FloatArray]:
+    """From the center of the ball to each wheel, and how the wheel drives the ball, body frame, shape (3, 3)."""
+    zeniths, azimuths = np.asarray(params.wheel_zeniths), np.asarray(params.wheel_azimuths)
+    sin, cos = np.sin(zeniths), np.cos(zeniths)
+    outwards = np.stack([sin * np.cos(azimuths), sin * np.sin(azimuths), cos], axis=1)
+    drives = np.stack([-np.sin(azimuths), np.cos(azimuths), np.zeros(3)], axis=1)
+    return outwards, drives
+
+
+def _set_visible(node: viser.SceneNodeHandle, is_visible: bool) -> None:
+    if node.visible != is_visible:
+        node.visible = is_visible

@@ -1,0 +1,36 @@
+"""What is put into the head of viser's page: title, icon, style sheet and scripts."""
+
+import re
+from pathlib import Path
+from typing import Final
+
+#: Scripts, each with its own subject, and the style sheet.
+SCRIPTS: Final = ("drive.js", "take.js")
+STYLE: Final = "style.css"
+
+TITLE: Final = b"<title>ballbot</title>"
+
+#: A robot on its ball.
+ICON: Final = (
+    b"<link rel=\"icon\" href=\"data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'%3E"
+    b"%3Cpath fill='%231a4c8c' d='M11 3h10v4h-3v7h-4V7h-3z'/%3E%3Ccircle cx='16' cy='22' r='8' fill='%23cc382e'/%3E"
+    b'%3C/svg%3E" />'
+)
+
+_VISERS = re.compile(rb"<title>.*?</title>|<link\s+rel=\"icon\".*?/>", re.DOTALL)
+
+
+def head() -> bytes:
+    """The elements."""
+    folder = Path(__file__).parent
+    scripts = [b"<script>" + (folder / name).read_bytes() + b"</script>" for name in SCRIPTS]
+    return b"".join([TITLE, ICON, b"<style>", (folder / STYLE).read_bytes(), b"</style>", *scripts])
+
+
+def complete(page: bytes) -> bytes:
+    """Viser's page with them in the place of its own."""
+    start, end, rest = page.partition(b"</head>")
+    # Its scripts are long, and come after what is looked for.
+    own, mark, scripts = start.partition(b"<script")
+    # Ours are read before its own, which listen to the same keys.
+    return b"".join([_VISERS.sub(b"", own), head(), mark, scripts, end, rest])

@@ -1,0 +1,75 @@
+"""A link that restores what is chosen: the query of the page's address."""
+
+from typing import Any, Final
+from urllib.parse import parse_qsl, urlencode
+
+from ballbot_rs.control.resolve import NAMES
+from ballbot_rs.viewer.bounds import check_bounded
+from ballbot_rs.viewer.changes import CHANGES, NEUTRAL, checked
+from ballbot_rs.viewer.session import MAX_SPEED, MIN_SPEED, Session
+
+#: Choices in a link, as parameters of `Session.choose`; then there are the names of `changes.CHANGES`.
+CHOICES: Final = ("robot", "model", "controller", "task", "observation", "num_robots")
+
+#: Longest query that is read.
+MAX_QUERY: Final = 1024
+
+
+def query_of(session: Session) -> str:
+    """What is chosen. A policy is left out: its file is of this machine."""
+    robots = session.robots
+    chosen: dict[str, Any] = {"robot": robots.name, "model": robots.model, "task": session.task}
+    if session.controller in NAMES:
+        chosen["controller"] = session.controller
+    if session.observation != "ground_truth":
+        chosen["observation"] = session.observation
+    if len(robots) > 1:
+        chosen["num_robots"] = len(robots)
+    chosen |= {name: f"{value:g}" for name, value in session.changes.items() if value != NEUTRAL[name]}
+    if session.ghost is not None and session.ghost.controller in NAMES:
+        chosen["compare"] = session.ghost.controller
+    if session.speed != 1.0:
+        chosen["speed"] = f"{session.speed:g}"
+    return urlencode(chosen)
+
+
+def parts_of(query: str) -> dict[str, str]:
+    """Names and values of a query.
+
+    Raises:
+        ValueError: it is too long, names twice, or has another name or a controller that is none of ours.
+    """
+    if len(query) > MAX_QUERY:
+        raise ValueError(f"a link of {len(query)} characters: expected at most {MAX_QUERY}")
+    pairs = parse_qsl(query.removeprefix("?"))
+    parts = dict(pairs)
+    if len(parts) != len(pairs):
+        raise ValueError("a link names each choice once")
+    for name in parts:
+        if name not in (*CHOICES, *CHANGES, "compare", "speed"):
+            raise ValueError(f"a link has no '{name}': expected some of {', '.join((*CHOICES, *CHANGES))}")
+    for name in ("controller", "compare"):
+        # A path may come from another site.
+        if name in parts and parts[name] not in NAMES:
+            raise ValueError(f"{name} = '{parts[name]}' in a link: expected one of {', '.join(NAMES)}")
+    return parts
+
+
+def restore(session: Session, query: str) -> None:
+    """Chooses what a link says.
+
+    Raises:
+        ValueError: as `parts_of`, or the session refuses a choice; those before it hold.
+    """
+    parts = parts_of(query)
+    choices: dict[str, Any] = {name: parts[name] for name in CHOICES if name in parts}
+    if "num_robots" in choices:
+        choices["num_robots"] = int(choices["num_robots"])
+    if choices:
+        session.choose(**choices)
+    changes = {name: float(parts[name]) for name in CHANGES if name in parts}
+    session.change(**{**NEUTRAL, **checked(changes)})
+    if "compare" in parts:
+        session.compare_with(parts["compare"])
+    if "speed" in parts:
+        session.set_speed(check_bounded("speed", float(parts["speed"]), MIN_SPEED, MAX_SPEED))

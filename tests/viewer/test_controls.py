@@ -1,0 +1,216 @@
+"""The page in a browser, on a desk and on a phone: every control, what can be read, and what is in front of what."""
+
+import contextlib
+import json
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs[view]'")
+
+from ballbot_rs.viewer.changes import CHANGES
+from ballbot_rs.viewer.plots import PLOTS
+from ballbot_rs.viewer.session import Session
+from ballbot_rs.viewer.view import View
+from tests.support.chromium import Chromium, find_browser
+from tests.support.view import ask
+from tests.support.waiting import wait_until
+
+pytestmark = pytest.mark.skipif(
+    find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`"
+)
+
+SIZES = {"desk": (1400, 900), "phone": (390, 844)}
+
+#: Contrast of each text with what is behind it, as WCAG 2 has it; what is disabled need not be legible.
+CONTRASTS = """
+(() => {
+  const rgba = (text) => {
+    const parts = text.match(/[\\d.]+/g).map(Number);
+    const scale = text.startsWith("color(") ? 255 : 1;
+    return [...parts.slice(0, 3).map((c) => c * scale), parts[3] ?? 1];
+  };
+  const over = (top, below) => top.slice(0, 3).map((c, i) => c * top[3] + below[i] * (1 - top[3]));
+  const light = (color) => {
+    const [r, g, b] = color.map((c) => c / 255).map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  const found = [];
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    const element = walker.currentNode.parentElement;
+    const text = walker.currentNode.textContent.trim();
+    const isRead = text && element.offsetParent && !element.closest("script, style, :disabled, [data-disabled]");
+    if (!isRead) continue;
+    const above = [];
+    for (let e = element; e; e = e.parentElement) above.push(getComputedStyle(e));
+    let behind = [255, 255, 255];
+    for (const style of [...above].reverse()) behind = over(rgba(style.backgroundColor), behind);
+    const color = rgba(above[0].color);
+    color[3] *= above.reduce((product, style) => product * Number(style.opacity), 1);
+    const [a, b] = [light(over(color, behind)), light(behind)];
+    found.push([text, (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05)]);
+  }
+  return found;
+})()
+"""
+
+
+def named(name, kind="button, [role=tab]"):
+    return f"[...document.querySelectorAll('{kind}')].find(b => b.offsetParent && b.innerText.trim() === '{name}')"
+
+
+def labelled(label):
+    """The first input of a control."""
+    found = f"[...document.querySelectorAll('label')].find(l => l.innerText.trim() === {json.dumps(label)})"
+    return (
+        f"document.getElementById(({found}).htmlFor) ?? ({found}).closest('.mantine-Flex-root').querySelector('input')"
+    )
+
+
+def press(page, expression, condition):
+    """Clicks until what follows has come: a busy page may move under a click."""
+    for _ in range(20):
+        with contextlib.suppress(AssertionError):
+            page.click(*page.place_of(expression, 10.0))
+        ends = time.monotonic() + 4.0
+        while time.monotonic() < ends:
+            if condition():
+                return
+            time.sleep(0.05)
+    raise AssertionError(f"nothing follows a click on {expression}")
+
+
+def rectangle(page, expression):
+    return page.evaluate(f"(b => [b.left, b.top, b.right, b.bottom])(({expression}).getBoundingClientRect())")
+
+
+@pytest.fixture(scope="module", params=SIZES)
+def opened(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp(request.param)
+    view = View(Session(), port=18920)
+    # They are drawn in software, which takes most of the time.
+    view._page._scene.shows_shadow = False
+    page = Chromium(find_browser(), folder)
+    page.call("Network.enable")
+    width, height = SIZES[request.param]
+    # Few pixels: they are drawn in software.
+    page.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=0.3, mobile=False)
+    page.call("Page.navigate", url=view.url)
+    page.wait_for(f"document.querySelector('canvas[data-engine]') && {named('Push')}")
+    wait_until(lambda: view.server.get_clients())
+    yield view, page, folder
+    page.screenshot(folder / "last.png")
+    page.close()
+    view.stop()
+    assert view.runner.error is None
+    assert page.errors == []
+
+
+def open_tab(page, name):
+    press(page, named(name, "[role=tab]"), lambda: page.evaluate(f"{named(name, '[role=tab]')}.ariaSelected") == "true")
+
+
+def test_the_panel_is_beside_the_scene_and_the_robot_in_it(opened):
+    view, page, _ = opened
+    scene = rectangle(page, "document.querySelector('canvas[data-engine]')")
+    panel = rectangle(page, "document.querySelector('.ballbot-status')")
+    width, height = page.evaluate("[innerWidth, innerHeight]")
+    assert panel[0] >= scene[2] - 1 or panel[1] >= scene[3] - 1
+    assert panel[2] <= width + 1
+    assert (scene[2] - scene[0]) * (scene[3] - scene[1]) > 0.4 * width * height
+    # The top of the robot, and the floor at its sides, are projected into the picture.
+    (client,) = view.server.get_clients().values()
+    wait_until(lambda: abs(client.camera.fov - 0.663) < 0.01)
+    reach, top = view._page._scene.extent("paper", 1)
+    up = np.array([0.0, 0.0, 1.0])
+    for point in (top * up, 0.0 * up, [reach, 0, 0.1], [-reach, 0, 0.1], [0, reach, 0.1], [0, -reach, 0.1]):
+        eye, target = np.array(client.camera.position), np.array(client.camera.look_at)
+        forward = (target - eye) / np.linalg.norm(target - eye)
+        right = np.cross(forward, up) / np.linalg.norm(np.cross(forward, up))
+        seen = np.array([right, np.cross(right, forward), forward]) @ (np.asarray(point) - eye)
+        half = np.tan(0.5 * client.camera.fov)
+        assert abs(seen[1] / seen[2]) < half
+        assert abs(seen[0] / seen[2]) < half * client.camera.aspect
+
+
+def test_every_text_can_be_read(opened):
+    view, page, _ = opened
+    assert page.evaluate("document.title") == "ballbot"
+    ask(view, lambda session: session.notices.append("a message that is longer than one line of the panel is " * 3))
+    ask(view, lambda session: setattr(session, "paused", True))
+    page.wait_for("document.querySelector('.ballbot-status [role=alert]')")
+    alert = rectangle(page, "document.querySelector('.ballbot-status [role=alert]')")
+    assert alert[3] - alert[1] > 30.0
+    for tab in ("Run", "Robot", "Parameters", "Plots", "Record", "View"):
+        open_tab(page, tab)
+        texts = page.evaluate(CONTRASTS)
+        assert len(texts) > 15
+        assert [(text, ratio) for text, ratio in texts if ratio < 4.5] == []
+    assert not page.evaluate("[...document.querySelectorAll('button')].some(b => /share/i.test(b.innerHTML))")
+    # It is gone after a while.
+    page.wait_for("!document.querySelector('.ballbot-status [role=alert]')")
+    ask(view, lambda session: setattr(session, "paused", False))
+
+
+def test_every_button_does_what_it_says(opened):
+    view, page, _ = opened
+
+    def becomes(function, value=True):
+        return lambda: ask(view, function) == value
+
+    ask(view, lambda session: session.reset((0.0, 0.0)))
+    open_tab(page, "Run")
+    press(page, named("Push"), lambda: ask(view, lambda s: s.pushed is not None))
+    press(page, named("Pause"), becomes(lambda s: s.paused))
+    before = ask(view, lambda s: s.time)
+    press(page, named("Step"), lambda: ask(view, lambda s: s.time) > before)
+    press(page, named("Continue"), becomes(lambda s: s.paused, False))
+    press(page, named("Circle"), lambda: ask(view, lambda s: s.frame().route is not None))
+    press(page, named("Figure eight"), lambda: ask(view, lambda s: s._objective._route.name == "eight"))
+    press(page, named("Origin"), lambda: ask(view, lambda s: s.frame().route is None))
+    press(page, named("Reset"), lambda: ask(view, lambda s: s.time) < 3.0)
+    press(page, labelled("Click to go"), lambda: not view._page.run.clicks.value)
+    press(page, labelled("Click to go"), lambda: view._page.run.clicks.value)
+    open_tab(page, "View")
+    scene = view._page._scene
+    for label, name in (("Camera follows", "follows"), ("Trail", "shows_trail")):
+        press(page, labelled(label), lambda name=name: not getattr(scene, name))
+        press(page, labelled(label), lambda name=name: getattr(scene, name))
+    press(page, labelled("Forces"), lambda: scene.shows_forces)
+    shadow = next(handle for handle in view.server.controls.values() if handle.label == "Shadow")
+    press(page, labelled("Shadow"), lambda: not shadow.value)
+    press(page, labelled("Shadow"), lambda: shadow.value and scene.shows_shadow)
+    scene.shows_shadow = False
+    open_tab(page, "Record")
+    press(page, named("Record", "button:not([role=tab])"), becomes(lambda s: s.is_recording))
+    wait_until(lambda: ask(view, lambda s: s.recording.duration) > 0.3)
+    press(page, named("Stop recording"), becomes(lambda s: s.is_recording, False))
+    press(page, named("Replay"), lambda: ask(view, lambda s: s.replay_time is not None))
+    press(page, named("Back to the simulation"), lambda: ask(view, lambda s: s.replay_time is None))
+    page.evaluate("document.querySelector('[data-ballbot=link]').dataset.query").index("robot=paper")
+    open_tab(page, "Plots")
+    page.wait_for(f"document.querySelectorAll('.uplot canvas').length === {len(PLOTS)}")
+    assert page.evaluate("document.querySelectorAll('.ballbot-legend').length") == len(PLOTS)
+
+
+def test_every_slider_of_the_robot_is_on_the_page(opened):
+    _, page, _ = opened
+    open_tab(page, "Parameters")
+    shown = page.evaluate(
+        "[...document.querySelectorAll('label')].filter(l => l.offsetParent).map(l => l.innerText.trim())"
+    )
+    assert {change.label for change in CHANGES.values()} <= set(shown)
+
+
+def test_a_link_restores_what_was_chosen(opened):
+    view, page, _ = opened
+    page.call(
+        "Page.navigate", url=f"{view.url}/?robot=rezero&model=rigid&controller=pid&body_mass=1.2&compare=lqr&speed=2"
+    )
+    wait_until(lambda: ask(view, lambda s: s.speed) == 2.0)
+    now = ask(view, lambda s: (s.robots.name, s.robots.model, s.controller, s.changes["body_mass"], s.ghost.controller))
+    assert now == ("rezero", "rigid", "pid", 1.2, "lqr")
+    assert not ask(view, lambda session: [n for n in session.notices if "link" in n])
+    page.wait_for(f"document.querySelector('canvas[data-engine]') && {named('Push')}")
