@@ -1300,7 +1300,8 @@ class Batch:
         rows have no meaning.
         """
     def infos(self) -> list[dict[str, Any]]:
-        """Infos of the last step for Stable-Baselines3, one dict an environment, empty unless its episode ended.
+        """Infos of the last step for Stable-Baselines3, one dict an environment: `TimeLimit.truncated`, and more where
+        its episode ended.
 
         No dict is one that a caller still holds or wrote into.
         """

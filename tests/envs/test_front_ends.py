@@ -176,7 +176,7 @@ def test_results_of_an_episode_end_with_its_reset() -> None:
     assert batch.ending(0) == (False, "tilt")
     batch.reset()
     assert batch.ending(0) == (False, None)
-    assert batch.infos() == [{}]
+    assert batch.infos() == [{"TimeLimit.truncated": False}]
 
 
 def test_a_snapshot_of_other_options_is_refused() -> None:

@@ -54,7 +54,7 @@ def test_types_and_shapes_of_a_step():
     assert (observations.shape, observations.dtype) == ((2, 16), np.float32)
     assert (rewards.shape, rewards.dtype) == ((2,), np.float32)
     assert (dones.shape, dones.dtype) == ((2,), np.bool_)
-    assert infos == [{}, {}]
+    assert infos == [{"TimeLimit.truncated": False}] * 2
 
 
 def test_equals_a_dummy_vec_env_of_single_environments():
@@ -73,10 +73,10 @@ def test_equals_a_dummy_vec_env_of_single_environments():
         np.testing.assert_array_equal(rewards, expected[1])
         np.testing.assert_array_equal(dones, expected[2])
         for done, ours, theirs in zip(dones, infos, expected[3], strict=True):
-            if not done:
-                assert ours == {}
-                continue
             assert set(ours) == set(theirs)
+            if not done:
+                assert ours == theirs
+                continue
             np.testing.assert_array_equal(ours.pop("terminal_observation"), theirs.pop("terminal_observation"))
             assert ours == theirs
             reasons.add(ours.get("termination", "truncated"))
@@ -90,15 +90,16 @@ def test_an_info_that_is_held_or_written_into_does_not_come_back():
     held, alias = [], None
     for step in range(12):
         *_, infos = env.step(actions)
-        assert infos == [{}] * 4
+        assert infos == [{"TimeLimit.truncated": False}] * 4
         assert len({id(info) for info in infos}) == 4
         assert not {id(info) for info in infos} & {id(info) for info in held}
         if alias is not None:
             assert infos[1] is not alias
-            assert alias == {"mine": step - 1}
+            assert alias == {"TimeLimit.truncated": False, "mine": step - 1}
         held.append(infos[0])
         infos[1]["mine"] = step
         infos[2]["nobody holds it"] = step
+        infos[3]["TimeLimit.truncated"] = True
         alias = infos[1]
 
 

@@ -7,7 +7,7 @@ use crate::errors::{call, to_python};
 use crate::events::draws;
 use crate::exclusive::Exclusive;
 use crate::fields::field_dict;
-use crate::infos::EmptyInfos;
+use crate::infos::StepInfos;
 use crate::numbers::{count, index, optional_index, optional_whole, real, seed, seeds, whole};
 use crate::options::{configure, resolved};
 use crate::params::{PyParams, or_paper};
@@ -62,7 +62,7 @@ struct Inner {
     actions: Vec<f32>,
     outcomes: Vec<Outcome>,
     final_observations: Vec<f32>,
-    infos: EmptyInfos,
+    infos: StepInfos,
 }
 
 type Array1<'py, T> = Bound<'py, PyArray1<T>>;
@@ -183,7 +183,7 @@ impl PyBatch {
             actions: Vec::with_capacity(num_envs * ACTION_LEN),
             outcomes: vec![Outcome::default(); num_envs],
             final_observations: vec![0.0; num_envs * batch.observation_len()],
-            infos: EmptyInfos::default(),
+            infos: StepInfos::default(),
             batch,
         };
         Ok(Self { inner: Exclusive::new("environment", inner), options })
@@ -406,7 +406,8 @@ impl PyBatch {
         PyArray1::from_slice(py, &inner.final_observations).reshape(shape)
     }
 
-    /// Infos of the last step for Stable-Baselines3, one dict an environment, empty unless its episode ended.
+    /// Infos of the last step for Stable-Baselines3, one dict an environment: `TimeLimit.truncated`, and more where
+    /// its episode ended.
     ///
     /// No dict is one that a caller still holds or wrote into.
     fn infos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {

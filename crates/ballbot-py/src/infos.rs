@@ -1,5 +1,6 @@
-//! A pool of empty info dicts, one per environment and step, without a thousand allocations per step.
+//! A pool of the info dicts of steps that end no episode, without a thousand allocations per step.
 
+use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use pyo3::{PyTraverseError, PyVisit};
@@ -8,15 +9,15 @@ use pyo3::{PyTraverseError, PyVisit};
 /// and a callback may refer to one more step.
 const DICT_POOL_SIZE: usize = 3;
 
-/// Pool of info dicts. A dict is reused only if it is empty and has no other reference. A dict that is still referenced
-/// by the caller is replaced by a new one.
+/// Pool of info dicts with `TimeLimit.truncated` alone, which Stable-Baselines3 has at every step. A dict is reused only
+/// if it has no other entry and no other reference. One that is still referenced by the caller is replaced by a new one.
 #[derive(Default)]
-pub(crate) struct EmptyInfos {
+pub(crate) struct StepInfos {
     pools: [Vec<Py<PyDict>>; DICT_POOL_SIZE],
     next: usize,
 }
 
-impl EmptyInfos {
+impl StepInfos {
     /// Visits the dicts for the garbage collector: reference cycles can pass through them.
     pub(crate) fn traverse(&self, visit: &PyVisit<'_>) -> Result<(), PyTraverseError> {
         self.pools.iter().flatten().try_for_each(|dict| visit.call(dict))
@@ -27,8 +28,9 @@ impl EmptyInfos {
         self.pools.iter_mut().for_each(Vec::clear);
     }
 
-    /// A new list of `n` empty dicts without other references.
+    /// A new list of `n` dicts without other references, `TimeLimit.truncated` False in each.
     pub(crate) fn list<'py>(&mut self, py: Python<'py>, n: usize) -> PyResult<Bound<'py, PyList>> {
+        let truncated = intern!(py, "TimeLimit.truncated");
         let dicts = &mut self.pools[self.next];
         self.next = (self.next + 1) % DICT_POOL_SIZE;
         dicts.resize_with(n, || PyDict::new(py).unbind());
@@ -36,9 +38,12 @@ impl EmptyInfos {
             // SAFETY: the pointer is that of a live object, and the GIL is held.
             #[expect(unsafe_code, reason = "PyO3 has no safe reader of reference counts")]
             let owners = unsafe { pyo3::ffi::Py_REFCNT(dict.as_ptr()) };
-            if owners > 1 || !dict.bind(py).is_empty() {
+            let known = dict.bind(py);
+            if owners > 1 || known.len() != 1 || !known.contains(truncated)? {
                 *dict = PyDict::new(py).unbind();
             }
+            // The caller may have changed the value.
+            dict.bind(py).set_item(truncated, false)?;
         }
         PyList::new(py, dicts.iter().map(|dict| dict.bind(py)))
     }

@@ -283,7 +283,7 @@ class OwnBatch:
 
     def infos(self) -> list[dict[str, Any]]:
         """As `Batch.infos`."""
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
         for i in np.flatnonzero((self._reasons > 0) | self._truncated).tolist():
             success, reason = self.ending(i)
             info = infos[i]
