@@ -370,6 +370,8 @@ class OpenBallBotOptions(CommonOptions, total=False):
 
     #: Speed in the direction of travel that a classical controller is to keep. (m/s, >= 0 and <= 10)
     speed: float
+    #: Acceleration to that speed. (m/s², > 0 and <= 1e6)
+    acceleration: float
     #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float

@@ -1196,6 +1196,7 @@ class OpenBallBotEnv(BallbotEnv):
       FILE.toml, or a list of dicts)
     - `speed`: Speed in the direction of travel that a classical controller is to keep. (default 0.5 m/s; >= 0 and <=
       10)
+    - `acceleration`: Acceleration to that speed. (default 0.3 m/s²; > 0 and <= 1e6)
     - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
       opening; below `fall_tilt`. (default 0.0349066 rad; >= 0)
     - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
