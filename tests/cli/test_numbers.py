@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from ballbot_rs.cli import main, parser
+from ballbot_rs.cli.scenario import task_name
 
 #: (command, option, number of values, lowest or None, highest or None)
 LIMITS = [
@@ -56,7 +57,7 @@ def options():
     (commands,) = (action for action in parser()._actions if isinstance(action, argparse._SubParsersAction))
     for name, command in commands.choices.items():
         for action in command._actions:
-            if action.option_strings and action.type not in (None, Path):
+            if action.option_strings and action.type not in (None, Path, task_name):
                 yield name, action.option_strings[-1]
 
 

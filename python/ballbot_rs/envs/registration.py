@@ -73,8 +73,11 @@ def name_of(task: str) -> str:
     """The name of a task from its name or its id, which may begin with `ballbot_rs:`.
 
     Raises:
+        TypeError: it is no text.
         ValueError: there is no such task.
     """
+    if not isinstance(task, str):
+        raise TypeError(f"task must be the name of a task, not {type(task).__name__}")
     task = task.removeprefix(PREFIX)
     for name, known in TASKS.items():
         if task == known["id"]:

@@ -306,7 +306,10 @@ fn invalid_options_and_names_are_refused() {
     }
     let mut config = task_kind("shuttle").unwrap().config();
     let error = config.set_reward("tracing", 1.0).unwrap_err().to_string();
-    assert_eq!(error, "unknown reward term 'tracing': expected one of tracking, tilt, action");
+    assert_eq!(
+        error,
+        "unknown reward term 'tracing': expected one of tracking, tilt, action; did you mean 'tracking'?"
+    );
     let error = register_task::<Shuttle>().unwrap_err().to_string();
     assert_eq!(error, "there is a task 'shuttle' already");
     let error = task_kind("shuttles").err().unwrap();

@@ -130,9 +130,10 @@ proptest! {
         prop_assert!(off <= 1e-8, "off by {off:e}");
     }
 
+    /// Ripple so small that no overlap is removed at the largest speed of recovery, which is in m/s.
     #[test]
     fn contact_with_ripple_is_scale_invariant(
-        motion in any_motion(0.1, 0.3, 1.5), ripple in any_ripple(), units in any_units(0..=2),
+        motion in any_motion(0.1, 0.3, 1.5), ripple in any_ripple(0.1), units in any_units(0..=2),
     ) {
         let (params, start, drive) = motion;
         let off = off(ModelKind::Contact, run_upright, &(ripple.of(&params), start, drive), units, COARSE);

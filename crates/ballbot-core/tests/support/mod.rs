@@ -107,9 +107,9 @@ pub struct Ripple {
     phases: [f64; 3],
 }
 
-/// From barrels without gaps to rollers that are spheres.
-pub fn any_ripple() -> impl Strategy<Value = Ripple> {
-    (0.0..1.0, 6..25_u8, uniform3(-PI..PI)).prop_map(|(share, count, phases)| Ripple { share, count, phases })
+/// From barrels without gaps up to a share of the ripple of straight rollers.
+pub fn any_ripple(most: f64) -> impl Strategy<Value = Ripple> {
+    (0.0..most, 6..25_u8, uniform3(-PI..PI)).prop_map(|(share, count, phases)| Ripple { share, count, phases })
 }
 
 impl Ripple {

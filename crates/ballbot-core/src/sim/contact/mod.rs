@@ -10,6 +10,7 @@ mod active_set;
 mod body_contacts;
 mod constants;
 mod delassus;
+mod encoder;
 mod footing;
 mod friction;
 mod lanes;

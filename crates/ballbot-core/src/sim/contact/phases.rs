@@ -1,8 +1,9 @@
 //! Phases of a time step with any contacts: start, free velocities, finish.
 
 use super::constants::{Constants, at3};
+use super::encoder::encoder_rate;
 use super::ripple::Ripple;
-use super::rows::{Rows, encoder_rate};
+use super::rows::Rows;
 use super::state::ContactState;
 use super::types::{Actions, PerRow, Pose, Velocities};
 use crate::lanes::{Lane, Rotation, Value, Vec3};

@@ -1,7 +1,7 @@
 //! Ripple of the wheels' rims, which rollers make up: `docs/rollers.md`.
 
 use super::constants::{Constants, at3};
-use super::rows::encoder_rate;
+use super::encoder::encoder_rate;
 use super::types::{Pose, Velocities};
 use crate::lanes::{Lane, Value, sin_cos};
 

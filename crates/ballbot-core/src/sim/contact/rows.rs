@@ -4,6 +4,7 @@
 //! is diagonal. Drive and normal impulses act on the bot; the opposite impulses act on the ball.
 
 use super::constants::{Constants, at3};
+use super::encoder::encoder_rate;
 use super::ripple::Ripple;
 use super::types::{PerRow, Velocities};
 use crate::lanes::{Lane, Rotation, Value, Vec3};
@@ -160,12 +161,6 @@ impl<L: Lane> Rows<L> {
 pub fn allowance<L: Lane, V: Value<L>>(c: &Constants<V>, gap: L) -> L {
     let rate = L::select(gap.zero().lt(gap), c.sim_dt_inverse.at(gap), c.recovery.at(gap));
     (gap * rate).max(gap.splat(-MAX_RECOVERY_SPEED))
-}
-
-/// Rate of wheel `i` relative to the body.
-#[inline(always)]
-pub fn encoder_rate<L: Lane, V: Value<L>>(c: &Constants<V>, v: &Velocities<L>, i: usize) -> L {
-    c.u(i, v.spins[i]).dot(v.body_rate) + v.spins[i]
 }
 
 /// One wheel on the ball, in the principal frame.

@@ -1,7 +1,7 @@
 //! State and warm-start impulses of one robot or of eight.
 
 use super::constants::Constants;
-use super::rows::encoder_rate;
+use super::encoder::encoder_rate;
 use super::types::{PerRow, Pose, Velocities};
 use crate::lane_state::{LaneRobot, LaneState};
 use crate::lanes::{Cell, Lane, Quat, Value, Vec3, cells, load3, store3};
