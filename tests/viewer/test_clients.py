@@ -243,6 +243,8 @@ def test_uploads_are_refused(view):
             sender.send(message)
         sender.send(update(control(view, "Time"), "Pause"))
         wait_until(lambda: ask(view, lambda session: session.paused))
+        # The button that pauses is then the one that continues.
+        wait_until(lambda: "Continue" in control(view, "Time").options)
         sender.send(update(control(view, "Time"), "Continue"))
         wait_until(lambda: not ask(view, lambda session: session.paused))
     assert not view.server.gui._current_file_upload_states

@@ -78,9 +78,9 @@ class RobotPanel:
         def command(session: Session) -> None:
             now = chosen(session)
             changes: dict[str, Any] = {name: value for name, value in wanted.items() if value != now[name]}
-            if "num_robots" in changes:
-                changes["num_robots"] = int(changes["num_robots"])
             try:
+                if "num_robots" in changes:
+                    changes["num_robots"] = int(changes["num_robots"])
                 if waits_for_name:
                     changes.pop("controller", None)
                     session.notices.append("name a policy file")

@@ -316,7 +316,7 @@ fn invalid_options_and_names_are_refused() {
     assert!(matches!(error, Error::UnknownName { .. }), "{error:?}");
     assert_eq!(
         error.to_string(),
-        "unknown task 'shuttles': expected one of balance, velocity, goal, path, push, terrain, openballbot, shuttle"
+        "unknown task 'shuttles': expected one of balance, velocity, goal, path, push, terrain, openballbot, shuttle; did you mean 'shuttle'?"
     );
 }
 
