@@ -137,7 +137,8 @@ def _in_python(
         torques = actions.astype(float) * batch.max_wheel_torque
         rows.append((states, torques, rewards, terminated, truncated, success, batch.metrics()))
     columns = (np.array(column) for column in zip(*rows, strict=True))
-    return Chunk(first, *columns, com=com), observations
+    states, torques, rewards, terminated, truncated, success, metrics = columns
+    return Chunk(first, states, torques, rewards, terminated, truncated, success, metrics, com), observations
 
 
 @dataclasses.dataclass(frozen=True)
