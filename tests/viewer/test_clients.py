@@ -182,6 +182,26 @@ def test_a_robot_that_cannot_be_is_refused_with_the_reason_and_the_slider_goes_b
     ask(view, lambda session: session.notices.clear())
 
 
+def test_a_slider_that_moves_stays_while_another_change_is_shown(view):
+    """The page took the slider back before the session had its value."""
+    com_height = control(view, CHANGES["com_height"].label)
+
+    def busy(session):
+        session.change(body_mass=1.2)
+        wait_until(lambda: com_height.value == 0.5)
+        view._page._tuning.show(session)
+        return com_height.value
+
+    with client(view) as sender:
+        wait_until(lambda: view.server.get_clients())
+        sender.send(update(com_height, 0.5))
+        assert ask(view, busy) == 0.5
+        wait_until(lambda: ask(view, lambda session: session.changes)["com_height"] == 0.5)
+        assert control(view, CHANGES["body_mass"].label).value == 1.2
+        sender.send(update(control(view, "Nominal robot"), True))
+        wait_until(lambda: ask(view, lambda session: session.changes) == dict(NEUTRAL))
+
+
 def everything(connection):
     """What a new client gets within a second."""
     found = []

@@ -27,6 +27,7 @@ class Tuning:
         self._submit = submit
         self._shown = session.changes
         self._sliders: dict[str, viser.GuiSliderHandle[float]] = {}
+        self._wanted: dict[str, float] = {}
         for name, change in CHANGES.items():
             slider = gui.add_slider(
                 change.label,
@@ -42,18 +43,25 @@ class Tuning:
         back.on_click(self._pressed)
         self._table = gui.add_markdown("")
 
-    def _moved(self, name: str, event: viser.GuiEvent[Any]) -> None:
+    # A coroutine runs before the page can correct the slider; viser calls a function later, in a thread.
+    async def _moved(self, name: str, event: viser.GuiEvent[Any]) -> None:
         if event.client_id is None:  # Our own correction of what is shown.
             return
+        # Of a drag, only the newest of the values that wait is applied.
+        self._wanted[name] = event.target.value
 
         def command(session: Session) -> None:
-            # The value now: of a drag, only the newest of the values that wait is applied.
+            value = self._wanted.pop(name, None)
+            if value is None:
+                return
             try:
-                session.change(**{name: self._sliders[name].value})
+                session.change(**{name: value})
             finally:
                 self._correct(session)
 
-        self._submit(command)
+        if not self._submit(command):
+            self._wanted.pop(name, None)
+            self._shown = {}
 
     def _pressed(self, event: viser.GuiEvent[Any]) -> None:
         if event.client_id is not None:
@@ -66,14 +74,16 @@ class Tuning:
             self._correct(session)
 
     def _correct(self, session: Session) -> None:
-        """Shows what is simulated, where a change was refused or taken back."""
-        for name, value in session.changes.items():
-            put(self._sliders[name], value=value)
+        """Shows what is simulated, where a change was refused or taken back; a slider that waits stays."""
+        changes = session.changes
+        for name, value in changes.items():
+            if name not in self._wanted:
+                put(self._sliders[name], value=value)
+        self._shown = changes
 
     def show(self, session: Session) -> None:
         """Shows what robot 0 is, and what was changed elsewhere."""
         if session.changes != self._shown:
-            self._shown = session.changes
             self._correct(session)
         text = table_of(session)
         if self._table.content != text:
