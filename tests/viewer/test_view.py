@@ -1,5 +1,6 @@
 """`ballbot view` as a user meets it: the command, the server, and the page in a headless Chromium."""
 
+import asyncio
 import contextlib
 import io
 import socket
@@ -319,7 +320,7 @@ def test_choices_that_are_not_offered_are_refused(view):
     for values in (("flat", "nobody", "1e9", "../x"), ("", "", "", ""), ("rigid\0", "kugle", "-1", "a.pkl")):
         for control, value in zip(controls, values, strict=True):
             control.value = value
-        panel._choose(event)
+        asyncio.run(panel._choose(event))
         wait_until(lambda: [control.value for control in controls] == now)
     assert ask(view, lambda s: (s.robots.model, s.robots.name, s.controller)) == ("contact", "paper", "lqr")
     assert ask(view, lambda session: len(session.notices)) == 3

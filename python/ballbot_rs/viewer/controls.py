@@ -2,7 +2,7 @@
 
 import functools
 import html
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 import viser
@@ -12,10 +12,16 @@ from ballbot_rs.viewer.runner import Command
 Submit = Callable[[Command], bool]
 
 
-def on_client(submit: Submit, make: Callable[[], Command]) -> Callable[[viser.GuiEvent[Any]], None]:
-    """A callback that submits the command made when a client, not the server, changed something."""
+def on_client(
+    submit: Submit, make: Callable[[], Command]
+) -> Callable[[viser.GuiEvent[Any]], Coroutine[Any, Any, None]]:
+    """A callback that submits the command made when a client, not the server, changed something.
 
-    def callback(event: viser.GuiEvent[Any]) -> None:
+    It is a coroutine, as all callbacks that read a control: viser calls a function later, in a thread, when the page
+    may have put back what the session still has.
+    """
+
+    async def callback(event: viser.GuiEvent[Any]) -> None:
         if event.client_id is not None:
             submit(make())
 

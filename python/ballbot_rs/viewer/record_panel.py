@@ -37,7 +37,7 @@ class RecordPanel:
         gui.add_divider()
         self._taken = gui.add_html("")
 
-    def _save(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
+    async def _save(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
         kind, client = self._files.value, event.client
         if event.client_id is not None and client is not None:
             self._submit(lambda session: self._downloads.start(session, kind, client))

@@ -60,7 +60,7 @@ class RobotPanel:
         chosen = None if self.ghost.value == NONE else self.ghost.value
         return lambda session: session.compare_with(chosen)
 
-    def _choose(self, event: viser.GuiEvent[Any]) -> None:
+    async def _choose(self, event: viser.GuiEvent[Any]) -> None:
         if event.client_id is None:  # Our own correction of what is shown.
             return
         controller = self.policy.value if self.controller.value == POLICY else self.controller.value

@@ -43,7 +43,6 @@ class Tuning:
         back.on_click(self._pressed)
         self._table = gui.add_markdown("")
 
-    # A coroutine runs before the page can correct the slider; viser calls a function later, in a thread.
     async def _moved(self, name: str, event: viser.GuiEvent[Any]) -> None:
         if event.client_id is None:  # Our own correction of what is shown.
             return
