@@ -1,6 +1,8 @@
 """Routes of the setpoint, a robot to compare with, links, and files of a recording."""
 
 import io
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from ballbot_rs._progress import no_progress
 from ballbot_rs.viewer import link
 from ballbot_rs.viewer.route import MAX_SPEED, Route
 from ballbot_rs.viewer.session import Session
+from tests.support.paths import ASSETS
 
 
 @pytest.mark.parametrize("name", ["circle", "eight"])
@@ -64,10 +67,20 @@ def test_a_link_brings_another_session_to_the_same_choice():
     assert second.changes == first.changes
 
 
+def test_a_link_has_a_policy_that_ships_with_the_package_and_no_other(tmp_path):
+    pytest.importorskip("onnxruntime")
+    first, second = Session(controller=str(ASSETS / "policies/balance.onnx")), Session()
+    assert "policy=balance" in link.query_of(first)
+    link.restore(second, link.query_of(first))
+    assert Path(second.controller).samefile(first.controller)
+    mine = shutil.copy(ASSETS / "policies/balance.onnx", tmp_path)
+    assert "policy" not in link.query_of(Session(controller=str(mine)))
+
+
 @pytest.mark.parametrize(
     "query",
-    ["controller=/etc/passwd", "compare=a.onnx", "other=1", "robot=paper&robot=kugle", "x" * 2000, "body_mass=9",
-     "speed=nan", "num_robots=1e9"],
+    ["policy=../balance", "policy=mine", "policy=balance&controller=lqr", "controller=/etc/passwd", "compare=a.onnx",
+     "other=1", "robot=paper&robot=kugle", "x" * 2000, "body_mass=9", "speed=nan", "num_robots=1e9"],
 )  # fmt: skip
 def test_a_link_that_is_not_ours_is_refused(query):
     with pytest.raises(ValueError, match=r"link|out of range|invalid literal"):

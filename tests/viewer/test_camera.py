@@ -7,7 +7,8 @@ import pytest
 
 viser = pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs[view]'")
 
-from ballbot_rs.viewer.camera import floor_point  # noqa: E402
+from ballbot_rs.viewer.camera import screen_ray  # noqa: E402
+from ballbot_rs.viewer.ground import ray_meets  # noqa: E402
 
 EYE, FOV, ASPECT = np.array([1.0, -2.0, 1.5]), 0.9, 1.6
 
@@ -18,6 +19,10 @@ def attitude(look_at):
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(forward, right), forward], axis=1)
+
+
+def floor_point(eye, attitude, fov, aspect, screen):
+    return ray_meets(None, eye, screen_ray(attitude, fov, aspect, screen))
 
 
 def wxyz(rotation):

@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs[view]'")
 
 from ballbot_rs.viewer.changes import CHANGES
+from ballbot_rs.viewer.download import KINDS
 from ballbot_rs.viewer.plots import PLOTS
 from ballbot_rs.viewer.session import Session
 from ballbot_rs.viewer.view import View
@@ -193,6 +194,20 @@ def test_every_button_does_what_it_says(opened):
     open_tab(page, "Plots")
     page.wait_for(f"document.querySelectorAll('.uplot canvas').length === {len(PLOTS)}")
     assert page.evaluate("document.querySelectorAll('.ballbot-legend').length") == len(PLOTS)
+
+
+def test_a_recording_comes_as_a_file_of_each_kind(opened, tmp_path):
+    view, page, _ = opened
+    page.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    open_tab(page, "Record")
+    press(page, named("Record", "button:not([role=tab])"), lambda: ask(view, lambda s: s.is_recording))
+    wait_until(lambda: ask(view, lambda s: s.recording.duration) > 0.5)
+    press(page, named("Stop recording"), lambda: not ask(view, lambda s: s.is_recording))
+    first = {"CSV": b"time_s,", "MCAP": b"\x89MCAP0\r\n", "Video": b"\0\0\0 ftyp"}
+    for kind, begins in first.items():
+        path = tmp_path / f"ballbot{KINDS[kind]}"
+        press(page, named(kind), path.exists)
+        assert path.read_bytes().startswith(begins)
 
 
 def test_every_slider_of_the_robot_is_on_the_page(opened):

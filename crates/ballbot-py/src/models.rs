@@ -91,6 +91,10 @@ impl PySpatialModel {
         let contacts = self.0.contacts(&quaternion, &velocity, &torques);
         Ok(PyContacts { contacts, params: self.0.params().clone() })
     }
+
+    fn __repr__(&self) -> String {
+        format!("<SpatialModel: {} degrees of freedom>", self.0.degrees_of_freedom())
+    }
 }
 
 /// The planar model of the paper, eqs. (1)-(7), with q = (position, tilt towards positive position) in m and rad.
@@ -153,6 +157,10 @@ impl PyPlanarModel {
     /// Name of the input u of `linearize`, with its unit.
     #[classattr]
     const INPUTS: [&'static str; 1] = ["virtual torque (N·m)"];
+
+    fn __repr__(&self) -> String {
+        format!("<PlanarModel: {} states, {} input>", Self::STATES.len(), Self::INPUTS.len())
+    }
 }
 
 /// A matrix of any size as an array.
@@ -223,6 +231,10 @@ impl PyLinearModel {
     /// Names of the inputs u, with units.
     #[classattr]
     const INPUTS: [&'static str; 3] = ["torque 0 (N·m)", "torque 1 (N·m)", "torque 2 (N·m)"];
+
+    fn __repr__(&self) -> String {
+        format!("<LinearModel: {} states, {} inputs>", Self::STATES.len(), Self::INPUTS.len())
+    }
 }
 
 fn planar_motion(q: &Bound<'_, PyAny>, q_dot: &Bound<'_, PyAny>) -> PyResult<(Vector2<f64>, Vector2<f64>)> {

@@ -119,8 +119,8 @@ impl PyRenderer {
 
     /// Picture of the robot in a state, sRGB, shape (height, width, 3), uint8.
     ///
-    /// `contacts` adds arrows of the contact forces: loads (blue) and tractions (green) of the wheels, horizontal force
-    /// of the floor (red). `arrows` adds arrows from tails to tips in the inertial frame, m, shape (n, 2, 3).
+    /// `contacts` adds arrows of the contact forces: loads (blue) and tractions (green) of the wheels, force along the
+    /// ground (red). `arrows` adds arrows from tails to tips in the inertial frame, m, shape (n, 2, 3).
     #[pyo3(signature = (state, contacts=None, arrows=None))]
     fn render<'py>(
         &self,
@@ -129,7 +129,8 @@ impl PyRenderer {
         contacts: Option<&PyContacts>,
         arrows: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        let mut shown = contacts.map_or_else(Vec::new, |c| force_arrows(&self.params, &state.0, &c.contacts));
+        let ground = self.renderer.terrain();
+        let mut shown = contacts.map_or_else(Vec::new, |c| force_arrows(&self.params, &state.0, &c.contacts, ground));
         if let Some(arrows) = arrows {
             let ends = elements::<f64>("arrows", arrows, &[None, Some(2), Some(3)])?;
             shown.extend(ends.chunks(6).map(|e| Arrow {
@@ -190,5 +191,10 @@ impl PyRenderer {
     #[getter]
     fn height(&self) -> usize {
         self.renderer.size().1
+    }
+
+    fn __repr__(&self) -> String {
+        let (width, height) = self.renderer.size();
+        format!("<Renderer: {width} x {height} pixels>")
     }
 }

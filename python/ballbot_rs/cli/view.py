@@ -84,8 +84,6 @@ def _start(arguments: argparse.Namespace) -> "View":
         raise ValueError(
             "--set history=... has no place here: the page's policies observe with the history of their training"
         )
-    if given.get("terrain") is not None:
-        raise ValueError("the page shows level ground alone: leave out terrain, and see `ballbot record` for pictures")
     options = common_options([controller], given)
     robot, params = _robot(arguments, options.get("params", "paper"))
     urdfs = {} if arguments.urdf is None else {robot: tuple(arguments.urdf)}
@@ -121,7 +119,7 @@ def _start(arguments: argparse.Namespace) -> "View":
 def _of_task(given: Mapping[str, Any], task: str) -> dict[str, Any]:
     """Those of the options that are not of the robot, for controllers that the page is asked for later."""
     check_options(f"the environment of {task}", given, option_names(task))
-    return {name: value for name, value in given.items() if name not in DECIDED}
+    return {name: value for name, value in given.items() if name == "terrain" or name not in DECIDED}
 
 
 def _robot(arguments: argparse.Namespace, chosen: Any) -> tuple[str, Params | None]:

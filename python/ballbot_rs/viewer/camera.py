@@ -1,4 +1,4 @@
-"""The camera of a client: where it is put, and what of the floor is at a place of its screen."""
+"""The camera of a client: where it is put, and the ray of a place of its screen."""
 
 import math
 
@@ -16,13 +16,10 @@ DIRECTION = np.array([-0.60, -0.76, 0.36]) / np.linalg.norm([-0.60, -0.76, 0.36]
 MARGIN = 1.4
 
 
-def floor_point(
-    position: npt.ArrayLike, wxyz: npt.ArrayLike, fov: float, aspect: float, screen: tuple[float, float]
-) -> tuple[float, float] | None:
-    """The point of the floor (x, y), m, at a place of the screen; None above the horizon.
+def screen_ray(wxyz: npt.ArrayLike, fov: float, aspect: float, screen: tuple[float, float]) -> npt.NDArray[np.float64]:
+    """Direction of what is at a place of the screen, shape (3,).
 
     Args:
-        position: of the camera, m.
         wxyz: attitude of the camera, which looks along z, with x to the right and y down.
         fov: vertical angle of view, rad.
         aspect: width over height.
@@ -30,11 +27,7 @@ def floor_point(
     """
     half = math.tan(0.5 * fov)
     ray = np.array([(2.0 * screen[0] - 1.0) * aspect * half, (2.0 * screen[1] - 1.0) * half, 1.0])
-    dx, dy, dz = viser.transforms.SO3(np.asarray(wxyz, dtype=np.float64)).apply(ray)
-    x, y, z = np.asarray(position, dtype=np.float64)
-    if z <= 0.0 or dz > -1e-6:
-        return None
-    return float(x - z / dz * dx), float(y - z / dz * dy)
+    return np.asarray(viser.transforms.SO3(np.asarray(wxyz, dtype=np.float64)).apply(ray), dtype=np.float64)
 
 
 def distance_for(radius: float, fov: float, aspect: float) -> float:

@@ -43,7 +43,7 @@ class CommandNodes:
         """Moves everything to where a frame has it."""
         assert frame.asked is not None
         for index, node in enumerate(self._nodes):
-            node.show(frame.asked, frame.states[index], index, frame.time)
+            node.show(frame, frame.asked, index)
 
     def remove(self) -> None:
         """Takes everything away."""
@@ -69,7 +69,7 @@ class _Nodes:
     def _point(self, name: str, radius: float, color: tuple[int, int, int]) -> viser.SceneNodeHandle:
         return self._scene.add_icosphere(f"{self._name}/{name}", radius, color, subdivisions=2)
 
-    def show(self, asked: Asked, state: FloatArray, index: int, time: float) -> None:
+    def show(self, frame: Frame, asked: Asked, index: int) -> None:
         """Shows what is asked of robot `index`."""
         raise NotImplementedError
 
@@ -87,13 +87,13 @@ class _Velocity(_Nodes):
         self._turn = self._arrow("turn", TURN_COLOR)
         self._shown: FloatArray | None = None
 
-    def show(self, asked: Asked, state: FloatArray, index: int, time: float) -> None:  # noqa: ARG002
+    def show(self, frame: Frame, asked: Asked, index: int) -> None:
         """As `_Nodes`."""
         x, y, rate = asked.commands[index].tolist()
         speed = math.hypot(x, y)
-        yaw = heading_of(state)
+        yaw = heading_of(frame.states[index])
         for arrow, angle in ((self._way, yaw + math.atan2(y, x)), (self._turn, yaw)):
-            arrow.position = (float(state[BALL_POSITION][0]), float(state[BALL_POSITION][1]), 0.0)
+            arrow.position = on_ground(frame, frame.states[index, BALL_POSITION])
             arrow.wxyz = about_z(angle)
         if self._shown is not None and np.array_equal(self._shown, asked.commands[index]):
             return
@@ -113,10 +113,9 @@ class _Goal(_Nodes):
         self._ring = self._line("ring", CLEAR * _circle(48), COMMAND_COLOR)
         self._goal = self._point("goal", 0.03, COMMAND_COLOR)
 
-    def show(self, asked: Asked, state: FloatArray, index: int, time: float) -> None:  # noqa: ARG002
+    def show(self, frame: Frame, asked: Asked, index: int) -> None:
         """As `_Nodes`."""
-        x, y = asked.points[index].tolist()
-        self._goal.position = self._ring.position = (x, y, 0.0)
+        self._goal.position = self._ring.position = on_ground(frame, asked.points[index])
 
 
 class _Path(_Nodes):
@@ -129,14 +128,14 @@ class _Path(_Nodes):
         self._moving = self._point("moving", 0.025, TURN_COLOR)
         self._shown: FloatArray | None = None
 
-    def show(self, asked: Asked, state: FloatArray, index: int, time: float) -> None:  # noqa: ARG002
+    def show(self, frame: Frame, asked: Asked, index: int) -> None:
         """As `_Nodes`."""
-        x, y = asked.points[index].tolist()
-        self._moving.position = self._ring.position = (x, y, 0.0)
+        self._moving.position = self._ring.position = on_ground(frame, asked.points[index])
         wanted = np.append(asked.commands[index], asked.begins[index])
         if self._shown is None or not np.array_equal(self._shown, wanted):
             self._shown = wanted
-            self._curve.points = np.float32(_closed(path_of(asked.commands[index], asked.begins[index])))
+            points = path_of(asked.commands[index], asked.begins[index])
+            self._curve.points = np.float32(_closed(points, frame.heights(points)))
 
 
 class _Push(_Goal):
@@ -147,20 +146,26 @@ class _Push(_Goal):
         self._push = self._arrow("push", PUSH_COLOR)
         self._last, self._since = np.full(3, np.nan), -math.inf
 
-    def show(self, asked: Asked, state: FloatArray, index: int, time: float) -> None:
+    def show(self, frame: Frame, asked: Asked, index: int) -> None:
         """As `_Nodes`."""
-        super().show(asked, state, index, time)
+        super().show(frame, asked, index)
         push = asked.pushes[index]
         if not np.array_equal(push, self._last, equal_nan=True):
-            self._last, self._since = push.copy(), time
+            self._last, self._since = push.copy(), frame.time
             if np.isfinite(push[0]):
                 self._push.vertices = np.float32(arrows.straight(CLEAR, PUSH_LENGTH * float(push[0]) + 0.05))
                 self._push.wxyz = about_z(float(push[1]))
-        self._push.visible = bool(np.isfinite(push[0])) and 0.0 <= time - self._since < PUSH_SECONDS
-        self._push.position = (float(state[BALL_POSITION][0]), float(state[BALL_POSITION][1]), 0.0)
+        self._push.visible = bool(np.isfinite(push[0])) and 0.0 <= frame.time - self._since < PUSH_SECONDS
+        self._push.position = on_ground(frame, frame.states[index, BALL_POSITION])
 
 
-KINDS: dict[str, type[_Nodes]] = {"velocity": _Velocity, "goal": _Goal, "path": _Path, "push": _Push}
+KINDS: dict[str, type[_Nodes]] = {
+    "velocity": _Velocity,
+    "terrain": _Velocity,
+    "goal": _Goal,
+    "path": _Path,
+    "push": _Push,
+}
 
 
 def path_of(command: FloatArray, begin: FloatArray) -> FloatArray:
@@ -172,6 +177,11 @@ def path_of(command: FloatArray, begin: FloatArray) -> FloatArray:
     curve = np.einsum("akp,kpt->ta", coefficients, waves)
     path: FloatArray = begin + curve - curve[0]
     return path
+
+
+def on_ground(frame: Frame, point: FloatArray) -> Place:
+    """A point (x, y) at the height of the ground there, m."""
+    return float(point[0]), float(point[1]), float(frame.heights(point))
 
 
 def heading_of(state: FloatArray) -> float:
@@ -190,7 +200,7 @@ def _circle(count: int) -> FloatArray:
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def _closed(points: FloatArray) -> FloatArray:
-    """The segments of a closed line on the floor, shape (n, 2, 3)."""
-    lifted = np.column_stack([points, np.full(len(points), PATH_HEIGHT)])
+def _closed(points: FloatArray, heights: npt.ArrayLike = 0.0) -> FloatArray:
+    """The segments of a closed line on the ground, shape (n, 2, 3)."""
+    lifted = np.column_stack([points, np.broadcast_to(np.asarray(heights) + PATH_HEIGHT, len(points))])
     return np.stack([lifted, np.roll(lifted, -1, axis=0)], axis=1)

@@ -43,20 +43,22 @@ class CommandPanel:
 
 
 def command_of(asked: Asked) -> str:
-    """The command of robot 0, and who gave it."""
+    """The command of robot 0, and who gave it; empty of a task that has none."""
     command = asked.commands[0].tolist()
     if asked.task == "push":
         impulse, azimuth = asked.pushes[0, :2].tolist()
         return (
             "no push yet" if math.isnan(impulse) else f"pushed by {impulse:.2f} N·s to {math.degrees(azimuth):.0f} deg"
         )
-    if asked.task == "velocity":
+    if asked.task in DRIVEN:
         x, y, rate = command
         text = f"({x:.2f}, {y:.2f}) m/s, {rate:.2f} rad/s"
     elif asked.task == "goal":
         text = f"go to ({command[0]:.2f}, {command[1]:.2f}) m"
     elif asked.task == "path":
         text = f"follow the curve at {command[0]:.2f} m/s"
+    elif not command:
+        return ""
     else:
         rows = TASKS[asked.task]["command"]
         text = ", ".join(f"{row['name']} {value:.3g}" for row, value in zip(rows, command, strict=True))
@@ -74,8 +76,9 @@ def metrics_of(asked: Asked) -> dict[str, str]:
 
 def help_of(commanding: Commanding) -> str:
     """How to command a task by hand, and what is the most that it takes."""
-    if commanding.task == DRIVEN:
-        limits = f"{commanding.max_speed:g} m/s and {commanding.max_yaw_rate:g} rad/s"
+    if commanding.task in DRIVEN:
+        turns = f"{commanding.max_yaw_rate:g} rad/s" if commanding.max_yaw_rate > 0.0 else "no turns"
+        limits = f"{commanding.max_speed:g} m/s and {turns}"
         return (
             "**Drive**: `W` `A` `S` `D` or arrows: velocity; `Q` `E`: turn; space: stop. Gamepad: its two sticks. "
             f"At most {limits}, as the task draws; the velocity changes by {ACCELERATION:g} m/s². The robot stops if "

@@ -21,7 +21,7 @@ from ballbot_rs.viewer.setup import DECIDED
 FloatArray = npt.NDArray[np.float64]
 
 #: Tasks that take a command from the page: driven by keys, or given by a click on the floor.
-DRIVEN, CLICKED = "velocity", "goal"
+DRIVEN, CLICKED = ("velocity", "terrain"), "goal"
 
 #: How fast a command that drives changes, m/s², as the point of the task path does, and rad/s²: keys may be pressed
 #: faster than a robot can follow.
@@ -39,7 +39,7 @@ class Commanding:
         params: the robot.
         num_robots: how many.
         task: name of the task.
-        options: of the task, over which those of a policy's training go.
+        options: of the task, over which those of a policy's training go; `terrain` is made already.
 
     Raises:
         ValueError: a number out of range, or time steps out of range.
@@ -55,15 +55,16 @@ class Commanding:
             self.driver = self._law = LawDriver(controller, params, num_robots)
             self._policy = None
         else:
-            self.driver = self._policy = TaskPolicy(controller, params, task)
+            self.driver = self._policy = TaskPolicy(controller, params, task, options)
         own = option_names(task)
         # A law brings what the robots were made with, maybe of another task.
         given = {**options, **{name: value for name, value in controller.env_options.items() if name in own}}
         #: Those of a `Setup`.
         self.task_options = {name: value for name, value in given.items() if name not in DECIDED}
-        drawn = new_batch(1, task=task, num_threads=1, options={**self.task_options, "params": params}).options
+        drawn = new_batch(1, task=task, num_threads=1, options=_on(options, self.task_options, params)).options
         #: Largest speed, m/s, and rate of the heading, rad/s, that may be asked for; those that the task draws.
-        self.max_speed, self.max_yaw_rate = drawn.get("speed", 0.0), drawn.get("yaw_rate", 0.0)
+        self.max_speed = drawn.get("speed", drawn.get("speed_range", (0.0, 0.0))[-1])
+        self.max_yaw_rate = drawn.get("yaw_rate", 0.0)
         #: Largest distance of a goal from the ball, m.
         self.max_distance = drawn.get("goal_distance", (0.0, 0.0))[1]
         self._hand: FloatArray | None = None
@@ -77,7 +78,7 @@ class Commanding:
 
     def torques(self, robots: Robots, call: Call) -> Torques:
         """As `Objective`. What a controller takes is read before it is called, which may be in another thread."""
-        if self.task == DRIVEN and self._hand is not None:
+        if self.task in DRIVEN and self._hand is not None:
             self._give(robots, [self._towards_hand(now) for now in robots.commands])
         if self._policy is not None:
             policy, observations = self._policy, robots.observations
@@ -99,7 +100,7 @@ class Commanding:
             rest = np.zeros_like(self._hand)
             robots.set_command(index, rest)
             self._given[index] = rest
-            if index == 0 and self.task == DRIVEN:
+            if index == 0 and self.task in DRIVEN:
                 self._hand = rest
 
     def go_on(self, robots: Robots, before: Objective) -> None:
@@ -119,8 +120,8 @@ class Commanding:
         """
         names = ("forward", "left", "turn")
         shares = [check_bounded(n, v, -1.0, 1.0) for n, v in zip(names, (forward, left, turn), strict=True)]
-        if self.task != DRIVEN:
-            raise ValueError(f"the task {self.task} is not driven: choose the task {DRIVEN}")
+        if self.task not in DRIVEN:
+            raise ValueError(f"the task {self.task} is not driven: choose the task {DRIVEN[0]}")
         # On the diagonal two keys ask for more than the task draws.
         speed = self.max_speed / max(1.0, math.hypot(*shares[:2]))
         self._hand = np.array([speed * shares[0], speed * shares[1], self.max_yaw_rate * shares[2]])
@@ -170,6 +171,11 @@ class Commanding:
         return {"asked": asked}
 
 
+def _on(given: Mapping[str, Any], options: Mapping[str, Any], params: Params) -> dict[str, Any]:
+    """Options of a robot on the ground that is given: to make it takes longest."""
+    return {**options, "params": params, "terrain": given.get("terrain")}
+
+
 class TaskPolicy:
     """A policy on robots in environments of its task, which make its observations.
 
@@ -177,11 +183,11 @@ class TaskPolicy:
         ValueError: time steps out of range.
     """
 
-    def __init__(self, controller: ResolvedController, params: Params, task: str) -> None:
+    def __init__(self, controller: ResolvedController, params: Params, task: str, options: Mapping[str, Any]) -> None:
         assert controller.policy is not None
         self.is_foreign = True
         self._policy = controller.policy
-        trained = {**controller.env_options, "params": params}
+        trained = _on(options, controller.env_options, params)
         batch = new_batch(1, task=task, num_threads=1, options=trained)
         self.control_dt, self.sim_dt, self.max_torque = batch.control_dt, batch.sim_dt, batch.max_wheel_torque
         check_steps(controller.name, self.control_dt, self.sim_dt)

@@ -66,6 +66,7 @@ def trajectory_of(frames: Sequence[Frame], controller: str, model: str) -> Traje
         controller=Path(controller).name,
         model=model,
         params=frames[-1].params,
+        terrain=frames[-1].terrain,
         times=np.array([frame.time for frame in frames]) - frames[0].time,
         states=[State.from_array(frame.states[0]) for frame in frames],
         contacts=[frame.contacts for frame in frames],

@@ -112,7 +112,7 @@ class Driving:
 
     def _stop(self, session: Session) -> None:
         self._driver = None
-        if session.task == DRIVEN:
+        if session.task in DRIVEN:
             session.drive(0.0, 0.0, 0.0)
 
     def show(self, session: Session) -> None:
@@ -141,7 +141,7 @@ class Driving:
 
 def is_driven(session: Session) -> bool:
     """Whether pages may drive now."""
-    return session.task == DRIVEN and session.replay_time is None
+    return session.task in DRIVEN and session.replay_time is None
 
 
 def _text(is_on: bool) -> str:

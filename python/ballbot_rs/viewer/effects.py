@@ -44,7 +44,8 @@ class Trail:
 
     def show(self, frame: Frame, is_on: bool) -> None:
         """Adds where the ball is; after a jump in time or place the trail begins anew."""
-        point = np.append(frame.states[0, BALL_POSITION][:2], TRAIL_HEIGHT)
+        ball = frame.states[0, BALL_POSITION][:2]
+        point = np.append(ball, frame.heights(ball) + TRAIL_HEIGHT)
         step = float(np.linalg.norm(point - self._points[-1])) if self._points else math.inf
         if frame.time < self._time or (self._points and step > 0.5):
             self._points.clear()
@@ -122,7 +123,7 @@ class RouteLine:
         _set_visible(self._line, frame.route is not None)
         if frame.route is not None and (self._shown is None or not np.array_equal(frame.route, self._shown)):
             self._shown = frame.route
-            lifted = np.column_stack([frame.route, np.full(len(frame.route), ROUTE_HEIGHT)])
+            lifted = np.column_stack([frame.route, frame.heights(frame.route) + ROUTE_HEIGHT])
             self._line.points = np.float32(np.stack([lifted, np.roll(lifted, -1, axis=0)], axis=1))
 
 
@@ -139,8 +140,10 @@ def force_arrows(frame: Frame) -> FloatArray:
     tops = touched + 2.0 * params.wheel_radius * outwards @ axes.T
     loads = FORCE_LENGTH * contacts.wheel_normal_forces[:, np.newaxis] * (outwards @ axes.T)
     tractions = FORCE_LENGTH * contacts.wheel_tractions[:, np.newaxis] * (drives @ axes.T)
-    lowest = state[BALL_POSITION] - np.array([0.0, 0.0, 0.98 * params.ball_radius])
-    floor = FORCE_LENGTH * np.append(contacts.floor_force[:2], 0.0)
+    ball = state[BALL_POSITION]
+    normal = np.array([0.0, 0.0, 1.0]) if frame.terrain is None else frame.terrain.normal(*ball[:2])
+    lowest = ball - 0.98 * params.ball_radius * normal
+    floor = FORCE_LENGTH * (contacts.floor_force - contacts.floor_force @ normal * normal)
     tails = np.concatenate([tops + loads, touched, [lowest]])
     tips = np.concatenate([tops, touched + tractions, [lowest + floor]])
     arrows = np.stack([tails, tips], axis=1)

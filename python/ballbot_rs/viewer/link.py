@@ -1,8 +1,10 @@
 """A link that restores what is chosen: the query of the page's address."""
 
+from pathlib import Path
 from typing import Any, Final
 from urllib.parse import parse_qsl, urlencode
 
+from ballbot_rs import _assets
 from ballbot_rs.control.resolve import NAMES
 from ballbot_rs.viewer.bounds import check_bounded
 from ballbot_rs.viewer.changes import CHANGES, NEUTRAL, checked
@@ -16,11 +18,14 @@ MAX_QUERY: Final = 1024
 
 
 def query_of(session: Session) -> str:
-    """What is chosen. A policy is left out: its file is of this machine."""
+    """What is chosen. A policy is left out unless it ships with the package: its file is of this machine."""
     robots = session.robots
     chosen: dict[str, Any] = {"robot": robots.name, "model": robots.model, "task": session.task}
     if session.controller in NAMES:
         chosen["controller"] = session.controller
+    for name, path in _policies().items():
+        if Path(session.controller).resolve() == path.resolve():
+            chosen["policy"] = name
     if session.observation != "ground_truth":
         chosen["observation"] = session.observation
     if len(robots) > 1:
@@ -46,13 +51,22 @@ def parts_of(query: str) -> dict[str, str]:
     if len(parts) != len(pairs):
         raise ValueError("a link names each choice once")
     for name in parts:
-        if name not in (*CHOICES, *CHANGES, "compare", "speed"):
-            raise ValueError(f"a link has no '{name}': expected some of {', '.join((*CHOICES, *CHANGES))}")
+        if name not in (known := (*CHOICES, *CHANGES, "policy", "compare", "speed")):
+            raise ValueError(f"a link has no '{name}': expected some of {', '.join(known)}")
     for name in ("controller", "compare"):
         # A path may come from another site.
         if name in parts and parts[name] not in NAMES:
             raise ValueError(f"{name} = '{parts[name]}' in a link: expected one of {', '.join(NAMES)}")
+    if "policy" in parts and parts["policy"] not in (policies := _policies()):
+        raise ValueError(f"policy = '{parts['policy']}' in a link: expected one of {', '.join(policies)}")
+    if "policy" in parts and "controller" in parts:
+        raise ValueError("a link has a controller or a policy, not both")
     return parts
+
+
+def _policies() -> dict[str, Path]:
+    """The policies that ship with the package."""
+    return {path.stem: path for path in sorted(_assets.path("policies").glob("*.onnx"))}
 
 
 def restore(session: Session, query: str) -> None:
@@ -63,6 +77,8 @@ def restore(session: Session, query: str) -> None:
     """
     parts = parts_of(query)
     choices: dict[str, Any] = {name: parts[name] for name in CHOICES if name in parts}
+    if "policy" in parts:
+        choices["controller"] = str(_policies()[parts["policy"]])
     if "num_robots" in choices:
         choices["num_robots"] = int(choices["num_robots"])
     if choices:

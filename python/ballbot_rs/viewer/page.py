@@ -6,7 +6,7 @@ from typing import Any
 
 import viser
 
-from ballbot_rs.viewer.camera import floor_point, frame_robots
+from ballbot_rs.viewer.camera import frame_robots, screen_ray
 from ballbot_rs.viewer.command_panel import CommandPanel
 from ballbot_rs.viewer.controls import Submit
 from ballbot_rs.viewer.handle import PullHandle
@@ -46,7 +46,7 @@ class Page:
         self, server: viser.ViserServer, submit: Submit, session: Session, look: Callable[[str], Look]
     ) -> None:
         self._server, self._submit = server, submit
-        self._scene = Scene(server, look, PullHandle(submit).attach)
+        self._scene = Scene(server, look, PullHandle(submit).attach, self._floor_clicked)
         self._next_status = self._next_plot = 0.0
         self._last_choice: dict[str, str] = {}
         self._framed = (session.robots.name, len(session.robots))
@@ -69,7 +69,6 @@ class Page:
             self._record = RecordPanel(server, submit)
         with tabs.add_tab("View"):
             self._view = ViewPanel(server, submit, self._scene, self._frame_all)
-        self._scene.floor.on_click(self._floor_clicked)
         server.on_client_connect(self._frame)
 
     def _frame(self, client: viser.ClientHandle) -> None:
@@ -81,10 +80,11 @@ class Page:
 
     def _floor_clicked(self, event: viser.SceneNodePointerEvent[Any]) -> None:
         camera = event.client.camera
-        goal = floor_point(camera.position, camera.wxyz, camera.fov, camera.aspect, event.screen_pos)
+        ray = screen_ray(camera.wxyz, camera.fov, camera.aspect, event.screen_pos)
+        goal = self._scene.point_at(camera.position, ray)
         if not self.run.clicks.value or goal is None:
             return
-        x, y = (float(part + shift) for part, shift in zip(goal, self._scene.middle, strict=True))
+        x, y = goal
 
         def command(session: Session) -> None:
             if session.takes_clicks:

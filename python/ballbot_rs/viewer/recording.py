@@ -6,7 +6,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Contacts, Params
+from ballbot_rs._core import Contacts, Params, Terrain
 from ballbot_rs.viewer.asked import Asked
 
 FloatArray = npt.NDArray[np.float64]
@@ -55,6 +55,13 @@ class Frame:
     ghost: FloatArray | None = None
     #: Impulse (x, y) of a push by hand that has just been, N·s.
     push: FloatArray | None = None
+    #: The ground; None is level.
+    terrain: Terrain | None = None
+
+    def heights(self, points: npt.ArrayLike) -> FloatArray:
+        """Heights of the ground at points (x, y), m; shape (n, 2) gives (n,)."""
+        x, y = np.asarray(points, dtype=np.float64).T[:2]
+        return np.zeros(np.shape(x)) if self.terrain is None else np.asarray(self.terrain.height(x, y))
 
 
 class Recording:

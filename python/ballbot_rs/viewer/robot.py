@@ -30,17 +30,31 @@ class Robot:
         self.begin = np.zeros(2)
 
     def start(self, tilt: npt.ArrayLike) -> None:
-        """Begins the next episode, with its draws: at rest at the origin, tilted from the equilibrium.
+        """Begins the next episode, with its draws: at rest, tilted from the equilibrium, at the origin or on a tile.
 
         Raises:
             ValueError: a tilt that the robot cannot have; nothing has changed then.
         """
         before = self._batch.snapshot(0)
         self._batch.reset()
-        drawn = self._batch.params(0)
-        self._batch.restore(0, before)
-        self._batch.reset(starts=[State.at_equilibrium(drawn, tilt)])
+        try:
+            start = self._start_of_draws(tilt)
+        finally:
+            self._batch.restore(0, before)
+        self._batch.reset(starts=[start])
         self._begun(self._episode + 1)
+
+    def _start_of_draws(self, tilt: npt.ArrayLike) -> State:
+        """At rest, of the robot that was drawn; on uneven ground on the tile that was drawn."""
+        start = State.at_equilibrium(self._batch.params(0), tilt)
+        if self._setup.terrain is None:
+            return start
+        x, y = self._batch.state(0).ball_position[:2]
+        moved = start.replace(
+            ball_position=start.ball_position + np.array([x, y, 0.0]),
+            body_position=start.body_position + np.array([x, y, 0.0]),
+        )
+        return self._batch.on_ground(moved)
 
     def _begun(self, episode: int) -> None:
         self._episode = episode
@@ -72,7 +86,8 @@ class Robot:
 
     def _begin_at(self, params: Params, state: State) -> bool:
         """Begins the next episode in a state of a robot, without its slip where it cannot have that; or not at all."""
-        for candidate in (state, _rolling(params, state)):
+        rolling = [] if self._setup.terrain is not None else [_rolling(params, state)]
+        for candidate in (state, *rolling):
             with contextlib.suppress(ValueError):
                 self._batch.reset(starts=[candidate])
                 self._begun(self._episode + 1)
@@ -108,7 +123,7 @@ class Robot:
             self._lying.set_params(self._batch.params(0))
 
     def step(self, torques: FloatArray, steps: int) -> bool:
-        """Time steps under commanded torques, N·m; False if the robot has left the range of the numbers.
+        """Time steps under commanded torques, N·m; False if the robot has left its ground, or the range of the numbers.
 
         `steps` is a multiple of the setup's `substeps`.
         """
@@ -120,11 +135,13 @@ class Robot:
                 except DivergedError:
                     return False
                 return True
-            _, _, terminated, _ = self._batch.step(actions)
+            _, _, terminated, truncated = self._batch.step(actions)
+            if truncated[0]:
+                return False
             if terminated[0]:
                 if self._batch.ending(0)[1] == "diverged":
                     return False
-                self._lying = Ballbot(self.params, self._setup.model, self._setup.sim_dt)
+                self._lying = Ballbot(self.params, self._setup.model, self._setup.sim_dt, self._setup.terrain)
                 self._lying.reset(self._batch.state(0))
         return True
 

@@ -200,7 +200,7 @@ class Robots:
         return com
 
     def step(self, torques: FloatArray, steps: int) -> list[int]:
-        """Advances all robots; those that left the range of the numbers start anew, and are returned."""
+        """Advances all robots; those that left their ground or the numbers' range start anew, and are returned."""
         limit = self.setup.max_torque
         self.applied = np.where(self.fallen[:, np.newaxis], 0.0, np.clip(torques, -limit, limit))
         lost = []
@@ -247,6 +247,7 @@ class Robots:
             route=route,
             ghost=ghost,
             push=push,
+            terrain=self.setup.terrain,
             contacts=contacts,
             params=self.params_of(0),
         )

@@ -5,10 +5,11 @@ from typing import Any
 
 import viser
 
+from ballbot_rs._core import TASKS
 from ballbot_rs.viewer.command_panel import CommandPanel
 from ballbot_rs.viewer.controls import Submit, add_note, bound, on_client, put
 from ballbot_rs.viewer.runner import Command
-from ballbot_rs.viewer.session import MAX_SPEED, MIN_SPEED, PAGE_TASKS, Session
+from ballbot_rs.viewer.session import MAX_SPEED, MIN_SPEED, Session
 
 #: Buttons.
 PAUSE, CONTINUE, STEP, RESET = "Pause", "Continue", "Step", "Reset"
@@ -27,7 +28,7 @@ class RunPanel:
 
     def __init__(self, server: viser.ViserServer, submit: Submit, session: Session, commands: CommandPanel) -> None:
         self._gui, self._submit = server.gui, submit
-        self.task = server.gui.add_dropdown("Task", PAGE_TASKS, initial_value=session.task)
+        self.task = server.gui.add_dropdown("Task", tuple(TASKS), initial_value=session.task)
         self._add_time(session)
         server.gui.add_divider()
         commands.add_controls()

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
+from ballbot_rs._core import Terrain
 from ballbot_rs._state_rows import (
     BALL_POSITION,
     BALL_QUATERNION,
@@ -17,6 +18,8 @@ from ballbot_rs._state_rows import (
 )
 from ballbot_rs.viewer.command_nodes import CommandNodes
 from ballbot_rs.viewer.effects import Forces, Push, RouteLine, Trail
+from ballbot_rs.viewer.ground import ray_meets
+from ballbot_rs.viewer.ground_nodes import GroundNodes
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.shapes import Look, Piece
 
@@ -38,10 +41,17 @@ GOAL_COLOR, TARGET_COLOR = (30, 160, 60), (240, 140, 26)
 
 
 class Scene:
-    """Shows frames on a server; `look` makes a robot's look of its name, `attach` makes a mesh of robot 0 draggable."""
+    """Shows frames on a server; `look` makes a robot's look of its name, `attach` makes a mesh of robot 0 draggable.
+
+    `clicked` is called with a click on the ground.
+    """
 
     def __init__(
-        self, server: viser.ViserServer, look: Callable[[str], Look], attach: Callable[[viser.MeshHandle], None]
+        self,
+        server: viser.ViserServer,
+        look: Callable[[str], Look],
+        attach: Callable[[viser.MeshHandle], None],
+        clicked: Callable[[viser.SceneNodePointerEvent[Any]], None],
     ) -> None:
         self._server = server
         self._look = look
@@ -50,8 +60,9 @@ class Scene:
         self.follows = self.shows_trail = self.shows_shadow = True
         self.shows_forces = False
         self._casts_shadow = True
-        #: The point of the floor in the middle, m.
-        self.middle = np.zeros(2)
+        #: The point of the ground in the middle, m.
+        self.middle = np.zeros(3)
+        self._terrain: Terrain | None = None
         self._shown: tuple[str, int] = ("", 0)
         self._robots: list[_RobotNodes] = []
         # Removals of old nodes may still be on their way to a client when nodes of the same name come.
@@ -75,9 +86,11 @@ class Scene:
         # What is clicked is a sheet under the grid: viser tells a click on a node from a drag, which turns the camera.
         half = 0.5 * FLOOR_SIZE
         corners = np.array([(-half, -half, 0.0), (half, -half, 0.0), (half, half, 0.0), (-half, half, 0.0)])
-        self.floor = server.scene.add_mesh_simple(
+        self._sheet = server.scene.add_mesh_simple(
             "/sheet", corners, np.array([(0, 1, 2), (0, 2, 3)]), opacity=0.01, position=(0.0, 0.0, -0.002)
         )
+        self._sheet.on_click(clicked)
+        self._ground = GroundNodes(server, f"{WORLD}/ground", clicked)
         self._trail, self._forces = Trail(server, f"{WORLD}/trail"), Forces(server, f"{WORLD}/forces")
         self._push, self._route = Push(server, f"{WORLD}/push"), RouteLine(server, f"{WORLD}/route")
         self._ghost: _RobotNodes | None = None
@@ -96,11 +109,11 @@ class Scene:
             self._rebuild(*wanted)
         if self._commands is not None:
             self._commands.show(frame)
-        self._move_middle(frame.states[0, BALL_POSITION][:2] if self.follows else np.zeros(2))
+        self._show_ground(frame)
         for node, place in ((self._setpoint, frame.setpoint), (self._target, frame.target)):
             node.visible = place is not None
             if place is not None:
-                node.position = (float(place[0]), float(place[1]), 0.0)
+                node.position = (float(place[0]), float(place[1]), float(frame.heights(place)))
         for nodes, state in zip(self._robots, frame.states, strict=True):
             nodes.show(state)
         self._show_ghost(frame)
@@ -134,12 +147,26 @@ class Scene:
         half = float(np.abs(parts[:, :2]).max())
         return half + max(math.hypot(x, y) for x, y, _ in places(num_robots)), radius + float(parts[:, 2].max())
 
+    def point_at(self, origin: FloatArray, direction: FloatArray) -> tuple[float, float] | None:
+        """Where a ray of a camera meets the ground, m; None if it does not."""
+        return ray_meets(self._terrain, origin + self.middle, direction)
+
+    def _show_ground(self, frame: Frame) -> None:
+        ball = frame.states[0, BALL_POSITION][:2]
+        self._ground.show(frame.terrain, ball)
+        if frame.terrain is not self._terrain:
+            self._terrain = frame.terrain
+            self._grid.visible = self._sheet.visible = frame.terrain is None
+        # Far from the origin, on a tile, there is nothing else to look at.
+        place = ball if self.follows or frame.terrain is not None else np.zeros(2)
+        self._move_middle(np.append(place, frame.heights(place)))
+
     def _move_middle(self, middle: FloatArray) -> None:
         if np.array_equal(middle, self.middle):
             return
         self.middle = middle.copy()
-        x, y = middle.tolist()
-        self._world.position = (-x, -y, 0.0)
+        x, y, z = middle.tolist()
+        self._world.position = (-x, -y, -z)
         # The grid looks alike after a section, so that it has no end.
         self._grid.position = (-math.fmod(x, SECTION), -math.fmod(y, SECTION), 0.0)
 

@@ -18,8 +18,10 @@ from ballbot_rs.viewer.changes import NEUTRAL, Motors, Sensors, checked
 from ballbot_rs.viewer.commanding import Commanding
 from ballbot_rs.viewer.drivers import Driver
 from ballbot_rs.viewer.ghost import keep_up, shared
+from ballbot_rs.viewer.ground import Grounds
 from ballbot_rs.viewer.notices import Notices
 from ballbot_rs.viewer.objective import Objective
+from ballbot_rs.viewer.objectives import objective_of
 from ballbot_rs.viewer.player import Player
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.robots import Robots
@@ -30,9 +32,6 @@ from ballbot_rs.viewer.watch import Watch
 T = TypeVar("T")
 
 MAX_ROBOTS = 64
-
-#: The page shows level ground alone.
-PAGE_TASKS = tuple(name for name, task in TASKS.items() if not task["has_terrain"])
 
 #: How long a policy, or a law that is not of the core, may take for a control step, and to be loaded and tried, s.
 MAX_CALL = 1.0
@@ -73,7 +72,8 @@ class Session(Player):
             kugle, for when they are chosen.
         observation: what controllers take, "ground_truth" (the true states) or "sensors" (estimated ones).
         task: name of a task; None is that of a policy, else balance.
-        task_options: options of that task, over which those of a policy's training go.
+        task_options: options of that task, over which those of a policy's training go; `terrain` is the ground, which
+            one robot alone may be on.
 
     Raises:
         ValueError: a name that is not known, a number out of range, motors, sensors or events that do not fit the
@@ -116,6 +116,7 @@ class Session(Player):
         self.watch = Watch()
         self._ahead = 0.0
         self._task_options = dict(task_options or {})
+        self._grounds = Grounds()
         self._controller = self._found(controller)
         chosen_task = common_task([self._controller], task)
         self._objective, setup = self._make(
@@ -187,7 +188,14 @@ class Session(Player):
         if isinstance(num_robots, bool) or not isinstance(num_robots, int) or not 1 <= num_robots <= MAX_ROBOTS:
             raise ValueError(f"num_robots = {num_robots} is out of range: expected 1 to {MAX_ROBOTS}")
         params = self.params_of(robot)
-        objective = _objective(controller, params, num_robots, task, task_options)
+        if task not in TASKS:
+            raise ValueError(f"the page has no task '{task}': expected one of {', '.join(TASKS)}")
+        given = controller.env_options.get("terrain", task_options.get("terrain"))
+        terrain = self._grounds.of(task, params, given)
+        if terrain is not None and num_robots > 1:
+            raise ValueError(f"num_robots = {num_robots}: there is one robot on uneven ground")
+        task_options = {**task_options, "terrain": terrain}
+        objective = objective_of(controller, params, num_robots, task, task_options)
         driver = objective.driver
         sensors = self._sensors if observation == "sensors" else None
         steps_alone = task == DEFAULT_TASK and sensors is None
@@ -205,9 +213,10 @@ class Session(Player):
             1 if steps_alone else round(driver.control_dt / driver.sim_dt),
             task,
             objective.task_options if isinstance(objective, Commanding) else {},
+            terrain,
         )
         if controller.policy is not None:
-            one = _objective(controller, params, 1, task, task_options)
+            one = objective_of(controller, params, 1, task, task_options)
             self._watched(controller, lambda: check_balances(controller, one, setup), MAX_LOAD)
         return objective, setup
 
@@ -240,7 +249,7 @@ class Session(Player):
         observation: str | None = None,
         task: str | None = None,
     ) -> None:
-        """Changes what is simulated. The robots move on, unless their kind or number changes: then they start anew.
+        """Changes what is simulated. The robots move on, unless kind, number or ground changes: then they start anew.
 
         Estimates begin anew at the true states, unless all that they follow from remains. A policy brings its task.
 
@@ -265,7 +274,8 @@ class Session(Player):
             task,
             {name: value for name, value in self._task_options.items() if name in option_names(task)},
         )
-        starts_anew = (setup.name, count) != (old.name, len(old))
+        is_elsewhere = setup.terrain is not old.setup.terrain
+        starts_anew = (setup.name, count) != (old.name, len(old)) or is_elsewhere
         self.robots = Robots(setup, count) if starts_anew else old if setup == old.setup else old.become(setup)
         before, self._controller, self._objective = self._objective, chosen, objective
         if starts_anew:
@@ -391,7 +401,9 @@ class Session(Player):
             robots.pull(self.pull_point, driver.control_dt)
         lost = robots.step(torques, self._substeps)
         if lost:
-            self.notices.append(f"robot {', '.join(map(str, lost))} left the range of the simulation and starts anew")
+            self.notices.append(
+                f"robot {', '.join(map(str, lost))} left its ground or the range of the simulation, and starts anew"
+            )
         self._start_anew(lost)
         self.time += driver.control_dt
         keep_up(self)
@@ -453,7 +465,7 @@ class Session(Player):
             self._sensors,
             self.observation,
             self.task,
-            self._task_options,
+            {**self._task_options, "terrain": robots.setup.terrain},
         )
         ghost.change(**self.changes)
         ghost.robots.go_on_from(robots)
@@ -476,19 +488,6 @@ class Session(Player):
         is_pushed = self.pushed is not None and self.time - self.pushed[0] < PUSH_SECONDS
         push = self.pushed[1] if self.pushed is not None and is_pushed else None
         return self.robots.frame(self.time, ghost=ghost, push=push, **self._objective.shown(self.robots))
-
-
-def _objective(
-    controller: ResolvedController, params: Params, num_robots: int, task: str, options: Mapping[str, Any]
-) -> Objective:
-    if task not in PAGE_TASKS:
-        raise ValueError(f"the page has no task '{task}': expected one of {', '.join(PAGE_TASKS)}")
-    for name in ("terrain", "scan", "depth"):
-        if controller.env_options.get(name) is not None:
-            raise ValueError(f"{controller.name} was trained with {name}, which the page does not have")
-    if task == DEFAULT_TASK:
-        return Balancing(controller, params, num_robots)
-    return Commanding(controller, params, num_robots, task, options)
 
 
 def _check_observation(observation: str) -> None:

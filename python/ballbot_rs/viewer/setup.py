@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ballbot_rs._core import Batch, Params
+from ballbot_rs._core import Batch, Params, Terrain
 from ballbot_rs.envs._batch_env import new_batch, option_names
 from ballbot_rs.envs.registration import DEFAULT_TASK
 from ballbot_rs.viewer.changes import NEUTRAL, Motors, Sensors, changed_motors, changed_params, changed_sensors
@@ -37,6 +37,7 @@ DECIDED = (
     "events",
     "sensors",
     "observation",
+    "terrain",
 )
 
 
@@ -68,6 +69,8 @@ class Setup:
     task: str = DEFAULT_TASK
     #: Its own options, and what a policy observes; those that this setup decides are left out.
     task_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    #: The ground; None is level.
+    terrain: Terrain | None = None
 
     @functools.cached_property
     def params(self) -> Params:
@@ -99,6 +102,7 @@ class Setup:
             "events": self.events,
             "sensors": self.changed_sensors,
             "observation": "sensors" if estimates else "ground_truth",
+            "terrain": self.terrain,
         }
         if "fall_tilt" in option_names(self.task):
             decided["fall_tilt"] = math.pi

@@ -79,8 +79,11 @@ def rows_of(session: Session, frame: Frame) -> list[tuple[str, str, str]]:
     if frame.asked is None:
         rows.append(("Setpoint", _goal_of(session, frame), "green: where the robot is sent; orange: the way there"))
     else:
-        rows.append(("Command", command_of(frame.asked), "of robot 0; velocities are in its heading frame"))
-        rows += [(label, value, "of the episode so far") for label, value in metrics_of(frame.asked).items()]
+        if command := command_of(frame.asked):
+            rows.append(("Command", command, "of robot 0; velocities are in its heading frame"))
+        above = {label for label, _, _ in rows}
+        for label, value in metrics_of(frame.asked).items():
+            rows.append((f"{label} so far" if label in above else label, value, "of the episode so far"))
     return rows
 
 

@@ -43,6 +43,7 @@ def check_balances(controller: ResolvedController, objective: Objective, setup: 
         substeps=1 if setup.task == DEFAULT_TASK else setup.substeps,
         task=setup.task,
         task_options={**setup.task_options, **WITHOUT_PUSHES.get(setup.task, {})},
+        terrain=setup.terrain,
     )
     for tilt in TILTS:
         robots = Robots(tried, 1)

@@ -5,13 +5,14 @@ use super::renderer::Arrow;
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
 use crate::state::{Contacts, State};
+use crate::terrain::Terrain;
 use nalgebra::Vector3;
 
 /// Length of an arrow per force, m/N.
 const SCALE: f64 = 0.012;
 
-/// Forces of wheels and floor on the ball: loads in blue, tractions in green, horizontal force of the floor in red.
-pub fn force_arrows(params: &Params, state: &State, contacts: &Contacts) -> Vec<Arrow> {
+/// Forces of wheels and ground on the ball: loads in blue, tractions in green, the force along the ground in red.
+pub fn force_arrows(params: &Params, state: &State, contacts: &Contacts, terrain: Option<&Terrain>) -> Vec<Arrow> {
     let wheels = Omniwheels::new(params);
     let mut arrows = Vec::with_capacity(7);
     for i in 0..3 {
@@ -25,10 +26,10 @@ pub fn force_arrows(params: &Params, state: &State, contacts: &Contacts) -> Vec<
         let traction = out(d) * (contacts.wheel_tractions[i] * SCALE);
         arrows.push(Arrow { from: contact, to: contact + traction, color: srgb(0x2f9e44) });
     }
-    let lowest = state.ball_position - Vector3::z() * params.ball_radius;
-    // The vertical part would be inside the ball.
-    let force = contacts.floor_force.xy().push(0.0) * SCALE;
-    let above = Vector3::z() * (0.02 * params.ball_radius);
-    arrows.push(Arrow { from: lowest + above, to: lowest + above + force, color: srgb(0xe03131) });
+    let normal = terrain.map_or(Vector3::z(), |terrain| terrain.normal(state.ball_position.x, state.ball_position.y));
+    // A little above the ground; the part along the normal would be inside the ball.
+    let from = state.ball_position - normal * (0.98 * params.ball_radius);
+    let force = (contacts.floor_force - normal * contacts.floor_force.dot(&normal)) * SCALE;
+    arrows.push(Arrow { from, to: from + force, color: srgb(0xe03131) });
     arrows
 }

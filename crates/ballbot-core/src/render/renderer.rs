@@ -8,6 +8,7 @@ use super::shape::Shape;
 use crate::error::{Error, Result, check, finite};
 use crate::interrupt::{Stop, Watch};
 use crate::state::State;
+use crate::terrain::Terrain;
 use crate::thread_pool::{self, WorkerThreads, thread_count};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::sync::{Mutex, PoisonError};
@@ -81,6 +82,11 @@ impl Renderer {
     /// Width and height, pixels.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)
+    }
+
+    /// The ground; `None` for the plane z = 0.
+    pub fn terrain(&self) -> Option<&Terrain> {
+        self.scene.terrain.as_deref()
     }
 
     /// Camera of the next picture.

@@ -189,6 +189,11 @@ impl<'a> Placed<'a> {
         Some(Hit { normal: self.rotation * hit.normal, ..hit })
     }
 
+    /// Whether a ray hits the part.
+    pub fn hides(&self, origin: &Vector3<f64>, direction: &Vector3<f64>) -> bool {
+        self.part.shape.hides(&(self.inverse * (origin - self.position)), &(self.inverse * direction))
+    }
+
     /// Color at a point of the inertial frame.
     pub fn color(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.part.paint.at(&(self.inverse * (point - self.position)))

@@ -143,13 +143,12 @@ impl Light {
         if count == 0 {
             return 1.0;
         }
-        let hides = |part: &Placed<'_>, towards: &Vector3<f64>| part.cast(&origin, towards, f64::INFINITY).is_some();
         let hidden = |towards: &Vector3<f64>| {
             // More casters than slots: test all parts.
             if count > MAX_SHADOW_PARTS {
-                parts.iter().any(|part| hides(part, towards))
+                parts.iter().any(|part| part.hides(&origin, towards))
             } else {
-                near.iter().flatten().any(|part| hides(part, towards))
+                near.iter().flatten().any(|part| part.hides(&origin, towards))
             }
         };
         let count_hidden = |rays: &[Vector3<f64>]| rays.iter().filter(|towards| hidden(towards)).count();
@@ -169,7 +168,7 @@ fn checker(x: f64, y: f64, width_x: f64, width_y: f64) -> f64 {
     // The integral of a square wave of ±1 is a triangle wave.
     let wave = |x: f64, width: f64| {
         let (x, width) = (x / (2.0 * CHECKER_EDGE), width.max(1e-9) / (2.0 * CHECKER_EDGE));
-        let triangle = |x: f64| ((x - x.floor()) - 0.5).abs();
+        let triangle = |x: f64| ((x - floor(x)) - 0.5).abs();
         (triangle(x - 0.5 * width) - triangle(x + 0.5 * width)) / width
     };
     0.5 - 0.5 * wave(x, width_x) * wave(y, width_y)
@@ -178,11 +177,18 @@ fn checker(x: f64, y: f64, width_x: f64, width_y: f64) -> f64 {
 /// Share of an interval that is covered by grid lines.
 fn grid(x: f64, width: f64) -> f64 {
     let covered = |x: f64| {
-        let meter = x.floor();
+        let meter = floor(x);
         meter * 2.0 * GRID_HALF_WIDTH
             + (x - meter).min(GRID_HALF_WIDTH)
             + ((x - meter) - (1.0 - GRID_HALF_WIDTH)).max(0.0)
     };
     let width = width.max(1e-6);
     (covered(x + 0.5 * width) - covered(x - 0.5 * width)) / width
+}
+
+/// The largest integer that is not above `x`: exact for the coordinates of pictures, and no call of libm.
+#[inline(always)]
+fn floor(x: f64) -> f64 {
+    let whole = x as i64 as f64;
+    if whole > x { whole - 1.0 } else { whole }
 }

@@ -1,9 +1,9 @@
 //! Shapes and their intersections with rays.
 
+use super::mesh;
 use crate::error::{Error, Result};
 use nalgebra::Vector3;
 use parry3d_f64::math::Vector;
-use parry3d_f64::query::{Ray, RayCast};
 use parry3d_f64::shape::TriMesh;
 use std::sync::Arc;
 
@@ -98,18 +98,17 @@ impl Shape {
             Self::Cylinder { radius, half_length } => cylinder(origin, direction, *radius, *half_length),
             Self::Cuboid { half_extents } => cuboid(origin, direction, half_extents),
             Self::Cone { radius, half_length } => cone(origin, direction, *radius, *half_length),
-            Self::Mesh(mesh) => {
-                let ray = Ray::new(
-                    Vector::new(origin.x, origin.y, origin.z),
-                    Vector::new(direction.x, direction.y, direction.z),
-                );
-                mesh.cast_local_ray_and_get_normal(&ray, limit, false).map(|hit| Hit {
-                    distance: hit.time_of_impact,
-                    normal: Vector3::new(hit.normal.x, hit.normal.y, hit.normal.z),
-                })
-            }
+            Self::Mesh(mesh) => mesh::first(mesh, origin, direction, limit),
         };
         hit.filter(|hit| hit.distance > 0.0 && hit.distance < limit)
+    }
+
+    /// Whether a ray from an origin outside the shape hits it.
+    pub(super) fn hides(&self, origin: &Vector3<f64>, direction: &Vector3<f64>) -> bool {
+        match self {
+            Self::Mesh(mesh) => mesh::any(mesh, origin, direction),
+            _ => self.cast(origin, direction, f64::INFINITY).is_some(),
+        }
     }
 }
 
