@@ -1547,8 +1547,8 @@ class Renderer:
     ) -> npt.NDArray[np.uint8]:
         """Picture of the robot in a state, sRGB, shape (height, width, 3), uint8.
 
-        `contacts` adds arrows of the contact forces: loads (blue) and tractions (green) of the wheels, horizontal force
-        of the floor (red). `arrows` adds arrows from tails to tips in the inertial frame, m, shape (n, 2, 3).
+        `contacts` adds arrows of the contact forces: loads (blue) and tractions (green) of the wheels, force along the
+        ground (red). `arrows` adds arrows from tails to tips in the inertial frame, m, shape (n, 2, 3).
         """
     def depth(self, state: State) -> npt.NDArray[np.float32]:
         """Depth along the camera axis, m, shape (height, width), float32; infinite in the sky."""

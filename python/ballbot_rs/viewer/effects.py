@@ -15,7 +15,7 @@ FloatArray = npt.NDArray[np.float64]
 
 TRAIL_COLOR, ROUTE_COLOR, PUSH_COLOR = (26, 76, 140), (30, 140, 60), (204, 56, 46)
 
-#: As in pictures of `ballbot record`: loads, tractions, horizontal force of the floor.
+#: As in pictures of `ballbot record`: loads, tractions, force along the ground.
 LOAD_COLOR, TRACTION_COLOR, FLOOR_COLOR = (25, 113, 194), (47, 158, 68), (224, 49, 49)
 FORCE_COLORS = np.array([*[LOAD_COLOR] * 3, *[TRACTION_COLOR] * 3, FLOOR_COLOR], dtype=np.uint8)
 

@@ -145,4 +145,4 @@ def _video(policy: Any, seconds: float, progress: Progress) -> tuple[str, str]:
         playing = page.video(path)
     pushed = "" if push is None else f", pushed by {push.impulse} N·s at {push.time} s"
     text = f"Let go at a tilt of {TILT} rad{pushed}. Arrows: loads (blue) and tractions (green) of the wheels, "
-    return playing, page.note(text + f"the floor's horizontal force (red). Model {shown.model}.")
+    return playing, page.note(text + f"the force along the ground (red). Model {shown.model}.")
