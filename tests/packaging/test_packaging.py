@@ -26,6 +26,7 @@ LEARNING = {
     "training/checkpoint.py",
     "training/export.py",
     "training/scaled_rewards.py",
+    "training/search.py",
     "training/teacher.py",
     "training/train.py",
 }

@@ -25,6 +25,7 @@ from ballbot_rs.cli import (
     report,
     streams,
     train,
+    tune,
     view,
 )
 
@@ -40,7 +41,7 @@ EPILOG = (
 )
 
 COMPLETION = "--print-completion"
-COMMANDS = (train, evaluate, compare, report, export, plot, record, view, record_log, identify, list_names, info)
+COMMANDS = (train, tune, evaluate, compare, report, export, plot, record, view, record_log, identify, list_names, info)
 
 
 class Parser(argparse.ArgumentParser):

@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> None:
         config, _ = config_module.load(task, arguments.resume / "config.toml")
     else:
         config, text = config_module.load(task, arguments.config)
-        values = _values(arguments, task, config.env)
+        values = values_of(arguments, task, config.env)
         if arguments.timesteps is not None:
             values["total_timesteps"] = arguments.timesteps
         if values:
@@ -130,7 +130,7 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"\nreport: {written}")
 
 
-def _values(arguments: argparse.Namespace, task: str, env: Mapping[str, Any]) -> dict[str, Any]:
+def values_of(arguments: argparse.Namespace, task: str, env: Mapping[str, Any]) -> dict[str, Any]:
     """Values over those of the configuration, by dotted name.
 
     Args:

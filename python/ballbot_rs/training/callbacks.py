@@ -1,5 +1,6 @@
 """What happens on the way of a training: checkpoints, and evaluations of which the best policy is kept."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +51,20 @@ class KeepBest(BaseCallback):
         env: where the policy is evaluated.
         every: calls between two evaluations.
         episodes: of an evaluation.
+        stops: called with the steps and the mean return of an evaluation; True ends the training.
     """
 
-    def __init__(self, folder: Path, env: VecEnv, *, every: int, episodes: int) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        env: VecEnv,
+        *,
+        every: int,
+        episodes: int,
+        stops: Callable[[int, float], bool] | None = None,
+    ) -> None:
         super().__init__()
+        self._stops = stops
         self._folder = folder
         self._env = env
         self._every = every
@@ -95,6 +106,7 @@ class KeepBest(BaseCallback):
             self.logger.record("eval/success_rate", float(successes.mean()))
             self.logger.record("time/total_timesteps", self.num_timesteps, exclude="tensorboard")
             self.logger.dump(self.num_timesteps)
+            return self._stops is None or not self._stops(self.num_timesteps, float(returns.mean()))
         return True
 
     def evaluate(self, model: BaseAlgorithm) -> tuple[Array, Array, Array]:

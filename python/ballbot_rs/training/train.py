@@ -47,6 +47,7 @@ def train(
     overwrite: bool = False,
     progress_bar: bool = True,
     tell: Callable[[str], None] = lambda text: None,  # noqa: ARG005
+    stops: Callable[[int, float], bool] | None = None,
 ) -> Path:
     """Trains a policy and returns its file.
 
@@ -58,6 +59,7 @@ def train(
         overwrite: whether to delete what an earlier run left in `folder`.
         progress_bar: whether to show one.
         tell: called with a text about the fit to a teacher.
+        stops: called with the steps and the mean return of each evaluation; True ends the training.
 
     Raises:
         FileExistsError: the folder holds an earlier run.
@@ -76,7 +78,7 @@ def train(
     # The record comes first: a folder with it is a run, which may be overwritten.
     _write_record(folder, seed)
     _files.write(folder / run_folder.CONFIG, text)
-    keep_best = _keep_best(config, folder, seed)
+    keep_best = _keep_best(config, folder, seed, stops)
     if config.teacher is not None:
         teacher.fit(model, config.teacher, seed, tell)
         # From here a run can be resumed, and the fitted policy may stay the best one.
@@ -222,7 +224,9 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
     return model
 
 
-def _keep_best(config: TrainConfig, folder: Path, seed: int) -> KeepBest:
+def _keep_best(
+    config: TrainConfig, folder: Path, seed: int, stops: Callable[[int, float], bool] | None = None
+) -> KeepBest:
     evaluation = BallbotVecEnv(
         min(config.evaluation.episodes, 100),
         task=task_of(config.env_id),
@@ -231,7 +235,9 @@ def _keep_best(config: TrainConfig, folder: Path, seed: int) -> KeepBest:
         seed=_first_seed(seed) + EVALUATION_SEEDS,
         **without_curriculum(config.env),
     )
-    return KeepBest(folder, VecMonitor(evaluation), every=_every(config), episodes=config.evaluation.episodes)
+    return KeepBest(
+        folder, VecMonitor(evaluation), every=_every(config), episodes=config.evaluation.episodes, stops=stops
+    )
 
 
 def _every(config: TrainConfig) -> int:

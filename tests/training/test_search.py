@@ -1,0 +1,155 @@
+"""`ballbot tune`: searches of hyperparameters that go on, share their work, and refuse what cannot be compared."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("optuna", reason="the search is not tested: install 'ballbot-rs[tune]'")
+
+from ballbot_rs import cli
+from ballbot_rs.training import config as config_module
+from ballbot_rs.training import run_folder
+from ballbot_rs.training.search import BEST, Search, dimension_of, ended
+
+TINY = """
+env_id = "ballbot/Balance-v0"
+algorithm = "PPO"
+total_timesteps = 2048
+num_envs = 16
+num_threads = 1
+
+[env]
+max_episode_steps = 100
+
+[evaluation]
+every_timesteps = 1024
+episodes = 4
+
+[algorithm_arguments]
+n_steps = 32
+batch_size = 256
+n_epochs = 1
+"""
+
+RATE = "algorithm_arguments.learning_rate"
+
+
+def search(folder, trials=2, text=TINY, **space):
+    given = {name.replace("__", "."): one for name, one in space.items()} or {RATE: "1e-4:1e-3:log"}
+    return Search(text, {name: dimension_of(name, one) for name, one in given.items()}, folder, trials)
+
+
+@pytest.mark.parametrize(
+    ("text", "ends"),
+    [
+        ("1:10", (1, 10)),
+        ("1e-5:1e-2:log", (1e-5, 1e-2)),
+        ("-3.0:0.0", (-3.0, 0.0)),
+        ("[16, 32]", (16, 32)),
+        ('["a"]', ("a",)),
+    ],
+)
+def test_a_range_is_read_as_it_is_written(text, ends):
+    found = dimension_of("x", text)
+    assert found.ends == ends
+    assert [type(end) for end in found.ends] == [type(end) for end in ends]
+
+
+@pytest.mark.parametrize("text", ["", "1", "a:b", "2:1", "0:1:log", "nan:1", "1:inf", "[]", "[[1]]", "1:2:exp", "{}"])
+def test_a_range_that_is_none_is_refused(text):
+    with pytest.raises(ValueError, match="x="):
+        dimension_of("x", text)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("env.reward.alive", "not be compared"),
+        ("reward_scale", "not be compared"),
+        ("gamma", "unknown key 'gamma'"),
+        ("num_envs", r"num_envs = -3 is out of range"),
+    ],
+)
+def test_what_cannot_be_searched_is_refused_before_anything_is_written(tmp_path, name, message):
+    with pytest.raises(ValueError, match=message):
+        search(tmp_path / "study", **{name: "[-3, 4]"})
+    assert not (tmp_path / "study").exists()
+
+
+def test_a_search_goes_on_and_its_best_configuration_is_that_of_its_best_trial(tmp_path):
+    search(tmp_path).work()
+    found = search(tmp_path, trials=4)
+    found.work()
+    done = found.finish()
+    assert len(ended(found.study())) == 4
+    best = config_module.parse((tmp_path / BEST).read_text(), BEST)
+    assert best.algorithm_arguments["learning_rate"] == done[0].params[RATE]
+    for trial in done:
+        folder = tmp_path / trial.user_attrs["folder"]
+        returns = run_folder.read_evaluations(folder).returns
+        assert trial.value == pytest.approx(returns.mean(axis=1).max())
+        assert not (folder / run_folder.CHECKPOINTS).exists()
+    assert len({trial.params[RATE] for trial in done}) == len(done)
+
+
+def test_a_folder_has_one_search(tmp_path):
+    search(tmp_path, trials=1).work()
+    with pytest.raises(ValueError, match="another configuration"):
+        search(tmp_path, text=TINY.replace("2048", "4096")).work()
+    with pytest.raises(ValueError, match="another space"):
+        search(tmp_path, **{RATE: "1e-5:1e-3:log"}).work()
+
+
+def test_a_configuration_that_no_learner_takes_ends_the_search(tmp_path):
+    with pytest.raises(ValueError, match="does not fit PPO"):
+        search(tmp_path, algorithm_arguments__nonsense="[1, 2]").work()
+
+
+def test_numbers_that_no_learner_bears_end_one_trial(tmp_path):
+    found = search(tmp_path, trials=2, algorithm_arguments__learning_rate="[1e30]")
+    told = []
+    found.work(told.append)
+    assert len(ended(found.study())) == 2
+    assert all("trial" in text for text in told)
+
+
+def test_two_processes_share_the_trials_of_a_command(tmp_path, capsys):
+    config = tmp_path / "tiny.toml"
+    config.write_text(TINY)
+    arguments = ["tune", "balance", "--config", str(config), "--study", str(tmp_path / "study"), "--trials", "3"]
+    cli.main([*arguments, "--jobs", "2", "--search", f"{RATE}=1e-4:1e-3:log", "--json", "--quiet"])
+    printed = json.loads(capsys.readouterr().out)
+    assert len(printed["trials"]) >= 3
+    rates = [trial["values"][RATE] for trial in printed["trials"]]
+    assert len(set(rates)) == len(rates)
+    returns = [trial["return"] for trial in printed["trials"]]
+    assert returns == sorted(returns, reverse=True)
+    assert np.isfinite(returns).all()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are those of Unix")
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGKILL])
+def test_a_search_that_was_ended_in_a_trial_goes_on(tmp_path, kind):
+    config = tmp_path / "long.toml"
+    config.write_text(TINY.replace("total_timesteps = 2048", "total_timesteps = 200000000"))
+    study = tmp_path / "study"
+    command = [sys.executable, "-m", "ballbot_rs.cli", "tune", "balance", "--config", str(config)]
+    command += ["--study", str(study), "--search", f"{RATE}=1e-4:1e-3:log", "--trials", "1"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    begins = time.monotonic()
+    while not (study / "trial-0000" / "evaluations.npz").exists():
+        assert process.poll() is None, process.stderr.read()
+        assert time.monotonic() - begins < 120.0
+        time.sleep(0.1)
+    process.send_signal(kind)
+    _, said = process.communicate(timeout=60.0)
+    assert process.returncode == (130 if kind == signal.SIGINT else -signal.SIGKILL), said
+    text = config.read_text()
+    again = Search(text, {RATE: dimension_of(RATE, "1e-4:1e-3:log")}, study, 1)
+    assert len(ended(again.study())) == 0
+    assert kind == signal.SIGKILL or "give the same command again" in said
