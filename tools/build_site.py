@@ -13,19 +13,34 @@ sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "python")]
 
 from sphinx.cmd.build import main as sphinx  # noqa: E402
 
-from website import links, stage  # noqa: E402
+from website import font, links, stage  # noqa: E402
 
 
 def build(site: Path, rust: Path) -> int:
     """Builds the site with the documentation of the core from the folder `rust`; returns the exit code."""
     work = site.with_name(f"{site.name}-build")
     shutil.rmtree(site, ignore_errors=True)
-    stage.write(work / "source", work / "cache")
+    has_rust = (rust / "ballbot_core").is_dir()
+    stage.write(work / "source", work / "cache", has_rust)
     conf = ROOT / "tools" / "website"
-    options = ["-q", "-b", "html", "-W", "--keep-going", "-c", str(conf), "-d", str(work / "doctrees")]
+    static = work / "static"
+    font.write(static / "mathematics.css")
+    options = [
+        "-q",
+        "-D",
+        f"html_static_path=static,{static}",
+        "-b",
+        "html",
+        "-W",
+        "--keep-going",
+        "-c",
+        str(conf),
+        "-d",
+        str(work / "doctrees"),
+    ]
     if code := sphinx([*options, str(work / "source"), str(site)]):
         return code
-    if (rust / "ballbot_core").is_dir():
+    if has_rust:
         shutil.copytree(rust, site / "rust", ignore=shutil.ignore_patterns(".lock"))
     else:
         print(f"no documentation of the core in {rust}: `make docs` writes it", file=sys.stderr)

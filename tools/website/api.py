@@ -103,15 +103,11 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
 }
 
 
-def pages() -> dict[str, str]:
-    """The text of every page by its file's name."""
+def pages(has_rust: bool) -> dict[str, str]:
+    """The text of every page by its file's name, in the order of the menu."""
     written = {f"{name}.rst": _page(title, names) for name, (title, names) in GROUPS.items()}
-    return {**written, "deployment.rst": _deployment(), "rust.md": _RUST}
-
-
-def entries() -> list[str]:
-    """The pages in the order of the menu."""
-    return [*GROUPS, "deployment", "rust"]
+    written["deployment.rst"] = _deployment()
+    return {**written, "rust.md": _RUST} if has_rust else written
 
 
 def _titled(title: str) -> str:
@@ -119,7 +115,7 @@ def _titled(title: str) -> str:
 
 
 def _page(title: str, names: tuple[str, ...]) -> str:
-    return _titled(title) + "\n".join(_directive(name) for name in names)
+    return _titled(f"API: {title[0].lower()}{title[1:]}") + "\n".join(_directive(name) for name in names)
 
 
 def _directive(name: str) -> str:
@@ -132,7 +128,7 @@ def _directive(name: str) -> str:
 
 
 def _deployment() -> str:
-    return _titled("Deployment") + ".. automodule:: ballbot_rs.deployment\n   :members:\n   :imported-members:\n"
+    return _titled("API: deployment") + ".. automodule:: ballbot_rs.deployment\n   :members:\n   :imported-members:\n"
 
 
 _RUST = """# The Rust core

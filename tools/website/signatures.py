@@ -17,19 +17,32 @@ CODE = re.compile(r"(^```.*?^```$|`[^`]+`)", flags=re.DOTALL | re.MULTILINE)
 MARKUP = re.compile(r"([*|]|(?<=\w)_(?!\w))")
 
 
-def signatures(stub: Path) -> dict[str, tuple[str, str | None]]:
+def signatures(stub: Path) -> dict[str, tuple[str, str | None] | None]:
     """Arguments and returned type of every function and method of a stub; the constructor's are the class's."""
     found = {}
     tree = ast.parse(stub.read_text(encoding="utf-8"))
-    for node in tree.body:
+    aliases = {node.targets[0].id: node.value for node in tree.body if isinstance(node, ast.Assign)}
+    for node in _Spelled(aliases).visit(tree).body:
         if isinstance(node, ast.FunctionDef):
             found[node.name] = _of(node)
         elif isinstance(node, ast.ClassDef):
             for member in node.body:
                 if isinstance(member, ast.FunctionDef) and not _is(member, "property"):
                     name = node.name if member.name in ("__init__", "__new__") else f"{node.name}.{member.name}"
-                    found[name] = _of(member)
+                    # Of a method with overloads the runtime's own signature has all arguments.
+                    is_overload = _is(member, "overload")
+                    found[name] = None if is_overload else _of(member)
     return found
+
+
+class _Spelled(ast.NodeTransformer):
+    """Puts what private names of types stand for in their places."""
+
+    def __init__(self, aliases: dict[str, ast.expr]) -> None:
+        self._aliases = {name: value for name, value in aliases.items() if name.startswith("_")}
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:  # noqa: N802
+        return self._aliases.get(node.id, node)
 
 
 def _of(node: ast.FunctionDef) -> tuple[str, str | None]:

@@ -11,8 +11,8 @@ from website.paths import DOCS, ROOT, staged
 SECTION = re.compile(r"^## (.+)$", flags=re.MULTILINE)
 
 
-def write(folder: Path, cache: Path) -> None:
-    """Writes everything anew."""
+def write(folder: Path, cache: Path, has_rust: bool) -> None:
+    """Writes everything anew; `has_rust`: the documentation of the core will be beside it."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(DOCS, folder, ignore=shutil.ignore_patterns("*.md"))
     pages = staged()
@@ -29,10 +29,10 @@ def write(folder: Path, cache: Path) -> None:
         if place == "gallery.md":
             text = gallery.animated(text, file.parent, cache)
         file.write_text(text, encoding="utf-8")
-    _write_all(folder / "api", api.pages())
+    _write_all(folder / "api", api.pages(has_rust))
     _write_all(folder / "controllers", controllers.pages())
     with (folder / "index.md").open("a", encoding="utf-8") as index:
-        index.write(menu((DOCS / "index.md").read_text(encoding="utf-8")))
+        index.write(menu((DOCS / "index.md").read_text(encoding="utf-8"), list(api.pages(has_rust))))
     for name, entries in (
         ("controllers/README.md", [page.removesuffix(".md") for page in controllers.pages() if page != "README.md"]),
         ("tasks/README.md", sorted(page.stem for page in (DOCS / "tasks").glob("*.md") if page.stem != "README")),
@@ -63,15 +63,15 @@ def _origin(target: str) -> str:
     return target.removeprefix("../") if target.startswith("../") else f"docs/{target}"
 
 
-def menu(index: str) -> str:
-    """The menu that follows from the sections of docs/index.md, with what is generated."""
+def menu(index: str, reference: list[str]) -> str:
+    """The menu that follows from the sections of docs/index.md, with the generated pages, those of the API by name."""
     sections = {title: [page.removesuffix(".md") for page in pages] for title, pages in listed(index).items()}
     text = ""
     for title, pages in sections.items():
         if title == "Control":
             pages = [*pages, "controllers/README"]
         text += _toctree(title, pages)
-    return text + _toctree("Reference of the API", [f"api/{name}" for name in api.entries()])
+    return text + _toctree("Reference of the API", [f"api/{name.partition('.')[0]}" for name in reference])
 
 
 def _toctree(caption: str | None, entries: list[str]) -> str:
