@@ -1,4 +1,4 @@
-"""The font of mathematics as a style sheet: a browser that has none with a table MATH puts subscripts where it likes."""
+"""The font of mathematics as a style sheet: without a table MATH a browser puts indices where it likes."""
 
 import base64
 import importlib.resources

@@ -41,7 +41,7 @@ class _Spelled(ast.NodeTransformer):
     def __init__(self, aliases: dict[str, ast.expr]) -> None:
         self._aliases = {name: value for name, value in aliases.items() if name.startswith("_")}
 
-    def visit_Name(self, node: ast.Name) -> ast.expr:  # noqa: N802
+    def visit_Name(self, node: ast.Name) -> ast.expr:
         return self._aliases.get(node.id, node)
 
 
