@@ -9,9 +9,9 @@ ELSEWHERE = {
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
     "examples/README.md": "examples.md",
+    "examples/first_steps.ipynb": "first_steps.md",
+    "examples/learning.ipynb": "learning.md",
 }
-#: Front matter of a page without a menu of its headings.
-WITHOUT_MENU = "---\nhide-toc: true\n---\n\n"
 
 
 def staged() -> dict[str, str]:

@@ -1,6 +1,7 @@
 """Files of the clone that pages link to, highlighted, as pages of the site; and links to the documentation of Rust."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -30,8 +31,8 @@ def _resolve(app: Sphinx, doctree: nodes.document, page: str) -> None:
 def _highlighted(path: str) -> str:
     file = ROOT / path
     if file.is_dir():
-        names = sorted(entry.name + "/" * entry.is_dir() for entry in file.iterdir() if entry.name != "__pycache__")
-        return f"<h1>{path}</h1><pre>{chr(10).join(names)}</pre>"
+        entries = [f'<li><a href="{file.name}/{name}.html">{name}</a></li>' for name in _within(file)]
+        return f"<h1>{path}</h1><ul>{''.join(entries)}</ul>"
     try:
         lexer = get_lexer_for_filename(file.name, stripnl=False)
     except ClassNotFound:
@@ -41,8 +42,14 @@ def _highlighted(path: str) -> str:
     return f"<h1>{path}</h1>{highlight(file.read_text(encoding='utf-8'), lexer, formatter)}"
 
 
+def _within(folder: Path) -> list[str]:
+    return sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*.*") if file.suffix != ".pyc")
+
+
 def _pages(app: Sphinx) -> Iterator[tuple[str, dict[str, Any], str]]:
-    for path in sorted(getattr(app.env, "linked_sources", ())):
+    linked = set(getattr(app.env, "linked_sources", ()))
+    linked |= {f"{path}/{name}" for path in linked if (ROOT / path).is_dir() for name in _within(ROOT / path)}
+    for path in sorted(linked):
         yield f"source/{path}", {"title": path, "body": _highlighted(path), "furo_hide_toc": True}, "page.html"
 
 

@@ -4,7 +4,7 @@ import re
 import shutil
 from pathlib import Path
 
-from website import api, controllers, gallery
+from website import api, controllers, gallery, notebooks
 from website.links import FENCE, LINK, rewritten
 from website.paths import DOCS, ROOT, staged
 
@@ -20,6 +20,8 @@ def write(folder: Path, cache: Path, has_rust: bool) -> None:
         text = (ROOT / origin).read_text(encoding="utf-8")
         file = folder / place
         file.parent.mkdir(parents=True, exist_ok=True)
+        if origin.endswith(".ipynb"):
+            text = notebooks.page(text)
         text = rewritten(text, origin, pages)
         if "```mermaid" in text:
             # What draws is installed for the site alone.
