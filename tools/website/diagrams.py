@@ -20,7 +20,8 @@ def drawn(text: str, folder: Path, cache: Path) -> str:
             kept.write_text(_standalone(mermaidx.render(found[1], theme="neutral").svg()), encoding="utf-8")
         folder.mkdir(exist_ok=True)
         (folder / name).write_bytes(kept.read_bytes())
-        return f"![Block diagram]({folder.name}/{name})"
+        title = text[: found.start()].rpartition("\n## ")[2].partition("\n")[0].strip("`")
+        return f"![Block diagram: {title}]({folder.name}/{name})"
 
     return BLOCK.sub(one, text)
 

@@ -23,7 +23,8 @@ def animated(text: str, folder: Path, cache: Path) -> str:
         made = _made(command.replace("\\\n", " "), cache)
         (folder / name).parent.mkdir(exist_ok=True)
         shutil.copyfile(made, folder / name)
-        return f"![Animation]({name})\n\n{found[0]}"
+        title = text[: found.start()].rpartition("\n## ")[2].partition("\n")[0]
+        return f"![{title}]({name})\n\n{found[0]}"
 
     return BLOCK.sub(one, text)
 
