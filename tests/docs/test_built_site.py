@@ -45,13 +45,13 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
     chromium.close()
 
 
-def opened(browser: Chromium, page: Path, size: tuple[int, int] = WIDE, query: str = "") -> None:
+def opened(browser: Chromium, page: Path, size: tuple[int, int] = WIDE) -> None:
     """Opens a page and forgets what was said before."""
     browser.call(
         "Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=size == NARROW
     )
     browser.errors.clear()
-    address = page.as_uri() + query
+    address = page.as_uri()
     browser.call("Page.navigate", url=address)
     browser.wait_for(f"location.href == {json.dumps(address)} && document.readyState == 'complete'")
 
@@ -90,7 +90,10 @@ def test_formulas_are_drawn_and_none_is_left_as_text(page: str, site: Path, brow
     ("word", "page"), [("gyroscope", "sensors"), ("Riccati", "laws"), ("holdable", "api/analysis")]
 )
 def test_the_search_finds(word: str, page: str, site: Path, browser: Chromium) -> None:
-    opened(browser, site / "search.html", query=f"?q={word}")
+    opened(browser, site / "index.html")
+    browser.evaluate("document.querySelector('.sidebar-search').focus()")
+    browser.type_text(word)
+    browser.evaluate("document.querySelector('.sidebar-search').form.requestSubmit()")
     browser.wait_for("document.querySelectorAll('#search-results li a').length")
     found = "[...document.querySelectorAll('#search-results li a')].map(link => link.getAttribute('href'))"
     browser.wait_for(f"{found}.some(address => address.startsWith('{page}.html'))")

@@ -33,6 +33,7 @@ myst_url_schemes = {"http": None, "https": None, "source": None, "rust": None}
 html_theme = "furo"
 html_math_renderer = "mathml"
 html_static_path = ["static"]
+html_favicon = "static/favicon.svg"
 html_css_files = ["mathematics.css", "site.css"]
 html_js_files = ["search_of_files.js"]
 html_copy_source = False
