@@ -26,6 +26,18 @@ WIDE, NARROW = (1400, 900), (390, 844)
 ELSEWHERE = ("rust", "source", "_static", "_sources")
 
 
+#: What is wider than the window and in no box that scrolls.
+TOO_WIDE = """
+[...document.querySelectorAll('article *')].filter(element => {
+  const box = element.getBoundingClientRect();
+  if (!box.width || box.right <= innerWidth + 1) return false;
+  for (let outer = element; outer.tagName !== 'ARTICLE'; outer = outer.parentElement)
+    if (getComputedStyle(outer).overflowX !== 'visible') return false;
+  return true;
+}).map(element => `${element.tagName} ${element.textContent.slice(0, 80)}`)
+"""
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if "BALLBOT_SITE" in os.environ:
@@ -68,6 +80,7 @@ def test_every_page_loads_whole_and_fits(size: tuple[int, int], site: Path, brow
         lost = "[...document.images].filter(image => !image.naturalWidth).map(image => image.src)"
         requests = browser.evaluate("performance.getEntriesByType('resource').map(entry => entry.name)")
         assert browser.evaluate(lost) == [], page
+        assert browser.evaluate(TOO_WIDE) == [], page
         assert browser.evaluate("document.documentElement.scrollWidth") <= size[0], page
         assert browser.errors == [], page
         assert [name for name in requests if not name.startswith(("file:", "data:"))] == [], page
