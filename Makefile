@@ -7,6 +7,7 @@ PLOT_INSTALLED := $(VENV)/.plot-installed
 VERIFY_INSTALLED := $(VENV)/.verify-installed
 BENCH_INSTALLED := $(VENV)/.bench-installed
 CAD_INSTALLED := $(VENV)/.cad-installed
+SITE_INSTALLED := $(VENV)/.site-installed
 WHEEL_INSTALLED := $(VENV)/.wheel-installed
 # The oldest glibc that wheels run on; zig links against it on any Linux.
 COMPATIBILITY ?= manylinux2014
@@ -23,7 +24,7 @@ MINUTES ?= 5
 SOAK_STEPS ?= 10000000
 SECONDS_EACH ?= 60
 
-.PHONY: help setup generate train test test-builds lint docs wheel consumers paper verify robots controllers tunings policies transfer bench bench-core instructions fuzz soak cad demo format clean
+.PHONY: help setup generate train test test-builds lint docs site wheel consumers paper verify robots controllers tunings policies transfer bench bench-core instructions fuzz soak cad demo format clean
 
 help:
 	@echo "make demo    watch a trained policy balance; installs no PyTorch"
@@ -33,6 +34,7 @@ help:
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
 	@echo "make generate  write what follows from the tables of tasks, controllers and parameters"
 	@echo "make docs    documentation of the Rust core, in target/doc"
+	@echo "make site    the pages of docs/ as a site with search and the reference of the API, in target/site"
 	@echo "make wheel   build a wheel for Linux (COMPATIBILITY=$(COMPATIBILITY)) and try it in an empty environment"
 	@echo "make consumers  train with learners of others, each in an environment of its own, table in docs/learners.md (SECONDS_EACH=$(SECONDS_EACH))"
 	@echo "make paper   repeat the paper's experiments, report in docs/paper.md"
@@ -87,6 +89,10 @@ lint: $(INSTALLED)
 
 docs:
 	cargo doc --locked --no-deps --package ballbot-core
+
+site: docs $(SITE_INSTALLED)
+	$(BIN)/python tools/build_site.py
+	BALLBOT_SITE=target/site $(BIN)/pytest tests/docs/test_built_site.py
 
 wheel: $(WHEEL_INSTALLED)
 	rm -rf target/wheels
@@ -184,6 +190,10 @@ $(BENCH_INSTALLED): $(INSTALLED)
 
 $(CAD_INSTALLED): $(INSTALLED)
 	$(INSTALL) '.[cad]'
+	@touch $@
+
+$(SITE_INSTALLED): $(INSTALLED)
+	$(INSTALL) '.[site]'
 	@touch $@
 
 $(WHEEL_INSTALLED): $(BUILT_FROM)

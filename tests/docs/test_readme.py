@@ -1,4 +1,4 @@
-"""The README's Python runs as it stands, its training included; its command lines are ones that the parser takes."""
+"""The Python of README and docs/ runs as it stands, trainings included; the parser takes their command lines."""
 
 import re
 import shlex
@@ -16,13 +16,14 @@ def blocks(page: str) -> list[str]:
 
 
 BLOCKS = blocks("README.md")
+PAGES = sorted(page.relative_to(ROOT).as_posix() for page in (ROOT / "docs").rglob("*.md"))
 TRAINING = next(block for block in BLOCKS if "PPO(" in block)
 
 COMMANDS = [
     (page.relative_to(ROOT).as_posix(), line)
     for page in sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
     for block in re.findall(r"```sh\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    for line in block.replace("\\\n", " ").splitlines()
+    for line in (text.removesuffix(" &") for text in block.replace("\\\n", " ").splitlines())
     if line.startswith("ballbot ")
 ]
 
@@ -61,9 +62,11 @@ def test_block_runs(index: int, clone: Path) -> None:  # noqa: ARG001
     run(BLOCKS[index])
 
 
-@pytest.mark.parametrize("block", blocks("docs/simulate.md"))
-def test_block_of_the_page_about_simulations_runs(block: str, clone: Path) -> None:  # noqa: ARG001
-    run(block)
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)])
+def test_the_blocks_of_a_page_run_one_after_another(page: str, clone: Path) -> None:  # noqa: ARG001
+    namespace: dict[str, object] = {}
+    for block in blocks(page):
+        exec(compile(block, page, "exec"), namespace)
 
 
 def test_the_controller_block_is_one_for_the_command_line(clone: Path) -> None:

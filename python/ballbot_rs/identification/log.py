@@ -98,8 +98,7 @@ class SensorLog:
         """A log from a CSV file with a header, or from an npz file with one array a column; other columns are ignored.
 
         Columns: `time` (s), `torque_0` to `torque_2` (N·m), `wheel_angle_0` to `wheel_angle_2` (rad), `gyro_x`,
-            `gyro_y`, `gyro_z`
-        (rad/s), and optionally `acc_x`, `acc_y`, `acc_z` (m/s²).
+        `gyro_y`, `gyro_z` (rad/s), and optionally `acc_x`, `acc_y`, `acc_z` (m/s²).
 
         Raises:
             ValueError: a column is missing, a cell is no number, or as the constructor; the message has the file.
