@@ -98,7 +98,9 @@ impl Shape {
             Self::Cylinder { radius, half_length } => cylinder(origin, direction, *radius, *half_length),
             Self::Cuboid { half_extents } => cuboid(origin, direction, half_extents),
             Self::Cone { radius, half_length } => cone(origin, direction, *radius, *half_length),
-            Self::Mesh(mesh) => mesh::first(mesh, origin, direction, limit),
+            Self::Mesh(mesh) => {
+                mesh::first(mesh, origin, direction, limit).map(|(distance, normal)| Hit { distance, normal })
+            }
         };
         hit.filter(|hit| hit.distance > 0.0 && hit.distance < limit)
     }
