@@ -154,3 +154,28 @@ def test_functions_without_a_monitor_and_with_a_limit_of_their_own():
 def test_functions_that_no_batch_can_have_are_refused(functions, options, error, message):
     with pytest.raises(error, match=message):
         bb.BallbotVecEnv(functions, **options)
+
+
+def test_a_monitor_that_forbids_early_resets_does_so_here():
+    def made(kind):
+        return make_vec_env(BALANCE, n_envs=2, vec_env_cls=kind, monitor_kwargs={"allow_early_resets": False})
+
+    for kind in (bb.BallbotVecEnv, None):
+        envs = made(kind)
+        envs.reset()
+        envs.step(np.zeros((2, 3), dtype=np.float32))
+        with pytest.raises(RuntimeError, match="early"):
+            envs.reset()
+        envs.close()
+
+
+@pytest.mark.parametrize("wrong", [True, 2.0, 2.5, object(), {"n": 2}, [1, 2], lambda: None])
+def test_what_is_no_number_name_or_list_of_functions_is_refused_by_name(wrong):
+    with pytest.raises(
+        TypeError, match="expected a number of robots, the name or id of a task, or a list of functions"
+    ):
+        bb.BallbotVecEnv(wrong)
+
+
+def test_a_number_of_numpy_is_a_number():
+    assert bb.BallbotVecEnv(np.int64(3)).num_envs == 3

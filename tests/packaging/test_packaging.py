@@ -26,7 +26,6 @@ LEARNING = {
     "training/checkpoint.py",
     "training/export.py",
     "training/scaled_rewards.py",
-    "training/search.py",
     "training/teacher.py",
     "training/train.py",
 }

@@ -9,6 +9,7 @@ from ballbot_rs import Batch, Params, State
 from ballbot_rs._state_rows import tilt_components_of, tilt_of
 from ballbot_rs.viewer.changes import CHANGES, NEUTRAL
 from ballbot_rs.viewer.history import SERIES
+from ballbot_rs.viewer.robot import seed_of
 from ballbot_rs.viewer.robots import FALLEN_TILT
 from ballbot_rs.viewer.session import LIES_FOR, Session
 from tests.viewer.test_viewer_session import MODELS, run
@@ -207,14 +208,14 @@ EVENTS = [
 
 
 def test_each_reset_draws_the_robot_of_the_environment():
-    """The reference is the batch of as many environments, reset as often."""
+    """The reference is the batch of as many environments, reset with the seeds of the episodes."""
     session = Session(num_robots=3, events=EVENTS, seed=7)
     batch = Batch(3, events=EVENTS, seed=7)
     seen = []
     for episode in range(4):
         if episode:
             session.reset()
-        batch.reset()
+        batch.reset(seeds=[seed_of(7 + robot, episode + 1) for robot in range(3)])
         for robot in range(3):
             params = session.robots.params_of(robot)
             assert params == batch.params(robot)
@@ -234,7 +235,7 @@ def test_each_reset_draws_the_robot_of_the_environment():
         for robot in range(3):
             assert session.robots.params_of(robot).body_mass == batch.params(robot).body_mass
     session.reset()
-    batch.reset()
+    batch.reset(seeds=[None, None, seed_of(9, 5)])
     assert session.robots.params_of(2).body_mass == batch.params(2).body_mass
 
 

@@ -304,7 +304,7 @@ def test_a_replay_shows_what_was_asked():
         ("goal", lambda s: s.move_setpoint(math.inf, 0.0), "x = inf is out of range"),
         ("push", lambda s: s.draw_commands(), "the task push has no commands"),
         ("balance", lambda s: s.draw_commands(), "the task balance has no commands"),
-        ("goal", lambda s: s.choose(task="dance"), "no task 'dance'"),
+        ("goal", lambda s: s.choose(task="dance"), "unknown task 'dance'"),
     ],
 )
 def test_what_is_refused_leaves_the_task_as_it_was(task, misuse, message):

@@ -9,6 +9,7 @@ from ballbot_rs import BalanceEnv, Batch, Lqr, Params, State, load_sensors
 from ballbot_rs.cli import main
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.viewer.history import SERIES
+from ballbot_rs.viewer.robot import seed_of
 from ballbot_rs.viewer.session import LIES_FOR, Session
 from ballbot_rs.viewer.tuning import table_of
 from tests.viewer.test_viewer_session import MODELS, Linear, run
@@ -235,7 +236,7 @@ def test_the_command_line_has_sensors(capsys):
 
 
 def test_drawn_motors_move_the_robots_of_the_page():
-    """The reference is a batch with the same events, reset as often."""
+    """The reference is a batch with the same events, reset with the seeds of the episodes."""
     events = [
         {"term": "actuators.strength", "range": [0.5, 0.8]},
         {"term": "actuators.lag", "op": "abs", "range": [0.005, 0.02]},
@@ -246,7 +247,7 @@ def test_drawn_motors_move_the_robots_of_the_page():
     for episode in range(3):
         if episode:
             session.reset()
-        batch.reset()
+        batch.reset(seeds=[seed_of(7 + robot, episode + 1) for robot in range(3)])
         for robot in range(3):
             motors = session.robots.motors_of(robot)
             assert motors == {name: batch.actuators(robot)[name] for name in motors}

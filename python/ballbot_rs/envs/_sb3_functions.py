@@ -98,12 +98,23 @@ class Episodes:
         self._keywords = found[0].info_keywords if found else ()
         if found and found[0].reset_keywords:
             raise ValueError(f"reset_keywords = {found[0].reset_keywords!r} of Monitor: resets of robots take none")
+        self._refuses_early = any(not monitor.allow_early_resets for monitor in found)
+        self._is_reset = False
         self._writers = [monitor.results_writer for monitor in found]
         self._returns: npt.NDArray[np.float64] = np.zeros(len(found))
         self._lengths: npt.NDArray[np.int64] = np.zeros(len(found), dtype=np.int64)
 
     def reset(self) -> None:
-        """Forgets the episodes that have begun."""
+        """Forgets the episodes that have begun.
+
+        Raises:
+            RuntimeError: there is one, and a `Monitor` has `allow_early_resets=False`.
+        """
+        if self._refuses_early and self._is_reset:
+            raise RuntimeError(
+                "reset of robots within their episodes, which allow_early_resets=False of Monitor forbids"
+            )
+        self._is_reset = True
         self._returns[:] = 0.0
         self._lengths[:] = 0
 

@@ -1,6 +1,8 @@
 """A task as a Stable-Baselines3 `VecEnv`."""
 
+import contextlib
 import copy
+import operator
 import os
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -154,6 +156,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         **options: Unpack[TaskOptions],
     ) -> None:
         self._episodes = Episodes([])
+        first = _checked(first)
         if first is not None and not isinstance(first, (int, str)):
             made = Made(
                 _functions_alone(
@@ -271,6 +274,20 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         if self.render_mode is None:
             return [None] * self.num_envs
         return list(self._frames(self._batch.states()))
+
+
+def _checked(first: Any) -> int | str | Functions | None:
+    """The first argument, a number as `int`."""
+    if first is None or isinstance(first, str):
+        return first
+    if not isinstance(first, bool):
+        with contextlib.suppress(TypeError):
+            return operator.index(first)
+        if isinstance(first, Sequence) and all(callable(one) for one in first):
+            return first
+    raise TypeError(
+        f"BallbotVecEnv got {first!r}: expected a number of robots, the name or id of a task, or a list of functions"
+    )
 
 
 def _functions_alone(functions: Functions, **others: Any) -> Functions:

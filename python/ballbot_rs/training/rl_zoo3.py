@@ -48,7 +48,8 @@ def main() -> None:
 
     ExperimentManager.default_vec_env_cls = BallbotVecEnv
     if not {"--conf-file", "-conf"} & set(sys.argv):
-        sys.argv += ["--conf-file", __spec__.name if __spec__ is not None else __name__]
+        # In front: the last option of a user may take any number of values.
+        sys.argv[1:1] = ["--conf-file", __spec__.name if __spec__ is not None else __name__]
     train()
 
 

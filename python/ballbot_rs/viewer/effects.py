@@ -141,7 +141,7 @@ def force_arrows(frame: Frame) -> FloatArray:
     loads = FORCE_LENGTH * contacts.wheel_normal_forces[:, np.newaxis] * (outwards @ axes.T)
     tractions = FORCE_LENGTH * contacts.wheel_tractions[:, np.newaxis] * (drives @ axes.T)
     ball = state[BALL_POSITION]
-    normal = np.array([0.0, 0.0, 1.0]) if frame.terrain is None else frame.terrain.normal(*ball[:2])
+    normal = _normal_at_contact(frame, params.ball_radius)
     lowest = ball - 0.98 * params.ball_radius * normal
     floor = FORCE_LENGTH * (contacts.floor_force - contacts.floor_force @ normal * normal)
     tails = np.concatenate([tops + loads, touched, [lowest]])
@@ -149,6 +149,17 @@ def force_arrows(frame: Frame) -> FloatArray:
     arrows = np.stack([tails, tips], axis=1)
     arrows[np.linalg.norm(tips - tails, axis=1) < SHORTEST] = [[0.0, 0.0, -9.0], [0.0, 0.0, -9.1]]
     return arrows
+
+
+def _normal_at_contact(frame: Frame, radius: float) -> FloatArray:
+    """Of the ground where the ball of robot 0 touches it, which on a slope is not below the ball's center."""
+    ball = frame.states[0, BALL_POSITION][:2]
+    normal = np.array([0.0, 0.0, 1.0])
+    if frame.terrain is not None:
+        # Contracts, since no valley is as narrow as the ball.
+        for _ in range(8):
+            normal = frame.terrain.normal(*(ball - radius * normal[:2]))
+    return normal
 
 
 def contact_directions(params: Params) -> tuple[FloatArray, FloatArray]:

@@ -23,11 +23,15 @@ def shared(method: Callable[Concatenate[Any, P], None]) -> Callable[Concatenate[
 
 
 def keep_up(session: "Session") -> None:
-    """Lets the ghost of a session get to the same time."""
+    """Lets the ghost of a session get to the same time, in the same episode: one that falls alone begins it again."""
     ghost = session.ghost
     if ghost is None:
         return
+    ghost.robots.anew_in = session.robots.episodes[:1]
     try:
+        if ghost.robots.episodes[0] < session.robots.episodes[0]:
+            ghost.start_anew([0])
+            ghost.time = session.time
         while ghost.time < session.time - 1e-9:
             ghost.step()
     except Exception as error:
@@ -39,6 +43,6 @@ def keep_up(session: "Session") -> None:
 def _try(session: "Session", call: Callable[[], Any]) -> None:
     try:
         call()
-    except (ValueError, TimeoutError) as error:
+    except (TypeError, ValueError, TimeoutError) as error:
         assert session.ghost is not None
         session.notices.append(f"{session.ghost.controller}, to compare with: {error}")

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from ballbot_rs._core import TASKS, Params, Terrain
 from ballbot_rs.envs._batch_env import new_batch
 
-#: How far a ray is followed, and the length of a step, m.
-REACH, RAY_STEP = 60.0, 0.02
+#: Where along a ray the ground is looked for, m: in steps that a ball is larger than, and farther off in shares.
+WAYS = np.concatenate([np.arange(0.0, 10.0, 0.02), np.geomspace(10.0, 1000.0, 2304)])
 
 
 class Grounds:
@@ -49,8 +49,7 @@ def ray_meets(
             return None
         x, y, _ = origin - origin[2] / direction[2] * direction
         return float(x), float(y)
-    ways = np.arange(0.0, REACH, RAY_STEP)
-    points = origin + ways[:, np.newaxis] * direction / np.linalg.norm(direction)
+    points = origin + WAYS[:, np.newaxis] * direction / np.linalg.norm(direction)
     gaps = points[:, 2] - np.asarray(terrain.height(points[:, 0], points[:, 1]))
     below = np.flatnonzero(gaps < 0.0)
     if not len(below) or below[0] == 0:

@@ -1,6 +1,7 @@
 """One robot: an environment as long as it does not touch the floor, and a robot without current from then on."""
 
 import contextlib
+import math
 from typing import Any
 
 import numpy as np
@@ -8,9 +9,16 @@ import numpy.typing as npt
 
 from ballbot_rs._core import ACTUATOR_OPTIONS, Ballbot, Contacts, Params, State
 from ballbot_rs._errors import DivergedError
+from ballbot_rs.viewer.rolling import rolling
 from ballbot_rs.viewer.setup import Setup
 
 FloatArray = npt.NDArray[np.float64]
+
+#: How far a robot is lifted, m, until it can lie: `rigid` has it sink into the ground by a few millimeters on impact.
+LIFTS = (0.0, 0.002, 0.005, 0.01, 0.02, 0.05)
+
+#: Why a robot cannot go on, as `step` returns it.
+LEFT, DIVERGED = "left its ground", "left the range of the simulation"
 
 
 class Robot:
@@ -23,9 +31,11 @@ class Robot:
     def __init__(self, setup: Setup, index: int) -> None:
         self._setup = setup
         self._batch = setup.batch(index)
-        #: Number of the present episode, from 1 on; its draws depend on it.
-        self._episode = 0
+        self._seed = (setup.seed + index) % 2**64
+        #: Number of the present episode, from 1 on, from which its draws follow, whatever was before.
+        self.episode = 0
         self._lying: Ballbot | None = None
+        self._is_commanded = False
         #: Where the ball was when the present command was given, m.
         self.begin = np.zeros(2)
 
@@ -36,13 +46,12 @@ class Robot:
             ValueError: a tilt that the robot cannot have; nothing has changed then.
         """
         before = self._batch.snapshot(0)
-        self._batch.reset()
+        self._batch.reset(seeds=[seed_of(self._seed, self.episode + 1)])
         try:
             start = self._start_of_draws(tilt)
         finally:
             self._batch.restore(0, before)
-        self._batch.reset(starts=[start])
-        self._begun(self._episode + 1)
+        self._begin(start)
 
     def _start_of_draws(self, tilt: npt.ArrayLike) -> State:
         """At rest, of the robot that was drawn; on uneven ground on the tile that was drawn."""
@@ -56,16 +65,25 @@ class Robot:
         )
         return self._batch.on_ground(moved)
 
-    def _begun(self, episode: int) -> None:
-        self._episode = episode
+    def _begin(self, start: State) -> None:
+        self._batch.reset(seeds=[seed_of(self._seed, self.episode + 1)], starts=[start])
+        self.episode += 1
         self._lying = None
+        self._is_commanded = False
         self._note_begin()
 
     def _note_begin(self) -> None:
         self.begin = self._batch.state(0).ball_position[:2].copy()
 
-    def start_anew(self, tilt: npt.ArrayLike) -> None:
-        """The same with a tilt that another robot has had; one that cannot have it begins in equilibrium."""
+    def start_anew(self, tilt: npt.ArrayLike, episode: int | None = None) -> None:
+        """The same with a tilt that another robot has had; one that cannot have it begins in equilibrium.
+
+        Args:
+            tilt: as of `start`.
+            episode: number of the episode; None is the next.
+        """
+        if episode is not None:
+            self.episode = episode - 1
         try:
             self.start(tilt)
         except ValueError:
@@ -77,20 +95,17 @@ class Robot:
         Slip is left behind where the model has none; a state that it cannot have at all makes the robot start anew,
         with a tilt. Torques under way in the motors are lost; an estimate begins anew at the true state.
         """
-        state = other.state
-        for _ in range(other._episode - 1 if self._setup.events else 0):
-            self._batch.reset()
-        if not self._begin_at(other.params, state):
+        self.episode = other.episode - 1
+        if not self._begin_at(other.params, other.state):
             self.start_anew(tilt)
-        self._episode = other._episode
 
     def _begin_at(self, params: Params, state: State) -> bool:
         """Begins the next episode in a state of a robot, without its slip where it cannot have that; or not at all."""
-        rolling = [] if self._setup.terrain is not None else [_rolling(params, state)]
-        for candidate in (state, *rolling):
+        terrain = self._setup.terrain
+        can_roll = terrain is None or math.isinf(terrain.size[0])
+        for candidate in (state, *([rolling(params, state, terrain)] if can_roll else [])):
             with contextlib.suppress(ValueError):
-                self._batch.reset(starts=[candidate])
-                self._begun(self._episode + 1)
+                self._begin(candidate)
                 return True
         return False
 
@@ -110,6 +125,7 @@ class Robot:
         """
         if self._lying is None:
             self._batch.set_command(0, command)
+            self._is_commanded = True
             self._note_begin()
 
     def set_params(self, params: Params) -> None:
@@ -122,10 +138,10 @@ class Robot:
         if self._lying is not None:
             self._lying.set_params(self._batch.params(0))
 
-    def step(self, torques: FloatArray, steps: int) -> bool:
-        """Time steps under commanded torques, N·m; False if the robot has left its ground, or the range of the numbers.
+    def step(self, torques: FloatArray, steps: int) -> str | None:
+        """Time steps under commanded torques, N·m. Returns None, or why the robot cannot go on: `LEFT` or `DIVERGED`.
 
-        `steps` is a multiple of the setup's `substeps`.
+        `steps` is a multiple of the setup's `substeps`. On the next tile of a terrain the next episode begins.
         """
         actions = np.asarray(torques / self._batch.max_wheel_torque, dtype=np.float32)[np.newaxis]
         for done in range(0, steps, self._setup.substeps):
@@ -133,17 +149,40 @@ class Robot:
                 try:
                     self._lying.step(np.zeros(3), steps - done)
                 except DivergedError:
-                    return False
-                return True
+                    return DIVERGED
+                return None
             _, _, terminated, truncated = self._batch.step(actions)
-            if truncated[0]:
-                return False
-            if terminated[0]:
-                if self._batch.ending(0)[1] == "diverged":
-                    return False
-                self._lying = Ballbot(self.params, self._setup.model, self._setup.sim_dt, self._setup.terrain)
-                self._lying.reset(self._batch.state(0))
+            if truncated[0] and not self._cross():
+                return LEFT
+            if terminated[0] and (self._batch.ending(0)[1] == "diverged" or not self._lie()):
+                return DIVERGED
+        return None
+
+    def _cross(self) -> bool:
+        """Begins the next episode on the tile where the robot is, with its command by hand; False if there is none."""
+        terrain, state = self._setup.terrain, self.state
+        x, y = state.ball_position[:2].tolist()
+        if terrain is None or not terrain.contains(x, y):
+            return False
+        command = self.command if self._is_commanded else None
+        if not self._begin_at(self.params, state):
+            return False
+        if command is not None:
+            self.set_command(command)
         return True
+
+    def _lie(self) -> bool:
+        """Goes on without current; False for a state that it cannot go on from."""
+        lying = Ballbot(self.params, self._setup.model, self._setup.sim_dt, self._setup.terrain)
+        state = self._batch.state(0)
+        for lift in LIFTS:
+            up = np.array([0.0, 0.0, lift])
+            lifted = state.replace(ball_position=state.ball_position + up, body_position=state.body_position + up)
+            with contextlib.suppress(ValueError):
+                lying.reset(lifted)
+                self._lying = lying
+                return True
+        return False
 
     def push(self, impulse: npt.ArrayLike) -> None:
         """Gives the body an impulse (inertial frame, N·s) at its center of mass."""
@@ -211,12 +250,11 @@ class Robot:
         return {name: np.atleast_1d(value) for name, value in self._batch.draws(0).items()}
 
 
-def _rolling(params: Params, state: State) -> State:
-    rolling = State.rolling(params, state.ball_velocity[:2], state.body_quaternion, state.body_angular_velocity)
-    position = np.array([*state.ball_position[:2], params.ball_radius])
-    return rolling.replace(
-        ball_position=position,
-        body_position=position,
-        ball_quaternion=state.ball_quaternion,
-        wheel_angles=state.wheel_angles,
-    )
+def seed_of(seed: int, episode: int) -> int:
+    """Seed of an environment whose first episode is one of a robot by number, so that no draw depends on the past.
+
+    The first one has the seed itself.
+    """
+    if episode == 1:
+        return seed
+    return int(np.random.SeedSequence([seed, episode]).generate_state(1, np.uint64)[0])

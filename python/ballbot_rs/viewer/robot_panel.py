@@ -15,7 +15,7 @@ POLICY = "policy file"
 #: No robot to compare with.
 NONE = "none"
 
-#: What the page calls the choices of `session.OBSERVATIONS`.
+#: What the page calls the choices of `OBSERVATIONS`.
 SEES = {"ground_truth": "true state", "sensors": "estimate"}
 
 

@@ -41,6 +41,8 @@ class Robots:
         self.setup = setup
         self._robots = [Robot(setup, index) for index in range(num_robots)]
         self._start = np.zeros(2)
+        #: Numbers of the episodes that robots begin which start anew alone, one each; None: their next ones.
+        self.anew_in: list[int] | None = None
         self.applied = np.zeros((num_robots, 3))
         #: For how long each robot has been down, s; its motors are off.
         self.down_for = np.zeros(num_robots)
@@ -142,9 +144,15 @@ class Robots:
         """Which robots are down, shape (n,)."""
         return self.down_for > 0.0
 
+    @property
+    def episodes(self) -> list[int]:
+        """Numbers of the robots' episodes, from 1 on."""
+        return [robot.episode for robot in self._robots]
+
     def restart(self, index: int) -> None:
-        """One robot at rest at the origin, tilted as at the last reset if it can be."""
-        self._robots[index].start_anew(self._turned(self._start, index))
+        """One robot at rest where its episode begins, tilted as at the last reset if it can be."""
+        episode = None if self.anew_in is None else self.anew_in[index]
+        self._robots[index].start_anew(self._turned(self._start, index), episode)
         self.down_for[index] = 0.0
 
     def _turned(self, start: FloatArray, index: int) -> FloatArray:
@@ -199,15 +207,16 @@ class Robots:
         com: FloatArray = state.body_position + body_axes_of(state.to_array()) @ np.asarray(self.params_of(0).body_com)
         return com
 
-    def step(self, torques: FloatArray, steps: int) -> list[int]:
-        """Advances all robots; those that left their ground or the numbers' range start anew, and are returned."""
+    def step(self, torques: FloatArray, steps: int) -> dict[int, str]:
+        """Advances all robots; those that cannot go on start anew, and are returned with why."""
         limit = self.setup.max_torque
         self.applied = np.where(self.fallen[:, np.newaxis], 0.0, np.clip(torques, -limit, limit))
-        lost = []
+        lost = {}
         for index, robot in enumerate(self._robots):
-            if not robot.step(self.applied[index], steps):
+            reason = robot.step(self.applied[index], steps)
+            if reason is not None:
                 self.restart(index)
-                lost.append(index)
+                lost[index] = reason
         tilts = tilt_of(self._rows(), [robot.params.body_com for robot in self._robots])
         down = self.fallen | (tilts > FALLEN_TILT) | [robot.is_down for robot in self._robots]
         self.down_for[down] += steps * self.setup.sim_dt

@@ -19,7 +19,7 @@ from ballbot_rs._state_rows import (
 from ballbot_rs.viewer.command_nodes import CommandNodes
 from ballbot_rs.viewer.effects import Forces, Push, RouteLine, Trail
 from ballbot_rs.viewer.ground import ray_meets
-from ballbot_rs.viewer.ground_nodes import GroundNodes
+from ballbot_rs.viewer.ground_nodes import HALF, GroundNodes
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.shapes import Look, Piece
 
@@ -157,8 +157,10 @@ class Scene:
         if frame.terrain is not self._terrain:
             self._terrain = frame.terrain
             self._grid.visible = self._sheet.visible = frame.terrain is None
-        # Far from the origin, on a tile, there is nothing else to look at.
-        place = ball if self.follows or frame.terrain is not None else np.zeros(2)
+        level = np.zeros(2) if frame.terrain is None else self.middle[:2]
+        # Where a robot on another tile is, there is nothing of the patch that was looked at.
+        is_away = frame.terrain is not None and np.abs(ball - level).max() > HALF
+        place = ball if self.follows or is_away else level
         self._move_middle(np.append(place, frame.heights(place)))
 
     def _move_middle(self, middle: FloatArray) -> None:

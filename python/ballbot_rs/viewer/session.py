@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,6 +22,7 @@ from ballbot_rs.viewer.ground import Grounds
 from ballbot_rs.viewer.notices import Notices
 from ballbot_rs.viewer.objective import Objective
 from ballbot_rs.viewer.objectives import objective_of
+from ballbot_rs.viewer.observations import DEFAULT_SENSORS, check_observation
 from ballbot_rs.viewer.player import Player
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.robots import Robots
@@ -36,12 +37,6 @@ MAX_ROBOTS = 64
 #: How long a policy, or a law that is not of the core, may take for a control step, and to be loaded and tried, s.
 MAX_CALL = 1.0
 MAX_LOAD = 10.0
-
-#: What controllers take, as the option `observation` of an environment.
-OBSERVATIONS = ("ground_truth", "sensors")
-
-#: Sensors where none are named, by what controllers take at first: those of environments, and published ones to choose.
-DEFAULT_SENSORS = {"sensors": "exact", "ground_truth": "kugle"}
 
 #: How long a robot that has fallen lies before it starts anew, s.
 LIES_FOR = 2.0
@@ -100,7 +95,7 @@ class Session(Player):
         super().__init__()
         self._own = {} if params is None else {robot: params}
         self._motors, self._events, self._seed = motors, events, seed
-        _check_observation(observation)
+        check_observation(observation)
         chosen = DEFAULT_SENSORS[observation] if sensors is None else sensors
         self._sensors = load_sensors(chosen) if isinstance(chosen, str) else chosen
         self.time = 0.0
@@ -118,7 +113,7 @@ class Session(Player):
         self._task_options = dict(task_options or {})
         self._grounds = Grounds()
         self._controller = self._found(controller)
-        chosen_task = common_task([self._controller], task)
+        self._first_task = chosen_task = common_task([self._controller], task)
         self._objective, setup = self._make(
             model, robot, self._controller, num_robots, NEUTRAL, observation, chosen_task, self._task_options
         )
@@ -170,7 +165,7 @@ class Session(Player):
     @property
     def observation(self) -> str:
         """What controllers take, one of `OBSERVATIONS`."""
-        return OBSERVATIONS[self.robots.setup.sensors is not None]
+        return "ground_truth" if self.robots.setup.sensors is None else "sensors"
 
     def _make(
         self,
@@ -257,7 +252,7 @@ class Session(Player):
         """
         old = self.robots
         if observation is not None:
-            _check_observation(observation)
+            check_observation(observation)
         # The file of a policy that is in use already is not read again.
         chosen = self._controller
         if controller is not None and controller != self.controller:
@@ -272,9 +267,9 @@ class Session(Player):
             old.setup.changes,
             self.observation if observation is None else observation,
             task,
-            {name: value for name, value in self._task_options.items() if name in option_names(task)},
+            self._options_of(task),
         )
-        is_elsewhere = setup.terrain is not old.setup.terrain
+        is_elsewhere = setup.terrain != old.setup.terrain
         starts_anew = (setup.name, count) != (old.name, len(old)) or is_elsewhere
         self.robots = Robots(setup, count) if starts_anew else old if setup == old.setup else old.become(setup)
         before, self._controller, self._objective = self._objective, chosen, objective
@@ -400,11 +395,11 @@ class Session(Player):
         if self.pull_point is not None:
             robots.pull(self.pull_point, driver.control_dt)
         lost = robots.step(torques, self._substeps)
-        if lost:
-            self.notices.append(
-                f"robot {', '.join(map(str, lost))} left its ground or the range of the simulation, and starts anew"
-            )
-        self._start_anew(lost)
+        for index, reason in lost.items():
+            self.notices.append(f"robot {index} {reason} and starts anew")
+        self._restart_fallen()
+        for index in lost:
+            self._objective.restarted(self.robots, index)
         self.time += driver.control_dt
         keep_up(self)
         if not self._note(self._frame()):
@@ -413,15 +408,18 @@ class Session(Player):
     def _of_driver(self, function: Callable[[], T]) -> T:
         return self._watched(self._controller, function, MAX_CALL) if self.driver.is_foreign else function()
 
-    def _start_anew(self, lost: list[int]) -> None:
+    def _restart_fallen(self) -> None:
         """Has robots that have lain for a while start anew; without a controller they stay where they are."""
-        restarted = list(lost)
         if self.controller != "zero":
-            for index in np.flatnonzero(self.robots.down_for >= LIES_FOR).tolist():
-                self.robots.restart(index)
+            fallen = np.flatnonzero(self.robots.down_for >= LIES_FOR).tolist()
+            for index in fallen:
                 self.notices.append(f"robot {index} fell and starts anew")
-                restarted.append(index)
-        for index in restarted:
+            self.start_anew(fallen)
+
+    def start_anew(self, indices: Iterable[int]) -> None:
+        """Has robots start anew alone, as at the last reset."""
+        for index in indices:
+            self.robots.restart(index)
             self._objective.restarted(self.robots, index)
 
     def advance(self, seconds: float) -> float:
@@ -444,6 +442,13 @@ class Session(Player):
             return self.recording.at(self.replay_time)
         return self._frame()
 
+    def _options_of(self, task: str) -> dict[str, Any]:
+        """The options that were given, for a task that may be another: a level of tiles is one of their ground."""
+        names = set(option_names(task))
+        if task != self._first_task and "terrain" not in self._task_options:
+            names.discard("level")
+        return {name: value for name, value in self._task_options.items() if name in names}
+
     def compare_with(self, controller: str | None) -> None:
         """Puts a second robot beside robot 0 that begins where it is, under another controller; None takes it away.
 
@@ -465,7 +470,7 @@ class Session(Player):
             self._sensors,
             self.observation,
             self.task,
-            {**self._task_options, "terrain": robots.setup.terrain},
+            {**self._options_of(self.task), "terrain": robots.setup.terrain},
         )
         ghost.change(**self.changes)
         ghost.robots.go_on_from(robots)
@@ -480,7 +485,7 @@ class Session(Player):
         name, self.ghost = self.ghost.controller, None
         try:
             self.compare_with(name)
-        except (ValueError, OSError, TimeoutError) as error:
+        except (TypeError, ValueError, OSError, TimeoutError) as error:
             self.notices.append(f"{name}, to compare with, is gone: {error}")
 
     def _frame(self) -> Frame:
@@ -488,8 +493,3 @@ class Session(Player):
         is_pushed = self.pushed is not None and self.time - self.pushed[0] < PUSH_SECONDS
         push = self.pushed[1] if self.pushed is not None and is_pushed else None
         return self.robots.frame(self.time, ghost=ghost, push=push, **self._objective.shown(self.robots))
-
-
-def _check_observation(observation: str) -> None:
-    if observation not in OBSERVATIONS:
-        raise ValueError(f"unknown observation '{observation}': expected one of {', '.join(OBSERVATIONS)}")

@@ -25,7 +25,7 @@ class ViewPanel:
         switches = (
             ("follows", "Camera follows", "robot 0 stays in the middle"),
             ("shows_trail", "Trail", "where the ball of robot 0 has been"),
-            ("shows_forces", "Forces", "on robot 0: loads blue, tractions green, force of the floor red"),
+            ("shows_forces", "Forces", "on robot 0: loads blue, tractions green, force along the ground red"),
             ("shows_shadow", "Shadow", "of the robots on the floor"),
         )
         for name, label, hint in switches:
