@@ -39,11 +39,11 @@ def rolling(params: Params, state: State, plane: Terrain | None) -> State:
 def _rotation_to_vertical(up: FloatArray) -> FloatArray:
     """The shortest rotation, (w, x, y, z), of a unit vector that is above the horizontal plane to the vertical."""
     quaternion = np.array([1.0 + up[2], up[1], -up[0], 0.0])
-    return quaternion / np.linalg.norm(quaternion)
+    return np.asarray(quaternion / np.linalg.norm(quaternion))
 
 
 def _conjugate(quaternion: FloatArray) -> FloatArray:
-    return quaternion * np.array([1.0, -1.0, -1.0, -1.0])
+    return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def _product(first: FloatArray, second: FloatArray) -> FloatArray:
