@@ -1,7 +1,8 @@
 """Pictures, videos and animations of a trajectory. Videos need moviepy, which brings ffmpeg along."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -72,13 +73,23 @@ def picture(
         ValueError: a time outside the trajectory.
         ModuleNotFoundError: Pillow, which a caption needs, is not installed.
     """
+    return _taken(trajectory, renderer, time, forces, caption, smooth)()
+
+
+def _taken(
+    trajectory: Trajectory, renderer: Renderer, time: float, forces: bool, caption: bool, smooth: bool
+) -> Callable[[], Frames]:
+    """As `picture`, rendered; the call finishes it."""
     _check_time(time, float(trajectory.times[-1]))
     row = int(np.abs(trajectory.times - time).argmin())
     contacts = trajectory.contacts[row] if forces else None
     frame = renderer.render(trajectory.states[row], contacts, arrows(trajectory, row))
-    if smooth:
-        frame = smooth_edges(frame)
-    return write_caption(frame, lines(trajectory, row)) if caption else frame
+
+    def finish() -> Frames:
+        smoothed = smooth_edges(frame) if smooth else frame
+        return write_caption(smoothed, lines(trajectory, row)) if caption else smoothed
+
+    return finish
 
 
 def side_by_side(
@@ -94,12 +105,37 @@ def side_by_side(
     Raises:
         ValueError: a time outside all trajectories.
     """
+    return _all_taken(shown, renderers, time, forces, caption, smooth)()
+
+
+def _all_taken(
+    shown: Sequence[Trajectory],
+    renderers: Sequence[Renderer],
+    time: float,
+    forces: bool,
+    caption: bool,
+    smooth: bool,
+) -> Callable[[], Frames]:
+    """As `side_by_side`, rendered; the call finishes it."""
     _check_time(time, _end(shown))
-    pictures = (
-        picture(one, renderer, min(time, float(one.times[-1])), forces, caption, smooth)
+    taken = [
+        _taken(one, renderer, min(time, float(one.times[-1])), forces, caption, smooth)
         for one, renderer in zip(shown, renderers, strict=True)
-    )
-    return np.concatenate(list(pictures), axis=1)
+    ]
+    return lambda: np.concatenate([finish() for finish in taken], axis=1)
+
+
+def _finished(taken: Iterator[Callable[[], Frames]]) -> Iterator[Frames]:
+    """The pictures in their order; a thread finishes each while the next one is rendered."""
+    with ThreadPoolExecutor(1) as pool:
+        last: Future[Frames] | None = None
+        for finish in taken:
+            finishing = pool.submit(finish)
+            if last is not None:
+                yield last.result()
+            last = finishing
+        if last is not None:
+            yield last.result()
 
 
 def _check_time(time: float, end: float) -> None:
@@ -151,7 +187,7 @@ def write_video(
     renderers = _renderers(shown, renderer)
     total = frame_count(shown, frame_rate)
     times = (min(i / frame_rate, _end(shown)) for i in range(total))
-    frames = (side_by_side(shown, renderers, time, forces, caption, smooth) for time in times)
+    frames = _finished(_all_taken(shown, renderers, time, forces, caption, smooth) for time in times)
     if path.suffix == ".webp":
         _write_animation([_counted(frame, i, total, progress) for i, frame in enumerate(frames, 1)], path, frame_rate)
         return total

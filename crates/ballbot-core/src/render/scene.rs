@@ -156,6 +156,8 @@ pub(super) struct Placed<'a> {
     pub center: Vector3<f64>,
     /// Radius of the bounding sphere, m.
     pub radius: f64,
+    /// Center and half extents of the bounding box, part frame, m.
+    bounding_box: (Vector3<f64>, Vector3<f64>),
 }
 
 impl<'a> Placed<'a> {
@@ -170,7 +172,25 @@ impl<'a> Placed<'a> {
             inverse: rotation.transpose(),
             center: position + rotation * center,
             radius,
+            bounding_box: part.shape.bounding_box(),
         }
+    }
+
+    /// Whether a ray comes within `margin` of the bounding box along the axes of the part, ahead of its origin.
+    #[inline]
+    pub fn near_box(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, margin: f64) -> bool {
+        let (center, half) = &self.bounding_box;
+        let (origin, direction) = (self.inverse * (origin - self.position) - center, self.inverse * direction);
+        let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
+        for i in 0..3 {
+            let half = half[i] + margin;
+            let inverse = 1.0 / direction[i];
+            let (middle, reach) = (-origin[i] * inverse, half * inverse.abs());
+            // NaN of a ray within a face bounds nothing.
+            enter = if middle - reach > enter { middle - reach } else { enter };
+            leave = if middle + reach < leave { middle + reach } else { leave };
+        }
+        enter <= leave
     }
 
     /// Whether a ray intersects the bounding sphere ahead of its origin.

@@ -132,12 +132,16 @@ impl Light {
             let to = part.center - origin;
             let along = to.dot(&self.sun);
             let reach = part.radius + SUN_RADIUS * along.max(0.0);
-            if along > -part.radius && to.norm_squared() - along * along < reach * reach {
+            if along <= -part.radius || to.norm_squared() - along * along >= reach * reach {
+                continue;
+            }
+            thin |= part.part.shape.inner_radius() < SUN_RADIUS * along;
+            // All rays to the sun are within this of the middle one, as far as the part reaches.
+            if part.near_box(&origin, &self.sun, 1e-9 + SUN_RADIUS * (along + part.radius)) {
                 if count < MAX_SHADOW_PARTS {
                     near[count] = Some(part);
                 }
                 count += 1;
-                thin |= part.part.shape.inner_radius() < SUN_RADIUS * along;
             }
         }
         if count == 0 {

@@ -80,6 +80,21 @@ impl Shape {
         }
     }
 
+    /// Center and half extents of a bounding box along the axes, m.
+    pub(super) fn bounding_box(&self) -> (Vector3<f64>, Vector3<f64>) {
+        match self {
+            Self::Sphere { radius } => (Vector3::zeros(), Vector3::repeat(*radius)),
+            Self::Cylinder { radius, half_length } | Self::Cone { radius, half_length } => {
+                (Vector3::zeros(), Vector3::new(*radius, *radius, *half_length))
+            }
+            Self::Cuboid { half_extents } => (Vector3::zeros(), *half_extents),
+            Self::Mesh(mesh) => {
+                let (center, half) = (mesh.local_aabb().center(), mesh.local_aabb().half_extents());
+                (Vector3::new(center.x, center.y, center.z), Vector3::new(half.x, half.y, half.z))
+            }
+        }
+    }
+
     /// Radius of the largest inscribed sphere, m; of a mesh, of its bounding box.
     pub(super) fn inner_radius(&self) -> f64 {
         match self {
