@@ -223,3 +223,33 @@ def test_a_trajectory_ends_where_the_ground_does():
     assert there.times[-1] < 2.9
     assert not small.contains(*(there.states[-1].ball_position[:2]))
     assert small.contains(*(there.states[-2].ball_position[:2]))
+
+
+def test_pushes_that_were_drawn_are_found_where_the_body_changes_its_velocity():
+    events = [
+        {"term": "push", "mode": "interval", "every": [0.5, 0.9], "range": [0.1, 0.3]},
+        {"term": "push", "id": 3, "mode": "at", "at": 1.0, "range": [0.1, 0.2], "op": "scale", "height": [0.0, 0.2]},
+    ]
+    asked = bb.Push((0.05, 0.0, 0.0), time=0.2)
+    found = bb.simulate("lqr", seconds=3.0, tilt=(0.0, 0.0), pushes=[asked], events=events)
+    assert found.pushes == (asked,)
+    assert found.all_pushes == (asked, *found.drawn_pushes)
+    assert len(found.drawn_pushes) >= 4
+    velocities = found.of_states("body_velocity")[:, :2]
+    for push in found.drawn_pushes:
+        row = round(push.time / 0.01)
+        change = velocities[row + 1] - velocities[row]
+        way = np.array(push.impulse[:2])
+        assert change @ way / np.linalg.norm(change) / np.linalg.norm(way) > 0.8
+        # The step before has none.
+        assert np.linalg.norm(velocities[row] - velocities[row - 1]) < 0.5 * np.linalg.norm(change)
+    (scaled,) = (push for push in found.drawn_pushes if push.point is not None)
+    assert scaled.time == pytest.approx(1.0)
+    assert 0.1 <= np.linalg.norm(scaled.impulse) / bb.Params.paper().body_mass <= 0.2
+    assert 0.0 <= scaled.point[2] <= 0.2
+
+
+def test_pushes_of_a_task_are_found():
+    (push, *_) = bb.simulate("lqr", task="push", seconds=6.0, seed=1).drawn_pushes
+    assert 2.0 <= push.time <= 5.0
+    assert bb.simulate("lqr", seconds=1.0).drawn_pushes == ()

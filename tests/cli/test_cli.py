@@ -12,6 +12,7 @@ from stable_baselines3 import PPO
 from ballbot_rs import Params, __version__, _toml
 from ballbot_rs.cli import COMMANDS as MODULES
 from tests.support.in_process import parse_json, run
+from tests.support.paths import ASSETS
 
 
 def test_version(capsys):
@@ -418,3 +419,10 @@ def test_view_names_a_urdf_whose_mesh_cannot_be_read(capsys, tmp_path, assets, n
     missing = "ballbot: meshes/x.obj: No such file"
     assert err.startswith(missing if content is None else f"ballbot: {urdfs[0]} and {urdfs[1]} cannot be shown: ")
     assert err.count("\n") == 1
+
+
+def test_a_policy_in_the_place_of_the_task_is_compared_with_controllers(capsys):
+    policy = str(ASSETS / "policies" / "balance.onnx")
+    code, out, _ = run(capsys, "evaluate", policy, "--controller", "lqr", "--episodes", "2", "--json")
+    assert code == 0
+    assert [result["controller"] for result in json.loads(out)["results"]] == [policy, "lqr"]

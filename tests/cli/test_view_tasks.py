@@ -5,7 +5,11 @@ import sys
 
 import pytest
 
+from tests.support.paths import ASSETS
+
 pytest.importorskip("viser", reason="needs 'ballbot-rs[view]'")
+
+POLICY = str(ASSETS / "policies" / "velocity.onnx")
 
 
 def view(*arguments, code=0):
@@ -35,3 +39,13 @@ def test_a_policy_is_run_in_its_task_with_options(tmp_path):
 def test_an_option_of_another_task_is_refused():
     error = view("goal", "--set", "path_speed=[0.1,0.2]", code=1)
     assert "path_speed" in error
+
+
+def test_a_policy_stands_in_the_place_of_the_task():
+    assert f"(velocity, 1 robot paper, contact, {POLICY})" in view(POLICY)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_page_takes_one_controller(order):
+    first, second = [[POLICY], ["--controller", "lqr"]][::order]
+    assert f"{POLICY} and --controller lqr: this command takes one controller" in view(*first, *second, code=2)

@@ -302,3 +302,14 @@ def test_the_picture_of_a_push_is_after_it(tmp_path):
     push = ["--push", "0.3", "0", "0", "--push-at", "0.05"]
     pictures = [still([*push, "--still", *time], tmp_path) for time in ([], ["0"])]
     assert np.abs(pictures[0] - pictures[1]).max() > 50
+
+
+def test_pushes_of_the_task_are_in_the_picture_and_its_caption():
+    shown = bb.simulate("lqr", task="push", seconds=6.0, seed=1)
+    (push, *_) = shown.drawn_pushes
+    row = round(push.time / 0.01) + 10
+    assert lines(shown, row)[2] == f"push {np.linalg.norm(push.impulse):.3g} N·s"
+    (arrow, *_) = arrows(shown, row)
+    way = arrow[1] - arrow[0]
+    np.testing.assert_allclose(way / np.linalg.norm(way), np.array(push.impulse) / np.linalg.norm(push.impulse))
+    assert len(lines(shown, row - 20)) == 2

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from ballbot_rs._checks import check_seed
 from ballbot_rs._core import Batch, Params, Reference, State
 from ballbot_rs.analysis import pushes as impulses_of
+from ballbot_rs.analysis.drawn_pushes import drawn_pushes
 from ballbot_rs.analysis.pushes import Force, Push
 from ballbot_rs.analysis.rollout import batch_for, run_one
 from ballbot_rs.analysis.trajectory import Trajectory
@@ -122,6 +123,7 @@ def simulate(
         None if target is None else lambda step: target(step * batch.control_dt),
     )
     times = np.array([row * batch.control_dt for row in range(len(done.states))])
+    draws = {term: np.array([row[term] for row in done.draws]) for term in done.draws[0]}
     last = done.torques[-1:] if len(done.torques) else np.zeros((1, 3))
     return Trajectory(
         controller=found.name,
@@ -131,7 +133,7 @@ def simulate(
         states=done.states,
         contacts=done.contacts,
         torques=np.concatenate([done.torques, last]),
-        draws={term: np.array([row[term] for row in done.draws]) for term in done.draws[0]},
+        draws=draws,
         estimates=done.estimates,
         fell_at=None if done.fell_at is None else done.fell_at * batch.control_dt,
         setpoints=_setpoints(batch, target, times),
@@ -141,6 +143,7 @@ def simulate(
         max_wheel_torque=batch.max_wheel_torque,
         commands=done.commands,
         task=named,
+        drawn_pushes=drawn_pushes(draws, times, batch.options["events"], batch.nominal_params(0).body_mass),
     )
 
 

@@ -47,7 +47,7 @@ class Trajectory:
     setpoints: Mapping[str, Array]
     #: The ground; None is level.
     terrain: Terrain | None = None
-    #: Impulses and forces on the body that were asked for; those of events are among the draws.
+    #: Impulses and forces on the body that were asked for.
     pushes: Sequence[Push] = ()
     forces: Sequence[Force] = ()
     #: Largest torque of a wheel, N·m; None is unknown.
@@ -56,6 +56,13 @@ class Trajectory:
     commands: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
     #: Name of the task.
     task: str = "balance"
+    #: Pushes of events and of the task, which are among the draws.
+    drawn_pushes: Sequence[Push] = ()
+
+    @property
+    def all_pushes(self) -> Sequence[Push]:
+        """Those that were asked for and those that were drawn."""
+        return (*self.pushes, *self.drawn_pushes)
 
     def __repr__(self) -> str:
         ending = "upright" if self.fell_at is None else f"fell at {self.fell_at:g} s"

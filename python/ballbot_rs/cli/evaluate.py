@@ -18,7 +18,7 @@ from ballbot_rs.envs.registration import env_id_of
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("evaluate", help="evaluate controllers and policies")
-    scenario.add_task(command)
+    scenario.add_task_or_policy(command)
     scenario.add_controller(command, several=True)
     scenario.add_robot(command)
     scenario.add_events(command, TRAINED)

@@ -25,7 +25,7 @@ MM, WIDTHS = 25.4, (2.0, 40.0)
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("plot", help="draw figures of controllers, policies and training runs")
-    scenario.add_task(command)
+    scenario.add_task_or_policy(command)
     scenario.add_controller(command, several=True)
     scenario.add_robot(command)
     scenario.add_events(command, TRAINED)

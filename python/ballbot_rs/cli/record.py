@@ -25,7 +25,7 @@ STILL_SAMPLES = 4
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("record", help="record a video of a controller or policy")
-    scenario.add_task(command)
+    scenario.add_task_or_policy(command)
     scenario.add_controller(command, several=True)
     scenario.add_robot(command)
     scenario.add_events(command, TRAINED)
@@ -146,7 +146,7 @@ def _moment(shown: Sequence[Trajectory]) -> float:
     latest = 0.0
     largest = -1.0
     for one in shown:
-        after = max((push.time for push in one.pushes), default=0.0)
+        after = max((push.time for push in one.all_pushes), default=0.0)
         tilts = np.where(one.times > after, one.of_states("tilt"), -1.0)
         if tilts.max() > largest:
             largest, latest = float(tilts.max()), float(one.times[tilts.argmax()])

@@ -37,10 +37,52 @@ CONTROLLER_METAVAR = "NAME|PATH"
 CONTROLLER_HELP = f"{', '.join(NAMES)}, a policy file, a training run, or FILE.py:NAME with your own"
 
 
-def add_task(command: Any, *, otherwise: str = "the policy's own, else ") -> None:
+def add_task(command: Any) -> None:
     """Adds the task, the first argument."""
-    known = f"{', '.join(sorted(TASKS))} (default: {otherwise}{DEFAULT_TASK})"
+    known = f"{', '.join(sorted(TASKS))} (default: {DEFAULT_TASK})"
     command.add_argument("task", nargs="?", type=task_name, metavar="TASK", help=known)
+
+
+def add_task_or_policy(command: Any) -> None:
+    """Adds the first argument: a task, or in its place a policy, which brings its task and is the same as a controller.
+
+    `add_controller` comes with it.
+    """
+    known = f"{', '.join(sorted(TASKS))} or a policy, FILE.onnx or RUN (default: the policy's own, else {DEFAULT_TASK})"
+    command.add_argument(
+        "task", nargs="?", type=_task_or_policy, action=_TaskOrPolicy, metavar="TASK|POLICY", help=known
+    )
+
+
+def _task_or_policy(name: str) -> str | Path:
+    if name not in NAMES and Path(name).exists():
+        with contextlib.suppress(ValueError):
+            return name_of(name)
+        return Path(name)
+    return task_name(name)
+
+
+class _TaskOrPolicy(argparse.Action):
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, _: str | None = None
+    ) -> None:
+        if not isinstance(values, Path):
+            namespace.task = values
+            return
+        if isinstance(namespace.controller, str):
+            parser.error(f"{values} and --controller {namespace.controller}: this command takes one controller")
+        several = namespace.controller or []
+        namespace.controller = [str(values), *several]
+
+
+class _OneController(argparse.Action):
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: str | None = None
+    ) -> None:
+        if namespace.controller is not None:
+            (other,) = [namespace.controller] if isinstance(namespace.controller, str) else namespace.controller
+            parser.error(f"{other} and {option} {values}: this command takes one controller")
+        namespace.controller = values
 
 
 def task_name(name: str) -> str:
@@ -64,7 +106,7 @@ def add_controller(command: Any, *, several: bool = False) -> None:
         )
     else:
         command.add_argument(
-            "--controller", default="lqr", metavar=CONTROLLER_METAVAR, help=f"{CONTROLLER_HELP} (default lqr)"
+            "--controller", action=_OneController, metavar=CONTROLLER_METAVAR, help=f"{CONTROLLER_HELP} (default lqr)"
         )
 
 

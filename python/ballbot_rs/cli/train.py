@@ -26,7 +26,7 @@ MAX_TIMESTEPS = 10**12
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("train", help="train a policy with Stable-Baselines3")
-    scenario.add_task(command, otherwise="")
+    scenario.add_task(command)
     scenario.add_robot(
         command,
         otherwise="the configuration's, else",
@@ -122,7 +122,7 @@ def run(arguments: argparse.Namespace) -> None:
         print(json.dumps(printed, indent=2))
         return
     print(f"trained in {seconds:.0f} s, best policy: {policy}")
-    print(f"watch it: ballbot view --controller {folder}")
+    print(f"watch it: ballbot view {folder}")
     if results:
         nominal = {name: value for name, value in config.env.items() if name != "events"}
         print_table(results, task_of(config.env_id), nominal)

@@ -31,7 +31,7 @@ SHOWN = 5
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("tune", help="search the hyperparameters of a training")
-    scenario.add_task(command, otherwise="")
+    scenario.add_task(command)
     scenario.add_robot(
         command,
         otherwise="the configuration's, else",

@@ -32,7 +32,7 @@ PORT = 8080
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("view", help="show the robot in the browser, push it, plot it")
-    scenario.add_task(command)
+    scenario.add_task_or_policy(command)
     scenario.add_controller(command)
     scenario.add_robot(command)
     scenario.add_events(command, TRAINED)

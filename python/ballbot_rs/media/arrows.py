@@ -34,7 +34,9 @@ def arrows(trajectory: Trajectory, row: int) -> Array:
 
 def pushed(trajectory: Trajectory, time: float) -> list[tuple[Array, Array | None]]:
     """Impulses of the pushes that are shown at a time, N·s, with their points, body frame, m."""
-    shown = (push for push in trajectory.pushes if 0.0 <= time - push.time <= max(push.duration, PUSH_SECONDS) + 1e-9)
+    shown = (
+        push for push in trajectory.all_pushes if 0.0 <= time - push.time <= max(push.duration, PUSH_SECONDS) + 1e-9
+    )
     return [(np.array(push.impulse), None if push.point is None else np.array(push.point)) for push in shown]
 
 
@@ -49,7 +51,7 @@ def _loads(trajectory: Trajectory, row: int) -> Iterator[tuple[Array, Array]]:
     state = trajectory.states[row]
     axes = body_axes_of(state.to_array())
     kinds = (
-        (pushed(trajectory, time), [push.impulse for push in trajectory.pushes]),
+        (pushed(trajectory, time), [push.impulse for push in trajectory.all_pushes]),
         (pulled(trajectory, time), [force.force for force in trajectory.forces]),
     )
     for shown, among in kinds:

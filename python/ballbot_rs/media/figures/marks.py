@@ -12,13 +12,18 @@ from ballbot_rs.media.figures.style import COLORS, INK
 PUSH, FELL, LIMIT = COLORS[6], INK, COLORS[6]
 #: A limit is in the picture if the curves come within this share of it.
 NEAR = 0.4
+#: Most pushes with names.
+NAMED = 3
 
 
 def mark_events(axes: Sequence[Any], trajectory: Trajectory) -> None:
     """Lines through all axes at pushes and at a fall, bands during forces; the first axis names them."""
     named = []
-    for push in trajectory.pushes:
-        named.append((push.time, f"push {np.linalg.norm(push.impulse):.3g} N\u00b7s", PUSH))
+    pushes = trajectory.all_pushes
+    for push in pushes:
+        # Of many there is no room for their names.
+        name = f"push {np.linalg.norm(push.impulse):.3g} N\u00b7s" if len(pushes) <= NAMED else ""
+        named.append((push.time, name, PUSH))
         if push.duration > 0.0:
             _band(axes, push.time, push.time + push.duration)
     for force in trajectory.forces:

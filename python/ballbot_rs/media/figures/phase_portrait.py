@@ -28,7 +28,7 @@ def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figu
             tilts, rates = tilts_and_rates(trajectory, i)
             ax.plot(np.degrees(tilts), np.degrees(rates), color=color, linewidth=1.2)
             ax.plot(np.degrees(tilts[0]), np.degrees(rates[0]), "o", color=color, markersize=4)
-            for push in trajectory.pushes:
+            for push in trajectory.all_pushes:
                 row = int(np.searchsorted(trajectory.times, push.time))
                 if row < len(tilts):
                     ax.plot(np.degrees(tilts[row]), np.degrees(rates[row]), "D", color=color, markersize=4)
@@ -41,7 +41,7 @@ def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figu
         for one, color in zip(trajectories, _colors(len(trajectories)), strict=True)
     ]
     keys.append(_mark("o", "start"))
-    if any(one.pushes for one in trajectories):
+    if any(one.all_pushes for one in trajectories):
         keys.append(_mark("D", "push"))
     below(fig, [*keys, _mark("+", "upright")], 4)
     return fig
