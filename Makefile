@@ -11,6 +11,8 @@ SITE_INSTALLED := $(VENV)/.site-installed
 WHEEL_INSTALLED := $(VENV)/.wheel-installed
 # The oldest glibc that wheels run on; zig links against it on any Linux.
 COMPATIBILITY ?= manylinux2014
+# Of a wheel for another processor: a target of rustc that is installed.
+TARGET ?=
 # What ballbot-core compiles without its other parts.
 FEATURES := rigid urdf render
 FUZZ_TARGETS := urdf visuals stl
@@ -35,7 +37,7 @@ help:
 	@echo "make generate  write what follows from the tables of tasks, controllers and parameters"
 	@echo "make docs    documentation of the Rust core, in target/doc"
 	@echo "make site    the pages of docs/ as a site with search and the reference of the API, in target/site"
-	@echo "make wheel   build a wheel for Linux (COMPATIBILITY=$(COMPATIBILITY)) and try it in an empty environment"
+	@echo "make wheel   build a wheel for Linux (COMPATIBILITY=$(COMPATIBILITY)) and try it in an empty environment; TARGET=... for another processor"
 	@echo "make consumers  train with learners of others, each in an environment of its own, table in docs/learners.md (SECONDS_EACH=$(SECONDS_EACH))"
 	@echo "make paper   repeat the paper's experiments, report in docs/paper.md"
 	@echo "make verify  check closed forms and other engines, report in docs/verification.md (ALLOW_MISSING=1 without all engines)"
@@ -97,8 +99,8 @@ site: docs $(SITE_INSTALLED)
 wheel: $(WHEEL_INSTALLED)
 	rm -rf target/wheels
 	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m maturin build --release --locked --zig \
-		--compatibility $(COMPATIBILITY) --out target/wheels
-	$(BIN)/python tools/check_wheel.py target/wheels/*.whl
+		--compatibility $(COMPATIBILITY) $(if $(TARGET),--target $(TARGET)) --out target/wheels
+	$(if $(TARGET),,$(BIN)/python tools/check_wheel.py target/wheels/*.whl)
 
 consumers: wheel
 	$(BIN)/python -m consumers target/wheels/*.whl --seconds $(SECONDS_EACH) --page docs/learners.md

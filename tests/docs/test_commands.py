@@ -50,8 +50,10 @@ def missing(line: str) -> str | None:
         chosen = [name for name in names if not name.startswith("-")]
         return next((name for name in chosen if name.removesuffix("::") not in text), None if text else options[kind])
     if program == "pip":
-        extras = re.findall(r"\w+", options["-e"].partition("[")[2])
+        extras = re.findall(r"\w+", line.partition("[")[2])
         return next((extra for extra in extras if extra not in EXTRAS), None)
+    if program == "docker":
+        return None if (ROOT / "Dockerfile").is_file() else program
     if program in ("python", "python3") and "-m" in options:
         module = options["-m"]
         file = ROOT / module.replace(".", "/")

@@ -3,6 +3,8 @@
 import argparse
 import contextlib
 import dataclasses
+import os
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -43,6 +45,10 @@ def add_task(command: Any) -> None:
     command.add_argument("task", nargs="?", type=task_name, metavar="TASK", help=known)
 
 
+#: Ends of the names of policies' files.
+POLICY_SUFFIXES = (".onnx", ".zip")
+
+
 def add_task_or_policy(command: Any) -> None:
     """Adds the first argument: a task, or in its place a policy, which brings its task and is the same as a controller.
 
@@ -55,11 +61,11 @@ def add_task_or_policy(command: Any) -> None:
 
 
 def _task_or_policy(name: str) -> str | Path:
-    if name not in NAMES and Path(name).exists():
-        with contextlib.suppress(ValueError):
-            return name_of(name)
-        return Path(name)
-    return task_name(name)
+    with contextlib.suppress(ValueError):
+        return name_of(name)
+    is_id = re.search(r"-v\d+$", name) is not None
+    looks_like_path = Path(name).suffix in POLICY_SUFFIXES or (os.sep in name and not is_id)
+    return Path(name) if name not in NAMES and (looks_like_path or Path(name).exists()) else task_name(name)
 
 
 class _TaskOrPolicy(argparse.Action):
