@@ -13,7 +13,7 @@ DOCKERFILE = (ROOT / "Dockerfile").read_text(encoding="utf-8")
 def test_its_extras_are_those_of_the_package():
     (extras,) = re.findall(r"\.whl\)\[(.*?)\]", DOCKERFILE)
     known = _toml.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    assert set(extras.split(",")) <= set(known)
+    assert {"train", "view", "export"} <= set(extras.split(",")) <= set(known)
 
 
 def test_what_it_copies_is_there_and_nothing_of_the_repository_is_left_out():

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -153,3 +154,90 @@ def test_a_search_that_was_ended_in_a_trial_goes_on(tmp_path, kind):
     again = Search(text, {RATE: dimension_of(RATE, "1e-4:1e-3:log")}, study, 1)
     assert len(ended(again.study())) == 0
     assert kind == signal.SIGKILL or "give the same command again" in said
+
+
+def test_a_line_that_was_not_written_to_its_end_is_taken_away(tmp_path):
+    search(tmp_path, trials=1).work()
+    journal = tmp_path / "journal.log"
+    whole = journal.read_bytes()
+    with journal.open("ab") as file:
+        file.write(b'{"op_code": 4, "wor')
+    again = search(tmp_path, trials=2)
+    again.work()
+    assert len(ended(again.study())) == 2
+    assert journal.read_bytes().startswith(whole)
+
+
+def test_the_lock_of_a_killed_process_does_not_hold_for_ever(tmp_path):
+    search(tmp_path).study()
+    (tmp_path / "journal.log.lock").touch()
+    began = time.monotonic()
+    assert ended(search(tmp_path).study()) == []
+    assert time.monotonic() - began < 30.0
+
+
+def test_what_is_in_the_way_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ValueError, match="file is a file: name a folder with --study"):
+        search(tmp_path / "file").study()
+    (tmp_path / "garbage").mkdir()
+    (tmp_path / "garbage" / "journal.log").write_text("nonsense\n")
+    with pytest.raises(ValueError, match=r"journal\.log is no journal of a search .*--study"):
+        search(tmp_path / "garbage").study()
+    (tmp_path / "other" / "trial-0000").mkdir(parents=True)
+    with pytest.raises(FileExistsError, match=r"trial-0000 is in the way of trial 0.*--study"):
+        search(tmp_path / "other").work()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("algorithm_arguments.gamma", "0.5:7.5", "gamma = 7.5 is out of range: it must be from 0 to 1"),
+        ("algorithm_arguments.n_epochs", "0:3", "n_epochs = 0 is out of range: it must be a whole number"),
+        ("algorithm_arguments.batch_size", "[NaN, 1]", r"batch_size=\[NaN, 1\]: expected"),
+    ],
+)
+def test_a_range_beyond_what_can_be_learned_with_is_refused(tmp_path, name, text, message):
+    with pytest.raises(ValueError, match=message):
+        Search(TINY, {name: dimension_of(name, text)}, tmp_path, 1)
+
+
+def test_processes_end_with_a_command_that_is_killed(tmp_path):
+    arguments = [
+        "tune",
+        "balance",
+        "--study",
+        str(tmp_path / "s"),
+        "--trials",
+        "50",
+        "--jobs",
+        "2",
+        "--timesteps",
+        "400000",
+    ]
+    command = subprocess.Popen([sys.executable, "-m", "ballbot_rs.cli", *arguments])
+    try:
+        deadline = time.monotonic() + 60.0
+        while not list((tmp_path / "s").glob("trial-*")) and time.monotonic() < deadline:
+            time.sleep(0.2)
+        workers = workers_of(command.pid)
+        assert workers
+    finally:
+        command.kill()
+        command.wait()
+    deadline = time.monotonic() + 20.0
+    while any(is_running(pid) for pid in workers) and time.monotonic() < deadline:
+        time.sleep(0.2)
+    assert not [pid for pid in workers if is_running(pid)]
+
+
+def workers_of(parent):
+    children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+    return [int(pid) for pid in children]
+
+
+def is_running(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False

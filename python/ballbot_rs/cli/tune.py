@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import sys
 import textwrap
+import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -141,8 +142,17 @@ def _carry_out(search: "Search", jobs: int, tell: Any) -> None:
 
 
 def _work(search: "Search", tell: Any) -> None:
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     search.work(tell)
+
+
+def _end_with_parent() -> None:
+    """A parent that was killed has not ended its processes."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 def _short(value: Any) -> str:

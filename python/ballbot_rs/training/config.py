@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
@@ -68,6 +68,11 @@ class Teacher:
         _check_number("teacher.noise", self.noise, "0", "1")
 
 
+#: Arguments of algorithms that are counts, and those from 0 to 1: a learner takes others, too, and learns nothing.
+WHOLE_ARGUMENTS: Final = ("n_steps", "batch_size", "n_epochs")
+SHARES: Final = ("gamma", "gae_lambda", "tau")
+
+
 @dataclasses.dataclass(frozen=True)
 class TrainConfig:
     """What `ballbot train` does; the fields are the keys of the TOML file."""
@@ -108,6 +113,11 @@ class TrainConfig:
         _check_number("reward_scale", self.reward_scale, "1e-6", "1e6")
         if self.teacher is not None:
             self._check_teacher(self.teacher)
+        for name, value in self.algorithm_arguments.items():
+            if name in WHOLE_ARGUMENTS:
+                _check_whole(f"algorithm_arguments.{name}", value, 1)
+            elif name in SHARES:
+                _check_number(f"algorithm_arguments.{name}", value, "0", "1")
         for name, kind in self.schedule.items():
             if kind != "linear":
                 raise ValueError(f"schedule.{name} = '{kind}': expected 'linear'")

@@ -6,6 +6,7 @@ Each trial is a training run in a folder of its own; its score is the best mean 
 import dataclasses
 import json
 import logging
+import os
 import re
 import shutil
 import warnings
@@ -27,6 +28,8 @@ from ballbot_rs.training import run_folder, train
 JOURNAL, BEST = "journal.log", "best.toml"
 #: Name of the study in the journal.
 STUDY = "search"
+#: How long the lock of a process that was killed holds, s.
+GRACE = 5
 #: Trials before any is ended early, and evaluations before a trial is.
 STARTUP_TRIALS, STARTUP_EVALUATIONS = 5, 1
 #: Where the score of a search would change its meaning.
@@ -87,7 +90,7 @@ def dimension_of(name: str, text: str) -> Dimension:
     match = _RANGE.fullmatch(text.strip())
     if match is None:
         try:
-            choices = json.loads(text)
+            choices = json.loads(text, parse_constant=_refuse)
         except ValueError:
             raise ValueError(f"{name}={text}: {expected}") from None
         plain = (bool, int, float, str)
@@ -105,6 +108,10 @@ def dimension_of(name: str, text: str) -> Dimension:
         raise ValueError(f"{name}={text}: a logarithmic range begins above 0")
     whole = re.compile(r"\s*[+-]?\d+\s*")
     return Dimension((), low, high, is_log, all(whole.fullmatch(match[end]) for end in ("low", "high")))
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is no number that is finite")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,19 +143,26 @@ class Search:
         """The study of the folder, made if there is none.
 
         Raises:
-            ValueError: the folder has a search of something else.
+            ValueError: the folder has a search of something else, or is none.
             OSError: it cannot be read or written.
         """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise ValueError(f"{self.folder} is a file: name a folder with --study")
         self.folder.mkdir(parents=True, exist_ok=True)
         _quiet()
-        path = str(self.folder / JOURNAL)
-        study = optuna.create_study(
-            study_name=STUDY,
-            storage=JournalStorage(JournalFileBackend(path, JournalFileOpenLock(path))),
-            pruner=optuna.pruners.MedianPruner(STARTUP_TRIALS, STARTUP_EVALUATIONS),
-            direction="maximize",
-            load_if_exists=True,
-        )
+        path = self.folder / JOURNAL
+        lock = JournalFileOpenLock(str(path), GRACE)
+        _mend(path, lock)
+        try:
+            study = optuna.create_study(
+                study_name=STUDY,
+                storage=JournalStorage(JournalFileBackend(str(path), lock)),
+                pruner=optuna.pruners.MedianPruner(STARTUP_TRIALS, STARTUP_EVALUATIONS),
+                direction="maximize",
+                load_if_exists=True,
+            )
+        except (json.JSONDecodeError, KeyError) as error:
+            raise ValueError(f"{path} is no journal of a search ({error}): name another folder with --study") from error
         mine = {"configuration": self.text, "space": {name: str(one) for name, one in self.space.items()}}
         theirs = study.user_attrs
         for name, value in mine.items():
@@ -177,6 +191,10 @@ class Search:
         text = config_module.with_values(self.text, values)
         config = config_module.parse(text, f"trial {trial.number}")
         folder = self.folder / f"trial-{trial.number:04}"
+        if folder.exists():
+            raise FileExistsError(
+                f"{folder} is in the way of trial {trial.number}: move it, or search with --study in another folder"
+            )
         trial.set_user_attr("folder", folder.name)
 
         def has_no_prospect(timesteps: int, mean_return: float) -> bool:
@@ -224,6 +242,19 @@ def ended(study: optuna.Study) -> list[FrozenTrial]:
     return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
 
 
+def _mend(journal: Path, lock: JournalFileOpenLock) -> None:
+    """Takes away a last line without its end, which a process left that was killed, or whose disk was full."""
+    if not journal.exists():
+        return
+    lock.acquire()
+    try:
+        kept = journal.read_bytes()
+        if kept and not kept.endswith(b"\n"):
+            os.truncate(journal, kept.rfind(b"\n") + 1)
+    finally:
+        lock.release()
+
+
 def _quiet() -> None:
-    optuna.logging.set_verbosity(logging.WARNING)
+    optuna.logging.set_verbosity(logging.ERROR)
     warnings.filterwarnings("ignore", category=optuna.exceptions.ExperimentalWarning)

@@ -43,6 +43,7 @@ def keep_up(session: "Session") -> None:
 def _try(session: "Session", call: Callable[[], Any]) -> None:
     try:
         call()
-    except (TypeError, ValueError, TimeoutError) as error:
+    except Exception as error:
+        # A controller of others may fail in any way.
         assert session.ghost is not None
-        session.notices.append(f"{session.ghost.controller}, to compare with: {error}")
+        session.notices.append(f"{session.ghost.controller}, to compare with: {error or type(error).__name__}")
