@@ -1,0 +1,174 @@
+"""The loop: RLlib learns, its weights go back to the model that is evaluated, kept and saved."""
+
+import contextlib
+import copy
+import logging
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import ray
+from ray.rllib.algorithms.algorithm import Algorithm
+from ray.rllib.algorithms.ppo import PPOConfig
+from ray.rllib.core import DEFAULT_MODULE_ID
+from ray.rllib.core.rl_module.rl_module import RLModuleSpec
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.utils import configure_logger
+from tqdm import tqdm
+
+from ballbot_rs.training.config import TrainConfig
+from ballbot_rs.training.on_ray import settings
+from ballbot_rs.training.on_ray.env_runner import BatchEnvRunner, setup
+from ballbot_rs.training.on_ray.module import Learner, PolicyModule
+from ballbot_rs.training.on_ray.settings import Ray
+from ballbot_rs.training.train import EVALUATION_SEEDS, Learn, Session, first_seed
+
+#: Trainings without a step, one after the other, after which there is no worker to wait for.
+MAX_IDLE = 20
+
+
+def learn_on(where: Ray) -> Learn:
+    """What `train` and `resume` take as `learn`."""
+
+    def learn(session: Session) -> None:
+        settings.arguments(session.config)
+        with cluster(where), algorithm(where, session) as made:
+            _learn(session, made)
+
+    return learn
+
+
+@contextlib.contextmanager
+def cluster(where: Ray) -> Iterator[None]:
+    """Joins a cluster, or starts one of this process; leaves one that has been joined already as it is.
+
+    Raises:
+        ConnectionError: there is none at the address.
+    """
+    if ray.is_initialized():
+        yield
+        return
+    where.reach()
+    quiet: dict[str, Any] = {"log_to_driver": True, "logging_level": logging.INFO, "configure_logging": True}
+    if where.address is None:
+        # One core for the learner, one for each worker, whether or not there are so many.
+        ray.init(num_cpus=where.workers + 1, include_dashboard=False, **quiet)
+    else:
+        ray.init(address=where.address, **quiet)
+    try:
+        yield
+    finally:
+        ray.shutdown()
+
+
+@contextlib.contextmanager
+def algorithm(where: Ray, session: Session) -> Iterator[Algorithm]:
+    """PPO of RLlib with the model's weights and optimizer."""
+    model, config = session.model, session.config
+    logging.getLogger("ray.rllib").setLevel(logging.ERROR)
+    made = algorithm_config(where, config, model, session.seed).build_algo()
+    try:
+        _each_learner(made, lambda learner: _give(model, learner))
+        made.env_runner_group.sync_weights(from_worker_or_learner_group=made.learner_group)
+        yield made
+    finally:
+        made.stop()
+
+
+def algorithm_config(where: Ray, config: TrainConfig, model: BaseAlgorithm, seed: int) -> PPOConfig:
+    """The configuration of RLlib."""
+    robots, steps = where.robots_each(config), settings.steps_each(config)
+    spaces = {"observation_space": model.observation_space, "action_space": model.action_space}
+    return (
+        PPOConfig()
+        .environment(
+            env_config=setup(
+                config.env_id,
+                config.env,
+                robots=robots,
+                base=first_seed(seed),
+                span=EVALUATION_SEEDS,
+                steps=model.num_timesteps,
+                reward_scale=config.reward_scale,
+            ),
+            **spaces,
+        )
+        .env_runners(
+            env_runner_cls=BatchEnvRunner,
+            num_env_runners=where.workers,
+            num_envs_per_env_runner=robots,
+            rollout_fragment_length=steps,
+            create_local_env_runner=False,
+        )
+        .learners(num_learners=0, learner_class=Learner)
+        .rl_module(rl_module_spec=RLModuleSpec(PolicyModule, model_config={"policy": dict(config.policy)}, **spaces))
+        .training(
+            train_batch_size_per_learner=config.num_envs * steps,
+            grad_clip_by="global_norm",
+            shuffle_batch_per_epoch=True,
+            use_kl_loss=False,
+            # The value is not clipped, as in Stable-Baselines3.
+            vf_clip_param=float("inf"),
+            **settings.arguments(config, model.num_timesteps),
+        )
+        .fault_tolerance(restart_failed_env_runners=True, max_num_env_runner_restarts=1000)
+        .debugging(seed=(seed + model.num_timesteps) % 2**31, log_level="ERROR")
+    )
+
+
+def _learn(session: Session, made: Algorithm) -> None:
+    model = session.model
+    begun, goal = model.num_timesteps, model.num_timesteps + session.timesteps
+    model.set_logger(configure_logger(0, model.tensorboard_log, "PPO", reset_num_timesteps=False))
+    started, idle, evaluated = time.perf_counter(), 0, begun
+    with tqdm(total=goal, initial=begun, disable=not session.progress_bar, unit="steps", unit_scale=True) as bar:
+        while model.num_timesteps < goal:
+            result = made.train()
+            found = result.get("env_runners", {})
+            steps = begun + int(found.get("num_env_steps_sampled_lifetime", 0))
+            idle = idle + 1 if steps == model.num_timesteps else 0
+            if idle >= MAX_IDLE:
+                raise RuntimeError(f"no worker has made a step in {MAX_IDLE} rounds after {steps} steps")
+            _each_learner(made, lambda learner: _take(model, learner))
+            bar.update(steps - model.num_timesteps)
+            model.num_timesteps = steps
+            for name, key in (("ep_rew_mean", "episode_return_mean"), ("ep_len_mean", "episode_len_mean")):
+                if key in found:
+                    model.logger.record(f"rollout/{name}", float(found[key]))
+            model.logger.record("time/fps", (steps - begun) / (time.perf_counter() - started))
+            model.logger.record("time/total_timesteps", steps, exclude="tensorboard")
+            model.logger.dump(steps)
+            if steps - evaluated >= session.every:
+                evaluated = steps
+                session.checkpoints.keep(model)
+                if not session.keep_best.evaluate_and_log(model):
+                    return
+
+
+def _each_learner(made: Algorithm, do: Any) -> None:
+    for result in made.learner_group.foreach_learner(do).result_or_errors:
+        result.get()
+
+
+def _parts(learner: Any) -> tuple[Any, Any]:
+    """Policy and optimizer."""
+    return learner.module[DEFAULT_MODULE_ID].policy, learner.get_optimizer(DEFAULT_MODULE_ID)
+
+
+def _give(model: BaseAlgorithm, learner: Any) -> None:
+    policy, optimizer = _parts(learner)
+    policy.load_state_dict(model.policy.state_dict())
+    _copy_moments(model.policy.optimizer, optimizer)
+
+
+def _take(model: BaseAlgorithm, learner: Any) -> None:
+    policy, optimizer = _parts(learner)
+    model.policy.load_state_dict(policy.state_dict())
+    _copy_moments(optimizer, model.policy.optimizer)
+
+
+def _copy_moments(source: Any, target: Any) -> None:
+    """Moments and counts of Adam; each keeps its own rate."""
+    target.load_state_dict({**target.state_dict(), "state": copy.deepcopy(source.state_dict()["state"])})
+
+
