@@ -3,6 +3,7 @@
 import contextlib
 import copy
 import logging
+import os
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -23,8 +24,8 @@ from ballbot_rs.training.on_ray.module import Learner, PolicyModule
 from ballbot_rs.training.on_ray.settings import Ray
 from ballbot_rs.training.train import EVALUATION_SEEDS, Learn, Session, first_seed
 
-#: Trainings without a step, one after the other, after which there is no worker to wait for.
-MAX_IDLE = 20
+#: Rounds without a step, one after the other and a second apart, after which no worker is waited for.
+MAX_IDLE = 60
 
 
 def learn_on(where: Ray) -> Learn:
@@ -33,7 +34,7 @@ def learn_on(where: Ray) -> Learn:
     def learn(session: Session) -> None:
         settings.arguments(session.config)
         with cluster(where), algorithm(where, session) as made:
-            _learn(session, made)
+            iterate(session, made)
 
     return learn
 
@@ -49,7 +50,11 @@ def cluster(where: Ray) -> Iterator[None]:
         yield
         return
     where.reach()
-    quiet: dict[str, Any] = {"log_to_driver": True, "logging_level": logging.INFO, "configure_logging": True}
+    for name in ("ray", "ray.rllib"):
+        logging.getLogger(name).setLevel(logging.ERROR)
+    # That of the parts in C++: they tell what Ray then handles.
+    os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")
+    quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR, "configure_logging": True}
     if where.address is None:
         # One core for the learner, one for each worker, whether or not there are so many.
         ray.init(num_cpus=where.workers + 1, include_dashboard=False, **quiet)
@@ -65,8 +70,13 @@ def cluster(where: Ray) -> Iterator[None]:
 def algorithm(where: Ray, session: Session) -> Iterator[Algorithm]:
     """PPO of RLlib with the model's weights and optimizer."""
     model, config = session.model, session.config
-    logging.getLogger("ray.rllib").setLevel(logging.ERROR)
-    made = algorithm_config(where, config, model, session.seed).build_algo()
+    try:
+        made = algorithm_config(where, config, model, session.seed).build_algo()
+    except IndexError as error:
+        # What RLlib says when every worker has failed as it was made.
+        raise RuntimeError(
+            f"none of {where.workers} workers could be started: their logs are in {_log_folder()}"
+        ) from error
     try:
         _each_learner(made, lambda learner: _give(model, learner))
         made.env_runner_group.sync_weights(from_worker_or_learner_group=made.learner_group)
@@ -116,7 +126,8 @@ def algorithm_config(where: Ray, config: TrainConfig, model: BaseAlgorithm, seed
     )
 
 
-def _learn(session: Session, made: Algorithm) -> None:
+def iterate(session: Session, made: Algorithm) -> None:
+    """Trains to the end of the session; evaluates, logs and keeps checkpoints on the way."""
     model = session.model
     begun, goal = model.num_timesteps, model.num_timesteps + session.timesteps
     model.set_logger(configure_logger(0, model.tensorboard_log, "PPO", reset_num_timesteps=False))
@@ -125,10 +136,14 @@ def _learn(session: Session, made: Algorithm) -> None:
         while model.num_timesteps < goal:
             result = made.train()
             found = result.get("env_runners", {})
-            steps = begun + int(found.get("num_env_steps_sampled_lifetime", 0))
-            idle = idle + 1 if steps == model.num_timesteps else 0
-            if idle >= MAX_IDLE:
-                raise RuntimeError(f"no worker has made a step in {MAX_IDLE} rounds after {steps} steps")
+            steps = begun + int(found.get("num_env_steps_sampled_lifetime", model.num_timesteps - begun))
+            if steps == model.num_timesteps:
+                idle += 1
+                if idle > MAX_IDLE:
+                    raise RuntimeError(f"no worker has made a step in {MAX_IDLE} rounds after {steps} steps")
+                time.sleep(1.0)
+                continue
+            idle = 0
             _each_learner(made, lambda learner: _take(model, learner))
             bar.update(steps - model.num_timesteps)
             model.num_timesteps = steps
@@ -148,6 +163,10 @@ def _learn(session: Session, made: Algorithm) -> None:
 def _each_learner(made: Algorithm, do: Any) -> None:
     for result in made.learner_group.foreach_learner(do).result_or_errors:
         result.get()
+
+
+def _log_folder() -> str:
+    return str(ray._private.worker._global_node.get_logs_dir_path())
 
 
 def _parts(learner: Any) -> tuple[Any, Any]:
