@@ -1,6 +1,6 @@
 """Steps a second of training on Ray: our runner, RLlib's own runner, and Stable-Baselines3, on the same task.
 
-`python tools/ray_throughput.py [--seconds 20] [--workers 1 2 4]`, with the extra `rllib`; the table is that of docs/ray.md.
+`python tools/ray_throughput.py [--seconds 20] [--workers 1 2 4]`, with the extra `rllib`, for docs/ray.md.
 """
 
 import argparse

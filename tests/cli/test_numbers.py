@@ -16,6 +16,7 @@ LIMITS = [
     ("train", "--episodes", 1, 0, 100_000),
     ("train", "--seed", 1, 0, 2**32 - 1),
     ("train", "--timesteps", 1, 1, 10**12),
+    ("train", "--workers", 1, 1, 1024),
     ("report", "--episodes", 1, 0, 100_000),
     ("report", "--video-seconds", 1, 0, 3600),
     ("view", "--batch", 1, 1, 64),

@@ -55,7 +55,9 @@ def add_to(commands: Any) -> None:
         "--episodes", type=whole(0, MAX_EPISODES), default=100, help="episodes of the comparison (default 100, 0: none)"
     )
     command.add_argument(
-        "--on", choices=("ray",), help="learn with PPO of RLlib on a Ray cluster instead of Stable-Baselines3; docs/ray.md"
+        "--on",
+        choices=("ray",),
+        help="learn with PPO of RLlib on a Ray cluster instead of Stable-Baselines3; docs/ray.md",
     )
     command.add_argument(
         "--workers",

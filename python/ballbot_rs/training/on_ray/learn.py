@@ -145,6 +145,7 @@ def iterate(session: Session, made: Algorithm) -> None:
                 continue
             idle = 0
             _each_learner(made, lambda learner: _take(model, learner))
+            model._n_updates += made.config.num_epochs
             bar.update(steps - model.num_timesteps)
             model.num_timesteps = steps
             for name, key in (("ep_rew_mean", "episode_return_mean"), ("ep_len_mean", "episode_len_mean")):
@@ -189,5 +190,3 @@ def _take(model: BaseAlgorithm, learner: Any) -> None:
 def _copy_moments(source: Any, target: Any) -> None:
     """Moments and counts of Adam; each keeps its own rate."""
     target.load_state_dict({**target.state_dict(), "state": copy.deepcopy(source.state_dict()["state"])})
-
-
