@@ -90,6 +90,8 @@ def _plain(made: PPOConfig, config: Any) -> PPOConfig:
     """The same with RLlib's own runner; the id imports our package in the worker."""
     # `environment` would keep the keys of our runner.
     made.env_config = {}
+    made.learners(add_default_connectors_to_learner_pipeline=True)
+    made._learner_connector = None
     return made.environment(f"ballbot_rs:{config.env_id}", env_config={**config.env, "num_threads": 1}).env_runners(
         env_runner_cls=None, gym_env_vectorize_mode="vector_entry_point"
     )

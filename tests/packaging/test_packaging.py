@@ -25,6 +25,7 @@ LEARNING = {
     "training/callbacks.py",
     "training/checkpoint.py",
     "training/export.py",
+    "training/on_ray/connector.py",
     "training/on_ray/learn.py",
     "training/on_ray/module.py",
     "training/scaled_rewards.py",

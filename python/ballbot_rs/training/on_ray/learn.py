@@ -19,6 +19,7 @@ from tqdm import tqdm
 
 from ballbot_rs.training.config import TrainConfig
 from ballbot_rs.training.on_ray import settings
+from ballbot_rs.training.on_ray.connector import TrainBatch
 from ballbot_rs.training.on_ray.env_runner import BatchEnvRunner, setup
 from ballbot_rs.training.on_ray.module import Learner, PolicyModule
 from ballbot_rs.training.on_ray.settings import Ray
@@ -88,6 +89,7 @@ def algorithm(where: Ray, session: Session) -> Iterator[Algorithm]:
 def algorithm_config(where: Ray, config: TrainConfig, model: BaseAlgorithm, seed: int) -> PPOConfig:
     """The configuration of RLlib."""
     robots, steps = where.robots_each(config), settings.steps_each(config)
+    arguments = settings.arguments(config, model.num_timesteps)
     spaces = {"observation_space": model.observation_space, "action_space": model.action_space}
     return (
         PPOConfig()
@@ -110,7 +112,14 @@ def algorithm_config(where: Ray, config: TrainConfig, model: BaseAlgorithm, seed
             rollout_fragment_length=steps,
             create_local_env_runner=False,
         )
-        .learners(num_learners=0, learner_class=Learner)
+        .learners(
+            num_learners=0,
+            learner_class=Learner,
+            add_default_connectors_to_learner_pipeline=False,
+            learner_connector=lambda *spaces: TrainBatch(
+                *spaces, gamma=arguments["gamma"], lambda_=arguments["lambda_"]
+            ),
+        )
         .rl_module(rl_module_spec=RLModuleSpec(PolicyModule, model_config={"policy": dict(config.policy)}, **spaces))
         .training(
             train_batch_size_per_learner=config.num_envs * steps,
@@ -119,7 +128,7 @@ def algorithm_config(where: Ray, config: TrainConfig, model: BaseAlgorithm, seed
             use_kl_loss=False,
             # The value is not clipped, as in Stable-Baselines3.
             vf_clip_param=float("inf"),
-            **settings.arguments(config, model.num_timesteps),
+            **arguments,
         )
         .fault_tolerance(restart_failed_env_runners=True, max_num_env_runner_restarts=1000)
         .debugging(seed=(seed + model.num_timesteps) % 2**31, log_level="ERROR")
