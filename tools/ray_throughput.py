@@ -106,8 +106,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=20.0, help="of each measurement (default 20)")
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 4], help="numbers of runners (default 1 2 4)")
+    parser.add_argument("--model", default="contact", help="that moves the robots (default contact)")
     arguments = parser.parse_args()
-    config, _ = config_module.load("balance")
+    text = config_module.with_values(config_module.default_text("balance"), {"env.model": arguments.model})
+    config = config_module.parse(text, "balance")
     torch.set_num_threads(config.torch_threads)
     print("| loop | runners | steps/s | learner's share |\n|---|---|---|---|", flush=True)
     rows = [("Stable-Baselines3", 0)]

@@ -21,9 +21,7 @@ def test_advantages_are_the_sum_of_discounted_errors(lengths):
         errors = reward + GAMMA * following - value[:-1]
         weights = (GAMMA * LAMBDA) ** np.arange(len(reward))
         expected += [float(errors[i:] @ weights[: len(reward) - i]) for i in range(len(reward))]
-    found, targets = advantages(
-        joined(rewards), joined(values), lengths, terminated, gamma=GAMMA, gae_lambda=LAMBDA
-    )
+    found, targets = advantages(joined(rewards), joined(values), lengths, terminated, gamma=GAMMA, gae_lambda=LAMBDA)
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
     np.testing.assert_allclose(targets, expected + np.concatenate([value[:-1] for value in values]), atol=1e-5)
 

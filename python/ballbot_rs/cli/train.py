@@ -164,8 +164,8 @@ def _loop(arguments: argparse.Namespace) -> "Learn | None":
         return None
     where = Ray(1 if arguments.workers is None else arguments.workers, arguments.ray_address)
     with require("training on Ray", "rllib"):
-        from ballbot_rs.training.on_ray.learn import learn_on
-    return learn_on(where)
+        from ballbot_rs.training.on_ray.learn import OnRay
+    return OnRay(where)
 
 
 def values_of(arguments: argparse.Namespace, task: str, env: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import gymnasium
 import stable_baselines3
@@ -56,8 +56,18 @@ class Session:
     progress_bar: bool
 
 
-#: A loop that learns: it updates the weights and `num_timesteps` of the model.
-Learn = Callable[[Session], None]
+class Learn(Protocol):
+    """A loop that learns."""
+
+    def check(self, config: TrainConfig) -> None:
+        """Refuses a configuration that the loop does not take, before anything is written.
+
+        Raises:
+            ValueError: it does not take it.
+        """
+
+    def __call__(self, session: Session) -> None:
+        """Learns: updates the weights and `num_timesteps` of the model."""
 
 
 def train(
@@ -94,6 +104,8 @@ def train(
         raise ValueError(f"seed = {seed} is out of range: it must be from 0 to 2**32 - 1")
     check_folder(folder, overwrite)
     torch.set_num_threads(config.torch_threads)
+    if learn is not None:
+        learn.check(config)
     # Before anything is deleted or written: this is what refuses a configuration.
     model = _new_model(config, folder, seed)
     if config.teacher is not None:
@@ -147,6 +159,8 @@ def resume(
         config = config_module.parse(text, source)
     if config.algorithm == "SAC":
         raise ValueError("a SAC run cannot be resumed: its replay buffer is not kept")
+    if learn is not None:
+        learn.check(config)
     past = run_folder.read_evaluations(folder)
     if past is not None and past.returns.shape[1] != config.evaluation.episodes:
         raise ValueError(

@@ -1,4 +1,4 @@
-"""From fragments to the batch that is learned from: all arrays at once, where RLlib's own pipeline goes step by step."""
+"""From fragments to the batch that is learned from: all arrays at once, where RLlib's own goes step by step."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -2,6 +2,7 @@
 
 import contextlib
 import copy
+import dataclasses
 import logging
 import os
 import time
@@ -17,27 +18,45 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import configure_logger
 from tqdm import tqdm
 
+from ballbot_rs import __version__
 from ballbot_rs.training.config import TrainConfig
 from ballbot_rs.training.on_ray import settings
 from ballbot_rs.training.on_ray.connector import TrainBatch
 from ballbot_rs.training.on_ray.env_runner import BatchEnvRunner, setup
 from ballbot_rs.training.on_ray.module import Learner, PolicyModule
 from ballbot_rs.training.on_ray.settings import Ray
-from ballbot_rs.training.train import EVALUATION_SEEDS, Learn, Session, first_seed
+from ballbot_rs.training.train import EVALUATION_SEEDS, Session, first_seed
 
 #: Rounds without a step, one after the other and a second apart, after which no worker is waited for.
 MAX_IDLE = 60
 
 
-def learn_on(where: Ray) -> Learn:
+@dataclasses.dataclass(frozen=True)
+class OnRay:
     """What `train` and `resume` take as `learn`."""
 
-    def learn(session: Session) -> None:
-        settings.arguments(session.config)
-        with cluster(where), algorithm(where, session) as made:
-            iterate(session, made)
+    where: Ray
 
-    return learn
+    def check(self, config: TrainConfig) -> None:
+        """Refuses a configuration.
+
+        Raises:
+            ValueError: something that RLlib's PPO does not have, or robots that cannot be shared out evenly.
+            ConnectionError: nothing listens at the address of the cluster.
+        """
+        settings.arguments(config)
+        self.where.robots_each(config)
+        self.where.reach()
+
+    def __call__(self, session: Session) -> None:
+        """Learns to the end of the session.
+
+        Raises:
+            ConnectionError: there is no cluster at the address.
+            RuntimeError: no worker could be started, or none is left.
+        """
+        with cluster(self.where), algorithm(self.where, session) as made:
+            iterate(session, made)
 
 
 @contextlib.contextmanager
@@ -46,25 +65,48 @@ def cluster(where: Ray) -> Iterator[None]:
 
     Raises:
         ConnectionError: there is none at the address.
+        ValueError: it has fewer cores than there are to be workers.
+        RuntimeError: it does not have this version of the package.
     """
     if ray.is_initialized():
         yield
         return
-    where.reach()
     for name in ("ray", "ray.rllib"):
         logging.getLogger(name).setLevel(logging.ERROR)
     # That of the parts in C++: they tell what Ray then handles.
     os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")
-    quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR, "configure_logging": True}
+    quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
     if where.address is None:
         # One core for the learner, one for each worker, whether or not there are so many.
-        ray.init(num_cpus=where.workers + 1, include_dashboard=False, **quiet)
-    else:
-        ray.init(address=where.address, **quiet)
+        quiet |= {"num_cpus": where.workers + 1, "include_dashboard": False}
+    # Without an address Ray would join a cluster that happens to run on this machine.
+    ray.init(address=where.address or "local", **quiet)
     try:
+        if where.address is not None:
+            _check_cluster(where)
         yield
     finally:
         ray.shutdown()
+
+
+def _check_cluster(where: Ray) -> None:
+    cores = int(ray.cluster_resources().get("CPU", 0))
+    if cores < where.workers:
+        raise ValueError(
+            f"--workers {where.workers} is out of range: the cluster has {cores} cores, one for each worker"
+        )
+
+    def version() -> str:
+        import ballbot_rs
+
+        return ballbot_rs.__version__
+
+    try:
+        theirs = ray.get(ray.remote(version).remote())
+    except ray.exceptions.RayTaskError as error:
+        raise RuntimeError(f"ballbot_rs cannot be imported on the cluster {where.address}: {error.cause}") from error
+    if theirs != __version__:
+        raise RuntimeError(f"the cluster {where.address} has ballbot_rs {theirs}, expected {__version__}")
 
 
 @contextlib.contextmanager
