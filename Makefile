@@ -77,7 +77,7 @@ test-builds: $(INSTALLED)
 	BALLBOT_EXTENSION=1 $(BIN)/pytest tests/envs/test_own_task.py
 
 test-ray: $(RAY_INSTALLED)
-	PYTHONPATH=python $(RAY_VENV)/bin/python -m pytest tests/distributed
+	PYTHONPATH="$(abspath python)" $(RAY_VENV)/bin/python -m pytest tests/distributed
 
 lint: $(INSTALLED)
 	@cargo fmt --version >/dev/null 2>&1 || { echo "rustfmt is missing: rustup component add rustfmt" >&2; exit 1; }

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import secrets
 import signal
 import socket
 import subprocess
@@ -28,6 +29,7 @@ from ballbot_rs.training.on_ray.env_runner import BatchEnvRunner  # noqa: E402
 from ballbot_rs.training.on_ray.fragments import Rollouts  # noqa: E402
 from ballbot_rs.training.on_ray.learn import OnRay, algorithm, algorithm_config, cluster, iterate  # noqa: E402
 from ballbot_rs.training.on_ray.settings import Ray  # noqa: E402
+from tests.support.paths import ROOT  # noqa: E402
 from tests.support.tiny_config import TINY_CONFIG  # noqa: E402
 
 #: Episodes of an evaluation, and how many of them must succeed.
@@ -229,6 +231,12 @@ def test_robots_that_cannot_be_shared_out_are_refused(tmp_path, capsys):
     assert not (tmp_path / "run").exists()
 
 
+#: Where they find the package.
+PATH = str(ROOT / "python")
+#: What the processes of a cluster know each other by.
+TOKEN = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
+
+
 @contextlib.contextmanager
 def head(folder, path):
     """A cluster of its own, with what is on its path; its address."""
@@ -236,19 +244,11 @@ def head(folder, path):
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     program = Path(sys.executable).with_name("ray")
-    command = [
-        str(program),
-        "start",
-        "--head",
-        "--block",
-        f"--port={port}",
-        "--num-cpus=2",
-        "--include-dashboard=false",
-    ]
+    command = [str(program), "start", "--head", "--block", f"--port={port}", "--num-cpus=2"]
+    command.append("--include-dashboard=false")
+    variables = {**os.environ, **TOKEN, "PYTHONPATH": path}
     with (folder / "head.txt").open("w") as log:
-        process = subprocess.Popen(
-            command, cwd=folder, env={**os.environ, "PYTHONPATH": path}, stdout=log, stderr=log, start_new_session=True
-        )
+        process = subprocess.Popen(command, cwd=folder, env=variables, stdout=log, stderr=log)
         try:
             for _ in range(120):
                 if "--block" in (folder / "head.txt").read_text():
@@ -261,23 +261,38 @@ def head(folder, path):
             process.wait(60)
 
 
-def test_a_cluster_is_joined(tmp_path, capsys):
-    (tmp_path / "tiny.toml").write_text(TINY_CONFIG, encoding="utf-8")
-    with head(tmp_path, os.environ["PYTHONPATH"]) as address:
-        command = ["train", "--config", str(tmp_path / "tiny.toml"), "--on", "ray", "--ray-address", address]
-        command += ["--episodes", "0", "--no-report", "--quiet"]
-        assert main([*command, "--workers", "4", "--run", str(tmp_path / "four")]) == 1
-        assert "--workers 4 is out of range: the cluster has 2 cores" in capsys.readouterr().err
-        assert main([*command, "--workers", "2", "--run", str(tmp_path / "two")]) == 0
-    assert run_folder.read_evaluations(tmp_path / "two").timesteps[-1] >= 768
+def train_tiny(folder, address, workers):
+    """What the command says, in a process that has not met another cluster."""
+    (folder / "tiny.toml").write_text(TINY_CONFIG, encoding="utf-8")
+    command = [sys.executable, "-m", "ballbot_rs.cli", "train", "--config", "tiny.toml", "--run", f"with-{workers}"]
+    command += ["--on", "ray", "--ray-address", address, "--workers", str(workers)]
+    command += ["--episodes", "0", "--no-report", "--quiet"]
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        env={**os.environ, **TOKEN, "PYTHONPATH": PATH},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    return done.returncode, done.stderr
 
 
-def test_a_cluster_without_the_package_is_refused(tmp_path, capsys):
-    (tmp_path / "tiny.toml").write_text(TINY_CONFIG, encoding="utf-8")
+def test_a_cluster_is_joined(tmp_path):
+    with head(tmp_path, PATH) as address:
+        code, said = train_tiny(tmp_path, address, 4)
+        assert (code, "--workers 4 is out of range: the cluster has 2 cores" in said) == (1, True), said
+        code, said = train_tiny(tmp_path, address, 2)
+        assert code == 0, said
+    assert run_folder.read_evaluations(tmp_path / "with-2").timesteps[-1] >= 768
+
+
+def test_a_cluster_without_the_package_is_refused(tmp_path):
     with head(tmp_path, "") as address:
-        command = ["train", "--config", str(tmp_path / "tiny.toml"), "--on", "ray", "--ray-address", address]
-        assert main([*command, "--run", str(tmp_path / "run"), "--quiet"]) == 1
-    assert f"ballbot_rs cannot be imported on the cluster {address}: " in capsys.readouterr().err
+        code, said = train_tiny(tmp_path, address, 1)
+    assert code == 1
+    assert f"ballbot_rs cannot be imported on the cluster {address}: " in said
 
 
 def test_an_interrupted_training_keeps_a_checkpoint(tmp_path):
