@@ -4,6 +4,7 @@
 """
 
 import argparse
+import pickle
 import tempfile
 import time
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from ballbot_rs.training import config as config_module
 from ballbot_rs.training import train
+from ballbot_rs.training.on_ray.env_runner import BatchEnvRunner
 from ballbot_rs.training.on_ray.learn import algorithm_config, cluster
 from ballbot_rs.training.on_ray.settings import Ray
 
@@ -86,6 +88,30 @@ def with_ray(config: Any, workers: int, seconds: float, is_plain: bool) -> dict[
     return {"steps/s": (last - first) / taken, "learning": learning.seconds / taken}
 
 
+def parts(config: Any, samples: int = 30) -> dict[str, float]:
+    """What the parts cost in one process: a runner alone, and what it sends."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = algorithm_config(Ray(1), config, train._new_model(config, Path(folder), 0), 0)
+    runner = BatchEnvRunner(config=made, worker_index=1)
+    runner.sample()
+    start = time.perf_counter()
+    collected = [runner.sample() for _ in range(samples)]
+    rolled = time.perf_counter()
+    messages = [pickle.dumps(episodes, protocol=5) for episodes in collected]
+    packed = time.perf_counter()
+    for message in messages:
+        pickle.loads(message)
+    unpacked = time.perf_counter()
+    steps = sum(len(episode) for episodes in collected for episode in episodes)
+    return {
+        "runner, us a step": 1e6 * (rolled - start) / steps,
+        "packing, us a step": 1e6 * (packed - rolled) / steps,
+        "unpacking, us a step": 1e6 * (unpacked - packed) / steps,
+        "bytes a step": sum(map(len, messages)) / steps,
+        "bytes of weights": float(len(pickle.dumps(runner.module.get_state(), protocol=5))),
+    }
+
+
 def _plain(made: PPOConfig, config: Any) -> PPOConfig:
     """The same with RLlib's own runner; the id imports our package in the worker."""
     # `environment` would keep the keys of our runner.
@@ -107,10 +133,17 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0, help="of each measurement (default 20)")
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 4], help="numbers of runners (default 1 2 4)")
     parser.add_argument("--model", default="contact", help="that moves the robots (default contact)")
+    parser.add_argument(
+        "--parts", action="store_true", help="what a runner and its messages cost, instead of the table"
+    )
     arguments = parser.parse_args()
     text = config_module.with_values(config_module.default_text("balance"), {"env.model": arguments.model})
     config = config_module.parse(text, "balance")
     torch.set_num_threads(config.torch_threads)
+    if arguments.parts:
+        for name, value in parts(config).items():
+            print(f"{name}: {value:,.1f}")
+        return
     print("| loop | runners | steps/s | learner's share |\n|---|---|---|---|", flush=True)
     rows = [("Stable-Baselines3", 0)]
     rows += [(name, workers) for name in ("RLlib's runner", "ours") for workers in arguments.workers]
