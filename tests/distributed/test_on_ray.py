@@ -1,6 +1,7 @@
 """Training on Ray, on a cluster of this machine; `make test-ray` installs it."""
 
 import contextlib
+import dataclasses
 import os
 import secrets
 import signal
@@ -222,6 +223,13 @@ def test_a_training_with_a_teacher_begins_with_the_fit(tmp_path):
     )
     assert said[0].startswith("fitted to lqr: ")
     assert run_folder.read_evaluations(tmp_path / "run").timesteps[0] == 0
+
+
+def test_workers_that_cannot_be_made_end_the_training(session):
+    config = dataclasses.replace(session.config, env={"model": "nothing"})
+    with pytest.raises(RuntimeError, match=r"none of 2 workers could be started: their logs are in .*/logs"):
+        OnRay(Ray(2))(dataclasses.replace(session, config=config))
+    assert not ray.is_initialized()
 
 
 def test_robots_that_cannot_be_shared_out_are_refused(tmp_path, capsys):

@@ -68,7 +68,7 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--ray-address",
         metavar="HOST:PORT",
-        help="with --on ray: a cluster to join, or auto for that of this machine, instead of starting one",
+        help="with --on ray: a cluster to join instead of starting one",
     )
     command.add_argument("--no-report", action="store_true", help="do not end with a report, one HTML file")
     scenario.add_verbosity(command, "the result")

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from ballbot_rs.training.config import TrainConfig
 
-#: Most workers of a training; with two robots each they are those of the largest configuration that comes along.
+#: Most workers of a training; docs/ray.md has where more bring nothing.
 MAX_WORKERS: Final = 1024
 
 #: Arguments of Stable-Baselines3's PPO that RLlib's has too: its name there, and the default here.
@@ -38,7 +38,7 @@ class Ray:
     """
 
     workers: int = 1
-    #: HOST:PORT of a cluster, or "auto" for the one of this machine; None starts one in this process.
+    #: HOST:PORT of a cluster; None starts one of this process.
     address: str | None = None
 
     def __post_init__(self) -> None:
@@ -53,11 +53,10 @@ class Ray:
         Raises:
             ConnectionError: nothing does.
         """
-        place = None if self.address is None else host_and_port(self.address)
-        if place is None:
+        if self.address is None:
             return
         try:
-            socket.create_connection(place, REACH_SECONDS).close()
+            socket.create_connection(host_and_port(self.address), REACH_SECONDS).close()
         except OSError as error:
             raise ConnectionError(f"--ray-address {self.address}: no Ray cluster answers there: {error}") from error
 
@@ -76,19 +75,15 @@ class Ray:
         return each
 
 
-def host_and_port(address: str) -> tuple[str, int] | None:
-    """The parts of an address; None for that of this machine's cluster.
+def host_and_port(address: str) -> tuple[str, int]:
+    """The parts of an address.
 
     Raises:
-        ValueError: it is neither "auto" nor HOST:PORT.
+        ValueError: it is not HOST:PORT.
     """
-    if address == "auto":
-        return None
     host, _, port = address.rpartition(":")
     if not host or "/" in host or not port.isdecimal() or not 1 <= int(port) <= 65535:
-        raise ValueError(
-            f"--ray-address {address} is no address: expected HOST:PORT with a port from 1 to 65535, or auto"
-        )
+        raise ValueError(f"--ray-address {address} is no address: expected HOST:PORT with a port from 1 to 65535")
     return host, int(port)
 
 
