@@ -8,6 +8,9 @@ VERIFY_INSTALLED := $(VENV)/.verify-installed
 BENCH_INSTALLED := $(VENV)/.bench-installed
 CAD_INSTALLED := $(VENV)/.cad-installed
 SITE_INSTALLED := $(VENV)/.site-installed
+# Ray wants another Gymnasium than the rest.
+RAY_VENV := .venv-ray
+RAY_INSTALLED := $(RAY_VENV)/.installed
 WHEEL_INSTALLED := $(VENV)/.wheel-installed
 # The oldest glibc that wheels run on; zig links against it on any Linux.
 COMPATIBILITY ?= manylinux2014
@@ -26,13 +29,14 @@ MINUTES ?= 5
 SOAK_STEPS ?= 10000000
 SECONDS_EACH ?= 60
 
-.PHONY: help setup generate train test test-builds lint docs site wheel consumers paper verify robots controllers tunings policies transfer bench bench-core instructions fuzz soak cad demo format clean
+.PHONY: help setup generate train test test-builds test-ray lint docs site wheel consumers paper verify robots controllers tunings policies transfer bench bench-core instructions fuzz soak cad demo format clean
 
 help:
 	@echo "make demo    watch a trained policy balance; installs no PyTorch"
 	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
 	@echo "make test    all tests, Rust and Python"
 	@echo "make test-builds  tests that compile for minutes: the core without features, the bindings with another crate's task"
+	@echo "make test-ray  tests of training on Ray, in an environment of its own, $(RAY_VENV) (minutes)"
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
 	@echo "make generate  write what follows from the tables of tasks, controllers and parameters"
 	@echo "make docs    documentation of the Rust core, in target/doc"
@@ -73,6 +77,9 @@ test: $(INSTALLED)
 test-builds: $(INSTALLED)
 	CARGO_PROFILE_DEV_OPT_LEVEL=0 cargo test --locked --no-default-features --test features
 	BALLBOT_EXTENSION=1 $(BIN)/pytest tests/envs/test_own_task.py
+
+test-ray: $(RAY_INSTALLED)
+	PYTHONPATH="$(abspath python)" $(RAY_VENV)/bin/python -m pytest tests/distributed
 
 lint: $(INSTALLED)
 	@cargo fmt --version >/dev/null 2>&1 || { echo "rustfmt is missing: rustup component add rustfmt" >&2; exit 1; }
@@ -157,7 +164,7 @@ format: $(INSTALLED)
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) target fuzz/target python/ballbot_rs/_core*.so python/ballbot_rs/assets
+	rm -rf $(VENV) $(RAY_VENV) target fuzz/target python/ballbot_rs/_core*.so python/ballbot_rs/assets
 
 define PREPARE
 	@PYTHON="$(PYTHON)" sh tools/check_machine.sh
@@ -196,6 +203,15 @@ $(CAD_INSTALLED): $(INSTALLED)
 
 $(SITE_INSTALLED): $(INSTALLED)
 	$(INSTALL) '.[site]'
+	@touch $@
+
+# The package is that of this folder, with the extension that the other environment has built.
+$(RAY_INSTALLED): consumers/requirements/rllib.txt constraints.txt $(INSTALLED)
+	test -x $(RAY_VENV)/bin/python || $(PYTHON) -m venv $(RAY_VENV)
+	grep -v '^gymnasium==' constraints.txt > $(RAY_VENV)/constraints.txt
+	$(RAY_VENV)/bin/python -m pip install --quiet --disable-pip-version-check \
+		--constraint $(RAY_VENV)/constraints.txt --requirement consumers/requirements/rllib.txt \
+		stable_baselines3 tensorboard tqdm onnx onnxruntime onnxscript pytest
 	@touch $@
 
 $(WHEEL_INSTALLED): $(BUILT_FROM)

@@ -20,6 +20,7 @@ LIMITS = [
     ("tune", "--timesteps", 1, 1, 10**12),
     ("tune", "--trials", 1, 1, 1_000_000),
     ("tune", "--jobs", 1, 1, 1024),
+    ("train", "--workers", 1, 1, 1024),
     ("report", "--episodes", 1, 0, 100_000),
     ("report", "--video-seconds", 1, 0, 3600),
     ("view", "--batch", 1, 1, 64),

@@ -25,6 +25,9 @@ LEARNING = {
     "training/callbacks.py",
     "training/checkpoint.py",
     "training/export.py",
+    "training/on_ray/connector.py",
+    "training/on_ray/learn.py",
+    "training/on_ray/module.py",
     "training/scaled_rewards.py",
     "training/teacher.py",
     "training/train.py",
@@ -127,6 +130,8 @@ def test_imports_go_downwards(module):
     roots = {name.split(".")[0] for name in imports_of(module)}
     if module not in LEARNING:
         assert not roots & {"torch", "stable_baselines3"}
+    if not module.startswith("training/on_ray/"):
+        assert "ray" not in roots
     if not module.startswith("media/figures/"):
         assert "matplotlib" not in roots
     own = {name for name in imports_of(module) if name.startswith("ballbot_rs.")}

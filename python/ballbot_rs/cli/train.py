@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ballbot_rs import _interrupts
 from ballbot_rs._extras import require
@@ -18,6 +18,10 @@ from ballbot_rs.cli import report, scenario, settings
 from ballbot_rs.cli.numbers import MAX_RUN_SEED, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.envs.registration import DEFAULT_TASK, task_of
+from ballbot_rs.training.on_ray.settings import MAX_WORKERS, Ray
+
+if TYPE_CHECKING:
+    from ballbot_rs.training.train import Learn
 
 #: Most steps of a training; at a hundred thousand a second they take a year.
 MAX_TIMESTEPS = 10**12
@@ -50,6 +54,22 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--episodes", type=whole(0, MAX_EPISODES), default=100, help="episodes of the comparison (default 100, 0: none)"
     )
+    command.add_argument(
+        "--on",
+        choices=("ray",),
+        help="learn with PPO of RLlib on a Ray cluster instead of Stable-Baselines3; docs/ray.md",
+    )
+    command.add_argument(
+        "--workers",
+        type=whole(1, MAX_WORKERS),
+        metavar="N",
+        help="with --on ray: processes that step the robots, which are shared out among them (default 1)",
+    )
+    command.add_argument(
+        "--ray-address",
+        metavar="HOST:PORT",
+        help="with --on ray: a cluster to join instead of starting one",
+    )
     command.add_argument("--no-report", action="store_true", help="do not end with a report, one HTML file")
     scenario.add_verbosity(command, "the result")
     command.set_defaults(carry_out=run)
@@ -60,6 +80,7 @@ def run(arguments: argparse.Namespace) -> None:
     with require("training", "train"):
         from ballbot_rs.training import config as config_module
         from ballbot_rs.training import train
+    learn = _loop(arguments)
     task = arguments.task or DEFAULT_TASK
     started = time.perf_counter()
     progress_bar = not (arguments.quiet or arguments.json)
@@ -74,7 +95,9 @@ def run(arguments: argparse.Namespace) -> None:
         policy = _interruptible(
             task,
             folder,
-            lambda: train.resume(folder, timesteps=arguments.timesteps, progress_bar=progress_bar, tell=_tell),
+            lambda: train.resume(
+                folder, timesteps=arguments.timesteps, progress_bar=progress_bar, tell=_tell, learn=learn
+            ),
         )
         config, _ = config_module.load(task, arguments.resume / "config.toml")
     else:
@@ -101,6 +124,7 @@ def run(arguments: argparse.Namespace) -> None:
                 overwrite=bool(arguments.overwrite),
                 progress_bar=progress_bar,
                 tell=_tell if progress_bar else lambda _: None,
+                learn=learn,
             ),
         )
     seconds = time.perf_counter() - started
@@ -128,6 +152,20 @@ def run(arguments: argparse.Namespace) -> None:
         print_table(results, task_of(config.env_id), nominal)
     if written is not None:
         print(f"\nreport: {written}")
+
+
+def _loop(arguments: argparse.Namespace) -> "Learn | None":
+    """The loop that learns; None is that of Stable-Baselines3."""
+    if arguments.on is None:
+        for name in ("workers", "ray_address"):
+            if getattr(arguments, name) is not None:
+                option = name.replace("_", "-")
+                raise ValueError(f"--{option} {getattr(arguments, name)} has no place without --on ray")
+        return None
+    where = Ray(1 if arguments.workers is None else arguments.workers, arguments.ray_address)
+    with require("training on Ray", "rllib"):
+        from ballbot_rs.training.on_ray.learn import OnRay
+    return OnRay(where)
 
 
 def values_of(arguments: argparse.Namespace, task: str, env: Mapping[str, Any]) -> dict[str, Any]:

@@ -99,15 +99,17 @@ class KeepBest(BaseCallback):
         self._past = None if past is None else past.up_to(timesteps)
 
     def _on_step(self) -> bool:
-        if self.n_calls % self._every == 0:
-            returns, lengths, successes = self.evaluate(self.model)
-            self.logger.record("eval/mean_reward", float(returns.mean()))
-            self.logger.record("eval/mean_ep_length", float(lengths.mean()))
-            self.logger.record("eval/success_rate", float(successes.mean()))
-            self.logger.record("time/total_timesteps", self.num_timesteps, exclude="tensorboard")
-            self.logger.dump(self.num_timesteps)
-            return self._stops is None or not self._stops(self.num_timesteps, float(returns.mean()))
-        return True
+        return self.n_calls % self._every != 0 or self.evaluate_and_log(self.model)
+
+    def evaluate_and_log(self, model: BaseAlgorithm) -> bool:
+        """Evaluates a policy and logs the result; returns whether the training goes on."""
+        returns, lengths, successes = self.evaluate(model)
+        model.logger.record("eval/mean_reward", float(returns.mean()))
+        model.logger.record("eval/mean_ep_length", float(lengths.mean()))
+        model.logger.record("eval/success_rate", float(successes.mean()))
+        model.logger.record("time/total_timesteps", model.num_timesteps, exclude="tensorboard")
+        model.logger.dump(model.num_timesteps)
+        return self._stops is None or not self._stops(model.num_timesteps, float(returns.mean()))
 
     def evaluate(self, model: BaseAlgorithm) -> tuple[Array, Array, Array]:
         """Evaluates a policy unless it has just been; returns, lengths and successes, each of shape (episodes,)."""

@@ -1,11 +1,12 @@
 """A training run, from a configuration to a folder with the best policy in it."""
 
+import dataclasses
 import platform
 import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import gymnasium
 import stable_baselines3
@@ -34,8 +35,39 @@ SEEDS_PER_RUN = 10_000_000
 EVALUATION_SEEDS = 9_000_000
 
 
-def _first_seed(seed: int) -> int:
+def first_seed(seed: int) -> int:
+    """The first seed of a run's environments."""
     return SEEDS_PER_RUN * (seed + 1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Session:
+    """What is to be learned, and what happens on the way."""
+
+    model: BaseAlgorithm
+    config: TrainConfig
+    seed: int
+    #: Steps from the model's `num_timesteps` on.
+    timesteps: int
+    checkpoints: Checkpoints
+    keep_best: KeepBest
+    #: Steps of all environments between two evaluations, and between two checkpoints.
+    every: int
+    progress_bar: bool
+
+
+class Learn(Protocol):
+    """A loop that learns."""
+
+    def check(self, config: TrainConfig) -> None:
+        """Refuses a configuration that the loop does not take, before anything is written.
+
+        Raises:
+            ValueError: it does not take it.
+        """
+
+    def __call__(self, session: Session) -> None:
+        """Learns: updates the weights and `num_timesteps` of the model."""
 
 
 def train(
@@ -48,6 +80,7 @@ def train(
     progress_bar: bool = True,
     tell: Callable[[str], None] = lambda text: None,  # noqa: ARG005
     stops: Callable[[int, float], bool] | None = None,
+    learn: Learn | None = None,
 ) -> Path:
     """Trains a policy and returns its file.
 
@@ -60,6 +93,7 @@ def train(
         progress_bar: whether to show one.
         tell: called with a text about the fit to a teacher.
         stops: called with the steps and the mean return of each evaluation; True ends the training.
+        learn: the loop; None is that of Stable-Baselines3.
 
     Raises:
         FileExistsError: the folder holds an earlier run.
@@ -70,6 +104,8 @@ def train(
         raise ValueError(f"seed = {seed} is out of range: it must be from 0 to 2**32 - 1")
     check_folder(folder, overwrite)
     torch.set_num_threads(config.torch_threads)
+    if learn is not None:
+        learn.check(config)
     # Before anything is deleted or written: this is what refuses a configuration.
     model = _new_model(config, folder, seed)
     if config.teacher is not None:
@@ -84,7 +120,7 @@ def train(
         # From here a run can be resumed, and the fitted policy may stay the best one.
         Checkpoints(folder, 1).keep(model)
         keep_best.evaluate(model)
-    return _learn(model, config, folder, keep_best, config.total_timesteps, progress_bar)
+    return _learn(_session(model, config, folder, seed, keep_best, progress_bar), folder, learn)
 
 
 def resume(
@@ -93,6 +129,7 @@ def resume(
     timesteps: int | None = None,
     progress_bar: bool = True,
     tell: Callable[[str], None] = lambda text: None,  # noqa: ARG005
+    learn: Learn | None = None,
 ) -> Path:
     """Continues a run from its newest checkpoint that can be read to the number of steps that it was to have.
 
@@ -105,6 +142,7 @@ def resume(
         timesteps: the number of steps that the run is to have from now on; a finished run goes on for the difference.
         progress_bar: whether to show one.
         tell: called with a text that names the checkpoint.
+        learn: the loop, whichever the run had so far; None is that of Stable-Baselines3.
 
     Raises:
         FileNotFoundError: the folder holds no run, or one without a checkpoint.
@@ -121,6 +159,8 @@ def resume(
         config = config_module.parse(text, source)
     if config.algorithm == "SAC":
         raise ValueError("a SAC run cannot be resumed: its replay buffer is not kept")
+    if learn is not None:
+        learn.check(config)
     past = run_folder.read_evaluations(folder)
     if past is not None and past.returns.shape[1] != config.evaluation.episodes:
         raise ValueError(
@@ -139,9 +179,9 @@ def resume(
         _files.write(folder / run_folder.CONFIG, text)
     # The start of the run has had the first numbers: go on with others.
     model.set_random_seed(seed + model.num_timesteps)
-    _seed_environments(model, _first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
+    _seed_environments(model, first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
     keep_best.evaluate(model)
-    return _learn(model, config, folder, keep_best, config.total_timesteps - model.num_timesteps, progress_bar)
+    return _learn(_session(model, config, folder, seed, keep_best, progress_bar), folder, learn)
 
 
 def check_folder(folder: Path, overwrite: bool) -> None:
@@ -218,7 +258,7 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
     except (TypeError, AssertionError, RuntimeError, MemoryError) as error:
         raise ValueError(f"the configuration does not fit {config.algorithm}: {error}") from error
     # The learner has seeded the environments with its own seed.
-    _seed_environments(model, _first_seed(seed))
+    _seed_environments(model, first_seed(seed))
     (options,) = environment.get_attr("task_options", [0])
     setattr(model, METADATA, metadata(task_of(config.env_id), config.algorithm, options))
     return model
@@ -232,7 +272,7 @@ def _keep_best(
         task=task_of(config.env_id),
         torch_threads=None,
         num_threads=config.num_threads,
-        seed=_first_seed(seed) + EVALUATION_SEEDS,
+        seed=first_seed(seed) + EVALUATION_SEEDS,
         **without_curriculum(config.env),
     )
     return KeepBest(
@@ -245,22 +285,42 @@ def _every(config: TrainConfig) -> int:
     return max(config.evaluation.every_timesteps // config.num_envs, 1)
 
 
-def _learn(
-    model: BaseAlgorithm, config: TrainConfig, folder: Path, keep_best: KeepBest, timesteps: int, progress_bar: bool
-) -> Path:
-    checkpoints = Checkpoints(folder, _every(config))
-    started = time.perf_counter()
-    if timesteps > 0:
+def _session(
+    model: BaseAlgorithm, config: TrainConfig, folder: Path, seed: int, keep_best: KeepBest, progress_bar: bool
+) -> Session:
+    every = _every(config)
+    return Session(
+        model=model,
+        config=config,
+        seed=seed,
+        timesteps=config.total_timesteps - model.num_timesteps,
+        checkpoints=Checkpoints(folder, every),
+        keep_best=keep_best,
+        every=every * config.num_envs,
+        progress_bar=progress_bar,
+    )
+
+
+def _with_sb3(session: Session) -> None:
+    session.model.learn(
+        session.timesteps,
+        callback=[session.checkpoints, session.keep_best],
+        reset_num_timesteps=False,
+        progress_bar=session.progress_bar,
+    )
+
+
+def _learn(session: Session, folder: Path, learn: Learn | None) -> Path:
+    model, started = session.model, time.perf_counter()
+    if session.timesteps > 0:
         try:
-            model.learn(
-                timesteps, callback=[checkpoints, keep_best], reset_num_timesteps=False, progress_bar=progress_bar
-            )
+            (learn or _with_sb3)(session)
         finally:
             # Whatever ended it, the run can be resumed from here.
-            checkpoints.keep(model)
+            session.checkpoints.keep(model)
             _add_time(folder, model.num_timesteps, time.perf_counter() - started)
     # The last policy is often the best one.
-    keep_best.evaluate(model)
+    session.keep_best.evaluate(model)
     sb3_policy.write(model, folder / run_folder.FINAL)
     return folder / run_folder.BEST
 

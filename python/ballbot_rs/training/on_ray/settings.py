@@ -1,0 +1,135 @@
+"""What a training on Ray is asked for, and a configuration of Stable-Baselines3's PPO as RLlib's. Needs neither."""
+
+import dataclasses
+import socket
+from collections.abc import Mapping
+from typing import Any, Final
+
+from ballbot_rs.training.config import TrainConfig
+
+#: Most workers of a training; docs/ray.md has where more bring nothing.
+MAX_WORKERS: Final = 1024
+
+#: Arguments of Stable-Baselines3's PPO that RLlib's has too: its name there, and the default here.
+ARGUMENTS: Final[Mapping[str, tuple[str, Any]]] = {
+    "learning_rate": ("lr", 3e-4),
+    "gamma": ("gamma", 0.99),
+    "gae_lambda": ("lambda_", 0.95),
+    "clip_range": ("clip_param", 0.2),
+    "n_epochs": ("num_epochs", 10),
+    "batch_size": ("minibatch_size", 64),
+    "ent_coef": ("entropy_coeff", 0.0),
+    "vf_coef": ("vf_loss_coeff", 0.5),
+    "max_grad_norm": ("grad_clip", 0.5),
+}
+#: Steps of each robot before an update, where the configuration says nothing.
+DEFAULT_STEPS: Final = 2048
+
+#: Time to reach the address of a cluster, s.
+REACH_SECONDS: Final = 5.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Ray:
+    """How many workers, and where.
+
+    Raises:
+        ValueError: a number of workers out of range, or no address.
+    """
+
+    workers: int = 1
+    #: HOST:PORT of a cluster; None starts one of this process.
+    address: str | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.workers, bool) or not isinstance(self.workers, int) or not 1 <= self.workers <= MAX_WORKERS:
+            raise ValueError(f"workers = {self.workers!r} is out of range: it must be from 1 to {MAX_WORKERS}")
+        if self.address is not None:
+            host_and_port(self.address)
+
+    def reach(self) -> None:
+        """Checks that something listens at the address; Ray itself would try for minutes.
+
+        Raises:
+            ConnectionError: nothing does.
+        """
+        if self.address is None:
+            return
+        try:
+            socket.create_connection(host_and_port(self.address), REACH_SECONDS).close()
+        except OSError as error:
+            raise ConnectionError(f"--ray-address {self.address}: no Ray cluster answers there: {error}") from error
+
+    def robots_each(self, config: TrainConfig) -> int:
+        """Robots of each worker.
+
+        Raises:
+            ValueError: the robots cannot be shared out evenly.
+        """
+        each, rest = divmod(config.num_envs, self.workers)
+        if rest or each == 0:
+            raise ValueError(
+                f"num_envs = {config.num_envs} robots are not a multiple of {self.workers} workers: "
+                "change --workers, or --set num_envs=..."
+            )
+        return each
+
+
+def host_and_port(address: str) -> tuple[str, int]:
+    """The parts of an address.
+
+    Raises:
+        ValueError: it is not HOST:PORT.
+    """
+    host, _, port = address.rpartition(":")
+    if not host or "/" in host or not port.isdecimal() or not 1 <= int(port) <= 65535:
+        raise ValueError(f"--ray-address {address} is no address: expected HOST:PORT with a port from 1 to 65535")
+    return host, int(port)
+
+
+def arguments(config: TrainConfig, done: int = 0) -> dict[str, Any]:
+    """What `PPOConfig.training` of RLlib takes.
+
+    Args:
+        config: the configuration.
+        done: steps that the run has had; a rate that falls goes on from there.
+
+    Raises:
+        ValueError: something that RLlib's PPO does not have.
+    """
+    given = _checked(config)
+    found = {theirs: given.get(ours, default) for ours, (theirs, default) in ARGUMENTS.items()}
+    if "learning_rate" in config.schedule:
+        left = max(config.total_timesteps - done, 1)
+        rate = float(found["lr"]) * left / config.total_timesteps
+        found["lr"] = [[0, rate], [left, 0.0]]
+    return found
+
+
+def steps_each(config: TrainConfig) -> int:
+    """Steps of each robot before an update."""
+    return int(config.algorithm_arguments.get("n_steps", DEFAULT_STEPS))
+
+
+def _checked(config: TrainConfig) -> dict[str, Any]:
+    """The arguments of the algorithm."""
+    if config.algorithm != "PPO":
+        raise ValueError(f"algorithm = {config.algorithm}: on Ray there is only PPO")
+    given = dict(config.algorithm_arguments)
+    # RLlib always normalizes advantages.
+    if given.pop("normalize_advantage", True) is not True:
+        raise ValueError(
+            f"algorithm_arguments.normalize_advantage = {config.algorithm_arguments['normalize_advantage']!r}: "
+            "PPO of RLlib always normalizes them"
+        )
+    known = {*ARGUMENTS, "n_steps"}
+    for name, value in given.items():
+        if name not in known:
+            expected = ", ".join(sorted(known))
+            raise ValueError(f"algorithm_arguments.{name} = {value!r}: not on Ray, which has {expected}")
+    for name in config.schedule:
+        if name != "learning_rate":
+            raise ValueError(f"schedule.{name} = '{config.schedule[name]}': on Ray only learning_rate has a schedule")
+    if "features_extractor_class" in config.policy:
+        raise ValueError("policy.features_extractor_class: not on Ray")
+    return given
