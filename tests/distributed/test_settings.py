@@ -46,9 +46,9 @@ def test_defaults_are_those_of_stable_baselines3():
 
 
 def test_a_rate_that_falls_goes_on_where_it_was():
-    config = shipped("velocity")
-    assert settings.arguments(config)["lr"] == [[0, 1e-3], [7_000_000, 0.0]]
-    assert settings.arguments(config, 5_250_000)["lr"] == [[0, 0.25e-3], [1_750_000, 0.0]]
+    config = shipped("path")
+    assert settings.arguments(config)["lr"] == [[0, 1e-3], [4_000_000, 0.0]]
+    assert settings.arguments(config, 3_000_000)["lr"] == [[0, 0.25e-3], [1_000_000, 0.0]]
 
 
 @pytest.mark.parametrize("task", ["balance", "velocity", "goal", "path", "push", "terrain", "openballbot"])

@@ -155,11 +155,11 @@ class TestRun:
     )
     def test_a_refused_configuration_touches_nothing(self, tiny_run, tmp_path, old, new):
         text = bad(old, new)
-        with pytest.raises(ValueError, match=r"does not fit PPO|unknown model"):
+        with pytest.raises(ValueError, match=r"does not fit PPO|unknown model|n_steps = .* is out of range"):
             train.train(config.parse(text, "bad"), text, tmp_path / "new", progress_bar=False)
         assert not (tmp_path / "new").exists()
         run = shutil.copytree(tiny_run, tmp_path / "old")
-        with pytest.raises(ValueError, match=r"does not fit PPO|unknown model"):
+        with pytest.raises(ValueError, match=r"does not fit PPO|unknown model|n_steps = .* is out of range"):
             train.train(config.parse(text, "bad"), text, run, overwrite=True, progress_bar=False)
         assert (run / "best_model.zip").is_file(), "the earlier run was deleted"
         assert (run / "config.toml").read_text(encoding="utf-8") == TINY_CONFIG

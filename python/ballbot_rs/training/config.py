@@ -113,11 +113,6 @@ class TrainConfig:
         _check_number("reward_scale", self.reward_scale, "1e-6", "1e6")
         if self.teacher is not None:
             self._check_teacher(self.teacher)
-        for name, value in self.algorithm_arguments.items():
-            if name in WHOLE_ARGUMENTS:
-                _check_whole(f"algorithm_arguments.{name}", value, 1)
-            elif name in SHARES:
-                _check_number(f"algorithm_arguments.{name}", value, "0", "1")
         for name, kind in self.schedule.items():
             if kind != "linear":
                 raise ValueError(f"schedule.{name} = '{kind}': expected 'linear'")
@@ -126,6 +121,11 @@ class TrainConfig:
             initial = self.algorithm_arguments[name]
             if not isinstance(initial, (int, float)):
                 raise ValueError(f"algorithm_arguments.{name} = {initial!r}: a scheduled value must be a number")
+        for name, value in self.algorithm_arguments.items():
+            if name in WHOLE_ARGUMENTS:
+                _check_whole(f"algorithm_arguments.{name}", value, 1)
+            elif name in SHARES:
+                _check_number(f"algorithm_arguments.{name}", value, "0", "1")
 
     def _check_teacher(self, teacher: Teacher) -> None:
         if self.algorithm != "PPO":
