@@ -188,11 +188,11 @@ fn short_legs_of_long_motions_are_refused() {
 
 /// The torques of a motion act after the delay.
 #[test]
-fn the_regulator_with_a_delay_follows_a_circle_no_worse() {
+fn a_law_that_predicts_over_a_delay_follows_a_circle_no_worse() {
     let params = Params::paper();
     let circle = made(Motion::Circle { radius: 0.5, period: 4.0, start: 4.0 });
-    let follow = |delay: f64| {
-        let kind = controller_kind("lqr").unwrap();
+    let follow = |name: &str, delay: f64| {
+        let kind = controller_kind(name).unwrap();
         let mut law = (kind.make)(&params, CONTROL_DT, &kind.limits, &[("delay", &[delay])]).unwrap();
         let mut robot = Ballbot::new(&params, ModelKind::Contact, 0.001).unwrap();
         robot.reset(&State::upright(&params)).unwrap();
@@ -209,9 +209,11 @@ fn the_regulator_with_a_delay_follows_a_circle_no_worse() {
         }
         f64::sqrt(sum / count)
     };
-    let (without, with) = (follow(0.0), follow(0.03));
-    println!("{:.2} mm without, {:.2} mm with the delay of 30 ms", without * 1e3, with * 1e3);
-    assert!(with < 0.8 * without, "{with} m, without {without} m");
+    for name in ["lqr", "lqr_pi"] {
+        let (without, with) = (follow(name, 0.0), follow(name, 0.03));
+        println!("{name}: {:.2} mm without, {:.2} mm with the delay of 30 ms", without * 1e3, with * 1e3);
+        assert!(with < 0.8 * without, "{name}: {with} m, without {without} m");
+    }
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! The double loop: a regulator that asks for rates of the wheels, above a PI of the measured ones.
 
 use super::balance_frame::BalanceFrame;
+use super::delayed::{DelayOptions, Delayed};
+use super::joined::joined_fields;
 use super::lean_observer::{self, LeanObserver};
 use super::lean_planes::{LeanPlanes, Leaning, require_stable};
 use super::outer::Outer;
@@ -19,7 +21,7 @@ crate::fields! {
     /// Deviations of equal cost of the outer loop of [`LqrPi`], as in [`super::LqrWeights`], and the inner loop. Frequencies of
     /// the inner loop are in units of λ, the rate at which the robot topples.
     #[derive(Copy)]
-    pub struct LqrPiOptions {
+    pub struct LqrPiLoops {
         /// Deviation of the ball position.
         pub position: f64 = 0.15, "m", Limit::from(1e-6).to(1e6);
         /// Deviation of the ball velocity.
@@ -48,6 +50,17 @@ crate::fields! {
     }
 }
 
+/// Options of [`LqrPi`]: the loops, and the delay of the motors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LqrPiOptions {
+    /// Both loops, and what is estimated.
+    pub loops: LqrPiLoops,
+    /// The delay that is predicted over.
+    pub delay: DelayOptions,
+}
+
+joined_fields!(LqrPiOptions: loops LqrPiLoops, delay DelayOptions);
+
 /// The loops in one plane, with x = (y, θ, ẏ, θ̇).
 #[derive(Clone, Copy, Debug)]
 struct Loops {
@@ -63,7 +76,7 @@ struct Loops {
 }
 
 impl Loops {
-    fn new(axis: usize, params: &Params, planes: &LeanPlanes, dt: f64, options: &LqrPiOptions) -> Result<Self> {
+    fn new(axis: usize, params: &Params, planes: &LeanPlanes, dt: f64, options: &LqrPiLoops) -> Result<Self> {
         let plane = &planes.planes[axis];
         // The wheels turn with the ball relative to the body; leaning towards y turns about −x.
         let axis_in_body = BalanceFrame::new(params).in_body(&if axis == 0 { Vector3::y() } else { -Vector3::x() });
@@ -96,13 +109,15 @@ impl Loops {
 ///
 /// The integral takes the torque that dry friction eats. The regulator is that of the sampled plane under the PI, the
 /// integral its fifth state. Speed and lean that the position asks for are cut as vectors; the integral is held while
-/// the torques are limited. Derived in `docs/laws.md`.
+/// the torques are limited. With a delay the states, and with them the measured rates, are those predicted for when the
+/// torque acts. Derived in `docs/laws.md`.
 #[derive(Clone, Debug)]
 pub struct LqrPi {
     loops: [Loops; 2],
     /// k of the acceleration −k (ψ, ψ̇) of the heading.
     yaw: [f64; 2],
     tracking: Tracking,
+    delayed: Delayed,
     outer: Outer,
     observer: LeanObserver,
     sampling: Sampling,
@@ -121,7 +136,7 @@ impl LqrPi {
     /// A controller from the linear model of `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
-    /// As [`super::Lqr::with_weights`].
+    /// As [`super::Lqr::with_weights`] and [`super::Lqr::with_delay`].
     pub fn with_options(
         params: &Params,
         control_dt: f64,
@@ -133,6 +148,8 @@ impl LqrPi {
         options.check_limits()?;
         let limits = TorqueLimits::new(params, limits)?;
         let tracking = Tracking::new(params);
+        let delayed = Delayed::new(params, control_dt, options.delay.delay)?;
+        let options = &options.loops;
         let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
         // The heading is a double integrator; the planes are stable by their regulators.
         let (dt, half) = (control_dt, 0.5 * control_dt * control_dt);
@@ -151,7 +168,8 @@ impl LqrPi {
             yaw,
             outer: Outer::new(&planes.gain(asked, yaw), [options.max_lean, options.max_speed]),
             tracking,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY + observer.kept()),
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY + delayed.kept() + observer.kept()),
+            delayed,
             observer,
             limits,
         })
@@ -187,7 +205,7 @@ impl Law for LqrPi {
     }
 
     fn kept(&self) -> usize {
-        Self::MEMORY + self.observer.kept()
+        Self::MEMORY + self.delayed.kept() + self.observer.kept()
     }
 
     #[inline(always)]
@@ -199,23 +217,36 @@ impl Law for LqrPi {
         memory: &mut Memory<'_, L>,
     ) -> [L; 3] {
         let deviation = self.tracking.deviation(state, setpoint);
-        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(Self::MEMORY));
-        let Deviation { mut x, forward, pose } = equilibrium.deviation(deviation);
-        let Leaning { velocity, rate, .. } = Leaning::new(&x);
+        let delays = self.delayed.kept();
+        let observed = Self::MEMORY + delays;
+        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(observed));
+        let Deviation { x: now, forward, pose } = equilibrium.deviation(deviation);
+        let Leaning { velocity, rate, .. } = Leaning::new(&now);
+        let mut x = self.delayed.state(now, &memory.after(Self::MEMORY));
+        let Leaning { velocity: later_velocity, rate: later_rate, .. } = Leaning::new(&x);
+        let forward_then = match delays {
+            0 => forward,
+            // A torque acts on the motion as it is after the delay.
+            _ => equilibrium.forward(self.tracking.forward_after(&pose.heading, setpoint, self.delayed.seconds())),
+        };
         // The motion of the setpoint, of which the wheels have a part.
         let moving = pose.heading.of(state.ball_velocity.x, state.ball_velocity.y);
         let leaning = [pose.rate.y, -pose.rate.x];
         self.outer.clip(&mut x);
         let asking = Leaning::new(&x);
         let zero = x[0].zero();
-        let (mut accelerations, mut errors) = (forward, [zero; 2]);
+        let (mut accelerations, mut errors) = (forward_then, [zero; 2]);
         for axis in 0..2 {
             let Loops { wheels, moving: [per_speed, per_rate], proportional, integral, k } = &self.loops[axis];
             let kept = memory.get(axis);
             let reference =
                 (moving[axis] - velocity[axis]).mul_add_all(*per_speed, (leaning[axis] - rate[axis]) * *per_rate);
             let [a, b, c] = state.wheel_speeds;
-            let measured = c.mul_add_all(wheels[2], b.mul_add_all(wheels[1], a * wheels[0])) - reference;
+            let mut measured = c.mul_add_all(wheels[2], b.mul_add_all(wheels[1], a * wheels[0])) - reference;
+            if delays > 0 {
+                let (gained, leaned) = (later_velocity[axis] - velocity[axis], later_rate[axis] - rate[axis]);
+                measured += gained.mul_add_all(*per_speed, leaned * *per_rate);
+            }
             let position = asking.position[axis].mul_add_all(-k[0], asking.velocity[axis] * -k[2]);
             let lean = asking.lean[axis].mul_add_all(-k[1], asking.rate[axis] * -k[3]);
             let asked = kept.mul_add_all(-k[4], position + lean);
@@ -224,7 +255,8 @@ impl Law for LqrPi {
             accelerations[axis] += driven;
         }
         let yaw = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let wanted = self.tracking.planes.wheel_torques(accelerations, yaw);
+        let planes = &self.tracking.planes;
+        let wanted = planes.wheel_torques(accelerations, yaw);
         let limited = self.limits.apply_at(wanted, state, &pose, largest);
         // A torque that is limited cannot act on the integral: hold it.
         let held = limited.share.lt(zero.splat(1.0));
@@ -233,7 +265,17 @@ impl Law for LqrPi {
             let next = error.mul_add_all(self.sampling.control_dt, integral);
             memory.set(axis, L::select(held, integral, next));
         }
-        self.observer.predict(state, &pose, limited.torques, limited.share, &mut memory.after(Self::MEMORY));
+        let mut acting = limited.torques;
+        if delays > 0 {
+            let mut queue = memory.after(Self::MEMORY);
+            let reference = planes.wheel_torques(forward_then, zero);
+            let added = std::array::from_fn(|wheel| limited.torques[wheel] - reference[wheel]);
+            let before = self.delayed.acting(added, &queue);
+            let reference = planes.wheel_torques(forward, zero);
+            acting = std::array::from_fn(|wheel| reference[wheel] + before[wheel]);
+            self.delayed.keep(added, &mut queue);
+        }
+        self.observer.predict(state, &pose, acting, limited.share, &mut memory.after(observed));
         limited.torques
     }
 }

@@ -39,7 +39,7 @@ pub use lean_observer::ObserverOptions;
 pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
 pub use lqi::{IntegralWeights, Lqi, LqiOptions, LqiWeights};
 pub use lqr::{Lqr, LqrOptions, LqrWeights};
-pub use lqr_pi::{LqrPi, LqrPiOptions};
+pub use lqr_pi::{LqrPi, LqrPiLoops, LqrPiOptions};
 pub use mpc::{Mpc, MpcOptions};
 pub use pd_inverse_dynamics::{InverseDynamicsOptions, PdInverseDynamics};
 pub use pid::{Pid, PidGains};

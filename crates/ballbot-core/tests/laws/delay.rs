@@ -69,18 +69,42 @@ fn the_prediction_is_the_regulator_with_the_torques_as_states() {
     }
 }
 
+/// The double loop is no regulator of the whole: its gains are those without a delay, on the state that is predicted.
+#[test]
+fn the_double_loop_acts_on_the_state_that_is_predicted() {
+    for (params, samples) in [(Params::paper(), 3), (uneven(), 1), (uneven(), 10)] {
+        let plain = gain_of(made("lqr_pi", &params, &[]).as_ref(), &params);
+        let (a, b) = LinearModel::new(&params).discretize(CONTROL_DT);
+        let mut expected = DMatrix::zeros(3, 12 + 3 * samples);
+        expected.columns_mut(0, 12).copy_from(&plain);
+        let mut of_state = plain.fixed_columns::<10>(0).clone_owned();
+        for sample in (0..samples).rev() {
+            expected.columns_mut(12 + 3 * sample, 3).copy_from(&(&of_state * b));
+            of_state *= a;
+        }
+        expected.columns_mut(0, 10).copy_from(&of_state);
+        let delay = samples as f64 * CONTROL_DT;
+        let found = gain_of(made("lqr_pi", &params, &[("delay", &[delay])]).as_ref(), &params);
+        let error = (&found - &expected).amax() / expected.amax();
+        println!("{samples} samples: {error:.1e}");
+        assert!(error < 1e-6, "{found}, expected {expected}");
+    }
+}
+
 #[test]
 fn delays_are_checked() {
     let params = Params::paper();
-    let kind = controller_kind("lqr").unwrap();
-    for (delay, expected) in [
-        (0.015, "delay = 0.015 s is no multiple of control_dt = 0.01 s"),
-        (0.2, "delay = 0.2 is out of range: it must be from 0 to 10 control_dt = 0.1 s"),
-        (-0.01, "delay"),
-    ] {
-        let error = (kind.make)(&params, CONTROL_DT, &kind.limits, &[("delay", &[delay])]).map(|_| ()).unwrap_err();
-        let error = error.to_string();
-        assert!(error.contains(expected), "{error}");
+    for name in ["lqr", "lqi", "lqr_pi"] {
+        let kind = controller_kind(name).unwrap();
+        for (delay, expected) in [
+            (0.015, "delay = 0.015 s is no multiple of control_dt = 0.01 s"),
+            (0.2, "delay = 0.2 is out of range: it must be from 0 to 10 control_dt = 0.1 s"),
+            (-0.01, "delay"),
+        ] {
+            let error = (kind.make)(&params, CONTROL_DT, &kind.limits, &[("delay", &[delay])]).map(|_| ()).unwrap_err();
+            let error = error.to_string();
+            assert!(error.contains(expected), "{name}: {error}");
+        }
     }
     let lqr = Lqr::new(&params, CONTROL_DT).unwrap();
     assert_eq!(
@@ -114,20 +138,26 @@ pub fn stands(
 fn a_delay_that_is_predicted_costs_less() {
     assert_eq!(STEPS, 10);
     let params = Params::paper();
-    for (delay, least) in [(0.03, 21.0), (0.05, 18.0), (0.07, 14.0)] {
+    for (name, delay, least) in [
+        ("lqr", 0.03, 21.0),
+        ("lqr", 0.05, 18.0),
+        ("lqr", 0.07, 14.0),
+        ("lqr_pi", 0.05, 17.0),
+        ("lqr_pi", 0.07, 14.0),
+    ] {
         let [plain, predicted] = [0.0, delay].map(|known| {
             let holds = |tilt: f64, push: f64| {
                 around(12).all(|way| {
                     let start = State::tilted(&params, way * tilt.to_radians(), 0.0);
-                    let mut lqr = made("lqr", &params, &[("delay", &[known])]);
-                    stands(&params, lqr.as_mut(), delay, &start, way.push(0.0) * push)
+                    let mut law = made(name, &params, &[("delay", &[known])]);
+                    stands(&params, law.as_mut(), delay, &start, way.push(0.0) * push)
                 })
             };
             let tilt = (0..30).map(f64::from).take_while(|&tilt| holds(tilt, 0.0)).last().unwrap_or(-1.0);
             let push = (0..25).map(|k| 0.1 * f64::from(k)).take_while(|&push| holds(0.0, push)).last().unwrap_or(-1.0);
             (tilt, push)
         });
-        println!("{delay} s: lqr {plain:?}, with the delay predicted {predicted:?} (deg, N·s)");
+        println!("{delay} s: {name} {plain:?}, with the delay predicted {predicted:?} (deg, N·s)");
         assert!(predicted.0 >= least && predicted.0 >= plain.0 && predicted.1 >= plain.1, "{plain:?}, {predicted:?}");
         assert!(delay < 0.06 || plain.0 < 2.0, "beyond its margin of delay the regulator falls: {plain:?}");
     }

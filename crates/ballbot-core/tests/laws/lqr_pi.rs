@@ -52,11 +52,9 @@ fn outer_gains_are_those_of_an_independent_computation() {
     const PER_TORQUE: f64 = 42.845;
     let toppling = LinearModel::new(&params).a[(8, 3)].sqrt();
     let [per_unit, _] = LqrPi::new(&params, CONTROL_DT).unwrap().inner_gains()[0];
-    let options = LqrPiOptions {
-        wheel_bandwidth: LqrPiOptions::default().wheel_bandwidth * 0.10 * PER_TORQUE / per_unit.abs(),
-        wheel_integral: 6.0 / toppling,
-        ..LqrPiOptions::default()
-    };
+    let mut options = LqrPiOptions::default();
+    options.loops.wheel_bandwidth *= 0.10 * PER_TORQUE / per_unit.abs();
+    options.loops.wheel_integral = 6.0 / toppling;
     let law = LqrPi::with_options(&params, CONTROL_DT, &options, &LimitOptions::TRACTION).unwrap();
     let [x, y] = law.outer_gains();
     println!("{x:?}");
