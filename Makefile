@@ -16,6 +16,8 @@ WHEEL_INSTALLED := $(VENV)/.wheel-installed
 COMPATIBILITY ?= manylinux2014
 # Of a wheel for another processor: a target of rustc that is installed.
 TARGET ?=
+# Runs that target's Python, to try its wheel: "qemu-aarch64 -L ROOT ROOT/usr/bin/python3".
+TARGET_PYTHON ?=
 # What ballbot-core compiles without its other parts.
 FEATURES := rigid urdf render
 FUZZ_TARGETS := urdf visuals stl
@@ -103,11 +105,12 @@ site: docs $(SITE_INSTALLED)
 	$(BIN)/python tools/build_site.py
 	BALLBOT_SITE=target/site $(BIN)/pytest tests/docs/test_built_site.py
 
+CHECK_WHEEL = $(BIN)/python tools/check_wheel.py target/wheels/*.whl
 wheel: $(WHEEL_INSTALLED)
 	rm -rf target/wheels
 	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m maturin build --release --locked --zig \
 		--compatibility $(COMPATIBILITY) $(if $(TARGET),--target $(TARGET)) --out target/wheels
-	$(if $(TARGET),,$(BIN)/python tools/check_wheel.py target/wheels/*.whl)
+	$(if $(TARGET_PYTHON),$(CHECK_WHEEL) --python "$(TARGET_PYTHON)",$(if $(TARGET),,$(CHECK_WHEEL)))
 
 consumers: wheel
 	$(BIN)/python -m consumers target/wheels/*.whl --seconds $(SECONDS_EACH) --page docs/learners.md

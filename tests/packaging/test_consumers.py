@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from consumers.__main__ import main, run, table
+from consumers.__main__ import main, rows, run, updated
 from consumers.clients import CLIENTS, Client
 from tests.support.paths import ROOT
 
@@ -28,9 +28,18 @@ def test_every_program_is_run():
 
 def test_a_row_of_the_table():
     learned = {"steps": 1000, "seconds": 4.0, "upright": 0.97, "success": 0.5, "note": "fine"}
-    rows = table({Client("A", "a", "vector"): learned, Client("B", "b", "single"): {"error": "no wheel"}}).splitlines()
-    assert rows[2] == "| A | vector | 250 | 1,000 | 97% | 50% | fine |"
-    assert rows[3] == "| B | single |  |  |  |  | no wheel |"
+    found = rows({Client("A", "a", "vector"): learned, Client("B", "b", "single"): {"error": "no wheel"}})
+    assert found["A"] == "| A | vector | 250 | 1,000 | 97% | 50% | fine |\n"
+    assert found["B"] == "| B | single |  |  |  |  | no wheel |\n"
+
+
+def test_rows_of_other_clients_stay():
+    page = (ROOT / "docs" / "learners.md").read_text()
+    assert updated(page, {}) == page
+    again = updated(page, {"skrl": "| skrl | again |\n"})
+    changed = [line for line in again.splitlines() if line not in page.splitlines()]
+    assert changed == ["| skrl | again |"]
+    assert len(again.splitlines()) == len(page.splitlines())
 
 
 def test_a_program_that_fails_fails_the_job(tmp_path, monkeypatch, capsys):
@@ -40,7 +49,7 @@ def test_a_program_that_fails_fails_the_job(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("consumers.__main__.environment", elsewhere)
     assert "No module named consumers.with_nobody" in run(Client("C", "nobody", ""), tmp_path, 1.0)["error"]
     page = tmp_path / "page.md"
-    page.write_text("before\n<!-- table of make consumers -->\nold\n<!-- end of table -->\nafter\n")
+    page.write_text("before\n<!-- table of make consumers -->\n| old |\n<!-- end of table -->\nafter\n")
     monkeypatch.setattr("consumers.__main__.run", lambda *_: {"error": "none"})
     monkeypatch.setattr(sys, "argv", ["consumers", "some.whl", "--only", "skrl", "--page", str(page)])
     assert main() == 1

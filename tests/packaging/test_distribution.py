@@ -117,6 +117,6 @@ def test_the_wheel_carries_its_data(wheel):
 
 
 def test_the_wheel_runs_the_first_example_of_the_readme_outside_the_clone(wheel):
-    printed = check(Path(sys.executable), wheel)
+    printed = check([sys.executable], wheel)
     for words in ("bot.urdf", "preset kugle 16.154", "wheel loads"):
         assert words in printed
