@@ -1,11 +1,13 @@
 """Installs each client into an environment of its own, runs its program, and prints one table.
 
-`python -m consumers WHEEL [--seconds 60] [--only skrl ...] [--page docs/learners.md]`, or `make consumers`.
+`python -m consumers WHEEL [--seconds 60] [--only skrl ...] [--keep] [--page docs/learners.md]`, or `make consumers`.
+An environment with PyTorch has up to 6 GB, so each is removed when its program has ended, unless `--keep` is given.
 """
 
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
 import venv
@@ -23,6 +25,7 @@ RUN_LIMIT: Final = 300
 
 #: Where the table of the page is.
 BEGIN, END = "<!-- table of make consumers -->\n", "<!-- end of table -->\n"
+HEADER: Final = "| client | environment | steps/s | steps | upright | success | |\n|---|---|---|---|---|---|---|\n"
 
 
 def environment(client: Client, wheel: Path) -> Path:
@@ -74,17 +77,30 @@ def run(client: Client, wheel: Path, seconds: float) -> dict[str, Any]:
     return result
 
 
-def table(results: dict[Client, dict[str, Any]]) -> str:
-    """One row a client, as Markdown."""
-    rows = ["| client | environment | steps/s | steps | upright | success | |", "|---|---|---|---|---|---|---|"]
+def rows(results: dict[Client, dict[str, Any]]) -> dict[str, str]:
+    """One row a client, as Markdown, by the client's name."""
+    found_rows = {}
     for client, found in results.items():
         numbers = ["", "", "", ""]
         if "steps" in found:
             shares = ["" if found[name] is None else f"{found[name]:.0%}" for name in ("upright", "success")]
             numbers = [f"{found['steps'] / found['seconds']:,.0f}", f"{found['steps']:,}", *shares]
         remark = found.get("error") or found.get("note", "")
-        rows.append(f"| {client.name} | {client.through} | {' | '.join(numbers)} | {remark} |")
-    return "\n".join(rows) + "\n"
+        found_rows[client.name] = f"| {client.name} | {client.through} | {' | '.join(numbers)} | {remark} |\n"
+    return found_rows
+
+
+def table(known: dict[str, str]) -> str:
+    """The rows in the order of the clients, below their names."""
+    return HEADER + "".join(known[client.name] for client in CLIENTS if client.name in known)
+
+
+def updated(page: str, new: dict[str, str]) -> str:
+    """A page with new rows in its table; those of other clients stay."""
+    before, _, rest = page.partition(BEGIN)
+    old, _, after = rest.partition(END)
+    kept = {line.split("|")[1].strip(): f"{line}\n" for line in old.splitlines() if line.startswith("| ")}
+    return before + BEGIN + table({**kept, **new}) + END + after
 
 
 def main() -> int:
@@ -94,18 +110,21 @@ def main() -> int:
     parser.add_argument("wheel", type=Path, help="of ballbot_rs")
     parser.add_argument("--seconds", type=float, default=60.0, help="of training each (default 60)")
     parser.add_argument("--only", nargs="+", choices=programs, default=programs, metavar="CLIENT", help=str(programs))
-    parser.add_argument("--page", type=Path, help="a page whose table is replaced")
+    parser.add_argument("--keep", action="store_true", help="leave the environments for the next time")
+    parser.add_argument("--page", type=Path, help="a page whose table gets the rows")
     arguments = parser.parse_args()
     results = {}
     for client in CLIENTS:
         if client.program in arguments.only:
             print(f"{client.name} ...", file=sys.stderr, flush=True)
             results[client] = run(client, arguments.wheel.resolve(), arguments.seconds)
-    text = table(results)
-    print(text)
+            if not arguments.keep:
+                shutil.rmtree(ENVIRONMENTS / client.program, ignore_errors=True)
+    found = rows(results)
+    print(table(found))
     if arguments.page is not None:
-        before, _, rest = arguments.page.read_text(encoding="utf-8").partition(BEGIN)
-        arguments.page.write_text(before + BEGIN + text + END + rest.partition(END)[2], encoding="utf-8")
+        page = arguments.page.read_text(encoding="utf-8")
+        arguments.page.write_text(updated(page, found), encoding="utf-8")
     return 1 if any("error" in found for found in results.values()) else 0
 
 

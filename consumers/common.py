@@ -38,6 +38,11 @@ class Timer:
         return time.perf_counter() - self._start
 
     @property
+    def left(self) -> float:
+        """Share of the time that is left, for rates that fall linearly."""
+        return max(0.0, 1.0 - self.seconds / _LIMIT)
+
+    @property
     def is_over(self) -> bool:
         """Whether the training should end."""
         return self.seconds >= _LIMIT

@@ -61,6 +61,7 @@ if __name__ == "__main__":
             gains = advantages(rewards, values, following, dones)
             returns = (gains + values).reshape(-1)
             gains = gains.reshape(-1)
+        optimizer.param_groups[0]["lr"] = RATE * timer.left
         flat = [part.reshape(-1, *part.shape[2:]) for part in (observed, acted, chances)]
         for _ in range(EPOCHS):
             for part in torch.randperm(len(gains)).split(MINIBATCH):

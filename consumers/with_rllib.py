@@ -11,7 +11,7 @@ from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from consumers.common import ENV_ID, NUM_ENVS, ROLLOUT, Timer, finish
 
 if __name__ == "__main__":
-    ray.init(num_cpus=1, include_dashboard=False, log_to_driver=False)
+    ray.init("local", num_cpus=1, include_dashboard=False, log_to_driver=False)
     config = (
         PPOConfig()
         .environment(ENV_ID)
