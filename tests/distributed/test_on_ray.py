@@ -269,12 +269,12 @@ def head(folder, path):
             process.wait(60)
 
 
-def train_tiny(folder, address, workers):
+def train_tiny(folder, address, workers, *arguments):
     """What the command says, in a process that has not met another cluster."""
     (folder / "tiny.toml").write_text(TINY_CONFIG, encoding="utf-8")
-    command = [sys.executable, "-m", "ballbot_rs.cli", "train", "--config", "tiny.toml", "--run", f"with-{workers}"]
+    command = [sys.executable, "-m", "ballbot_rs.cli", "train", "--config", "tiny.toml", "--run", "run"]
     command += ["--on", "ray", "--ray-address", address, "--workers", str(workers)]
-    command += ["--episodes", "0", "--no-report", "--quiet"]
+    command += ["--episodes", "0", "--no-report", "--quiet", *arguments]
     done = subprocess.run(
         command,
         cwd=folder,
@@ -289,11 +289,12 @@ def train_tiny(folder, address, workers):
 
 def test_a_cluster_is_joined(tmp_path):
     with head(tmp_path, PATH) as address:
-        code, said = train_tiny(tmp_path, address, 4)
-        assert (code, "--workers 4 is out of range: the cluster has 2 cores" in said) == (1, True), said
         code, said = train_tiny(tmp_path, address, 2)
         assert code == 0, said
-    assert run_folder.read_evaluations(tmp_path / "with-2").timesteps[-1] >= 768
+        code, said = train_tiny(tmp_path, address, 4, "--overwrite")
+        assert (code, "--workers 4 is out of range: the cluster has 2 cores" in said) == (1, True), said
+    # That of the first training, which the second was to overwrite.
+    assert run_folder.read_evaluations(tmp_path / "run").timesteps[-1] >= 768
 
 
 def test_a_cluster_without_the_package_is_refused(tmp_path):

@@ -43,10 +43,15 @@ class OnRay:
         Raises:
             ValueError: something that RLlib's PPO does not have, or robots that cannot be shared out evenly.
             ConnectionError: nothing listens at the address of the cluster.
+            RuntimeError: the cluster does not have this version of the package.
         """
         settings.arguments(config)
         self.where.robots_each(config)
         self.where.reach()
+        if self.where.address is not None:
+            # An earlier run that is to be overwritten is still there.
+            with cluster(self.where):
+                pass
 
     def __call__(self, session: Session) -> None:
         """Learns to the end of the session.
