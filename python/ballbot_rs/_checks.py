@@ -40,7 +40,9 @@ def _whole(name: str, value: int) -> int:
 
 
 def check_reset_options(options: Mapping[str, Any] | None, known: tuple[str, ...]) -> dict[str, Any]:
-    """Reset options as a dict; a ValueError names one that is not known."""
+    """Reset options as a dict; a ValueError names one that is not known, a TypeError says that they are none."""
+    if options is not None and not isinstance(options, Mapping):
+        raise TypeError(f"options is of type {type(options).__name__}, expected a dict")
     options = dict(options or {})
     for name in options:
         if name not in known:
