@@ -242,6 +242,7 @@ def test_no_command_prints_the_help(capsys):
     [
         (["recrod"], "did you mean 'record'?"),
         (["record", "--controler", "lqr"], "unknown option --controler: did you mean '--controller'?"),
+        (["evaluate", "balance", "goal"], "ballbot evaluate: error: unexpected argument: goal"),
         (["evaluate", "balanse"], ": did you mean 'balance'?"),
         (["plot", "pid"], "a controller is named by --controller pid"),
         (["plot", "--figure", "trajectory"], "did you mean 'trajectories'?"),

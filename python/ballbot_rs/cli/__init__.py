@@ -68,7 +68,10 @@ class Parser(argparse.ArgumentParser):
                 break
             if name.startswith("--") and not any(option.startswith(name) for option in known):
                 self.error(f"unknown option {name}{did_you_mean(name, known)}")
-        return super().parse_known_args(given, namespace)
+        found, extra = super().parse_known_args(given, namespace)
+        if is_command and extra:
+            self.error(f"unexpected argument: {' '.join(extra)}")
+        return found, extra
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
