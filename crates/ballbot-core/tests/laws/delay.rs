@@ -138,13 +138,9 @@ pub fn stands(
 fn a_delay_that_is_predicted_costs_less() {
     assert_eq!(STEPS, 10);
     let params = Params::paper();
-    for (name, delay, least) in [
-        ("lqr", 0.03, 21.0),
-        ("lqr", 0.05, 18.0),
-        ("lqr", 0.07, 14.0),
-        ("lqr_pi", 0.05, 17.0),
-        ("lqr_pi", 0.07, 14.0),
-    ] {
+    for (name, delay, least) in
+        [("lqr", 0.03, 21.0), ("lqr", 0.05, 18.0), ("lqr", 0.07, 14.0), ("lqr_pi", 0.05, 17.0), ("lqr_pi", 0.07, 14.0)]
+    {
         let [plain, predicted] = [0.0, delay].map(|known| {
             let holds = |tilt: f64, push: f64| {
                 around(12).all(|way| {
