@@ -201,7 +201,7 @@ CASES = {
     ),
     "options": (lambda: BalanceEnv().reset(options=3), TypeError, "options is of type int, expected a dict"),
     # The core finds the closest name; nothing else is added.
-    "model": (lambda: BalanceEnv(model="contct"), ValueError, r"rigid; did you mean 'contact'\?$"),
+    "model name, alike": (lambda: BalanceEnv(model="contct"), ValueError, r"rigid; did you mean 'contact'\?$"),
     "vec option": (lambda: BalanceVectorEnv(2).reset(options={"mask": 1}), ValueError, "unknown reset option 'mask'"),
     "env name": (lambda: gymnasium.make("ballbot/Walk-v0"), gymnasium.error.NameNotFound, "Walk"),
     "env version": (lambda: gymnasium.make("ballbot/Balance-v9"), gymnasium.error.VersionNotFound, "v9"),
