@@ -196,8 +196,27 @@ def test_train_resume_and_overwrite(capsys, tmp_path, tiny_config):
     (folder / "config.toml").write_text(longer, encoding="utf-8")
     assert run(capsys, "train", "balance", "--resume", folder, "--quiet", "--episodes", 0, "--no-report")[0] == 0
     assert PPO.load(folder / "final_model.zip").num_timesteps == 1024
+    kept = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    refused = {
+        ("velocity", "--resume", folder): f"{folder} is a run of balance, not of velocity",
+        ("--resume", folder, "--timesteps", 700): "timesteps = 700: the run has already done 1024 steps",
+    }
+    for arguments, said in refused.items():
+        code, _, err = run(capsys, "train", *arguments, "--quiet")
+        assert (code, said in err) == (1, True), err
+        assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == kept
     assert run(capsys, *train, "--overwrite")[0] == 0
     assert PPO.load(folder / "final_model.zip").num_timesteps == 768
+
+
+def test_a_run_of_another_task_is_resumed_without_its_name(capsys, tmp_path, tiny_config):
+    config = tiny_config.read_text(encoding="utf-8").replace("Balance", "Velocity")
+    tiny_config.write_text(config, encoding="utf-8")
+    shown = ("--quiet", "--episodes", 0, "--no-report")
+    code, _, err = run(capsys, "train", "velocity", "--config", tiny_config, "--run", tmp_path / "run", *shown)
+    assert code == 0, err
+    code, _, err = run(capsys, "train", "--resume", tmp_path / "run", "--timesteps", 1024, *shown)
+    assert code == 0, err
 
 
 def test_train_compares_on_the_environment_that_was_trained_on(capsys, tmp_path, tiny_config):

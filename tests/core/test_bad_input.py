@@ -18,7 +18,7 @@ from ballbot_rs import (
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
-from ballbot_rs.analysis.episodes import evaluate
+from ballbot_rs.analysis.episodes import compare, evaluate
 from tests.support.names import BALANCE
 
 NAN, INF = float("nan"), float("inf")
@@ -209,6 +209,7 @@ CASES = {
     "evaluate env": (lambda: evaluate("zero", task="x"), ValueError, "unknown task 'x'"),
     "evaluate episodes": (lambda: evaluate("zero", episodes=0), ValueError, "episodes = 0"),
     "evaluate seed": (lambda: evaluate("zero", episodes=1, seed=-1), ValueError, "seed = -1"),
+    "compare name": (lambda: compare("lqr"), TypeError, r"controllers must be a list: \['lqr'\]"),
     "evaluate name": (lambda: evaluate("lpr"), FileNotFoundError, "no policy at lpr: .*did you mean 'lqr'"),
     "evaluate object": (lambda: evaluate(3), TypeError, "3 is no controller"),
     "evaluate option": (

@@ -78,7 +78,10 @@ class PolicyActor:
             TypeError: a setpoint.
         """
         if setpoint is not None:
-            raise TypeError(f'{self._name} is a policy, its setpoint is fixed: env_options={{"setpoint": (x, y)}}')
+            raise TypeError(
+                f"{self._name} is a policy: it takes no setpoint but that of its task, the option 'setpoint' of "
+                "env_options where the task has one"
+            )
         return _limited(self._policy(observations))
 
     def ended(self, mask: npt.NDArray[np.bool_]) -> None:

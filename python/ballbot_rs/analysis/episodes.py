@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -119,12 +120,15 @@ def compare(
         progress: called with the number of steps done and their total.
 
     Raises:
+        TypeError: one name in place of a list of controllers.
         ValueError: an unknown name, a number out of range, a policy for another environment, policies that were
             trained with different options of the environment, or a robot, motors or events that the engine does not
             simulate.
         ModuleNotFoundError: the engine is not installed.
         FileNotFoundError: there is no policy at that path.
     """
+    if isinstance(controllers, str | Path):
+        raise TypeError(f"controllers must be a list: [{str(controllers)!r}]")
     check_episodes(episodes)
     seed = check_seed(seed)
     found = [find(source, task=task, env_options=env_options) for source in controllers]

@@ -75,11 +75,29 @@ def add_to(commands: Any) -> None:
     command.set_defaults(carry_out=run)
 
 
+def _task_of_run(folder: Path, asked: str | None) -> str:
+    """The task that a run trains for, before anything of the run is changed.
+
+    Raises:
+        ValueError: another task is asked for, or the run's configuration is damaged.
+        FileNotFoundError: the folder holds no run.
+    """
+    from ballbot_rs.training import config as config_module
+    from ballbot_rs.training import run_folder
+
+    run_folder.read_record(folder)
+    config = config_module.parse(run_folder.read_config_text(folder), str(folder / run_folder.CONFIG))
+    task = task_of(config.env_id)
+    if asked is not None and asked != task:
+        raise ValueError(f"{folder} is a run of {task}, not of {asked}: leave the task out, or name the run's")
+    return task
+
+
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     with require("training", "train"):
         from ballbot_rs.training import config as config_module
-        from ballbot_rs.training import train
+        from ballbot_rs.training import run_folder, train
     learn = _loop(arguments)
     task = arguments.task or DEFAULT_TASK
     started = time.perf_counter()
@@ -92,6 +110,7 @@ def run(arguments: argparse.Namespace) -> None:
         if arguments.set or scenario.named_options(arguments):
             raise ValueError("--resume continues a run as it was configured: it takes no other values")
         folder = arguments.resume
+        task = _task_of_run(folder, arguments.task)
         policy = _interruptible(
             task,
             folder,
@@ -99,7 +118,7 @@ def run(arguments: argparse.Namespace) -> None:
                 folder, timesteps=arguments.timesteps, progress_bar=progress_bar, tell=_tell, learn=learn
             ),
         )
-        config, _ = config_module.load(task, arguments.resume / "config.toml")
+        config, _ = config_module.load(task, folder / run_folder.CONFIG)
     else:
         config, text = config_module.load(task, arguments.config)
         values = values_of(arguments, task, config.env)

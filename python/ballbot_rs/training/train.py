@@ -170,6 +170,8 @@ def resume(
     torch.set_num_threads(config.torch_threads)
     model = _new_model(config, folder, seed)
     checkpoint = restore_newest(model, folder)
+    if timesteps is not None and timesteps < model.num_timesteps:
+        raise ValueError(f"timesteps = {timesteps}: the run has already done {model.num_timesteps} steps")
     keep_best = _keep_best(config, folder, seed)
     keep_best.remember(past, model.num_timesteps, task_of(config.env_id))
     tell(f"resuming from {checkpoint}")
