@@ -89,6 +89,7 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["train", "--resume", "nowhere", "--model", "rigid"], "it takes no other values"),
         (["view", "--controller", "run.onnx"], "no policy at run.onnx"),
         (["view", "--urdf", "bot.urdf", "ball.urdf"], "bot.urdf"),
+        (["view", "--urdf", "bot.urdf", "ball.urdf", "--robot", "kugle"], "--urdf and --robot exclude each other"),
         (["view", "--events", "soft"], "unknown set of events 'soft': expected one of mild, hard"),
         (["view", "--events", "trained"], "events = 'trained': the controllers have no policy"),
         (["view", "--actuators", "nobody"], "unknown actuators 'nobody': expected one of ideal, kugle"),

@@ -58,3 +58,9 @@ def test_files_that_are_no_policy_are_refused(tiny_run, tmp_path):
     for missing in (tmp_path / "nowhere.zip", tmp_path):
         with pytest.raises(FileNotFoundError, match="no policy at"):
             evaluate(str(missing), episodes=1)
+
+
+def test_a_law_in_python_without_its_name_is_no_policy(tmp_path):
+    (tmp_path / "mine.py").write_text("def law(state): return [0.0, 0.0, 0.0]\n")
+    with pytest.raises(ValueError, match=r"a law in Python is named by FILE.py:NAME"):
+        evaluate(str(tmp_path / "mine.py"), episodes=1)

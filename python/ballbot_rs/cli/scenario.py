@@ -234,6 +234,8 @@ def named_options(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.robot is not None:
         options["params"] = robot_option(arguments.robot)
     if getattr(arguments, "urdf", None) is not None:
+        if arguments.robot is not None:
+            raise ValueError("--urdf and --robot exclude each other: both name a robot")
         options["params"] = Params.from_urdf(*arguments.urdf).to_dict()
     if arguments.actuators is not None:
         options["actuators"] = actuators_option(arguments.actuators)
