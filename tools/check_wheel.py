@@ -49,13 +49,6 @@ for model in ("contact", "rigid", "spatial", "planar"):
     print("digest of 100 steps,", model, bits.hexdigest()[:16])
 """
 
-
-def first_example() -> str:
-    """README's first block of Python."""
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
-    return blocks[0]
-
-
 #: What pip must know of an interpreter to install for it without running in it.
 DESCRIPTION = """
 import json, platform, sys
@@ -64,6 +57,12 @@ print(json.dumps([platform.machine(), *sys.version_info[:2]]))
 
 #: Tags of wheels that serve a Linux with glibc 2.28, newest first.
 GLIBC = ("manylinux_2_28", "manylinux_2_27", "manylinux_2_17", "manylinux2014")
+
+
+def first_example() -> str:
+    """README's first block of Python."""
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+    return blocks[0]
 
 
 def check(python: Sequence[str], path: Path | None = None) -> str:

@@ -21,6 +21,7 @@ from ballbot_rs.envs.registration import DEFAULT_TASK, task_of
 from ballbot_rs.training.on_ray.settings import MAX_WORKERS, Ray
 
 if TYPE_CHECKING:
+    from ballbot_rs.training.config import TrainConfig
     from ballbot_rs.training.train import Learn
 
 #: Most steps of a training; at a hundred thousand a second they take a year.
@@ -75,11 +76,11 @@ def add_to(commands: Any) -> None:
     command.set_defaults(carry_out=run)
 
 
-def _task_of_run(folder: Path, asked: str | None) -> str:
-    """The task that a run trains for, before anything of the run is changed.
+def _config_of_run(folder: Path, asked: str | None) -> "TrainConfig":
+    """The configuration of a run, before anything of the run is changed.
 
     Raises:
-        ValueError: another task is asked for, or the run's configuration is damaged.
+        ValueError: another task is asked for, or the configuration is damaged.
         FileNotFoundError: the folder holds no run.
     """
     from ballbot_rs.training import config as config_module
@@ -90,16 +91,15 @@ def _task_of_run(folder: Path, asked: str | None) -> str:
     task = task_of(config.env_id)
     if asked is not None and asked != task:
         raise ValueError(f"{folder} is a run of {task}, not of {asked}: leave the task out, or name the run's")
-    return task
+    return config
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     with require("training", "train"):
         from ballbot_rs.training import config as config_module
-        from ballbot_rs.training import run_folder, train
+        from ballbot_rs.training import train
     learn = _loop(arguments)
-    task = arguments.task or DEFAULT_TASK
     started = time.perf_counter()
     progress_bar = not (arguments.quiet or arguments.json)
     if arguments.resume is not None:
@@ -110,16 +110,16 @@ def run(arguments: argparse.Namespace) -> None:
         if arguments.set or scenario.named_options(arguments):
             raise ValueError("--resume continues a run as it was configured: it takes no other values")
         folder = arguments.resume
-        task = _task_of_run(folder, arguments.task)
+        config = _config_of_run(folder, arguments.task)
         policy = _interruptible(
-            task,
+            task_of(config.env_id),
             folder,
             lambda: train.resume(
                 folder, timesteps=arguments.timesteps, progress_bar=progress_bar, tell=_tell, learn=learn
             ),
         )
-        config, _ = config_module.load(task, folder / run_folder.CONFIG)
     else:
+        task = arguments.task or DEFAULT_TASK
         config, text = config_module.load(task, arguments.config)
         values = values_of(arguments, task, config.env)
         if arguments.timesteps is not None:

@@ -135,6 +135,8 @@ def find(
     if not path.exists() and path.suffix != ".zip":
         known = f"expected {', '.join(NAMES)} or the path of a policy"
         raise FileNotFoundError(f"no policy at {name}: {known}{did_you_mean(name, NAMES)}")
+    if path.suffix == ".py":
+        raise ValueError(f"{name} is not a policy file: a law in Python is named by FILE.py:NAME")
     with require("a policy file", "train"):
         from ballbot_rs.control import sb3_policy
     given = None if task is None and not env_options else _without_events(env_options or {})[0]

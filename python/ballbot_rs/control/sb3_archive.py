@@ -43,8 +43,6 @@ def read(path: Path) -> dict[str, Any]:
         ValueError: no policy file of Stable-Baselines3, or a damaged one.
     """
     refusal = f"{path} is not a policy file of Stable-Baselines3"
-    if path.suffix == ".py":
-        raise ValueError(f"{refusal}: a law in Python is named by FILE.py:NAME")
     if not zipfile.is_zipfile(path):
         raise ValueError(f"{refusal}: it is no zip file, or it is cut off")
     try:
