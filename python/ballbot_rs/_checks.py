@@ -5,6 +5,8 @@ import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 
 def check_count(name: str, value: int) -> int:
     """The value as an int.
@@ -30,6 +32,17 @@ def check_seed(seed: int) -> int:
     if not 0 <= seed < 2**64:
         raise ValueError(f"seed = {seed} is out of range: it must be from 0 to 2**64 - 1")
     return seed
+
+
+def check_real(name: str, value: float) -> float:
+    """The value as a float.
+
+    Raises:
+        TypeError: it is not a real number.
+    """
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.floating, np.integer)):
+        raise TypeError(f"{name} = {value!r} is not a number")
+    return float(value)
 
 
 def _whole(name: str, value: int) -> int:

@@ -188,6 +188,8 @@ def still(_):
         ("lqr", {"reference": lambda _: 3}, TypeError, "the reference gave 3 at 0 s"),
         ("lqr", {"reference": 3.0}, TypeError, "reference must be a Reference, a function of time or a dict"),
         ("lqr", {"seconds": 0.0}, ValueError, "seconds = 0.0 is out of range"),
+        ("lqr", {"seconds": "1"}, TypeError, "seconds = '1' is not a number"),
+        ("lqr", {"pushes": [bb.Push((1.0, 0.0, 0.0), "1")]}, TypeError, "time of a push = '1' is not a number"),
         ("lqr", {"pushes": [bb.Push((1, 0, 0), 9.0)]}, ValueError, "a push at 9.0 s is out of range"),
         ("lqr", {"pushes": [bb.Push((1, 0), 0.0)]}, ValueError, r"a push has \(1, 0\): expected three finite"),
         ("lqr", {"pushes": [bb.Push((1, 0, 0), 0.0, -1.0)]}, ValueError, "a push has duration = -1.0"),

@@ -299,7 +299,7 @@ def test_a_replay_shows_what_was_asked():
         ("balance", lambda s: s.drive(1.0, 0.0, 0.0), "the task balance is not driven"),
         ("velocity", lambda s: s.drive(1.01, 0.0, 0.0), "forward = 1.01 is out of range: expected -1 to 1"),
         ("velocity", lambda s: s.drive(0.0, math.nan, 0.0), "left = nan is out of range"),
-        ("velocity", lambda s: s.drive(0.0, 0.0, "1"), "turn = '1': expected a number"),
+        ("velocity", lambda s: s.drive(0.0, 0.0, "1"), "turn = '1' is not a number"),
         ("velocity", lambda s: s.move_setpoint(1.0, 0.0), "a click is no command of the task velocity"),
         ("goal", lambda s: s.move_setpoint(math.inf, 0.0), "x = inf is out of range"),
         ("push", lambda s: s.draw_commands(), "the task push has no commands"),

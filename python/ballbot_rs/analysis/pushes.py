@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._checks import check_real
 from ballbot_rs._errors import InvalidInputError
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -70,19 +71,21 @@ def check(pushes: Sequence[Push], forces: Sequence[Force], seconds: float) -> No
         if not isinstance(push, Push):
             raise TypeError(f"push must be a Push, not {type(push).__name__}")
         _check_vectors("a push", push.impulse, push.point)
-        if not 0.0 <= push.time < seconds:
+        time, duration = check_real("time of a push", push.time), check_real("duration of a push", push.duration)
+        if not 0.0 <= time < seconds:
             limits = f"it must be from 0 to before the end, {seconds} s"
-            raise InvalidInputError(f"a push at {push.time} s is out of range: {limits}")
-        if not 0.0 <= push.duration < math.inf:
-            raise InvalidInputError(f"a push has duration = {push.duration}: it must be at least 0 and finite")
+            raise InvalidInputError(f"a push at {time} s is out of range: {limits}")
+        if not 0.0 <= duration < math.inf:
+            raise InvalidInputError(f"a push has duration = {duration}: it must be at least 0 and finite")
     for force in forces:
         if not isinstance(force, Force):
             raise TypeError(f"force must be a Force, not {type(force).__name__}")
         _check_vectors("a force", force.force, force.point)
-        end = seconds if force.end is None else force.end
-        if not 0.0 <= force.begin < min(end, seconds):
+        begin = check_real("begin of a force", force.begin)
+        end = seconds if force.end is None else check_real("end of a force", force.end)
+        if not 0.0 <= begin < min(end, seconds):
             limits = f"it must be from 0 to before its end, {min(end, seconds)} s"
-            raise InvalidInputError(f"a force begins at {force.begin} s: {limits}")
+            raise InvalidInputError(f"a force begins at {begin} s: {limits}")
 
 
 def _check_vectors(what: str, vector: Any, point: Any) -> None:

@@ -1,6 +1,7 @@
 """Closed loops of controllers on batches: the one place where robots are stepped for analysis."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from typing import Any, Final
 
@@ -8,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Ballbot, Batch, Contacts, Controller, State
-from ballbot_rs._errors import DivergedError
+from ballbot_rs._errors import DivergedError, InvalidInputError
 from ballbot_rs.analysis.actors import Actor, core_law, make_actor, observes_estimates
 from ballbot_rs.analysis.pushes import Impulse
 from ballbot_rs.control.resolve import ResolvedController
@@ -21,6 +22,9 @@ WITHOUT_FLOOR: Final = ("planar", "spatial")
 
 #: Control steps that are kept in memory at once.
 CHUNK: Final = 50
+
+#: By how much of a time step a controller's own may differ from a multiple.
+ROUNDING: Final = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,9 +68,13 @@ def batch_for(
     """Robots, sampled at the rate of the controller unless the options name one.
 
     Among the options may be some that were not asked for but taken over from a policy: a `control_dt` that is not in
-    `given` (None: all are) is no rate for a controller with its own.
+    `given` (None: all are) is no rate for a controller with its own. A time step that was not asked for is shortened to a
+    whole part of that controller's.
 
     A feedback law has a limit of torques of its own; unless the options name one, that of the motors is the batch's.
+
+    Raises:
+        ValueError: options out of range, or a time step that was asked for and does not divide the controller's.
     """
     if controller.policy is None and options.get("max_wheel_torque") is None:
         params = new_batch(1, task=task, num_threads=1, options=options).nominal_params(0)
@@ -79,11 +87,19 @@ def batch_for(
     if controller.control_dt is None or ("control_dt" in options and "control_dt" in asked_for):
         return batch(options)
     usual = new_batch(1, task=task, num_threads=1, options=options)
-    control_dt = max(round(controller.control_dt / usual.sim_dt), 1) * usual.sim_dt
+    control_dt, sim_dt = controller.control_dt, usual.sim_dt
+    substeps = math.ceil(control_dt / sim_dt - ROUNDING)
+    if abs(control_dt / sim_dt - substeps) > ROUNDING:
+        if "sim_dt" in options and "sim_dt" in asked_for:
+            raise InvalidInputError(
+                f"{controller.name} has control_dt = {control_dt:g} s, which is no multiple of sim_dt = {sim_dt:g} s: "
+                "leave out sim_dt, or name a control_dt"
+            )
+        sim_dt = control_dt / substeps
     steps = options.get("max_episode_steps", usual.max_episode_steps)
     # The episodes last as long as at the task's own rate.
-    steps = None if steps is None else round(steps * usual.control_dt / control_dt)
-    return batch({**options, "control_dt": control_dt, "max_episode_steps": steps})
+    steps = None if steps is None else max(round(steps * usual.control_dt / control_dt), 1)
+    return batch({**options, "control_dt": control_dt, "sim_dt": sim_dt, "max_episode_steps": steps})
 
 
 def rollout(

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import check_seed
+from ballbot_rs._checks import check_real, check_seed
 from ballbot_rs._core import Batch, Params, Reference, State
 from ballbot_rs.analysis import pushes as impulses_of
 from ballbot_rs.analysis.drawn_pushes import drawn_pushes
@@ -195,6 +195,7 @@ def _seconds(seconds: float | None, reference: Target | None) -> float:
     if seconds is None:
         duration = reference.duration if isinstance(reference, Reference) else None
         seconds = duration or SECONDS
+    seconds = check_real("seconds", seconds)
     if not 0.0 < seconds <= 3600.0:
         raise ValueError(f"seconds = {seconds} is out of range: it must be above 0 and at most 3600")
     return seconds
