@@ -41,6 +41,7 @@ __all__ = [
     "State",
     "Terrain",
     "__version__",
+    "_contacts_of",
     "_terrain_of",
     "estimator_constants",
     "load_actuators",
@@ -526,6 +527,7 @@ class Contacts:
         """Share of the dynamic friction limit in use, three wheels and floor, shape (4,). Models without slip are valid up
         to 1.
         """
+    def __reduce__(self) -> tuple[Any, tuple[Params, _Array, bool, tuple[int, int]]]: ...
     def _repr_html_(self) -> str: ...
 
 @final
@@ -817,6 +819,11 @@ def estimator_constants(
 
 def terrain_kinds() -> dict[str, dict[str, dict[str, Any]]]:
     """Kinds of terrains by name: a dict of what `Terrain.generate` takes, each with `default`, `unit`, `limit` and `doc`."""
+
+def _contacts_of(params: Params, numbers: npt.ArrayLike, bot_on_floor: bool, steps: tuple[int, int]) -> Contacts:
+    """Contacts of a robot from what pickle kept: loads, tractions and slip speeds of the wheels, force and slip velocity of
+    the floor, shape (14,), whether the bot touches the floor, and the counts of searched and unsolved steps.
+    """
 
 def _terrain_of(source: Mapping[str, Any] | npt.ArrayLike, nodes: tuple[int, int] = ..., cell: float = 0.0) -> Terrain:
     """The terrain of a recipe, or of the coefficients of its surface with the nodes along x and y and their distance, m."""
@@ -1164,6 +1171,8 @@ class Reference:
         """Largest share of the friction limit, the load or the torque of a wheel that the motion takes."""
     def slowdown(self, friction: float = 1.0) -> float | None:
         """The least factor by which the motion must be slowed down for its demand to be `friction`; None if none below 1000 does."""
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        """Calls the method that made it. What it takes of the robot was checked then."""
 
 @final
 class Batch:

@@ -1,5 +1,8 @@
 """One robot along a reference, under pushes and forces."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -255,3 +258,50 @@ def test_pushes_of_a_task_are_found():
     (push, *_) = bb.simulate("lqr", task="push", seconds=6.0, seed=1).drawn_pushes
     assert 2.0 <= push.time <= 5.0
     assert bb.simulate("lqr", seconds=1.0).drawn_pushes == ()
+
+
+def test_a_trajectory_crosses_between_processes():
+    done = bb.simulate("lqr", seconds=0.3, reference=CIRCLE, pushes=[bb.Push((0.3, 0.0, 0.0), 0.1)])
+    again = pickle.loads(pickle.dumps(done))
+    assert repr(again) == repr(done)
+    for name, column in done.columns().items():
+        np.testing.assert_array_equal(again.columns()[name], column, err_msg=name)
+    assert again.metrics() == done.metrics()
+
+
+MOTIONS = [
+    bb.Reference.hold((0.1, -0.2), yaw=0.3, yaw_rate=0.5),
+    bb.Reference.line((1.0, 0.5), 4.0, (0.2, 0.1), params="kugle"),
+    bb.Reference.path([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)], [0.0, 3.0, 6.0]),
+    bb.Reference.stops([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)], [0.0, 3.0, 6.0]),
+    bb.Reference.square(0.5, 3.0),
+    bb.Reference.velocities([(0.3, 0.0), (0.0, 0.0)], [0.0, 4.0], 2.0),
+    bb.Reference.circle(0.5, 6.0),
+    bb.Reference.lemniscate(0.5, 12.0, 6.0),
+    bb.Reference.attitude(0.05, 0.5),
+    # More than the robot has, which was allowed.
+    bb.Reference.circle(2.0, 1.0, friction=None),
+]
+
+
+@pytest.mark.parametrize("motion", MOTIONS, ids=repr)
+def test_a_motion_crosses_between_processes(motion):
+    times = np.linspace(0.0, 15.0, 31)
+    for again in (pickle.loads(pickle.dumps(motion)), copy.deepcopy(motion)):
+        assert repr(again) == repr(motion)
+        assert again.demand == motion.demand
+        for part, values in motion.sample(times).items():
+            np.testing.assert_array_equal(again.sample(times)[part], values, err_msg=part)
+
+
+def test_the_setpoints_are_what_the_task_asks_for():
+    """They were the origin, and the goal a position error of the whole way."""
+    done = bb.simulate("lqr", task="goal", seconds=6.0, seed=3)
+    goal = done.setpoints["position"][-1]
+    assert np.linalg.norm(goal) > 1.0
+    np.testing.assert_allclose(done.states[-1].ball_position[:2], goal, atol=0.005)
+    assert done.metrics().position_error_final < 0.005
+    assert done.metrics().position_error_max > 1.0
+    fallen = bb.simulate("zero", task="path", seconds=3.0, tilt=(0.1, 0.0))
+    assert fallen.fell_at is not None
+    assert len(fallen.setpoints["velocity"]) == len(fallen.times)

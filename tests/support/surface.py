@@ -43,6 +43,7 @@ LEFT_OUT = {
     "Robots": "what tasks in Python get; made by the package alone",
     "read_terrain": "reads files; tests/media has its bad input",
     "write_terrain": "writes files; tests/media has its bad input",
+    "_contacts_of": "what pickle calls",
     "_terrain_of": "what pickle calls",
     "register": "changes what is registered; tests/envs has its bad input",
     **{f"{name}VectorEnv": f"as {name}Env" for name in ("Velocity", "Goal", "Path", "Push", "Terrain", "OpenBallBot")},

@@ -12,7 +12,7 @@ from stable_baselines3 import PPO
 from ballbot_rs import BallbotVecEnv, __version__
 from ballbot_rs.analysis.episodes import evaluate
 from ballbot_rs.control.sb3_policy import METADATA, find_file, load
-from ballbot_rs.training import config, train
+from ballbot_rs.training import config, run_folder, train
 from tests.support.names import BALANCE
 from tests.support.tiny_config import TINY_CONFIG
 
@@ -216,6 +216,20 @@ class TestResume:
         run = shutil.copytree(tiny_run, tmp_path / "run")
         assert train.resume(run, progress_bar=False) == run / "best_model.zip"
         assert PPO.load(run / "final_model.zip").num_timesteps == 768
+
+    def test_two_processes_do_not_train_in_one_folder(self, tiny_run, tmp_path):
+        run = tmp_path / "run"
+        shutil.copytree(tiny_run, run)
+        before = {path: path.read_bytes() for path in run.rglob("*") if path.is_file()}
+        parsed = config.parse(TINY_CONFIG, "tiny")
+        with run_folder.held(run):
+            with pytest.raises(ValueError, match="run: another process is training there"):
+                train.resume(run, timesteps=5000, progress_bar=False)
+            with pytest.raises(ValueError, match="run: another process is training there"):
+                train.train(parsed, TINY_CONFIG, run, overwrite=True, progress_bar=False)
+        assert {path: path.read_bytes() for path in run.rglob("*") if path.is_file()} == before
+        # The folder is free again.
+        train.train(parsed, TINY_CONFIG, run, seed=6, overwrite=True, progress_bar=False)
 
     def test_what_cannot_be_resumed(self, interrupted, tmp_path):
         with pytest.raises(FileNotFoundError, match="holds no training run"):

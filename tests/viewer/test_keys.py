@@ -36,6 +36,14 @@ def up(page, code):
 
 
 @pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
+def stays(viewer, eye):
+    """Whether a camera has been at a place for a second; the place is overwritten by that of now."""
+    before = eye.copy()
+    time.sleep(1.0)
+    eye[:] = viewer.camera.position
+    return (eye == before).all()
+
+
 def test_keys_and_sticks_drive_in_a_browser(tmp_path):
     # Nothing is drawn: what moves, moves by hand.
     session = Session(task="velocity", task_options={"standing": 1.0})
@@ -62,6 +70,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         # It is put before the robot once the page is there.
         wait_until(lambda: viewer.camera.position[0] < 0.0)
         eye = np.array(viewer.camera.position)
+        wait_until(lambda: stays(viewer, eye))
 
         # A key drives while it is down, two together go across, and opposite ones cancel.
         down(page, "KeyW")

@@ -64,6 +64,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<render::PyRenderer>()?;
     module.add_function(wrap_pyfunction!(terrain::terrain_kinds, module)?)?;
     module.add_function(wrap_pyfunction!(terrain::_terrain_of, module)?)?;
+    module.add_function(wrap_pyfunction!(state::_contacts_of, module)?)?;
     module.add_function(wrap_pyfunction!(actuators::load_actuators, module)?)?;
     module.add_function(wrap_pyfunction!(sensors::load_sensors, module)?)?;
     module.add_function(wrap_pyfunction!(sensors::estimator_constants, module)?)?;

@@ -4,13 +4,14 @@ use crate::control::PyController;
 use crate::convert::{array, elements, finite_elements, matrix};
 use crate::errors::{call, to_python};
 use crate::numbers::{optional_real, real};
-use crate::params::or_paper;
-use ballbot_core::Result;
+use crate::params::{PyParams, or_paper};
 use ballbot_core::control::{Controller, MOTION_PARTS, Motion, Reference, Setpoint, Turning};
+use ballbot_core::{Params, Result};
 use nalgebra::DMatrix;
+use numpy::PyArray2;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PySequence};
+use pyo3::types::{PyDict, PySequence, PyTuple};
 
 type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 
@@ -30,6 +31,7 @@ type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 #[pyclass(name = "Reference", module = "ballbot_rs", frozen)]
 pub(crate) struct PyReference {
     kind: &'static str,
+    params: Params,
     reference: Reference,
 }
 
@@ -46,7 +48,7 @@ fn common(yaw: f64, yaw_rate: f64, friction: Option<f64>) -> Common {
 fn new(kind: &'static str, params: Argument<'_, '_>, motion: Motion, common: &Common) -> PyResult<PyReference> {
     let params = or_paper(params)?;
     let reference = call(|| Reference::new(&params, motion, common.turning, common.friction))?;
-    Ok(PyReference { kind, reference })
+    Ok(PyReference { kind, params, reference })
 }
 
 /// Rows of x and y.
@@ -257,6 +259,38 @@ impl PyReference {
     #[pyo3(signature = (friction=1.0))]
     fn slowdown(&self, py: Python<'_>, #[pyo3(from_py_with = real)] friction: f64) -> PyResult<Option<f64>> {
         py.detach(|| self.reference.slowdown(friction)).map_err(to_python)
+    }
+
+    /// Calls the method that made it. What it takes of the robot was checked then.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, this) = (slf.py(), slf.get());
+        let rows = |rows: &[[f64; 2]]| PyArray2::from_owned_array(py, rows.to_vec().into()).into_any();
+        let row = |values: &[f64]| array(py, values).into_any();
+        let numbers = |values: &[f64]| PyTuple::new(py, values);
+        let arguments = match (this.kind, this.reference.motion()) {
+            (_, Motion::Hold { position }) => PyTuple::new(py, [row(position)])?,
+            ("line", Motion::Path { points, times }) => {
+                (row(&points[1]), times[1], row(&points[0])).into_pyobject(py)?
+            }
+            ("square", Motion::Stops { points, times }) => numbers(&[points[1][0], times[1]])?,
+            (_, Motion::Path { points, times } | Motion::Stops { points, times }) => {
+                PyTuple::new(py, [rows(points), row(times)])?
+            }
+            (_, Motion::Velocities { velocities, times, change }) => {
+                (rows(velocities), row(times), change).into_pyobject(py)?
+            }
+            (_, Motion::Circle { radius, period, start }) => numbers(&[*radius, *period, *start])?,
+            (_, Motion::Lemniscate { size, period, start }) => numbers(&[*size, *period, *start])?,
+            (_, Motion::Attitude { lean, frequency, start }) => numbers(&[*lean, *frequency, *start])?,
+        };
+        let common = PyDict::new(py);
+        let Turning { yaw, rate, .. } = this.reference.turning();
+        common.set_item("params", PyParams(this.params.clone()))?;
+        common.set_item("yaw", yaw)?;
+        common.set_item("yaw_rate", rate)?;
+        common.set_item("friction", py.None())?;
+        let partial = py.import("functools")?.getattr("partial")?;
+        Ok((partial.call((slf.get_type().getattr(this.kind)?,), Some(&common))?, arguments))
     }
 
     fn __repr__(&self) -> String {

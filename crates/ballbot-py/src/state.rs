@@ -280,6 +280,34 @@ fn tilted(
     })
 }
 
+/// What pickle keeps of contacts: the arguments of [`_contacts_of`].
+type Pickled<'py> = (PyParams, Array<'py>, bool, (u64, u64));
+
+/// Contacts of a robot from what pickle kept: loads, tractions and slip speeds of the wheels, force and slip velocity of
+/// the floor, shape (14,), whether the bot touches the floor, and the counts of searched and unsolved steps.
+#[pyfunction]
+pub(crate) fn _contacts_of(
+    params: &PyParams,
+    numbers: &Bound<'_, PyAny>,
+    bot_on_floor: bool,
+    steps: (u64, u64),
+) -> PyResult<PyContacts> {
+    let n = crate::convert::numbers::<14>("numbers", numbers)?;
+    let wheels = |first: usize| [n[first], n[first + 1], n[first + 2]];
+    let contacts = Contacts {
+        wheel_normal_forces: wheels(0),
+        wheel_tractions: wheels(3),
+        wheel_slip_speeds: wheels(6),
+        floor_force: wheels(9).into(),
+        floor_slip_velocity: [n[12], n[13]].into(),
+        bot_on_floor,
+        searched_steps: steps.0,
+        unsolved_steps: steps.1,
+    };
+    contacts.validate().map_err(to_python)?;
+    Ok(PyContacts { contacts, params: params.0.clone() })
+}
+
 /// Contact forces during the last step. Attributes are fresh float64 arrays.
 #[pyclass(name = "Contacts", module = "ballbot_rs", frozen)]
 pub(crate) struct PyContacts {
@@ -343,6 +371,15 @@ impl PyContacts {
     #[getter]
     fn friction_utilization<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.contacts.friction_utilization(&self.params))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
+        let c = &self.contacts;
+        let wheels = [c.wheel_normal_forces, c.wheel_tractions, c.wheel_slip_speeds].concat();
+        let floor = [c.floor_force.as_slice(), c.floor_slip_velocity.as_slice()].concat();
+        let steps = (c.searched_steps, c.unsolved_steps);
+        let restore = py.import("ballbot_rs._core")?.getattr("_contacts_of")?;
+        Ok((restore, (PyParams(self.params.clone()), array(py, &[wheels, floor].concat()), c.bot_on_floor, steps)))
     }
 
     fn __repr__(&self) -> String {

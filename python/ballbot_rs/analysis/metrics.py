@@ -20,7 +20,7 @@ class Metrics:
     #: Tilt from the equilibrium, rad.
     tilt_rms: float
     tilt_max: float
-    #: Horizontal distance of the ball from the setpoint, m, which is not what a task commands (`Trajectory.commands`).
+    #: Horizontal distance of the ball from the position of the setpoint, m.
     position_error_rms: float
     position_error_max: float
     position_error_final: float

@@ -68,8 +68,8 @@ def batch_for(
     """Robots, sampled at the rate of the controller unless the options name one.
 
     Among the options may be some that were not asked for but taken over from a policy: a `control_dt` that is not in
-    `given` (None: all are) is no rate for a controller with its own. A time step that was not asked for is shortened to a
-    whole part of that controller's.
+    `given` (None: all are) is no rate for a controller with its own. A time step that was not asked for is shortened to
+    a whole part of that controller's.
 
     A feedback law has a limit of torques of its own; unless the options name one, that of the motors is the batch's.
 
@@ -172,6 +172,8 @@ class Run:
     estimates: Sequence[State]
     #: Command of the task at each row up to a fall, shape (m, k).
     commands: Array
+    #: Setpoint of the task at each row, by part; that of the last one stays after a fall.
+    setpoints: Sequence[Mapping[str, Any]]
     #: Row at which the task counted the robot as fallen and its motors were switched off.
     fell_at: int | None
 
@@ -200,31 +202,44 @@ def run_one(
     act = make_actor(controller, batch)
     observations = batch.reset(seeds=[seed], starts=[start])
     states, contacts, draws = [batch.state(0)], [batch.contacts(0)], [batch.draws(0)]
-    estimates = _estimates(batch)
-    commands = [_command(batch)]
+    estimates, commands, setpoints = _estimates(batch), [_command(batch)], [batch.setpoint(0)]
     torques: list[Array] = []
+    fell_at = None
     for step in range(steps):
         action = act(observations, None if setpoint is None else setpoint(step))
         for impulse, point in pushes.get(step, ()):
             batch.push(0, impulse, point)
         observations, _, terminated, truncated = batch.step(action)
         if batch.ending(0)[1] == "diverged":
-            return Run(states, contacts, np.array(torques).reshape(-1, 3), draws, estimates, np.array(commands), step)
+            fell_at = step
+            break
         torques.append(action[0].astype(float) * batch.max_wheel_torque)
         states.append(batch.state(0))
         contacts.append(batch.contacts(0))
         draws.append(batch.draws(0))
         estimates += _estimates(batch)
         commands.append(_command(batch))
+        setpoints.append(batch.setpoint(0))
         if terminated[0]:
+            fell_at = step + 1
             _lie(batch, states, contacts, torques, steps, pushes)
-            # No event fires on the robot that lies.
+            # No event fires on the robot that lies, and no task asks it for anything else.
             draws += [draws[-1]] * (len(states) - len(draws))
-            return Run(states, contacts, np.array(torques), draws, estimates, np.array(commands), step + 1)
+            setpoints += [setpoints[-1]] * (len(states) - len(setpoints))
+            break
         if truncated[0]:
             # The end of the ground, or of a task that has a last step of its own.
             break
-    return Run(states, contacts, np.array(torques), draws, estimates, np.array(commands), None)
+    return Run(
+        states=states,
+        contacts=contacts,
+        torques=np.array(torques).reshape(-1, 3),
+        draws=draws,
+        estimates=estimates,
+        commands=np.array(commands),
+        setpoints=setpoints,
+        fell_at=fell_at,
+    )
 
 
 def _estimates(batch: Batch) -> list[State]:

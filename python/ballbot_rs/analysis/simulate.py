@@ -136,7 +136,7 @@ def simulate(
         draws=draws,
         estimates=done.estimates,
         fell_at=None if done.fell_at is None else done.fell_at * batch.control_dt,
-        setpoints=_setpoints(batch, target, times),
+        setpoints=_setpoints(done.setpoints if target is None else [target(float(time)) for time in times]),
         terrain=batch.terrain,
         pushes=tuple(pushes),
         forces=tuple(forces),
@@ -242,16 +242,10 @@ def _start(
     return batch.on_ground(state)
 
 
-def _setpoints(
-    batch: Batch, target: Callable[[float], Mapping[str, Any]] | None, times: npt.NDArray[np.float64]
-) -> dict[str, npt.NDArray[np.float64]]:
+def _setpoints(rows: Sequence[Mapping[str, Any]]) -> dict[str, npt.NDArray[np.float64]]:
     """Parts of the setpoint at all rows; the position is always among them."""
-    own = np.tile(np.asarray(batch.options.get("setpoint", (0.0, 0.0)), dtype=np.float64), (len(times), 1))
-    if target is None:
-        return {"position": own}
-    rows = [target(float(time)) for time in times]
     names = dict.fromkeys(part for row in rows for part in row)
     # A part that is not named is zero.
     zeros = {part: np.zeros(np.shape(next(row[part] for row in rows if part in row))) for part in names}
     parts = {part: np.array([row.get(part, zeros[part]) for row in rows]) for part in names}
-    return {"position": np.zeros_like(own), **parts}
+    return {"position": np.zeros((len(rows), 2)), **parts}

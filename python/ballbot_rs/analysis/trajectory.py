@@ -43,7 +43,7 @@ class Trajectory:
     estimates: Sequence[State]
     #: Time at which the robot counted as fallen and its motors were switched off, s; None if it never did.
     fell_at: float | None
-    #: What was to be followed, by part, shape (n, 2) or (n,); without a reference the position of the task.
+    #: What was to be followed, by part, shape (n, 2) or (n,); without a reference what the task asked of a law.
     setpoints: Mapping[str, Array]
     #: The ground; None is level.
     terrain: Terrain | None = None

@@ -1,10 +1,11 @@
 """The files of a training run: where they are, and reading them. Needs neither torch nor Stable-Baselines3."""
 
+import contextlib
 import dataclasses
 import io
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ EVALUATIONS = "evaluations.npz"
 BEST = "best_model.zip"
 FINAL = "final_model.zip"
 CHECKPOINTS = "checkpoints"
+#: Held by the process that trains.
+LOCK = ".lock"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,6 +64,30 @@ class Evaluations:
             successes=self.successes.astype(bool),
         )
         _files.write(folder / EVALUATIONS, content.getvalue())
+
+
+@contextlib.contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """A context in which no other process trains in a folder, which is made if need be.
+
+    The lock ends with the process, however that ends; its file stays.
+
+    Raises:
+        ValueError: another process trains there.
+        OSError: the folder cannot be written.
+    """
+    import filelock
+
+    folder.mkdir(parents=True, exist_ok=True)
+    lock = filelock.FileLock(folder / LOCK)
+    try:
+        lock.acquire(blocking=False)
+    except filelock.Timeout:
+        raise ValueError(f"{folder}: another process is training there") from None
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def read_record(folder: Path) -> dict[str, Any]:

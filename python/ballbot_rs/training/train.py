@@ -97,7 +97,8 @@ def train(
 
     Raises:
         FileExistsError: the folder holds an earlier run.
-        ValueError: the configuration does not fit the environment or the algorithm.
+        ValueError: the configuration does not fit the environment or the algorithm, or another process trains in the
+            folder.
         OSError: a file cannot be written.
     """
     if not 0 <= seed < 2**32:
@@ -110,17 +111,20 @@ def train(
     model = _new_model(config, folder, seed)
     if config.teacher is not None:
         teacher.law_of(model, config.teacher)
-    _empty(folder)
-    # The record comes first: a folder with it is a run, which may be overwritten.
-    _write_record(folder, seed)
-    _files.write(folder / run_folder.CONFIG, text)
-    keep_best = _keep_best(config, folder, seed, stops)
-    if config.teacher is not None:
-        teacher.fit(model, config.teacher, seed, tell)
-        # From here a run can be resumed, and the fitted policy may stay the best one.
-        Checkpoints(folder, 1).keep(model)
-        keep_best.evaluate(model)
-    return _learn(_session(model, config, folder, seed, keep_best, progress_bar), folder, learn)
+    with run_folder.held(folder):
+        # Another process may have begun a run meanwhile.
+        check_folder(folder, overwrite)
+        _empty(folder)
+        # The record comes first: a folder with it is a run, which may be overwritten.
+        _write_record(folder, seed)
+        _files.write(folder / run_folder.CONFIG, text)
+        keep_best = _keep_best(config, folder, seed, stops)
+        if config.teacher is not None:
+            teacher.fit(model, config.teacher, seed, tell)
+            # From here a run can be resumed, and the fitted policy may stay the best one.
+            Checkpoints(folder, 1).keep(model)
+            keep_best.evaluate(model)
+        return _learn(_session(model, config, folder, seed, keep_best, progress_bar), folder, learn)
 
 
 def resume(
@@ -146,10 +150,18 @@ def resume(
 
     Raises:
         FileNotFoundError: the folder holds no run, or one without a checkpoint.
-        ValueError: a file of the run is damaged, which the message names; no checkpoint can be read; or a run of SAC,
-            whose replay buffer is not kept.
+        ValueError: a file of the run is damaged, which the message names; no checkpoint can be read; another process
+            trains in the folder; or a run of SAC, whose replay buffer is not kept.
         OSError: a file cannot be read or written.
     """
+    run_folder.read_record(folder)
+    with run_folder.held(folder):
+        return _resume(folder, timesteps, progress_bar, tell, learn)
+
+
+def _resume(
+    folder: Path, timesteps: int | None, progress_bar: bool, tell: Callable[[str], None], learn: Learn | None
+) -> Path:
     seed = run_folder.read_record(folder)["seed"]
     text = run_folder.read_config_text(folder)
     source = str(folder / run_folder.CONFIG)
@@ -193,7 +205,7 @@ def check_folder(folder: Path, overwrite: bool) -> None:
         FileExistsError: it holds an earlier run that is not to be overwritten, or other files.
         OSError: it cannot be read.
     """
-    if not folder.exists() or not any(folder.iterdir()):
+    if not folder.exists() or all(path.name == run_folder.LOCK for path in folder.iterdir()):
         return
     if not (folder / run_folder.RECORD).is_file():
         raise FileExistsError(
@@ -208,12 +220,10 @@ def check_folder(folder: Path, overwrite: bool) -> None:
 
 def _empty(folder: Path) -> None:
     """Deletes what an earlier run left, its record last: until then the folder is a run that may be overwritten."""
-    if not folder.exists():
-        return
     for path in folder.iterdir():
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path)
-        elif path.name != run_folder.RECORD:
+        elif path.name not in (run_folder.RECORD, run_folder.LOCK):
             path.unlink()
 
 

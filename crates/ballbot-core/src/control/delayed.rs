@@ -103,13 +103,25 @@ impl<const N: usize> Delayed<N> {
         predicted
     }
 
-    /// The torques that act in this sample, of which these were asked for now.
+    /// The torques that act in this sample. `asked` for now are kept until they act, as deviations from those of the
+    /// setpoint's motion then.
     #[inline(always)]
-    pub(super) fn acting<L: Lane>(&self, torques: [L; 3], memory: &Memory<'_, L>) -> [L; 3] {
-        if self.driven.is_empty() { torques } else { memory.get3(0) }
+    pub(super) fn acting<L: Lane>(
+        &self,
+        asked: [L; 3],
+        motion_then: [L; 3],
+        motion_now: [L; 3],
+        memory: &mut Memory<'_, L>,
+    ) -> [L; 3] {
+        if self.driven.is_empty() {
+            return asked;
+        }
+        let before = memory.get3(0);
+        self.keep(std::array::from_fn(|wheel| asked[wheel] - motion_then[wheel]), memory);
+        std::array::from_fn(|wheel| motion_now[wheel] + before[wheel])
     }
 
-    /// Keeps the torques of this sample.
+    /// Keeps the torques of this sample, deviations from those of the setpoint's motion.
     #[inline(always)]
     pub(super) fn keep<L: Lane>(&self, torques: [L; 3], memory: &mut Memory<'_, L>) {
         let Some(last) = self.driven.len().checked_sub(1) else { return };

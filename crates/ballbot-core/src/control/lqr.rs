@@ -278,26 +278,22 @@ impl Law for Lqr {
         let Deviation { x, forward, pose } = equilibrium.deviation(deviation);
         let mut x = self.delayed.state(x, memory);
         self.outer.clip(&mut x);
-        let acting = self.tracking.planes.wheel_torques(forward, x[0].zero());
-        let reference = match delays {
-            0 => acting,
+        let motion_now = self.tracking.planes.wheel_torques(forward, x[0].zero());
+        let motion_then = match delays {
+            0 => motion_now,
             // A torque acts on the motion as it is after the delay.
             _ => {
                 let later = self.tracking.forward_after(&pose.heading, setpoint, self.delayed.seconds());
                 self.tracking.planes.wheel_torques(equilibrium.forward(later), x[0].zero())
             }
         };
-        let mut wanted = reference;
+        let mut wanted = motion_then;
         for (row, torque) in self.gain.iter().zip(&mut wanted) {
             *torque += product(row, &x);
         }
         let Limited { torques, share, .. } = self.limits.apply_at(wanted, state, &pose, largest);
-        let [a, b, c] = torques;
-        let added = [a - reference[0], b - reference[1], c - reference[2]];
-        let [a, b, c] = self.delayed.acting(added, memory);
-        let acting = [acting[0] + a, acting[1] + b, acting[2] + c];
+        let acting = self.delayed.acting(torques, motion_then, motion_now, memory);
         self.observer.predict(state, &pose, acting, share, &mut memory.after(delays));
-        self.delayed.keep(added, memory);
         torques
     }
 }

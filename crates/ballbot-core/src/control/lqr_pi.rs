@@ -265,16 +265,8 @@ impl Law for LqrPi {
             let next = error.mul_add_all(self.sampling.control_dt, integral);
             memory.set(axis, L::select(held, integral, next));
         }
-        let mut acting = limited.torques;
-        if delays > 0 {
-            let mut queue = memory.after(Self::MEMORY);
-            let reference = planes.wheel_torques(forward_then, zero);
-            let added = std::array::from_fn(|wheel| limited.torques[wheel] - reference[wheel]);
-            let before = self.delayed.acting(added, &queue);
-            let reference = planes.wheel_torques(forward, zero);
-            acting = std::array::from_fn(|wheel| reference[wheel] + before[wheel]);
-            self.delayed.keep(added, &mut queue);
-        }
+        let [motion_then, motion_now] = [forward_then, forward].map(|forward| planes.wheel_torques(forward, zero));
+        let acting = self.delayed.acting(limited.torques, motion_then, motion_now, &mut memory.after(Self::MEMORY));
         self.observer.predict(state, &pose, acting, limited.share, &mut memory.after(observed));
         limited.torques
     }

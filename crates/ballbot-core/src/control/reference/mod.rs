@@ -93,6 +93,16 @@ impl Reference {
         }
     }
 
+    /// The motion that it was made of.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
+    /// The heading during it.
+    pub fn turning(&self) -> Turning {
+        self.turning
+    }
+
     /// When the motion ends, s; `None` if it does not.
     pub fn duration(&self) -> Option<f64> {
         self.motion.duration()
