@@ -1,5 +1,7 @@
 """`--set`: parts of options, and what they are laid over."""
 
+import pytest
+
 from ballbot_rs import Params, _toml
 from tests.support.in_process import parse_json, run
 
@@ -75,3 +77,19 @@ def test_instruments_have_parts(capsys):
     code, _, err = run(capsys, "evaluate", "--episodes", 1, "--set", "scan.point=[3, 3]")
     assert code == 1
     assert "did you mean 'points'?" in err
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("params.body_mass=nan", "body_mass = NaN is out of range"),
+        ("params.body_mass=-inf", "body_mass = -inf is out of range"),
+        ("control_dt=nan", "control_dt = NaN is out of range"),
+        ("reward.position=inf", "reward.position = inf is out of range"),
+        ("params.body_mass=heavy", "body_mass must be an array of numbers, not str"),
+    ],
+)
+def test_what_is_no_finite_number_is_named(capsys, given, message):
+    code, _, err = run(capsys, "evaluate", "--controller", "lqr", "--episodes", 1, "--set", given)
+    assert code == 1
+    assert message in err

@@ -62,5 +62,6 @@ def test_files_that_are_no_policy_are_refused(tiny_run, tmp_path):
 
 def test_a_law_in_python_without_its_name_is_no_policy(tmp_path):
     (tmp_path / "mine.py").write_text("def law(state): return [0.0, 0.0, 0.0]\n")
-    with pytest.raises(ValueError, match=r"a law in Python is named by FILE.py:NAME"):
-        evaluate(str(tmp_path / "mine.py"), episodes=1)
+    for name in ("mine.py", "mine.py:"):
+        with pytest.raises(ValueError, match=r"a law in Python is named by FILE.py:NAME"):
+            evaluate(str(tmp_path / name), episodes=1)

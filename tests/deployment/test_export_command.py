@@ -62,6 +62,7 @@ def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
             ["runs/mine", "-o", "policy.c"],
             "policy.c: the name of an ONNX file ends in .onnx, that of a header of C in .h",
         ),
+        (["mine.onnx", "-o", "other.onnx"], "mine.onnx is an ONNX file already: it is written as a header of C"),
         (["--controller", "lqr", "--controller-option", "weight=1"], "unexpected keyword argument 'weight'"),
         (["--controller", "lqr", "--controller-option", "weight"], "--controller-option weight: expected NAME=VALUE"),
         (

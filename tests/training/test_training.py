@@ -164,6 +164,13 @@ class TestRun:
         assert (run / "best_model.zip").is_file(), "the earlier run was deleted"
         assert (run / "config.toml").read_text(encoding="utf-8") == TINY_CONFIG
 
+    def test_a_training_that_diverges_says_so_and_leaves_nothing_to_resume(self, tmp_path):
+        text = config.with_values(TINY_CONFIG, {"algorithm_arguments.learning_rate": 1e30})
+        with pytest.raises(ValueError, match=r"the training has diverged after \d+ steps: Expected parameter \w+$"):
+            train.train(config.parse(text, "fast"), text, tmp_path / "run", progress_bar=False)
+        for checkpoint in run_folder.checkpoints(tmp_path / "run"):
+            assert torch.isfinite(PPO.load(checkpoint).policy.log_std).all()
+
     def test_an_earlier_run_is_not_overwritten_unasked(self, tiny_run, tmp_path):
         parsed = config.parse(TINY_CONFIG, "tiny")
         run = shutil.copytree(tiny_run, tmp_path / "run")

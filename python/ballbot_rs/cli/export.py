@@ -75,6 +75,8 @@ def run(arguments: argparse.Namespace) -> None:
         target = (source if source.is_dir() else source.parent) / "policy.onnx"
     if target.suffix not in (".onnx", ".h"):
         raise ValueError(f"{target}: the name of an ONNX file ends in .onnx, that of a header of C in .h")
+    if arguments.policy.suffix == target.suffix == ".onnx":
+        raise ValueError(f"{arguments.policy} is an ONNX file already: it is written as a header of C, -o FILE.h")
     if target.suffix == ".h":
         _export_policy_as_c(arguments, target)
     else:

@@ -1,6 +1,7 @@
 """`--set NAME=VALUE`: options of the task, the robot and the training, spelled alike in every command."""
 
 import argparse
+import contextlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
@@ -27,11 +28,11 @@ def params_of(robot: Any) -> Params:
 
 
 def value_of(text: str) -> Any:
-    """A value of the command line: a number, true, false or a list as JSON has it, otherwise text."""
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text
+    """A value of the command line: true, false or a list as JSON has it, a number, otherwise text."""
+    for read in (json.loads, float):
+        with contextlib.suppress(ValueError):
+            return read(text)
+    return text
 
 
 def assignments(given: Sequence[str], flag: str = FLAG) -> dict[str, Any]:

@@ -130,12 +130,12 @@ def find(
             f"unknown controller '{name}': expected {', '.join(NAMES)} or a policy file that ends in .onnx"
         )
     file, _, attribute = name.rpartition(":")
-    if file.endswith(".py"):
+    if file.endswith(".py") and attribute:
         return _from_object(_imported(Path(file), attribute), name)
-    if not path.exists() and path.suffix != ".zip":
+    if not path.exists() and path.suffix not in (".zip", ".py:"):
         known = f"expected {', '.join(NAMES)} or the path of a policy"
         raise FileNotFoundError(f"no policy at {name}: {known}{did_you_mean(name, NAMES)}")
-    if path.suffix == ".py":
+    if path.suffix in (".py", ".py:"):
         raise ValueError(f"{name} is not a policy file: a law in Python is named by FILE.py:NAME")
     with require("a policy file", "train"):
         from ballbot_rs.control import sb3_policy

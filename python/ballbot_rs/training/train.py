@@ -323,13 +323,19 @@ def _with_sb3(session: Session) -> None:
 
 
 def _learn(session: Session, folder: Path, learn: Learn | None) -> Path:
-    model, started = session.model, time.perf_counter()
+    model, started, diverged = session.model, time.perf_counter(), False
     if session.timesteps > 0:
         try:
             (learn or _with_sb3)(session)
+        except ValueError as error:
+            # Torch refuses a distribution of actions that is none, and shows the whole batch of it.
+            diverged = True
+            reason = str(error).partition(" (Tensor")[0]
+            raise ValueError(f"the training has diverged after {model.num_timesteps} steps: {reason}") from error
         finally:
-            # Whatever ended it, the run can be resumed from here.
-            session.checkpoints.keep(model)
+            # Whatever else ended it, the run can be resumed from here.
+            if not diverged:
+                session.checkpoints.keep(model)
             _add_time(folder, model.num_timesteps, time.perf_counter() - started)
     # The last policy is often the best one.
     session.keep_best.evaluate(model)

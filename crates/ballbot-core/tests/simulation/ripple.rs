@@ -143,6 +143,32 @@ fn wheels_lift_off_where_the_closed_form_says(simulation: Simulation) {
     }
 }
 
+/// Wheels that slip so fast that rollers pass within a step: rims reached 6 mm into the ball, which are 0.5 mm deep, and
+/// the robot was thrown off.
+fn fast_rims_do_not_reach_deep_into_the_ball(simulation: Simulation) {
+    for (count, case) in [6.0, 12.0].into_iter().flat_map(|count| (0..10).map(move |case| (count, f64::from(case)))) {
+        let angle = 0.62 * case;
+        let params = Params {
+            roller_ripple: 5e-4,
+            roller_count: count,
+            roller_phases: [angle, 2.0 * angle, -angle],
+            wheel_static_friction: 0.1,
+            wheel_dynamic_friction: 0.1,
+            ..Params::paper()
+        };
+        let wheels = Omniwheels::new(&params);
+        let mut robot = simulation.robot(&params, 1.0 / 256.0);
+        let wheel_speeds = [330.0, -250.0, 290.0 + 10.0 * case];
+        robot.reset(&State { wheel_speeds, ..State::upright(&params) }).unwrap();
+        for _ in 0..10 {
+            robot.step(&[0.0; 3]);
+            let deepest = gaps(&params, &wheels, &robot.state()).into_iter().fold(0.0, f64::min);
+            // What is left comes of the change of the wheel's rate within the step.
+            assert!(deepest > -2e-3, "{deepest:e} m into the ball, {count} rollers, case {case}");
+        }
+    }
+}
+
 /// The phase is that of the angle within a turn.
 fn many_turns_change_nothing(simulation: Simulation) {
     let params = rippled();
@@ -164,6 +190,7 @@ for_both!(
     the_body_is_where_three_rims_touch_the_ball,
     wheels_lift_off_where_the_closed_form_says,
     many_turns_change_nothing,
+    fast_rims_do_not_reach_deep_into_the_ball,
 );
 
 /// What the ripple does to a driven robot is the same in both simulations.

@@ -34,10 +34,16 @@ impl<L: Lane> Ripple<L> {
         ripple.on = zero.lt(amplitude);
         for (i, phase) in at3(c.roller_phases, amplitude).into_iter().enumerate() {
             let (sin, cos) = sin_cos(pose.wheel_angles[i].mul_add(count, phase));
-            let rate = encoder_rate(c, v, i) * count;
+            let speed = encoder_rate(c, v, i);
+            let rate = speed * count;
             ripple.depths[i] = cos.neg_mul_add(amplitude, amplitude);
             ripple.slopes[i] = L::select(ripple.on, sin * amplitude * count, zero);
-            ripple.bends[i] = cos * amplitude * rate.squared() * c.half_dt.at(zero);
+            let bend = cos * amplitude * rate.squared() * c.half_dt.at(zero);
+            // However far a wheel turns in a step, its rim ends within the depths that it has.
+            let turning = ripple.slopes[i] * speed;
+            let to_crest = -(ripple.depths[i] * c.sim_dt_inverse.at(zero) + turning);
+            let to_notch = (amplitude + amplitude - ripple.depths[i]).mul_add(c.sim_dt_inverse.at(zero), -turning);
+            ripple.bends[i] = bend.max(to_crest).min(to_notch);
         }
         ripple
     }

@@ -112,13 +112,18 @@ impl WheelContact {
     }
 
     /// The contact of a wheel whose rim has the ripple of `params`, at its angle and encoder rate.
-    pub fn with_ripple(mut self, params: &Params, i: usize, angle: f64, rate: f64) -> Self {
+    pub fn with_ripple(mut self, params: &Params, i: usize, angle: f64, rate: f64, dt: f64) -> Self {
         let (amplitude, count) = (0.5 * params.roller_ripple, params.roller_count);
         let (sin, cos) = count.mul_add(angle, params.roller_phases[i]).sin_cos();
-        self.gap += amplitude * (1.0 - cos);
+        let depth = amplitude * (1.0 - cos);
+        self.gap += depth;
         self.slope = amplitude * count * sin;
         // Half of it: velocities are those of the middles of steps, between which the slope changes.
-        self.curvature[0] += 0.5 * amplitude * cos * (count * rate).powi(2);
+        let bend = 0.5 * amplitude * cos * (count * rate).powi(2);
+        // However far a wheel turns in a step, its rim ends within the depths that it has.
+        let turning = self.slope * rate;
+        let [to_crest, to_notch] = [0.0, 2.0 * amplitude].map(|end| ((end - depth) / dt - turning) / dt);
+        self.curvature[0] += bend.max(to_crest).min(to_notch);
         self
     }
 

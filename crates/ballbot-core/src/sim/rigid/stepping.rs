@@ -181,7 +181,7 @@ impl RigidMotion {
         let mut i = 0..3;
         contacts.map(|contact| {
             let i = i.next().expect("three wheels");
-            contact.with_ripple(&self.params, i, angles[i], rates[i])
+            contact.with_ripple(&self.params, i, angles[i], rates[i], self.settings.dt)
         })
     }
 
