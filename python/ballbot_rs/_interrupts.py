@@ -27,6 +27,7 @@ _TERMINAL_RESET: Final = "\r\x1b[2K\x1b[?25h"
 GRACE: Final = 0.05
 
 _is_installed = False
+_is_quiet = False
 #: When the handler was called last.
 _handled = -math.inf
 _patience = 0
@@ -86,6 +87,12 @@ def install() -> None:
     threading.Thread(target=_watch, args=(wakeups,), name="interrupts", daemon=True).start()
 
 
+def be_quiet() -> None:
+    """A signal ends this process without a word from now on: the one that has started it has the same signal."""
+    global _is_quiet
+    _is_quiet = True
+
+
 def _on_signal(number: int, _: FrameType | None) -> None:
     global _handled
     _handled = time.monotonic()
@@ -118,6 +125,7 @@ def _leave(number: int) -> NoReturn:
             threading.Event().wait()
     _files.delete_unfinished()
     reset = _TERMINAL_RESET if os.isatty(2) else ""
-    with contextlib.suppress(OSError):
-        os.write(2, f"{reset}{WORDS[signal.Signals(number)]}\n".encode())
+    if not _is_quiet:
+        with contextlib.suppress(OSError):
+            os.write(2, f"{reset}{WORDS[signal.Signals(number)]}\n".encode())
     os._exit(exit_code(number))

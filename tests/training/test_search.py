@@ -1,6 +1,7 @@
 """`ballbot tune`: searches of hyperparameters that go on, share their work, and refuse what cannot be compared."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -154,6 +155,26 @@ def test_a_search_that_was_ended_in_a_trial_goes_on(tmp_path, kind):
     again = Search(text, {RATE: dimension_of(RATE, "1e-4:1e-3:log")}, study, 1)
     assert len(ended(again.study())) == 0
     assert kind == signal.SIGKILL or "give the same command again" in said
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are those of Unix")
+def test_control_c_in_a_terminal_is_said_once_for_all_processes(tmp_path):
+    config = tmp_path / "long.toml"
+    config.write_text(TINY.replace("total_timesteps = 2048", "total_timesteps = 200000000"))
+    command = [sys.executable, "-m", "ballbot_rs.cli", "tune", "balance", "--config", str(config), "--jobs", "2"]
+    command += ["--study", str(tmp_path / "study"), "--search", f"{RATE}=1e-4:1e-3:log", "--trials", "2"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    begins = time.monotonic()
+    while not all((tmp_path / "study" / f"trial-000{i}" / "evaluations.npz").exists() for i in range(2)):
+        assert process.poll() is None, process.stderr.read()
+        assert time.monotonic() - begins < 120.0
+        time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=60.0)
+    assert process.returncode == 130, said
+    assert said.count("interrupted") == 1, said
+    assert "terminated" not in said
+    assert "Traceback" not in said
 
 
 def test_a_line_that_was_not_written_to_its_end_is_taken_away(tmp_path):

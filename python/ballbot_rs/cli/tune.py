@@ -142,6 +142,8 @@ def _carry_out(search: "Search", jobs: int, tell: Any) -> None:
 
 
 def _work(search: "Search", tell: Any) -> None:
+    _interrupts.install()
+    _interrupts.be_quiet()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     search.work(tell)
