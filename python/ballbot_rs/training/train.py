@@ -323,14 +323,15 @@ def _with_sb3(session: Session) -> None:
 
 
 def _learn(session: Session, folder: Path, learn: Learn | None) -> Path:
-    model, started, diverged = session.model, time.perf_counter(), False
+    model, started, diverged = session.model, time.perf_counter(), ""
     if session.timesteps > 0:
         try:
             (learn or _with_sb3)(session)
         except ValueError as error:
             # Torch refuses a distribution of actions that is none, and shows the whole batch of it.
-            diverged = True
-            reason = str(error).partition(" (Tensor")[0]
+            reason, diverged, _ = str(error).partition(" (Tensor of shape")
+            if not diverged:
+                raise
             raise ValueError(f"the training has diverged after {model.num_timesteps} steps: {reason}") from error
         finally:
             # Whatever else ended it, the run can be resumed from here.
