@@ -265,7 +265,7 @@ impl Law for LqrPi {
             let next = error.mul_add_all(self.sampling.control_dt, integral);
             memory.set(axis, L::select(held, integral, next));
         }
-        let [motion_then, motion_now] = [forward_then, forward].map(|forward| planes.wheel_torques(forward, zero));
+        let (motion_then, motion_now) = (planes.wheel_torques(forward_then, zero), planes.wheel_torques(forward, zero));
         let acting = self.delayed.acting(limited.torques, motion_then, motion_now, &mut memory.after(Self::MEMORY));
         self.observer.predict(state, &pose, acting, limited.share, &mut memory.after(observed));
         limited.torques
