@@ -33,7 +33,8 @@ _handled = -math.inf
 _patience = 0
 _holding = 0
 _held: list[int] = []
-_leaving = threading.Lock()
+# A second signal may come while the thread that has it ends the process: it ends it then.
+_leaving = threading.RLock()
 
 
 class Terminated(KeyboardInterrupt):

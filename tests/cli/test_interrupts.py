@@ -122,3 +122,25 @@ def test_the_command_is_known_before_anything_is_imported(tmp_path):
 def test_a_library_leaves_signals_alone():
     code = "import signal, ballbot_rs; print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "True\n"
+
+
+def test_a_second_signal_while_the_first_one_ends_the_process_ends_it():
+    """The thread that was ending the process waited for itself, forever."""
+    code = """
+import os, signal, time
+from ballbot_rs import _files, _interrupts
+
+def delete_unfinished():
+    if not sent:
+        sent.append(True)
+        os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(0.01)
+
+sent = []
+_files.delete_unfinished = delete_unfinished
+_interrupts.install()
+os.kill(os.getpid(), signal.SIGINT)
+time.sleep(60.0)
+"""
+    ended = subprocess.run([sys.executable, "-c", code], timeout=60.0, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (143, "terminated\n")
