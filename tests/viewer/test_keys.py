@@ -35,7 +35,6 @@ def up(page, code):
     send_key(page, "keyUp", code)
 
 
-@pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
 def stays(viewer, eye):
     """Whether a camera has been at a place for a second; the place is overwritten by that of now."""
     before = eye.copy()
@@ -44,6 +43,7 @@ def stays(viewer, eye):
     return (eye == before).all()
 
 
+@pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
 def test_keys_and_sticks_drive_in_a_browser(tmp_path):
     # Nothing is drawn: what moves, moves by hand.
     session = Session(task="velocity", task_options={"standing": 1.0})
