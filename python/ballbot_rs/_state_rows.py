@@ -54,6 +54,23 @@ def tilt_components_of(states: npt.NDArray[np.float64], com: npt.ArrayLike) -> n
     return components
 
 
+def tilt_rates_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Rates of `State.tilt_components`, rad/s: shape (..., 2) for states (..., 32)."""
+    mast = mast_of(states)
+    rate = np.einsum("...ij,...j->...i", body_axes_of(states), states[..., BODY_RATE])
+    change = np.cross(rate, mast)
+    # The components are the horizontal part of the mast, turned, times angle / length.
+    length = np.linalg.norm(mast[..., :2], axis=-1)
+    upright = length == 0.0
+    safe = np.where(upright, 1.0, length)
+    ratio = np.where(upright, 1.0, np.arctan2(length, mast[..., 2]) / safe)
+    lengthening = np.where(upright, 0.0, (mast[..., :2] * change[..., :2]).sum(axis=-1) / safe)
+    turning = mast[..., 2] * lengthening - length * change[..., 2]
+    stretching = (turning - ratio * lengthening) / safe
+    x, y = (change[..., i] * ratio + mast[..., i] * stretching for i in range(2))
+    return np.stack([-y, x], axis=-1)
+
+
 def _balance_axis_of(states: npt.NDArray[np.float64], com: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Vectors along the line from the ball's center to the CoM, inertial frame."""
     com = np.asarray(com, dtype=np.float64)

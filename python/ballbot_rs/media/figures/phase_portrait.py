@@ -7,6 +7,7 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from ballbot_rs._state_rows import tilt_rates_of
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media.figures.labels import short
 from ballbot_rs.media.figures.style import COLORS, FULL_WIDTH, INK, below, figure
@@ -52,14 +53,12 @@ def _mark(marker: str, label: str) -> Line2D:
 
 
 def tilts_and_rates(trajectory: Trajectory, axis: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Tilt about an axis and its rate, as differences over the rows around each; until the robot fell."""
+    """Tilt about an axis, rad, and its rate, rad/s, in the states up to the fall."""
     end = len(trajectory.times)
     if trajectory.fell_at is not None:
         end = max(int(np.searchsorted(trajectory.times, trajectory.fell_at)), 2)
     tilts = trajectory.of_states("tilt_components")[:end, axis]
-    if len(tilts) < 2:
-        return tilts, np.zeros_like(tilts)
-    return tilts, np.gradient(tilts, trajectory.times[:end])
+    return tilts, tilt_rates_of(trajectory.to_array()[:end])[:, axis]
 
 
 def _colors(count: int) -> list[str]:
