@@ -1,4 +1,7 @@
-"""A trained policy where it was not trained: other models and engines, other robots, less friction, late motors."""
+"""A trained policy where it was not trained: other models and engines, other robots, less friction, late motors.
+
+Events change the robot without telling the controllers: LQR and the torque of an action remain those of the nominal one.
+"""
 
 import importlib.util
 import sys
@@ -8,19 +11,17 @@ import ballbot_rs as bb
 
 policy = Path(__file__).parents[1] / "assets" / "policies" / "balance.onnx"
 episodes = int(sys.argv[1]) if len(sys.argv) > 1 else 50
-paper = bb.Params.paper()
 
 
-def slippery(share):
-    """The robot on wheels and a floor with a share of the friction."""
-    names = ("wheel_dynamic_friction", "wheel_static_friction", "floor_dynamic_friction", "floor_static_friction")
-    return {"params": paper.replace(**{name: share * getattr(paper, name) for name in names})}
+def scaled(term, share):
+    """Every robot with a share of a nominal parameter."""
+    return {"events": [{"term": term, "op": "scale", "mode": "startup", "range": [share, share]}]}
 
 
 places = {model: {"model": model} for model in ("contact", "rigid", "spatial")}
-places |= {f"friction x {share}": slippery(share) for share in (0.5, 0.3, 0.2)}
+places |= {f"friction x {share}": scaled("wheel_dynamic_friction", share) for share in (0.5, 0.3, 0.2)}
 places |= {f"delay {1000 * delay:g} ms": {"actuators": {"delay": delay}} for delay in (0.01, 0.03, 0.05)}
-places |= {"body 20 % heavier": {"params": paper.replace(body_mass=1.2 * paper.body_mass)}}
+places |= {"body 20 % heavier": scaled("body_mass", 1.2)}
 places |= {"sensors of kugle": {"sensors": "kugle", "observation": "sensors"}}
 for place, options in places.items():
     results = bb.compare([policy, "lqr"], episodes=episodes, env_options=options)
