@@ -11,7 +11,6 @@ from ballbot_rs.cli import scenario, settings
 from ballbot_rs.cli.numbers import real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.fit import FIELDS, identify
-from ballbot_rs.identification.noise import UNITS
 from ballbot_rs.identification.windows import WINDOW_LIMITS
 
 #: Models that a fit can have.
@@ -89,13 +88,9 @@ def run(arguments: argparse.Namespace) -> None:
         print(json.dumps({**found.to_dict(), "file": None if out is None else str(out)}, indent=2))
         return
     print(found.table())
-    noise = ", ".join(f"{name} {value:.2g} {UNITS[name]}" for name, value in found.noise.items())
     print(
         f"\n{found.measurements} measurements in {found.windows} windows, condition number "
         f"{found.condition_number:.0f}."
     )
-    print(f"Noise of the sensors (standard deviation): {noise}.")
-    for begin, end in found.rejected:
-        print(f"left out: {begin:.2f} to {end:.2f} s, which the model does not explain")
     if out is not None:
         print(f"wrote {out}")

@@ -159,6 +159,7 @@ def _passes(
     kept = standing.copy()
     expected = spreads
     check_windows(problem, kept, log)
+    noise_of.check_columns(problem, point, kept, spreads, log, (noise_of.LEAST_GAIN, np.inf))
     check_determined(problem, problem.derivatives(point, spreads)[0], kept)
     rng = np.random.default_rng(0)
     for _ in range(MAX_PASSES):
@@ -177,6 +178,7 @@ def _passes(
         if steady and gain < GAIN:
             break
         point = problem.at(point.values, point.starts, spreads)
+    noise_of.check_columns(problem, point, kept, spreads, log, noise_of.GAINS)
     noise_of.check(noise_of.estimated(problem, point, leverage, kept, old), expected)
     ratio = problem.spread(old) / problem.spread(spreads)
     derivatives = derivatives * ratio[:, None]

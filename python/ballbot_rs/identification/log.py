@@ -31,6 +31,8 @@ COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
     "gyro": ("gyro_x", "gyro_y", "gyro_z"),
     "accelerations": ("acc_x", "acc_y", "acc_z"),
 }
+#: Units of the noise of each sensor.
+UNITS: Final[Mapping[str, str]] = {"wheel_angle": "rad", "gyro": "rad/s", "acceleration": "m/s²"}
 #: Fields that a log may lack.
 OPTIONAL: Final = ("accelerations",)
 

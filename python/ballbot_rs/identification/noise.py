@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.log import COLUMNS, UNITS, SensorLog
 from ballbot_rs.identification.problem import Point, Problem
 
 Array = npt.NDArray[np.float64]
@@ -15,9 +15,14 @@ Mask = npt.NDArray[np.bool_]
 
 #: Smallest standard deviations, far below those of sensors: rad, rad/s, m/s².
 LEAST: Final[Mapping[str, float]] = {"wheel_angle": 1e-5, "gyro": 1e-4, "acceleration": 1e-3}
-UNITS: Final[Mapping[str, str]] = {"wheel_angle": "rad", "gyro": "rad/s", "acceleration": "m/s²"}
 #: Largest residuals, in standard deviations of the noise that is given or that third differences show.
 MAX_EXCESS: Final = 10.0
+#: Least share of the predicted changes that a column must show before the fit, when friction or inertia may be far off,
+#: and the least and most after it.
+LEAST_GAIN: Final = -0.2
+GAINS: Final = (0.5, 2.0)
+#: Changes of a column, in standard deviations of its noise, from which its gain is judged.
+JUDGED: Final = 2.0
 #: Windows whose mean square is within this share of the noise always count as explained.
 EXACT: Final = 0.1
 
@@ -45,6 +50,31 @@ def check(found: Mapping[str, float], expected: Mapping[str, float]) -> None:
                 f"wrong, the robot has "
                 "other parameters, or fields lacks one"
             )
+
+
+def check_columns(
+    problem: Problem,
+    point: Point,
+    kept: Mask,
+    spreads: Mapping[str, float],
+    log: SensorLog,
+    limits: tuple[float, float],
+) -> None:
+    """A ValueError names the column that shows least of what the others say that it should, or most."""
+    gains, sizes = problem.gains(point, spreads, kept)
+    judged = sizes > JUDGED * problem.spread(first_guess(log))
+    low, high = limits
+    excess = np.where(judged, np.maximum(low - gains, gains - high), -np.inf)
+    worst = int(np.argmax(excess))
+    if not excess[worst] > 0.0:
+        return
+    titles = (*COLUMNS["wheel_angles"], *COLUMNS["gyro"], *COLUMNS["accelerations"])
+    expected = f"at least {low:g}" if high == np.inf else f"from {low:g} to {high:g}"
+    raise InvalidInputError(
+        f"{titles[worst]} contradicts the other columns: it shows {gains[worst]:.2g} times the changes that follow "
+        f"from them, expected {expected}; its sign, unit or axis is wrong, or those of torques or wheel angles, or "
+        "imu_position"
+    )
 
 
 def given(noise: Mapping[str, float], log: SensorLog) -> dict[str, float]:

@@ -184,7 +184,7 @@ def _printed(place: tuple[str, int | None]) -> str:
     field, component = place
     if component is None:
         return field
-    return f"{field}_{SUFFIXES[field][component] if field in SUFFIXES else component + 1}"
+    return f"{field}_{SUFFIXES[field][component] if field in SUFFIXES else component}"
 
 
 def _limits(field: str) -> tuple[float, float]:

@@ -90,6 +90,28 @@ class Problem:
             found[place] = noise[name]
         return found
 
+    def gains(self, point: Point, noise: Mapping[str, float], kept: Mask) -> tuple[Array, Array]:
+        """How much of the predicted changes within a window each channel measures: 1 if both are of one robot.
+
+        Gravity counts as a change: the specific force along z is not centered.
+
+        Returns:
+            The gains, and the root mean squares of the measured changes, shape (channels,) each.
+        """
+        windows, used = self.windows, self.used & kept[self.windows.window][:, None]
+        predicted = self._measured - point.residuals * self.spread(noise)
+        place = np.arange(self.channels) != SENSORS["acceleration"].stop - 1
+        changes = []
+        for rows in (self._measured, predicted):
+            sums = np.add.reduceat(np.where(used, rows, 0.0), windows.bounds[:-1], axis=0)
+            counts = np.add.reduceat(used, windows.bounds[:-1], axis=0, dtype=np.int64)
+            means = sums / np.maximum(counts, 1)
+            changes.append(np.where(used, rows - np.where(place, means, 0.0)[windows.window], 0.0))
+        own, expected = changes
+        squares = (expected**2).sum(axis=0)
+        gains = (own * expected).sum(axis=0) / np.maximum(squares, 1e-300)
+        return gains, np.sqrt((own**2).sum(axis=0) / np.maximum(used.sum(axis=0), 1))
+
     def at(self, values: Array, starts: Array, noise: Mapping[str, float]) -> Point:
         """The point at some values, its starts searched from `starts` on by Gauss-Newton steps in each window.
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Params
+from ballbot_rs.identification.log import UNITS
 from ballbot_rs.identification.parameters import unit_of
 
 Array = npt.NDArray[np.float64]
@@ -124,7 +125,7 @@ class IdentifiedParams:
         return f"<pre>{html.escape(self.table())}</pre>"
 
     def table(self) -> str:
-        """A line a number: nominal value, estimate, half of the interval, unit."""
+        """A line a number: nominal value, estimate, half of the interval, unit; then residual noise and rejections."""
         head = ["parameter", "nominal", "estimate", "± 95 %", "unit"]
         rows = [head]
         for i, name in enumerate(self.names):
@@ -138,6 +139,10 @@ class IdentifiedParams:
         for row in rows:
             middle = [cell.rjust(width) for cell, width in zip(row[1:4], widths[1:4], strict=True)]
             lines.append("  ".join([row[0].ljust(widths[0]), *middle, row[4]]).rstrip())
+        noise = ", ".join(f"{name} {value:.2g} {UNITS[name]}" for name, value in self.noise.items())
+        lines += ["", f"residual noise (standard deviation): {noise}"]
+        lines.append(f"rejected windows, which the model does not explain: {len(self.rejected)} of {self.windows}")
+        lines += [f"  {begin:.2f} to {end:.2f} s" for begin, end in self.rejected]
         return "\n".join(lines)
 
 

@@ -167,6 +167,5 @@ def check_torques(log: SensorLog, robot: Robot) -> None:
     if beyond.max() > limit:
         row, wheel = np.unravel_index(beyond.argmax(), beyond.shape)
         raise InvalidInputError(
-            f"torque_{wheel + 1} of row {row} is {log.torques[row, wheel]:g} N·m, beyond max_wheel_torque = {limit:g} "
-            f"N·m"
+            f"torque_{wheel} of row {row} is {log.torques[row, wheel]:g} N·m, beyond max_wheel_torque = {limit:g} N·m"
         )
