@@ -5,7 +5,7 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs.analysis.rollout import batch_for, rollout
-from ballbot_rs.analysis.settling import settling_times
+from ballbot_rs.analysis.settling import censored_median, push_recovery_times, recovery_times, settling_times
 from ballbot_rs.control.resolve import find
 
 SHORT = {"model": "spatial", "max_episode_steps": 60}
@@ -152,3 +152,31 @@ def test_a_controller_in_a_python_file_is_taken_by_path(tmp_path):
         find(f"{tmp_path}/other.py:Mine")
     with pytest.raises(ValueError, match="unknown controller"):
         find(f"{file}:Mine", trusted=False)
+
+
+def test_a_recovery_needs_a_second_within_the_limits():
+    outside = np.zeros(60, dtype=bool)
+    outside[[12, 25, 26, 55]] = True
+    pushed = np.zeros(60, dtype=bool)
+    pushed[[10, 20, 30]] = True
+    times, known = push_recovery_times(outside, pushed, False, 0.1)
+    assert times == pytest.approx([0.3, 0.7, 2.6])
+    # Within the limits for 0.8 s, 0.4 s and 0.4 s: too short.
+    assert known.tolist() == [False, False, False]
+    times, known = push_recovery_times(outside[:50], pushed[:50], False, 0.1)
+    assert times == pytest.approx([0.3, 0.7, 0.0])
+    assert known.tolist() == [False, False, True]
+    times, known = push_recovery_times(outside[:50], pushed[:50], True, 0.1)
+    assert times[-1] == np.inf
+    assert known[-1]
+    assert recovery_times([2.0, *[0.0] * 10], 1.0, 0.1) == pytest.approx(0.1)
+    assert recovery_times([2.0, *[0.0] * 9], 1.0, 0.1) == np.inf
+
+
+def test_the_median_of_censored_times():
+    times = np.array([6, 6, 6, 7, 10, 13, 16, 22, 23, 6, 9, 10, 11, 17, 19, 20, 25, 32, 32, 34, 35], dtype=float)
+    # Freireich et al., Blood 21, 1963: remission under 6-MP, the example of Kaplan-Meier curves, median 23 weeks.
+    known = np.arange(len(times)) < 9
+    assert censored_median(times, known) == 23.0
+    assert censored_median(times, np.ones_like(known)) == np.median(times)
+    assert censored_median(np.array([1.0, np.inf, np.inf]), np.ones(3, dtype=bool)) == np.inf

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 import ballbot_rs as bb
+from ballbot_rs._state_rows import tilt_components_of, tilt_rates_of
 from ballbot_rs.analysis import recovery_map as recovery
 from ballbot_rs.cli import main
 from ballbot_rs.media.figures import data, estimates, learning_curve, phase_portrait, recovery_map, trajectories
@@ -170,12 +171,46 @@ def test_the_phase_portrait_ends_where_the_robot_fell(moving):
     standing, fallen = moving
     tilts, rates = phase_portrait.tilts_and_rates(standing, 0)
     assert len(tilts) == len(standing.times)
-    # The integral of the rate is the tilt.
-    assert np.trapezoid(rates, standing.times) == pytest.approx(tilts[-1] - tilts[0], abs=2e-3)
+    # The integral of the rate is the tilt, but for the step that begins with the push.
+    after = slice(51, None)
+    moved = np.trapezoid(rates[after], standing.times[after])
+    assert moved == pytest.approx(tilts[-1] - tilts[51], abs=2e-4)
     tilts, _ = phase_portrait.tilts_and_rates(fallen, 0)
     assert standing.times[len(tilts)] == pytest.approx(fallen.fell_at)
     fig = phase_portrait.draw(moving)
     assert labels_of(fig) == ["tilt about x (deg)", "tilt rate (deg/s)", "tilt about y (deg)"]
+
+
+def test_a_start_at_rest_has_no_tilt_rate_in_the_phase_portrait():
+    started = bb.run("lqr", seconds=0.2, tilt=(0.1, -0.05), push=bb.Push((0.3, 0.1, 0.0), 0.1), env_options=CONTACT)
+    for axis in range(2):
+        _, rates = phase_portrait.tilts_and_rates(started, axis)
+        assert rates[0] == 0.0
+        # The row of the push is the state before it: no part of the jump.
+        assert abs(rates[10] - rates[9]) < 0.3 * abs(rates[11] - rates[10])
+
+
+def test_tilt_rates_are_the_derivative_of_the_tilt():
+    state = bb.State.at_rest(bb.Params.paper(), (0.4, -0.7), 0.9)
+    rows, step = np.tile(state.to_array(), (3, 1)), 1e-5
+    rate = np.array([0.7, -1.1, 2.0])
+    for row, time in zip(rows, (-step, 0.0, step), strict=True):
+        # q(t) = q(0) exp(Ω t / 2), body frame.
+        angle = np.linalg.norm(rate) * time / 2.0
+        w, x, y, z = np.cos(angle), *(np.sin(angle) * rate / np.linalg.norm(rate))
+        a, b, c, d = state.body_quaternion
+        row[16:20] = [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ]
+        row[23:26] = rate
+    tilts = tilt_components_of(rows, (0.0, 0.0, 1.0))
+    np.testing.assert_allclose(tilt_rates_of(rows)[1], (tilts[2] - tilts[0]) / (2 * step), rtol=1e-8)
+    upright = np.zeros(32)
+    upright[[16, 23, 24]] = 1.0, 0.3, -0.2
+    np.testing.assert_allclose(tilt_rates_of(upright), [0.3, -0.2])
 
 
 def test_recovery_knows_who_rights_the_robot(maps):
@@ -183,17 +218,17 @@ def test_recovery_knows_who_rights_the_robot(maps):
     assert regulated.recovered[0].all()
     assert not regulated.recovered[-1].any()
     assert not alone.stood.any()
-    assert np.isnan(alone.settling_times).all()
-    times = regulated.settling_times[regulated.recovered]
+    assert np.isnan(alone.recovery_times).all()
+    times = regulated.recovery_times[regulated.recovered]
     assert ((times >= 0) & (times <= 4.0)).all()
     # From farther out it takes longer.
-    assert np.nanmean(regulated.settling_times[1]) > np.nanmean(regulated.settling_times[0])
+    assert np.nanmean(regulated.recovery_times[1]) > np.nanmean(regulated.recovery_times[0])
 
 
 def test_recovery_leans_where_it_says():
     # Wheels stand 120 deg apart, so the map of a law without a sense of direction repeats itself as often.
     found = recovery.collect("lqr", rings=3, sectors=12, max_tilt=0.3, seconds=3.0, env_options=CONTACT)
-    np.testing.assert_allclose(found.settling_times, np.roll(found.settling_times, 4, axis=1), atol=0.021)
+    np.testing.assert_allclose(found.recovery_times, np.roll(found.recovery_times, 4, axis=1), atol=0.021)
     (rim,) = found.recovered[2:]
     assert rim.tolist() == np.roll(rim, 4).tolist()
 
@@ -204,6 +239,25 @@ def test_recovery_leans_where_it_says():
 def test_maps_of_nothing_are_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         recovery.collect("lqr", **{"rings": 4, **arguments})
+
+
+def test_a_map_is_not_that_of_a_clock():
+    """A robot that brakes is not lost: with 5 s the map had fewer starts."""
+    at = {"max_tilt": 0.48, "rings": 8, "sectors": 4, "env_options": CONTACT}
+    usual, long = recovery.collect("lqr", **at), recovery.collect("lqr", seconds=20.0, **at)
+    np.testing.assert_array_equal(usual.recovered, usual.stood)
+    np.testing.assert_array_equal(usual.recovered, long.recovered)
+    np.testing.assert_array_equal(usual.recovery_times, long.recovery_times)
+    with pytest.raises(ValueError, match=r"seconds = 0\.5 is out of range"):
+        recovery.collect("lqr", seconds=0.5)
+
+
+def test_the_title_of_a_map_has_the_limit_of_the_torques(maps):
+    limited = recovery.collect("lqr", rings=1, sectors=3, env_options={**CONTACT, "max_wheel_torque": 0.2})
+    for found, limit in ((maps[0], "5"), (limited, "0.2")):
+        assert f"with up to {limit} N·m a wheel" in recovery_map.draw([found]).axes[0].get_title()
+    legend = recovery_map.draw(maps).legends[0]
+    assert "rings: initial tilt" in [text.get_text() for text in legend.get_texts()]
 
 
 def test_the_map_colors_each_start(maps):
@@ -287,7 +341,7 @@ def test_numbers_stand_beside_the_pictures(tiny_run, tmp_path, capsys):
 def test_the_numbers_of_a_map_are_its_starts(maps, tmp_path):
     data.write(data.of_recovery(maps[0]), tmp_path / "map.npz")
     with np.load(tmp_path / "map.npz") as kept:
-        assert sorted(kept) == ["azimuth_rad", "recovered", "settling_time_s", "stood", "tilt_rad"]
+        assert sorted(kept) == ["azimuth_rad", "recovered", "recovery_time_s", "stood", "tilt_rad"]
         np.testing.assert_array_equal(kept["recovered"].reshape(4, 6), maps[0].recovered)
         np.testing.assert_array_equal(kept["tilt_rad"].reshape(4, 6)[:, 0], maps[0].tilts)
         np.testing.assert_array_equal(kept["azimuth_rad"].reshape(4, 6)[0], maps[0].azimuths)

@@ -69,6 +69,18 @@ def test_maps_are_the_largest_number_up_to_which_all_recover():
     assert score("lqr", none) == 0.0
 
 
+def test_maps_do_not_count_a_robot_that_still_brakes_as_lost():
+    """Within 6 s LQR recovered from 27 deg, and from 28 deg with more time."""
+    usual = dataclasses.replace(load()["S2-rest"], tilt=(27.0, 29.0, 1.0), directions=6)
+    for scenario in (usual, dataclasses.replace(usual, seconds=25.0)):
+        (outcome,) = run_scenarios("lqr", scenario)
+        assert outcome.score == 28.0
+        times = outcome.metrics["recovery_time"].reshape(3, 6)[1]
+        assert 6.0 < times.max() < 10.0
+    with pytest.raises(ValueError, match="a map needs more than 1"):
+        dataclasses.replace(usual, seconds=1.0)
+
+
 def test_all_controllers_have_the_same_episodes():
     scenario = load()["S20-push"]
     first, second = (trial(scenario, bb.Params.paper(), 0.01, seed=3) for _ in range(2))

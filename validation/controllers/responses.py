@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 import ballbot_rs as bb
 from ballbot_rs._state_rows import tilt_of
+from ballbot_rs.analysis.settling import HOLD
 from validation.closed_forms import holdable_tilt
 
 #: The motion: from rest to rest, m, s. It takes 0.41 of the traction.
@@ -19,7 +20,7 @@ STEP: Final = 0.3
 #: Simulated time of both, s.
 SECONDS: Final = 4.0
 #: Simulated time of the basin, s, and the tilt of a robot that has recovered, rad.
-BASIN_SECONDS: Final = 6.0
+BASIN_SECONDS: Final = 15.0
 _UPRIGHT: Final = np.radians(2.0)
 #: Tilts of the basin, deg: the middles of rings.
 RING: Final = 1.0
@@ -97,7 +98,7 @@ def _basin(name: str) -> Mask:
 
 
 def recovers(name: str, tilts: Array, azimuths: Array) -> Mask:
-    """Whether the robot, let go at rest with tilts (deg) towards azimuths (rad), is upright at the end."""
+    """Whether the robot, let go at rest with tilts (deg) towards azimuths (rad), is upright in the whole last second."""
     params = bb.Params.paper()
     control_dt = bb.controllers()[name].control_dt or 0.01
     batch = bb.Batch(
@@ -111,9 +112,11 @@ def recovers(name: str, tilts: Array, azimuths: Array) -> Mask:
     leaning = np.radians(tilts.ravel())[:, None] * np.stack([-np.sin(azimuths), np.cos(azimuths)], -1).reshape(-1, 2)
     batch.reset(starts=[bb.State.at_equilibrium(params, tilt=lean) for lean in leaning])
     controller = bb.make_controller(name, params, control_dt)
-    done = batch.rollout(controller, round(BASIN_SECONDS / control_dt), record=("terminated", "states"))
-    upright = tilt_of(done["states"][-1:], params.body_com)[0] < _UPRIGHT
-    recovered: Mask = (upright & ~done["terminated"].any(axis=0)).reshape(tilts.shape)
+    before = batch.rollout(controller, round((BASIN_SECONDS - HOLD) / control_dt), record=("terminated",))
+    last = batch.rollout(controller, round(HOLD / control_dt), record=("terminated", "states"))
+    upright = (tilt_of(last["states"], params.body_com) < _UPRIGHT).all(axis=0)
+    fell = before["terminated"].any(axis=0) | last["terminated"].any(axis=0)
+    recovered: Mask = (upright & ~fell).reshape(tilts.shape)
     return recovered
 
 

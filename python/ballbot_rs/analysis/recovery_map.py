@@ -12,7 +12,7 @@ from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._state_rows import tilt_of
 from ballbot_rs.analysis.episodes import SETTLED_TILT
 from ballbot_rs.analysis.rollout import batch_for, rollout
-from ballbot_rs.analysis.settling import settling_times
+from ballbot_rs.analysis.settling import HOLD, recovery_times
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
 
 #: Beyond this tilt (rad) the robot has fallen: not the task's limit, which would decide about half of the map.
@@ -33,12 +33,14 @@ class Recovery:
     wheel_azimuths: tuple[float, float, float]
     #: Whether the robot never fell.
     stood: npt.NDArray[np.bool_]
-    #: Whether, besides, its tilt is within 1 deg at the end.
+    #: Whether, besides, its tilt is within 1 deg from some time on to the end, for at least 1 s.
     recovered: npt.NDArray[np.bool_]
     #: Time from which the tilt stays within 1 deg, s; NaN where it has not recovered.
-    settling_times: npt.NDArray[np.float64]
+    recovery_times: npt.NDArray[np.float64]
     #: Simulated time, s.
     seconds: float
+    #: Torque of an action of 1, or the motors' limit of a feedback law, N·m.
+    max_wheel_torque: float
 
 
 def collect(
@@ -47,7 +49,7 @@ def collect(
     max_tilt: float = 0.42,
     rings: int = 12,
     sectors: int = 24,
-    seconds: float = 5.0,
+    seconds: float = 10.0,
     task: str | None = None,
     env_options: Mapping[str, Any] | None = None,
     num_threads: int | None = None,
@@ -60,7 +62,8 @@ def collect(
         max_tilt: outer edge of the map, rad.
         rings: number of initial tilts, at the middle of as many equal rings.
         sectors: number of azimuths.
-        seconds: time to recover in.
+        seconds: simulated time. A start counts as recovered if the tilt stays within 1 deg from some time on to the
+            end, for at least 1 s; in 10 s all starts of the paper's robot from which a controller rights it do.
         task: name of the task, as in `compare`.
         env_options: options of the environment, over those that a policy was trained with.
         num_threads: threads that step the robots; None takes all cores.
@@ -73,6 +76,8 @@ def collect(
         raise ValueError(f"max_tilt = {max_tilt} is out of range: it must be above 0 and below {FALLEN}")
     if rings < 1 or sectors < 3:
         raise ValueError(f"a map of {rings} rings and {sectors} sectors: it needs at least 1 and 3")
+    if not seconds >= HOLD:
+        raise ValueError(f"seconds = {seconds} is out of range: a robot must stay upright for {HOLD:g} s to recover")
     found = find(controller, task=task, env_options=env_options)
     # Episodes never end by time: robots that have fallen start anew and are ignored from then on.
     options = {**common_options([found], env_options), "fall_tilt": FALLEN, "max_episode_steps": None}
@@ -101,7 +106,7 @@ def collect(
         leans[chunk.first : end] = tilt_of(chunk.states, params.body_com)
         standing &= ~chunk.terminated.any(axis=0)
         progress(end, steps)
-    times = np.where(standing, settling_times(leans, SETTLED_TILT, batch.control_dt), np.inf)
+    times = np.where(standing, recovery_times(leans, SETTLED_TILT, batch.control_dt), np.inf)
     recovered = np.isfinite(times)
     shape = (rings, sectors)
     return Recovery(
@@ -112,6 +117,7 @@ def collect(
         wheel_azimuths=params.wheel_azimuths,
         stood=standing.reshape(shape),
         recovered=recovered.reshape(shape),
-        settling_times=np.where(recovered, times, np.nan).reshape(shape),
+        recovery_times=np.where(recovered, times, np.nan).reshape(shape),
         seconds=seconds,
+        max_wheel_torque=batch.max_wheel_torque,
     )

@@ -18,6 +18,7 @@ _UNITS: Final = {
     "final_error": (1e3, "mm", 3),
     "rms_velocity_error": (1e2, "cm/s", 3),
     "settling_time": (1.0, "s", 3),
+    "recovery_time": (1.0, "s", 3),
     "rms_tilt": (math.degrees(1.0), "deg", 3),
     "largest_tilt": (math.degrees(1.0), "deg", 3),
     "largest_yaw_error": (math.degrees(1.0), "deg", 3),

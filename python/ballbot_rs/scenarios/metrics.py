@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._state_rows import tilt_of
+from ballbot_rs.analysis.settling import HOLD
 
 Array = npt.NDArray[np.float64]
 
@@ -23,6 +24,7 @@ METRICS: Final = {
     "largest_yaw_error": "rad",
     "final_yaw_error": "rad",
     "settling_time": "s",
+    "recovery_time": "s",
     "rms_torque": "N·m",
     "largest_torque": "N·m",
     "torque_variation": "N·m/s",
@@ -31,6 +33,9 @@ METRICS: Final = {
     "slip": "m",
     "least_load": "N",
 }
+
+#: Tilt within which a robot has recovered unless the scenario has a final tilt, rad.
+UPRIGHT: Final = float(np.deg2rad(2.0))
 
 #: Tilt (rad), distance (m) and speed (m/s) within which a robot has settled.
 _SETTLED: Final = (np.deg2rad(1.0), 0.02, 0.02)
@@ -56,9 +61,17 @@ def _largest(values: Array) -> Array:
 class Measures:
     """Numbers of n episodes, gathered over chunks of control steps."""
 
-    def __init__(self, n: int, control_dt: float, measure_from: float, com: Array, friction: Array) -> None:
+    def __init__(
+        self,
+        n: int,
+        control_dt: float,
+        measure_from: float,
+        com: Array,
+        friction: Array,
+        upright: float = UPRIGHT,
+    ) -> None:
         self._dt = control_dt
-        self._from = measure_from
+        self._from, self._upright = measure_from, upright
         self._com = com
         self._friction = friction
         self._time = 0.0
@@ -69,7 +82,7 @@ class Measures:
         self._last = {name: np.full(n, np.nan) for name in ("tilt", "error", "speed", "yaw")}
         self._variation, self._energy, self._slip = np.zeros(n), np.zeros(n), np.zeros(n)
         self._least_load = np.full(n, np.inf)
-        self._unsettled = np.zeros(n)
+        self._unsettled, self._leaning = np.zeros(n), np.zeros(n)
         self._torques: Array | None = None
         self.fell = np.zeros(n, dtype=bool)
 
@@ -120,6 +133,9 @@ class Measures:
         self._energy += np.where(alive, work, 0.0).sum(axis=0)
         settled = (tilt < _SETTLED[0]) & (error < _SETTLED[1]) & (speed < _SETTLED[2])
         self._unsettled = np.maximum(self._unsettled, np.where(alive & ~settled, times[:, None], 0.0).max(axis=0))
+        self._leaning = np.maximum(
+            self._leaning, np.where(alive & (tilt >= self._upright), times[:, None], 0.0).max(axis=0)
+        )
         for name, values in (("tilt", tilt), ("error", error), ("speed", speed), ("yaw", turned)):
             self._last[name] = np.where(alive[-1], values[-1], self._last[name])
         if "wheel_normal_forces" in rows:
@@ -165,6 +181,7 @@ class Measures:
             "largest_yaw_error": self._largest["yaw"],
             "final_yaw_error": self._last["yaw"],
             "settling_time": np.where(self.fell | never, np.inf, self._unsettled),
+            "recovery_time": np.where(self.fell | (self._leaning > self._time - HOLD + 1e-9), np.inf, self._leaning),
             "rms_torque": mean("torque", steps),
             "largest_torque": self._largest["torque"],
             "torque_variation": self._variation / np.maximum(self._seconds, self._dt),

@@ -14,7 +14,7 @@ from ballbot_rs._core import Params
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.analysis import intervals
 from ballbot_rs.control.resolve import ResolvedController, Source, find
-from ballbot_rs.scenarios.metrics import METRICS
+from ballbot_rs.scenarios.metrics import METRICS, UPRIGHT
 from ballbot_rs.scenarios.scenario import Scenario, load, select
 from ballbot_rs.scenarios.stage import Stage, check_observes_balance
 from ballbot_rs.scenarios.trial import Trial
@@ -172,6 +172,7 @@ def outcome_on(stage: Stage, controller: ResolvedController) -> Outcome | None:
     success = (
         ~metrics["fell"]
         & (metrics["final_tilt"] < _largest_final_tilt(scenario, episodes))
+        & (np.isfinite(metrics["recovery_time"]) | (not scenario.is_map))
         & (metrics["final_error"] < scenario.final_distance)
         & (metrics["final_speed"] < scenario.final_speed)
         & (metrics["final_yaw_error"] <= math.radians(scenario.final_yaw))
@@ -183,7 +184,7 @@ def _largest_final_tilt(scenario: Scenario, episodes: Trial) -> float:
     if scenario.final_tilt is not None:
         return math.radians(scenario.final_tilt)
     endless = episodes.references is not None and episodes.references[0].duration is None
-    return math.inf if endless else math.radians(2.0)
+    return math.inf if endless else UPRIGHT
 
 
 def _largest(episodes: Trial, success: npt.NDArray[np.bool_]) -> Array:

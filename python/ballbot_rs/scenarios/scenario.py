@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
+from ballbot_rs.analysis.settling import HOLD
 from ballbot_rs.scenarios.metrics import METRICS
 
 #: Numbers of an axis: one, or the first, the last and the step.
@@ -42,7 +43,9 @@ class Scenario:
     """A scenario; numbers are those for the paper's robot, and are scaled for others by `Scale`.
 
     Disturbances have `directions`, evenly around. A triple (first, last, step) of `tilt` or `push` makes a map: the
-    largest number up to which all succeed, in each direction.
+    largest number up to which all succeed, in each direction. A success of a map must also have recovered: its tilt is
+    within `final_tilt` from some time on to the end, for at least 1 s. Enough `seconds` make the map independent of
+    them.
     """
 
     id: str
@@ -128,6 +131,8 @@ class Scenario:
         if self.score not in (*SCORES, "map", "success") or self.is_map != (self.score == "map"):
             expected = "map, as for every map" if self.is_map else f"success, {', '.join(SCORES)}"
             raise ValueError(f"scenario {self.id}: score = '{self.score}', expected {expected}")
+        if self.is_map and self.seconds <= HOLD:
+            raise ValueError(f"scenario {self.id}: seconds = {self.seconds}, a map needs more than {HOLD:g}")
         if isinstance(self.tilt, tuple) and isinstance(self.push, tuple):
             raise ValueError(f"scenario {self.id}: either tilt or push can be a map")
 

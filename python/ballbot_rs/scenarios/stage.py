@@ -14,7 +14,7 @@ from ballbot_rs.control.policy_file import observation_layout
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.envs.registration import DEFAULT_TASK
-from ballbot_rs.scenarios.metrics import Measures
+from ballbot_rs.scenarios.metrics import UPRIGHT, Measures
 from ballbot_rs.scenarios.scenario import Scenario
 from ballbot_rs.scenarios.trial import Trial, trial
 
@@ -111,7 +111,9 @@ class Stage:
             law.start(observations)
         com = np.array([batch.params(i).body_com for i in range(batch.num_envs)])
         friction = np.array([batch.params(i).wheel_dynamic_friction for i in range(batch.num_envs)])
-        measures = Measures(batch.num_envs, batch.control_dt, episodes.measure_from, com, friction)
+        final_tilt = self.scenario.final_tilt
+        upright = UPRIGHT if final_tilt is None else math.radians(final_tilt)
+        measures = Measures(batch.num_envs, batch.control_dt, episodes.measure_from, com, friction, upright)
         at_once = max(_ROWS // len(episodes), _FEWEST)
         for first in range(0, episodes.steps, at_once):
             count = min(at_once, episodes.steps - first)

@@ -14,14 +14,14 @@ Table = dict[str, npt.NDArray[Any]]
 
 
 def of_recovery(recovery: Recovery) -> Table:
-    """A row a start; settling times are NaN where the robot has not recovered."""
+    """A row a start; recovery times are NaN where the robot has not recovered."""
     tilts, azimuths = np.meshgrid(recovery.tilts, recovery.azimuths, indexing="ij")
     return {
         "tilt_rad": tilts.ravel(),
         "azimuth_rad": azimuths.ravel(),
         "stood": recovery.stood.ravel().astype(float),
         "recovered": recovery.recovered.ravel().astype(float),
-        "settling_time_s": recovery.settling_times.ravel(),
+        "recovery_time_s": recovery.recovery_times.ravel(),
     }
 
 

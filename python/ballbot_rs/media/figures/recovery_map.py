@@ -15,7 +15,7 @@ from ballbot_rs.media.figures.labels import title
 from ballbot_rs.media.figures.style import COLORS, INK, PAPER, below, figure
 
 #: Light is fast; starts that are lost have colors of their own.
-_TIMES = LinearSegmentedColormap.from_list("settling", ["#e3fafc", "#66d9e8", COLORS[0], "#083344"])
+_TIMES = LinearSegmentedColormap.from_list("recovery", ["#e3fafc", "#66d9e8", COLORS[0], "#083344"])
 _FELL, _UNSETTLED = COLORS[1], COLORS[3]
 
 #: Least width of a map, inches.
@@ -23,7 +23,7 @@ LEAST_MAP = 2.2
 
 
 def draw(recoveries: Sequence[Recovery], width: float | None = None) -> Figure:
-    """A map a controller; radius is the initial tilt, the angle the direction of the lean, color the settling time.
+    """A map a controller; radius is the initial tilt, the angle the direction of the lean, color the time to recover.
 
     Args:
         recoveries: what is shown.
@@ -39,18 +39,18 @@ def draw(recoveries: Sequence[Recovery], width: float | None = None) -> Figure:
     for ax in axes[count:]:
         ax.remove()
     axes = axes[:count]
-    longest = max((float(np.nanmax(r.settling_times)) for r in recoveries if r.recovered.any()), default=1.0)
+    longest = max((float(np.nanmax(r.recovery_times)) for r in recoveries if r.recovered.any()), default=1.0)
     shown: Any = None
     for ax, recovery in zip(axes, recoveries, strict=True):
         shown = _draw_map(ax, recovery, longest, (wide - 0.8) / across)
     bar = fig.colorbar(shown, ax=list(axes), shrink=0.75, pad=0.06)
     bar.set_label("time to stay within 1 deg (s)")
     bar.outline.set_visible(False)
-    unsettled = f"upright, but not within 1 deg after {recoveries[0].seconds:g} s"
+    unsettled = f"upright, but not within 1 deg to the end of {recoveries[0].seconds:g} s"
     keys = [
         Patch(color=_FELL, label="fell"),
         Patch(color=_UNSETTLED, label=unsettled),
-        Line2D([], [], color=INK, marker="o", fillstyle="none", linestyle="", label="radius: initial tilt"),
+        Line2D([], [], color=INK, linewidth=0.8, alpha=0.5, label="rings: initial tilt"),
         Line2D([], [], color=INK, marker="s", linestyle="", markersize=4, label="wheel"),
     ]
     below(fig, keys, 4 if across > 1 else 2)
@@ -66,10 +66,11 @@ def _draw_map(ax: Any, recovery: Recovery, longest: float, inches: float) -> Any
     ax.grid(False)
     for lost, color in ((~recovery.stood, _FELL), (recovery.stood & ~recovery.recovered, _UNSETTLED)):
         ax.pcolormesh(edges, radii, np.where(lost, 1.0, np.nan), cmap=_plain(color), rasterized=True)
-    shown = ax.pcolormesh(edges, radii, recovery.settling_times, cmap=_TIMES, vmin=0.0, vmax=longest, rasterized=True)
+    shown = ax.pcolormesh(edges, radii, recovery.recovery_times, cmap=_TIMES, vmin=0.0, vmax=longest, rasterized=True)
     share = 100 * recovery.recovered.mean()
     starts = f"{share:.0f} % of the starts recover"
-    ax.set_title(title(recovery.controller, recovery.model, inches, starts), pad=12)
+    limit = f"with up to {recovery.max_wheel_torque:.3g} N·m a wheel"
+    ax.set_title(title(recovery.controller, recovery.model, inches, starts, limit), pad=12)
     ticks = np.arange(5, radii[-1], 5)
     _, names = ax.set_rgrids(ticks, [f"{tick:g}°" for tick in ticks], angle=90, fontsize=7.5, color=INK)
     for name in names:

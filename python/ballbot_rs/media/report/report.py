@@ -14,7 +14,7 @@ from ballbot_rs.analysis.conditions import beside
 from ballbot_rs.analysis.episodes import Result, compare
 from ballbot_rs.analysis.pushes import Push
 from ballbot_rs.analysis.simulate import run
-from ballbot_rs.control.resolve import ResolvedController, find
+from ballbot_rs.control.resolve import ResolvedController, find, options_of
 from ballbot_rs.envs.registration import description_of, task_of
 from ballbot_rs.media.report import origin, page
 from ballbot_rs.media.video import renderer_for, write_video
@@ -90,7 +90,14 @@ def write(
     # The robot as it is, without what events would draw.
     nominal = {name: value for name, value in policy.env_options.items() if name != "events"}
     shown = [
-        run(one, seconds=SECONDS, tilt=TILT, push=PUSH, task=task, env_options={**nominal, "events": None})
+        run(
+            one,
+            seconds=SECONDS,
+            tilt=TILT,
+            push=PUSH,
+            task=task,
+            env_options={**options_of(one, nominal), "events": None},
+        )
         for one in (policy, *map(find, beside(task)))
     ]
     parts.append(
@@ -118,14 +125,20 @@ def _recovery(policy: ResolvedController, task: str, show: Callable[[str], Progr
 
     maps = [
         recovery.collect(
-            controller, task=task, env_options=policy.env_options, progress=show(f"recovery of {controller.name}")
+            controller,
+            task=task,
+            env_options=options_of(controller, policy.env_options),
+            progress=show(f"recovery of {controller.name}"),
         )
         for controller in (policy, *map(find, beside(task)))
     ]
     return page.section(
         "Recovery",
         page.figure(recovery_map.draw(maps), "Polar maps of recovery for each controller"),
-        page.note("A robot at rest is let go, leaning by the radius towards the angle; 0° is the body's x axis."),
+        page.note(
+            "A robot at rest is let go, leaning by the radius towards the angle; 0° is the body's x axis. Torques of a "
+            "policy are limited as in its training, those of a feedback law by the motors."
+        ),
     )
 
 
