@@ -1,6 +1,7 @@
 """A trained policy where it was not trained: other models and engines, other robots, less friction, late motors.
 
-Events change the robot without telling the controllers: LQR and the torque of an action remain those of the nominal one.
+Events change the robot without telling the controllers: LQR and the torque of an action remain those of the nominal
+one.
 """
 
 import importlib.util

@@ -98,7 +98,7 @@ def _basin(name: str) -> Mask:
 
 
 def recovers(name: str, tilts: Array, azimuths: Array) -> Mask:
-    """Whether the robot, let go at rest with tilts (deg) towards azimuths (rad), is upright in the whole last second."""
+    """Whether the robot, let go at rest with tilts (deg) towards azimuths (rad), is upright all the last second."""
     params = bb.Params.paper()
     control_dt = bb.controllers()[name].control_dt or 0.01
     batch = bb.Batch(
