@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 
 def check_count(name: str, value: int) -> int:
@@ -47,6 +48,31 @@ def check_real(name: str, value: float) -> float:
         return float(value)
     except OverflowError:
         return math.copysign(math.inf, value > 0 or -1)
+
+
+def real_array(what: str, value: npt.ArrayLike, wanted: str, kinds: str = "biuf") -> npt.NDArray[Any]:
+    """An array-like as an array of the type that NumPy gives it, as the core takes them.
+
+    Args:
+        what: begins the message, as "the law gave".
+        value: the array-like.
+        wanted: ends the message.
+        kinds: the kinds of NumPy's types that are accepted.
+
+    Raises:
+        TypeError: text, times, objects or complex numbers, and masked arrays.
+    """
+    parts = value if isinstance(value, (list, tuple)) else (value,)
+    if any(isinstance(part, np.ma.MaskedArray) for part in parts):
+        raise TypeError(f"{what} a masked array: expected {wanted}, fill it first")
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{what} {value!r}: expected {wanted}") from error
+    if array.dtype.kind not in kinds:
+        given = f"an array of dtype {array.dtype}" if array.ndim else repr(value)
+        raise TypeError(f"{what} {given}: expected {wanted}")
+    return array
 
 
 def _whole(name: str, value: int) -> int:

@@ -195,6 +195,11 @@ class Timeless:
         (Timeless, ValueError, "timeless has control_dt = -1.0: it must be positive and finite"),
         (lambda _: [0.0, 0.0], ValueError, r"<lambda> gave torques of shape \(2,\): expected \(3,\), N·m"),
         (lambda _: "abc", TypeError, r"<lambda> gave 'abc': expected wheel torques of shape \(3,\), N·m"),
+        (lambda _: ["1", "2", "3"], TypeError, r"<lambda> gave an array of dtype <U1: expected wheel torques"),
+        (lambda _: np.ma.masked_all(3), TypeError, r"<lambda> gave a masked array: expected wheel torques .* fill it"),
+        (lambda _: [0.1, np.ma.masked, 0.0], TypeError, r"<lambda> gave a masked array"),
+        (lambda _: np.zeros(3, complex), TypeError, r"dtype complex128: expected wheel torques"),
+        (lambda _: [None, 0.0, 0.0], TypeError, r"dtype object: expected wheel torques"),
         (
             lambda _: [0.0, np.nan, 0.0],
             ValueError,

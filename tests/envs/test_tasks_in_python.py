@@ -1,5 +1,7 @@
 """Tasks in Python: through all front ends, with their seeds, resets, ends, and errors."""
 
+import importlib.util
+import inspect
 import pickle
 import re
 
@@ -11,6 +13,9 @@ from gymnasium.utils.env_checker import check_env
 import ballbot_rs as bb
 from ballbot_rs._core import TASKS
 from ballbot_rs._state_rows import tilt_of
+from ballbot_rs.envs._batch_env import new_batch, option_names
+from ballbot_rs.envs.own.registry import TAKEN
+from ballbot_rs.envs.registration import description_of
 from tests.support.paths import ROOT
 
 #: Some fall, others do not.
@@ -197,7 +202,12 @@ def test_controllers_run_and_are_compared_on_it():
         ("reward", lambda _: 1.0, r"reward returned shape \(\), expected \(2,\)"),
         ("reward", lambda robots: np.full(len(robots), np.nan), r"reward returned nan at \(0,\), expected finite"),
         ("reward", lambda _: np.array(["a", "b"]), "expected numbers"),
-        ("terminated", lambda robots: np.zeros(len(robots)), "dtype float64, expected bool"),
+        ("reward", lambda _: np.ma.masked_all(2), "reward returned a masked array: expected numbers, fill it first"),
+        ("reward", lambda _: [np.ma.masked, 0.0], "reward returned a masked array"),
+        ("terminated", lambda robots: np.ma.masked_array(robots.tilt > 1.0), "a masked array: expected bool"),
+        ("observe", lambda robots: robots.gravity.astype(str), "of dtype <U32: expected numbers"),
+        ("observation_bound", "1", "observation_bound of Wrong is '1': expected numbers"),
+        ("terminated", lambda robots: np.zeros(len(robots)), "dtype float64: expected bool"),
         ("terminated", lambda robots: np.zeros((len(robots), 1), dtype=bool), r"expected \(2,\) for 2 robots"),
         ("observation_bound", -1.0, "must be finite and above 0"),
         ("observation_bound", [1.0, 2.0], r"has shape \(2,\), expected \(\) or \(9,\)"),
@@ -235,6 +245,144 @@ def test_registration_is_checked():
     assert "me/Spin-v0" not in TASKS
 
 
+@pytest.mark.parametrize("name", ["control_dt", "params", "terrain", "model", "seed", "num_envs", "fall_tilt"])
+def test_an_argument_of_a_task_with_the_name_of_an_option_is_refused(name):
+    class Counts(Spin):
+        pass
+
+    namespace = {}
+    exec(f"def __init__(self, {name}=None): pass", namespace)
+    Counts.__init__ = namespace["__init__"]
+    with pytest.raises(ValueError, match=f"Counts has an argument '{name}', which is an option of every environment"):
+        bb.register("me/Counts-v0", Counts)
+
+
+def test_names_of_all_front_ends_are_taken():
+    makers = [bb.BallbotEnv, bb.BallbotVectorEnv, gymnasium.make, gymnasium.make_vec, bb.register]
+    if importlib.util.find_spec("stable_baselines3"):
+        makers.append(bb.BallbotVecEnv)
+    kinds = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.POSITIONAL_ONLY)
+    names = {p.name for make in makers for p in inspect.signature(make).parameters.values() if p.kind not in kinds}
+    assert names <= {*TAKEN, *option_names("me/Spin-v0")}
+
+
+def test_a_blank_docstring_and_no_time_limit():
+    class Blank(Spin):
+        """ """
+
+        max_episode_steps = None
+
+        def terminated(self, robots):
+            return np.zeros(len(robots), dtype=bool)
+
+    bb.register("me/Blank-v0", Blank)
+    assert description_of("me/Blank-v0")["summary"] == "Blank"
+    assert gymnasium.spec("me/Blank-v0").max_episode_steps is None
+    env = bb.BallbotVectorEnv(1, task="me/Blank-v0", model="contact")
+    assert env.task_options["max_episode_steps"] is None
+    limited = bb.BallbotVectorEnv(1, task="me/Blank-v0", model="contact", max_episode_steps=3)
+    limited.reset(seed=0)
+    assert [limited.step(np.zeros((1, 3)))[3][0] for _ in range(3)] == [False, False, True]
+
+
+def test_observations_beyond_float32_are_clipped():
+    class Huge(Spin):
+        def observe(self, robots):
+            return np.full((len(robots), 2), (1e300, -1e300))
+
+    bb.register("me/Huge-v0", Huge)
+    env = bb.BallbotEnv("me/Huge-v0", model="contact")
+    observation, _ = env.reset(seed=0)
+    assert observation.dtype == np.float32
+    np.testing.assert_array_equal(observation, [1000.0, -1000.0])
+
+
+def test_the_tilt_of_a_fall_is_that_of_the_task():
+    with pytest.raises(ValueError, match="fall_tilt: the method `terminated`"):
+        bb.BallbotEnv("me/Spin-v0", fall_tilt=0.3)
+
+
+@pytest.mark.parametrize("mode", ["next_step", "same_step", "disabled"])
+@pytest.mark.parametrize("method", ["reward", "terminated", "observe", "reset"])
+def test_after_an_exception_the_next_episode_begins_properly(mode, method):
+    """A method raises in the step that ends an episode: the task is told of the next one all the same."""
+    begun = []
+
+    class Raises(Spin):
+        armed = False
+
+        def reset(self, robots, chosen, rngs):  # noqa: ARG002
+            self.fail("reset")
+            begun.extend(chosen.tolist())
+
+        def observe(self, robots):
+            self.fail("observe")
+            return np.column_stack([robots.gravity, robots.time])
+
+        def reward(self, robots):
+            self.fail("reward")
+            return np.zeros(len(robots))
+
+        def terminated(self, robots):
+            self.fail("terminated")
+            return np.zeros(len(robots), dtype=bool)
+
+        def fail(self, name):
+            if self.armed and name == method:
+                raise RuntimeError("not now")
+
+    bb.register("me/Raises-v0", Raises)
+    options = {"task": "me/Raises-v0", "model": "contact", "max_episode_steps": 3, "autoreset_mode": mode}
+    env = bb.BallbotVectorEnv(2, **options)
+    env.reset(seed=0)
+    still = np.zeros((2, 3))
+    for _ in range(2):
+        env.step(still)
+
+    def end_and_begin():
+        env.step(still)
+        if mode == "disabled":
+            env.reset(options={"reset_mask": np.ones(2, dtype=bool)})
+        else:
+            env.step(still)
+
+    env._batch.made.armed = True
+    with pytest.raises(RuntimeError, match="not now"):
+        end_and_begin()
+    env._batch.made.armed = False
+    begun.clear()
+    if mode == "next_step":
+        observations = env.step(still)[0]
+    else:
+        with pytest.raises(ValueError, match="reset it before it is stepped"):
+            env.step(still)
+        observations, _ = env.reset()
+    assert begun == [0, 1]
+    np.testing.assert_array_equal(observations[:, 3], 0.0)
+    for step in (1, 2):
+        np.testing.assert_allclose(env.step(still)[0][:, 3], 0.01 * step, rtol=1e-6)
+
+
+def test_last_observations_are_in_the_infos_of_every_mode():
+    for mode in ("same_step", "next_step", "disabled"):
+        for task in ("me/Spin-v0",):
+            options = {"max_episode_steps": 3, "model": "contact"}
+            batch = new_batch(3, task=task, autoreset=mode, seed=1, options=options)
+            batch.reset()
+            for step in range(3):
+                observations, _, _, truncated = batch.step(actions(step, 3))
+            assert truncated.all()
+            last = np.array([info["terminal_observation"] for info in batch.infos()])
+            np.testing.assert_array_equal(last, batch.final_observations())
+            if mode == "same_step":
+                other = new_batch(3, task=task, autoreset="disabled", seed=1, options={"model": "contact"})
+                other.reset()
+                for step in range(3):
+                    observations = other.step(actions(step, 3))[0]
+            np.testing.assert_array_equal(last, observations)
+            assert np.abs(last).max() > 0.0
+
+
 def test_arrays_are_views_and_read_only():
     held = {}
 
@@ -250,8 +398,13 @@ def test_arrays_are_views_and_read_only():
     robots = held["robots"]
     assert robots.gravity.base is robots.wheel_speeds.base is not None
     assert (robots.gravity.shape, robots.body_quaternion.shape, len(robots)) == ((4, 3), (4, 4), 4)
-    with pytest.raises(ValueError, match="read-only"):
-        robots.gravity[0] = 0.0
+    names = [name for name in dir(robots) if isinstance(getattr(robots, name), np.ndarray) and name[0] != "_"]
+    assert {"numbers", "steps", "time", "tilt", "yaw", "yaw_rate", "velocity", "gravity"} <= set(names)
+    for name in names:
+        array = getattr(robots, name)
+        assert not array.flags.writeable, name
+        # Nor through the array that it is a view of.
+        assert array.base is None or not array.base.flags.writeable, name
     expected = [state.yaw for state in env.state]
     np.testing.assert_allclose(robots.yaw, expected, atol=1e-5)
     np.testing.assert_allclose(robots.tilt, [state.tilt for state in env.state], atol=1e-4)

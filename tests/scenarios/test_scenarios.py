@@ -10,6 +10,7 @@ import pytest
 import ballbot_rs as bb
 from ballbot_rs.cli import main
 from ballbot_rs.control.resolve import find
+from ballbot_rs.scenarios.matrix import rows
 from ballbot_rs.scenarios.metrics import METRICS, Measures
 from ballbot_rs.scenarios.run import Outcome, outcome_on, run_scenarios
 from ballbot_rs.scenarios.scale import Scale
@@ -215,7 +216,14 @@ def test_laws_without_a_setpoint_have_what_asks_for_no_motion():
     assert outcome.metrics["fell"].all() or outcome.score > 0.1
     (own,) = run_scenarios([lambda state: [-0.001 * speed for speed in state.wheel_speeds]], [pushed])
     assert own.score > 0.0
-    assert run_scenarios(["zero"], ["S13-10s"]) == []
+    (skipped,) = run_scenarios(["zero"], ["S13-10s"])
+    assert skipped.skipped == "the scenario is a motion, and it follows no position"
+    assert repr(skipped) == f"<Outcome of zero in S13-10s: skipped, {skipped.skipped}>"
+    assert np.isnan([skipped.score, skipped.success_rate, *skipped.interval()]).all()
+    found = json.loads(json.dumps(skipped.row(), allow_nan=False))
+    assert (found["score"], found["success_rate"], found["episodes"]) == (None, None, 0)
+    assert found["skipped"] == skipped.skipped
+    assert rows([skipped])[1][3] == "-"
 
 
 def test_forces_and_slopes_can_be_stood():
@@ -241,9 +249,13 @@ def test_names_twice_are_refused():
         run_scenarios(["lqr", "lqr"], "S4")
 
 
-def test_what_a_controller_cannot_follow_is_left_out():
+def test_what_a_controller_cannot_follow_is_skipped():
     outcomes = run_scenarios(["pid", "lqr"], ["S4", "S13-10s"])
-    assert [(one.controller, one.scenario.id) for one in outcomes] == [("pid", "S4"), ("lqr", "S4"), ("lqr", "S13-10s")]
+    found = [(one.controller, one.scenario.id, one.skipped is None) for one in outcomes]
+    assert found == [("pid", "S4", True), ("pid", "S13-10s", False), ("lqr", "S4", True), ("lqr", "S13-10s", True)]
+    (line,) = [line for line in rows(outcomes) if line[0] == "S13-10s"]
+    assert line[3] == "-"
+    assert float(line[4]) > 0.0
 
 
 def test_intervals_are_wilsons():

@@ -49,8 +49,8 @@ def outcome(name: str, scenario: str) -> Outcome | None:
     if name == "mppi" and scenario not in _FEW:
         return None
     source = _assets.path("policies/balance.onnx") if name == POLICY else name
-    found = run_scenarios([source], [scenario])
-    return found[0] if found else None
+    (found,) = run_scenarios([source], [scenario])
+    return found if found.skipped is None else None
 
 
 @cache

@@ -86,7 +86,8 @@ def measured() -> dict[tuple[str, str, str], Outcome]:
                 found[law, DEFAULT, scenario] = one
         for name, chosen in options(law).items():
             for one in run_scenarios(with_options(law, chosen), list(COLUMNS)):
-                found[law, name, one.scenario.id] = one
+                if one.skipped is None:
+                    found[law, name, one.scenario.id] = one
     return found
 
 

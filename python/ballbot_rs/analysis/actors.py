@@ -6,6 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._checks import real_array
 from ballbot_rs._core import Batch, Controller
 from ballbot_rs.control.laws import Laws, parts_for
 from ballbot_rs.control.resolve import ResolvedController
@@ -82,7 +83,7 @@ class PolicyActor:
                 f"{self._name} is a policy: it takes no setpoint but that of its task, the option 'setpoint' of "
                 "env_options where the task has one"
             )
-        return _limited(self._policy(observations))
+        return _limited(real_array(f"{self._name} gave", self._policy(observations), "actions"))
 
     def ended(self, mask: npt.NDArray[np.bool_]) -> None:
         """As `Actor`."""

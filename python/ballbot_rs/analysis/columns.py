@@ -117,7 +117,7 @@ def columns(trajectory: "Trajectory") -> dict[str, Array]:
     found = {"time_s": trajectory.times}
     for quantity in quantities(trajectory):
         found.update(zip(quantity.titles, quantity.values.T, strict=True))
-    return found
+    return {name: column.copy() for name, column in found.items()}
 
 
 def _rows(values: Array, count: int) -> Array:

@@ -37,6 +37,8 @@ class Result:
     model: str
     #: Time between two actions, s.
     control_dt: float
+    #: Time step of the model, s: the option `sim_dt`, or less where the controller's own rate is no multiple of it.
+    sim_dt: float
     episodes: int
     #: Share of episodes that ended in success.
     success_rate: float
@@ -64,7 +66,8 @@ class Result:
     def __repr__(self) -> str:
         return (
             f"<Result of {self.controller} on {self.model}: {self.episodes} episodes, success {self.success_rate:.0%}, "
-            f"upright {self.survival_rate:.0%}, mean reward {self.mean_reward:.4g}>"
+            f"upright {self.survival_rate:.0%}, mean reward {self.mean_reward:.4g}, "
+            f"sim_dt {1e3 * self.sim_dt:.4g} ms>"
         )
 
     def _repr_html_(self) -> str:
@@ -207,6 +210,7 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
         controller=controller.name,
         model=getattr(batch, "engine", batch.model),
         control_dt=batch.control_dt,
+        sim_dt=batch.sim_dt,
         episodes=n,
         success_rate=float(success.mean()),
         success_interval=intervals.of_share(float(success.mean()), n),

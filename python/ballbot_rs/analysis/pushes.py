@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import check_real
+from ballbot_rs._checks import check_real, real_array
 from ballbot_rs._errors import InvalidInputError
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -90,10 +90,7 @@ def check(pushes: Sequence[Push], forces: Sequence[Force], seconds: float) -> No
 
 def _check_vectors(what: str, vector: Any, point: Any) -> None:
     for value in (vector,) if point is None else (vector, point):
-        try:
-            numbers = np.asarray(value, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise TypeError(f"{what} has {value!r}: expected three numbers") from error
+        numbers = real_array(f"{what} has", value, "three numbers")
         if numbers.shape != (3,) or not np.isfinite(numbers).all():
             raise InvalidInputError(f"{what} has {value}: expected three finite numbers")
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._arrays import keep_copies
 from ballbot_rs._core import Contacts, Params, State, Terrain
 from ballbot_rs._extras import require
 from ballbot_rs.analysis import columns, exports
@@ -21,7 +22,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Trajectory:
-    """Rows at the times of the controller's decisions; torques hold from a row to the next.
+    """Rows at the times of the controller's decisions; torques hold from a row to the next. Its arrays are read-only.
 
     Shown as a table and a figure in a notebook. Quaternions are (w, x, y, z) and map body, or ball, to inertial.
     """
@@ -56,8 +57,15 @@ class Trajectory:
     commands: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
     #: Name of the task.
     task: str = "balance"
+    #: Time between two decisions of the controller, and time step of the model, s: the option `sim_dt`, or less where
+    #: the controller's own rate is no multiple of it; None is unknown.
+    control_dt: float | None = None
+    sim_dt: float | None = None
     #: Pushes of events and of the task, which are among the draws.
     drawn_pushes: Sequence[Push] = ()
+
+    def __post_init__(self) -> None:
+        keep_copies(self)
 
     @property
     def all_pushes(self) -> Sequence[Push]:
@@ -66,8 +74,10 @@ class Trajectory:
 
     def __repr__(self) -> str:
         ending = "upright" if self.fell_at is None else f"fell at {self.fell_at:g} s"
+        steps = "" if self.sim_dt is None else f", sim_dt {1e3 * self.sim_dt:.4g} ms"
         return (
-            f"<Trajectory of {self.controller} on {self.model}: {self.times[-1]:g} s, {len(self.times)} rows, {ending}>"
+            f"<Trajectory of {self.controller} on {self.model}: {self.times[-1]:g} s, {len(self.times)} rows, "
+            f"{ending}{steps}>"
         )
 
     def _repr_html_(self) -> str:

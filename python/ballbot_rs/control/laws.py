@@ -14,6 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._checks import real_array
 from ballbot_rs._core import Controller, State
 from ballbot_rs._errors import ControllerError, InvalidInputError
 from ballbot_rs.control.setpoints import PARTS, Setpoint
@@ -189,10 +190,8 @@ class Laws:
             raise failed(self.name, error) from error
 
     def _numbers(self, answer: Any, shape: tuple[int, ...]) -> Array:
-        try:
-            torques = np.asarray(answer, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise TypeError(f"{self.name} gave {answer!r}: expected wheel torques of shape {shape}, N·m") from error
+        wanted = f"wheel torques of shape {shape}, N·m"
+        torques = real_array(f"{self.name} gave", answer, wanted).astype(np.float64, copy=False)
         if torques.shape != shape:
             raise InvalidInputError(f"{self.name} gave torques of shape {torques.shape}: expected {shape}, N·m")
         return torques

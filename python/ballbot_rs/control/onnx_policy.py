@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._checks import real_array
 from ballbot_rs._extras import require
 from ballbot_rs.control import deadline, policy_file
 from ballbot_rs.envs.spaces import observation_width
@@ -73,9 +74,10 @@ class OnnxPolicy:
 
         Raises:
             ValueError: another shape.
+            TypeError: something else than numbers.
             TimeoutError: the model runs for more than `CALL_LIMIT` and `ROW_LIMIT` allow; it has been ended.
         """
-        rows = np.asarray(observation, dtype=np.float32)
+        rows = real_array("observation is", observation, "numbers").astype(np.float32, copy=False)
         if rows.ndim not in (1, 2) or rows.shape[-1] != self._rows:
             raise ValueError(f"observation has shape {rows.shape}, expected ({self._rows},) or (n, {self._rows})")
         given = {"observation": np.ascontiguousarray(np.atleast_2d(rows))}

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import did_you_mean
+from ballbot_rs._checks import did_you_mean, real_array
 from ballbot_rs._errors import InvalidInputError
 
 Array = npt.NDArray[np.float64]
@@ -84,10 +84,7 @@ def checked(parts: Mapping[str, Any]) -> dict[str, Any]:
         if name not in ALL_PARTS:
             known = f"expected one of {', '.join(ALL_PARTS)}{did_you_mean(name, ALL_PARTS)}"
             raise InvalidInputError(f"a setpoint has no part '{name}': {known}")
-        try:
-            numbers = np.array(value, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise TypeError(f"the part {name} of a setpoint is {value!r}: expected numbers") from error
+        numbers = real_array(f"the part {name} of a setpoint is", value, "numbers").astype(np.float64)
         shape = () if ALL_PARTS[name] == 1 else (ALL_PARTS[name],)
         if numbers.shape != shape:
             raise InvalidInputError(f"the part {name} of a setpoint has the shape {numbers.shape}, expected {shape}")

@@ -3,20 +3,17 @@
 import functools
 import secrets
 from collections.abc import Iterable, Mapping
-from typing import Any, Final, cast
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import check_count, check_options, check_seed
+from ballbot_rs._checks import check_count, check_options, check_seed, real_array
 from ballbot_rs._core import Batch, Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.envs.own import registry
-from ballbot_rs.envs.own.batch import BARE, OwnBatch
+from ballbot_rs.envs.own.batch import BARE, NO_TIME_LIMIT, OwnBatch
 from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of, name_of
-
-#: More steps than an episode can have: 248 days at the default control rate.
-NO_TIME_LIMIT: Final = 2**31
 
 
 def new_batch(
@@ -55,7 +52,7 @@ def new_own_batch(
 ) -> OwnBatch:
     """A batch of a task in Python."""
     given = {**own.options, **(options or {})}
-    check_options(f"the environment of {task}", given, (*_option_names(BARE), *own.parameters()))
+    check_options(f"the environment of {task}", given, (*options_of_own_tasks(), *own.parameters()))
     return registry.new_batch(
         own, num_envs, task, autoreset=autoreset, num_threads=num_threads, seed=seed, options=_plain(given)
     )
@@ -74,7 +71,12 @@ def _plain(options: Mapping[str, Any]) -> dict[str, Any]:
 def option_names(task: str) -> tuple[str, ...]:
     """Names of the options of a task and of its environments."""
     own = registry.find(task)
-    return _option_names(task) if own is None else (*_option_names(BARE), *own.parameters())
+    return _option_names(task) if own is None else (*options_of_own_tasks(), *own.parameters())
+
+
+def options_of_own_tasks() -> tuple[str, ...]:
+    """Names of the options that environments of any task in Python have."""
+    return _option_names(BARE)
 
 
 @functools.cache
@@ -250,7 +252,7 @@ class ManyRobots(SharedAttributes):
         num_envs, parts = self._batch.num_envs, len(description_of(self._batch.task)["command"])
         if parts == 0:
             raise InvalidInputError(f"the task {self._batch.task} has no command")
-        given = np.asarray(value, dtype=np.float64)
+        given = real_array("command is", value, "numbers").astype(np.float64, copy=False)
         if given.shape not in ((parts,), (num_envs, parts)):
             raise InvalidInputError(f"command has shape {given.shape}, expected ({parts},) or ({num_envs}, {parts})")
         commands = np.broadcast_to(given, (num_envs, parts))

@@ -89,7 +89,8 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         Raises:
             ValueError: the action has the wrong shape or is not finite, or the episode is over.
         """
-        given = np.asarray(action)
+        # A masked array stays one, which the batch refuses.
+        given = np.asanyarray(action)
         if given.dtype.kind in "biuf" and given.shape != (3,):
             several = ": BallbotVectorEnv takes the actions of several robots" if given.ndim > 1 else ""
             raise ValueError(f"actions has shape {given.shape}, expected (3,) for one robot{several}")

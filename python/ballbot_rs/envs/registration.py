@@ -46,13 +46,14 @@ def register(env_id: str, task: type[Task], **options: Any) -> None:
 
     Raises:
         TypeError: `task` is no subclass of `Task`.
-        ValueError: the id is that of a task of the core, or none that Gymnasium takes.
+        ValueError: the id is that of a task of the core, or none that Gymnasium takes; an argument of the constructor
+            of `task` has the name of an option of environments.
     """
-    from ballbot_rs.envs._batch_env import new_own_batch
+    from ballbot_rs.envs._batch_env import new_own_batch, options_of_own_tasks
 
     before, spec = registry.find(env_id), gymnasium.registry.get(env_id)
     try:
-        registry.add(env_id, task, options, lambda found: new_own_batch(found, 1, env_id))
+        registry.add(env_id, task, options, options_of_own_tasks(), lambda found: new_own_batch(found, 1, env_id))
         gymnasium.registry.pop(env_id, None)
         _register(env_id, env_id, registry.description_of(env_id))
     except BaseException as error:

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import check_seed
+from ballbot_rs._checks import check_seed, real_array
 from ballbot_rs._core import Batch, Lqr, Params, State
 from ballbot_rs._errors import DivergedError, InvalidInputError
 from ballbot_rs._progress import Progress, no_progress
@@ -74,7 +74,7 @@ def record_log(
     if not 0.0 <= excitation <= 10.0:
         raise InvalidInputError(f"excitation = {excitation} is out of range: it must be from 0 to 10")
     spread = _spread(noise)
-    place = np.asarray(imu_position, dtype=np.float64)
+    place = real_array("imu_position is", imu_position, "three finite numbers").astype(np.float64)
     if place.shape != (3,) or not np.isfinite(place).all():
         raise InvalidInputError(f"imu_position is {imu_position}, expected three finite numbers")
     rng = np.random.default_rng(check_seed(seed))

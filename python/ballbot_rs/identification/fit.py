@@ -9,6 +9,7 @@ from typing import Any, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._checks import real_array
 from ballbot_rs._core import MODELS, Params
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
@@ -109,7 +110,7 @@ def identify(
     if any(base.params.floor_tilt):
         tilt = list(base.params.floor_tilt)
         raise InvalidInputError(f"params.floor_tilt = {tilt}: a log has no heading, so the floor must be level")
-    offset = np.asarray(imu_position, dtype=np.float64)
+    offset = real_array("imu_position is", imu_position, "three finite numbers").astype(np.float64)
     if offset.shape != (3,) or not np.isfinite(offset).all():
         raise InvalidInputError(f"imu_position is {imu_position}, expected three finite numbers")
     if model not in MODELS or model == "planar":

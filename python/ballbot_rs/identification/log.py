@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs import _files
-from ballbot_rs._checks import did_you_mean
+from ballbot_rs._checks import did_you_mean, real_array
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._reading import read_regular
 
@@ -78,7 +78,7 @@ class SensorLog:
             value = getattr(self, name)
             if value is None and name in OPTIONAL:
                 continue
-            array = np.array(value, dtype=np.float64)
+            array = real_array(f"{name} is", value, "numbers").astype(np.float64)
             shape = (len(array) if array.ndim else 0, len(columns))[: 1 if name == "time" else 2]
             if array.shape != shape or (name != "time" and len(array) != len(self.time)):
                 rows = "n" if name == "time" else str(len(self.time))

@@ -41,7 +41,7 @@ def unit(scenario: Scenario) -> str:
 
 def cell(outcome: Outcome | None) -> str:
     """A score as text."""
-    if outcome is None:
+    if outcome is None or outcome.skipped is not None:
         return "-"
     if outcome.scenario.is_map:
         return f"{outcome.score:.4g}"
@@ -69,8 +69,6 @@ def rows(outcomes: Sequence[Outcome]) -> list[list[str]]:
 
 def text(outcomes: Sequence[Outcome]) -> str:
     """The matrix within 100 columns, some controllers below each other if there are many."""
-    if not outcomes:
-        return "No controller can be asked for any of these scenarios."
     header, *body = rows(outcomes)
     wide = [max(len(row[i]) for row in (header, *body)) for i in range(len(header))]
     first = [0, 2]

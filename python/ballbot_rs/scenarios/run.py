@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._arrays import keep_copies
 from ballbot_rs._checks import check_seed
 from ballbot_rs._core import Params
 from ballbot_rs._progress import Progress, no_progress
@@ -24,7 +25,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Outcome:
-    """A scenario under a controller."""
+    """A scenario under a controller; its arrays are read-only."""
 
     controller: str
     scenario: Scenario
@@ -34,8 +35,15 @@ class Outcome:
     success: npt.NDArray[np.bool_]
     #: Of a map, the largest number up to which all succeed, in each direction, shape (directions,); else empty.
     largest: Array
+    #: Why no episode was run; None if they were.
+    skipped: str | None = None
+
+    def __post_init__(self) -> None:
+        keep_copies(self)
 
     def __repr__(self) -> str:
+        if self.skipped is not None:
+            return f"<Outcome of {self.controller} in {self.scenario.id}: skipped, {self.skipped}>"
         successes = f"{int(self.success.sum())} of {len(self.success)} successes"
         score = "largest" if self.scenario.is_map else self.scenario.score
         return f"<Outcome of {self.controller} in {self.scenario.id}: {score} {self.score:.4g}, {successes}>"
@@ -46,11 +54,13 @@ class Outcome:
 
     @property
     def score(self) -> float:
-        """The number by which controllers are compared; not finite if a robot fell.
+        """The number by which controllers are compared; not finite if a robot fell, NaN if it was skipped.
 
         Of a map the worst direction, of several directions the worst episode, of random episodes the mean of the worse
         half (CVaR 0.5).
         """
+        if self.skipped is not None:
+            return math.nan
         if self.scenario.is_map:
             return float(self.largest.min())
         if self.scenario.score == "success":
@@ -69,17 +79,20 @@ class Outcome:
 
     @property
     def success_rate(self) -> float:
-        """Share of the episodes that are a success."""
-        return float(self.success.mean())
+        """Share of the episodes that are a success; NaN without any."""
+        return float(self.success.mean()) if len(self.success) else math.nan
 
     def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % interval of the share of successes."""
+        """Wilson's 95 % interval of the share of successes; NaN without any episode."""
+        if not len(self.success):
+            return (math.nan, math.nan)
         return intervals.of_share(self.success_rate, len(self.success))
 
     def row(self) -> dict[str, Any]:
         """One row for a table or JSON: means over the episodes that did not fall, largest numbers, successes.
 
         None is no number: the score where a robot fell, a mean over no episode, or with one that never settled.
+        `skipped` is there where no episode was run, and says why.
         """
         stood = ~self._fell
         means = {
@@ -91,12 +104,13 @@ class Outcome:
             "controller": self.controller,
             "scenario": self.scenario.id,
             "score": _finite(self.score),
-            "success_rate": self.success_rate,
-            "success_interval": list(self.interval()),
+            "success_rate": _finite(self.success_rate),
+            "success_interval": [_finite(bound) for bound in self.interval()],
             "episodes": len(self.success),
             "falls": int((~stood).sum()),
             **({"largest": self.largest.tolist()} if self.scenario.is_map else {}),
             **{name: _finite(value) for name, value in means.items()},
+            **({} if self.skipped is None else {"skipped": self.skipped}),
         }
 
 
@@ -129,8 +143,8 @@ def run_scenarios(
         progress: called with the number of scenarios done and their total.
 
     Returns:
-        An outcome for each controller and scenario it can be asked for: a controller that follows no position, or a
-        policy, is asked for no motion.
+        An outcome for each controller and scenario. A motion is skipped under a controller that follows no position, or
+        a policy: `skipped` of its outcome says so, and it has no episode.
 
     Raises:
         ValueError: an unknown name, a malformed file, or a number out of range.
@@ -155,19 +169,26 @@ def run_scenarios(
     for count, (controller, scenario) in enumerate((c, s) for c in found for s in chosen):
         progress(count, len(found) * len(chosen))
         stage = Stage(controller, scenario, params, model=model, seed=seed, num_threads=num_threads)
-        outcome = outcome_on(stage, controller)
-        if outcome is not None:
-            outcomes.append(outcome)
+        outcomes.append(outcome_on(stage, controller))
     progress(len(found) * len(chosen), len(found) * len(chosen))
     return outcomes
 
 
-def outcome_on(stage: Stage, controller: ResolvedController) -> Outcome | None:
-    """A controller on the robots of a scenario; None if it cannot be asked for what they are to do."""
+def outcome_on(stage: Stage, controller: ResolvedController) -> Outcome:
+    """A controller on the robots of a scenario, or why it is skipped."""
     measures = stage.follow(controller)
-    if measures is None:
-        return None
     scenario, episodes = stage.scenario, stage.episodes
+    if measures is None:
+        kind = "it follows no position" if controller.policy is None else "a policy is asked for no motion"
+        nothing = np.empty(0)
+        return Outcome(
+            controller.name,
+            scenario,
+            dict.fromkeys(METRICS, nothing),
+            nothing.astype(bool),
+            nothing,
+            f"the scenario is a motion, and {kind}",
+        )
     metrics = measures.found()
     success = (
         ~metrics["fell"]

@@ -24,8 +24,8 @@ _SPREAD: Final = 0.3
 #: Largest cost of a scenario: that of a controller that falls, or cannot be made.
 _WORST: Final = 10.0
 
-#: Options that are not searched unless they are named: no default scenario turns the robot, and the others buy accuracy
-#: by time.
+#: Options that are not searched unless they are named: no default scenario turns the robot, those of the adaptation
+#: have no effect by default, and the others buy accuracy by time.
 _LEFT_ALONE: Final = (
     "yaw",
     "yaw_rate",
@@ -34,6 +34,8 @@ _LEFT_ALONE: Final = (
     "yaw_surface",
     "yaw_switching",
     "yaw_layer",
+    "leakage",
+    "max_switching",
     "horizon",
     "iterations",
     "samples",
@@ -134,7 +136,7 @@ def tune(
         scenario: ids or `Scenario`s; the same weight for each.
         budget: number of evaluations.
         options: names of the options to search; None are all that are above zero by default, but for those of the
-            heading and those that buy accuracy by time.
+            heading, those that buy accuracy by time, and those without effect by default.
         baseline: the controller of the core whose default options have the scores that count as 1; None is the
             controller itself. With the same one the costs of several controllers can be compared.
         robot: parameters or a preset's name; None is the paper's.
@@ -176,7 +178,7 @@ def tune(
 
     def outcomes(found: Mapping[str, float]) -> list[Outcome]:
         made = [outcome_on(stage, with_options(controller, found)) for stage in stages]
-        return [outcome for outcome in made if outcome is not None]
+        return [outcome for outcome in made if outcome.skipped is None]
 
     def scores(of: Sequence[Outcome]) -> dict[str, float]:
         return {outcome.scenario.id: outcome.score for outcome in of}

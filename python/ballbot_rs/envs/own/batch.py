@@ -6,6 +6,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._arrays import read_only
+from ballbot_rs._checks import real_array
 from ballbot_rs._core import Batch, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.envs.own.robots import COLUMNS, Robots
@@ -13,6 +15,9 @@ from ballbot_rs.envs.own.task import Task, checked
 
 FloatArray = npt.NDArray[np.float32]
 BoolArray = npt.NDArray[np.bool_]
+
+#: More steps than an episode can have: 248 days at the default control rate.
+NO_TIME_LIMIT: Final = 2**31
 
 #: The task of the core that observes everything and asks for nothing.
 BARE: Final = "bare"
@@ -44,7 +49,8 @@ class OwnBatch:
         options: Mapping[str, Any],
         own_options: Mapping[str, Any],
     ) -> None:
-        options = {"max_episode_steps": made.max_episode_steps, **options}
+        steps = NO_TIME_LIMIT if made.max_episode_steps is None else made.max_episode_steps
+        options = {"max_episode_steps": steps, **options}
         if options.get("history", 1) != 1:
             raise InvalidInputError("history of a task in Python must be 1: its `observe` keeps what it needs")
         if options.setdefault("scale_observations", False):
@@ -52,8 +58,11 @@ class OwnBatch:
         for instrument in ("scan", "depth"):
             if options.get(instrument) is not None:
                 raise InvalidInputError(f"{instrument}: a task in Python has none")
+        fall_tilt = options.pop("fall_tilt", None)
         inner_reset = "next_step" if autoreset == "next_step" else "disabled"
         self._inner: Any = Batch(num_envs, BARE, autoreset=inner_reset, num_threads=num_threads, seed=seed, **options)
+        if fall_tilt not in (None, self._inner.options["fall_tilt"]):
+            raise InvalidInputError("fall_tilt: the method `terminated` of a task in Python says what a fall is")
         self._own_options = dict(own_options)
         self.task = task
         self.made = made
@@ -82,7 +91,7 @@ class OwnBatch:
         robots = self._robots(rows)
         if self._has_reset:
             made.reset(robots, self._numbers, [np.random.default_rng(i) for i in range(num_envs)])
-        width = np.asarray(made.observe(robots))
+        width = real_array(f"{type(made).__name__}.observe returned", made.observe(robots), "numbers")
         if width.ndim != 2 or width.shape[0] != num_envs or width.shape[1] == 0:
             raise InvalidInputError(
                 f"{type(made).__name__}.observe returned shape {width.shape}, expected ({num_envs}, k): a row a robot"
@@ -92,8 +101,9 @@ class OwnBatch:
         self.observation_layout: dict[str, tuple[int, ...]] = {"state": (self.observation_len,)}
         self._observations: FloatArray = np.zeros((num_envs, self.observation_len), dtype=np.float32)
         self._final: FloatArray = self._observations.copy()
+        bound = real_array(f"observation_bound of {type(made).__name__} is", made.observation_bound, "numbers")
         try:
-            bound = np.broadcast_to(np.asarray(made.observation_bound, dtype=np.float32), (self.observation_len,))
+            bound = np.broadcast_to(bound.astype(np.float32), (self.observation_len,))
         except ValueError:
             shape, wanted = np.shape(made.observation_bound), (self.observation_len,)
             raise InvalidInputError(
@@ -102,7 +112,7 @@ class OwnBatch:
         if not (np.isfinite(bound) & (bound > 0.0)).all():
             raise InvalidInputError(f"observation_bound of {type(made).__name__} must be finite and above 0")
         #: Bounds of the columns of observations.
-        self.bound: FloatArray = bound
+        self.bound: FloatArray = read_only(bound.copy())
 
     @property
     def options(self) -> dict[str, Any]:
@@ -163,21 +173,26 @@ class OwnBatch:
 
     def _observe(self, robots: Robots) -> FloatArray:
         shape = (len(robots), self.observation_len)
-        seen = checked(self.made, "observe", self.made.observe(robots), shape, np.float32)
-        clipped: FloatArray = np.clip(seen, -self.bound, self.bound)
+        seen = checked(self.made, "observe", self.made.observe(robots), shape, None)
+        # Before it is float32, which may not hold it.
+        clipped: FloatArray = np.clip(seen, -self.bound, self.bound).astype(np.float32)
         return clipped
 
     def _begin(self, rows: FloatArray, chosen: npt.NDArray[np.intp], seen: FloatArray) -> None:
-        """Begins the episodes of robots that are placed, whose observations are written into `seen`."""
+        """Begins the episodes of robots that are placed, whose observations are written into `seen`.
+
+        If a method of the task raises, the episodes are over and have to begin again.
+        """
+        self._over[chosen] = self._stopped[chosen] = True
         self._steps = self._steps.copy()
         self._steps[chosen] = 0
-        self._over[chosen] = False
         if self._drawn:
             self._note_com(chosen.tolist())
         robots = self._robots(rows)[chosen]
         if self._has_reset:
-            self.made.reset(robots, chosen, [self._rng(i) for i in chosen.tolist()])
+            self.made.reset(robots, read_only(chosen), [self._rng(i) for i in chosen.tolist()])
         seen[chosen] = self._observe(robots)
+        self._over[chosen] = self._stopped[chosen] = False
 
     def reset(
         self,
@@ -201,13 +216,17 @@ class OwnBatch:
 
     def step(self, actions: npt.ArrayLike) -> tuple[FloatArray, npt.NDArray[np.float64], BoolArray, BoolArray]:
         """As `Batch.step`."""
-        before = self._over
+        before = self._over.copy()
         if self.autoreset != "next_step" and before.any():
             i = int(np.argmax(before))
             raise InvalidInputError(
                 f"the episode of environment {i} is over (or has not begun): reset it before it is stepped"
             )
+        late = before & self._stopped
         rows, _, fallen, truncated = self._inner.step(actions)
+        # Until the task has judged the step: if one of its methods raises, these begin again.
+        self._over |= fallen | truncated
+        self._stopped |= before
         self._steps = self._steps + 1
         robots = self._robots(rows)
         true = self._robots(self._inner.privileged_observations()) if self._sensed else robots
@@ -222,7 +241,7 @@ class OwnBatch:
         if self.autoreset == "next_step" and before.any():
             # In place of a step these began an episode: the robots that the task had stopped are placed now.
             terminated, truncated, rewards = terminated & ~before, truncated & ~before, np.where(before, 0.0, rewards)
-            if (late := before & self._stopped).any():
+            if late.any():
                 rows = self._inner.reset(late)
             self._begin(rows, np.flatnonzero(before), seen)
         ended = terminated | truncated
@@ -235,12 +254,12 @@ class OwnBatch:
             self._success = won & ended & ~fallen
             self._reasons = np.where(fallen, self._inner.endings()[1], np.where(terminated, len(REASONS), 0))
             self._reasons = self._reasons.astype(np.uint8)
+            self._final = seen.copy()
             if self.autoreset == "same_step":
-                self._final = seen.copy()
                 self._begin(self._inner.reset(ended), np.flatnonzero(ended), seen)
             else:
-                self._over = self._over | ended
-                self._stopped = stopped & ended
+                self._over |= ended
+                self._stopped |= stopped & ended
         self._observations = seen.copy()
         return seen, rewards, terminated, truncated
 

@@ -2,12 +2,12 @@
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from ballbot_rs._core import TASKS
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.envs.own.batch import REASONS, OwnBatch
+from ballbot_rs.envs.own.batch import NO_TIME_LIMIT, REASONS, OwnBatch
 from ballbot_rs.envs.own.task import Task
 
 
@@ -27,15 +27,29 @@ class Registered:
         return tuple(p.name for p in given if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
 
 
+#: Arguments of the front ends, of `gymnasium.make` and of `register`, which no task can have.
+TAKEN: Final = (
+    *("num_envs", "task", "env_id", "autoreset_mode", "num_threads", "seed", "stagger", "torch_threads"),
+    *("render_mode", "width", "height", "camera", "render_options"),
+    *("id", "disable_env_checker", "vectorization_mode", "vector_kwargs", "wrappers"),
+)
+
 _REGISTERED: Final[dict[str, Registered]] = {}
 
 
-def add(env_id: str, made_by: type[Task], options: Mapping[str, Any], make: Callable[[Registered], OwnBatch]) -> None:
+def add(
+    env_id: str,
+    made_by: type[Task],
+    options: Mapping[str, Any],
+    of_environments: Sequence[str],
+    make: Callable[[Registered], OwnBatch],
+) -> None:
     """Makes a task known by an id; `make` makes one robot with it.
 
     Raises:
         TypeError: it is no subclass of `Task`.
-        ValueError: the id is that of a task of the core.
+        ValueError: the id is that of a task of the core, or an argument of the constructor has the name of an option of
+            environments.
     """
     if not (isinstance(made_by, type) and issubclass(made_by, Task)):
         raise TypeError(f"register takes a subclass of Task, not {made_by!r}")
@@ -44,6 +58,12 @@ def add(env_id: str, made_by: type[Task], options: Mapping[str, Any], make: Call
             f"'{env_id}' is a task of ballbot_rs: choose another id, as \"me/{made_by.__name__}-v0\""
         )
     found = Registered(made_by, dict(options))
+    for name in found.parameters():
+        if name in of_environments or name in TAKEN:
+            raise InvalidInputError(
+                f"{made_by.__name__} has an argument '{name}', which is an option of every environment: give it "
+                "another name (a task reads the duration of a control step from robots.control_dt)"
+            )
     _REGISTERED[env_id] = dataclasses.replace(found, description=_describe(found, env_id, make))
 
 
@@ -54,12 +74,12 @@ def _describe(found: Registered, env_id: str, make: Callable[[Registered], OwnBa
         for i, bound in enumerate(batch.bound.tolist())
     ]
     # Not what is inherited: the base class says what a task is.
-    summary = (found.made_by.__doc__ or found.made_by.__name__).strip().splitlines()[0]
+    summary = next(iter((found.made_by.__doc__ or "").strip().splitlines()), found.made_by.__name__)
     return {
         "id": env_id,
         "summary": summary,
         "success": "the method `success` of the task says so",
-        "max_episode_steps": batch.max_episode_steps,
+        "max_episode_steps": None if batch.max_episode_steps == NO_TIME_LIMIT else batch.max_episode_steps,
         "reward_threshold": None,
         "options": [],
         "observation": rows,

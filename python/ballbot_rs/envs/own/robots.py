@@ -6,6 +6,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._arrays import read_only
+
 FloatArray = npt.NDArray[np.float32]
 
 #: Columns of the observations of `bare` robots by name.
@@ -25,9 +27,9 @@ COLUMNS: Final = {
 class Robots:
     """All robots after a control step, float32, the first axis that of the robots.
 
-    Arrays are read-only views into one array of the batch, without copies; those that are computed are computed once a
-    step. With `observation="sensors"` those that `observe` gets follow from the readings of the sensors; `reward` and
-    `terminated` get the true ones.
+    Arrays are read-only: views into one array of the batch, without copies, or computed once a step. With
+    `observation="sensors"` those that `observe` gets follow from the readings of the sensors; `reward` and `terminated`
+    get the true ones.
     """
 
     def __init__(
@@ -38,13 +40,12 @@ class Robots:
         numbers: npt.NDArray[np.intp],
         control_dt: float,
     ) -> None:
-        rows.flags.writeable = False
-        self._rows = rows
+        self._rows = read_only(rows)
         self._com = com
         #: Numbers of the robots in the batch, shape (n,).
-        self.numbers = numbers
+        self.numbers = read_only(numbers)
         #: Control steps since the start of the episode, shape (n,), int64.
-        self.steps = steps
+        self.steps = read_only(steps)
         #: Duration of a control step, s.
         self.control_dt = control_dt
 
@@ -109,7 +110,7 @@ class Robots:
         cosine = -np.einsum("ij,ij->i", self.gravity, self._com)
         across = np.linalg.norm(np.cross(self.gravity, self._com), axis=1)
         tilt: FloatArray = np.arctan2(across, cosine).astype(np.float32)
-        return tilt
+        return read_only(tilt)
 
     @cached_property
     def yaw(self) -> FloatArray:
@@ -117,13 +118,13 @@ class Robots:
         w, _, _, z = self.body_quaternion.T
         yaw: FloatArray = 2.0 * np.arctan2(z, w)
         wrapped: FloatArray = (yaw + np.float32(np.pi)) % np.float32(2.0 * np.pi) - np.float32(np.pi)
-        return wrapped
+        return read_only(wrapped)
 
     @cached_property
     def yaw_rate(self) -> FloatArray:
         """Angular velocity of the body about the vertical, shape (n,), rad/s."""
         rate: FloatArray = -np.einsum("ij,ij->i", self.gravity, self.body_rate)
-        return rate
+        return read_only(rate)
 
     @cached_property
     def velocity(self) -> FloatArray:
@@ -133,9 +134,9 @@ class Robots:
         cos, sin = (w * w - z * z) / norm, 2.0 * w * z / norm
         x, y, _ = self.ball_velocity.T
         turned: FloatArray = np.stack([cos * x + sin * y, cos * y - sin * x], axis=1)
-        return turned
+        return read_only(turned)
 
     @property
     def time(self) -> npt.NDArray[np.float64]:
         """Time since the start of the episode, shape (n,), s."""
-        return np.multiply(self.steps, self.control_dt, dtype=np.float64)
+        return read_only(np.multiply(self.steps, self.control_dt, dtype=np.float64))

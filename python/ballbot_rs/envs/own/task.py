@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._checks import real_array
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.envs.own.robots import Robots
 
@@ -15,7 +16,7 @@ class Task:
 
     Episodes start as those of `ballbot/Balance-v0` do (options `reset_tilt` and so on). They end in `terminated`, when
     the body or a wheel touches the floor, when the simulation diverges, and after `max_episode_steps`. Keyword
-    arguments of an environment that are none of its own are those of the constructor.
+    arguments of an environment that are none of its own are those of the constructor, whose arguments have other names.
 
     ```python
     class Spin(bb.Task):
@@ -33,8 +34,8 @@ class Task:
     ```
     """
 
-    #: Length of an episode unless it is configured, in control steps.
-    max_episode_steps: ClassVar[int] = 1000
+    #: Length of an episode unless it is configured, in control steps; None is without end.
+    max_episode_steps: ClassVar[int | None] = 1000
     #: Bound of the observations' magnitudes: a number, or one for each column. What exceeds it is clipped.
     observation_bound: ClassVar[float | npt.ArrayLike] = 1e3
 
@@ -62,25 +63,23 @@ class Task:
         """
 
 
-def checked(task: Task, method: str, value: npt.ArrayLike, shape: tuple[int, ...], kind: type) -> npt.NDArray[Any]:
-    """What a method of a task has returned, as an array of `kind`.
+def checked(
+    task: Task, method: str, value: npt.ArrayLike, shape: tuple[int, ...], kind: type | None
+) -> npt.NDArray[Any]:
+    """What a method of a task has returned, as an array of `kind`; None leaves numbers as they are.
 
     Raises:
         ValueError: another shape than expected, or numbers that are not finite; the message names class and method.
-        TypeError: something of another kind.
+        TypeError: something of another kind, or a masked array.
     """
-    array = np.asarray(value)
     name = f"{type(task).__name__}.{method}"
-    allowed = "b" if kind is np.bool_ else "biuf"
-    if array.dtype.kind not in allowed:
-        wanted = "bool" if kind is np.bool_ else "numbers"
-        raise TypeError(f"{name} returned an array of dtype {array.dtype}, expected {wanted}")
+    kinds, wanted = ("b", "bool") if kind is np.bool_ else ("biuf", "numbers")
+    array = real_array(f"{name} returned", value, wanted, kinds)
     if array.shape != shape:
         raise InvalidInputError(f"{name} returned shape {array.shape}, expected {shape} for {shape[0]} robots")
-    array = array.astype(kind, copy=False)
     if kind is not np.bool_ and not np.isfinite(array).all():
         bad = np.argwhere(~np.isfinite(array))[0]
         raise InvalidInputError(
             f"{name} returned {array[tuple(bad)]} at {tuple(bad.tolist())}, expected finite numbers"
         )
-    return array
+    return array if kind is None else array.astype(kind, copy=False)
