@@ -1421,6 +1421,8 @@ class Batch:
     def draws(self, index: int) -> dict[str, Any]: ...
     def repeated_draws(self, index: int = 0) -> int:
         """How many draws of the events of environment `index` made a robot that cannot be, and were repeated, since its seed."""
+    def push_count(self, index: int = 0) -> int:
+        """How many pushes events and the task have given the robot of environment `index` in its episode."""
     def actuators(self, index: int = 0) -> dict[str, Any]:
         """Options of the motors of environment `index`, every one with its value: those of the batch, or what events made of
         them.
@@ -1489,7 +1491,7 @@ class Batch:
             record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
                 `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
                 step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success`,
-                `metrics` (of the task, of the episode of the step) with one row a step.
+                `metrics` (of the task, of the episode of the step), `push_counts` (as `push_count`) with one row a step.
             privileged: as in `control`.
             impulses: on each body before each of the first k steps, shape (k, num_envs, 3), inertial frame, N·s.
             points: where on each body, shape (num_envs, 3), body frame, m; None is its CoM.

@@ -36,15 +36,38 @@ STANDING = (
     "Ball: largest distance from the setpoint, mean over episodes.",
 )
 
+#: What takes the place of columns where robots are pushed.
+_PUSHED: dict[str, tuple[str, Callable[[Result], str]]] = {
+    "settling (s)": (
+        "recovery (s)",
+        lambda r: "never" if r.recovery_time is None else f"{r.recovery_time:.2f}",
+    ),
+    "ball (m)": ("ball rms (m)", lambda r: f"{r.ball_rms:.3f}"),
+}
+
+
+#: Why success is no measure of robustness.
+PUSH_NOTE = (
+    "A push shortly before the end denies success to any controller: upright, recovery and ball tell how robust it is."
+)
 
 #: Why the PID rarely succeeds.
 PID_NOTE = "pid controls the tilt alone: its ball drifts off, so it seldom succeeds while it stays upright."
 
 
-def _columns(task: str) -> dict[str, Callable[[Result], str]]:
+def _columns(task: str, pushed: bool) -> dict[str, Callable[[Result], str]]:
     """The columns of a task: metrics of its own in place of those of standing at a setpoint, if it has any."""
-    metrics = description_of(task)["metrics"]
-    columns = {name: cell for name, cell in _COLUMNS.items() if not (metrics and name in ("settling (s)", "ball (m)"))}
+    description = description_of(task)
+    metrics = description["metrics"]
+    columns = {}
+    for name, cell in _COLUMNS.items():
+        if pushed and name in _PUSHED and not description["command"]:
+            name, cell = _PUSHED[name]
+            if metrics and name != "recovery (s)":
+                continue
+        elif metrics and name in _PUSHED:
+            continue
+        columns[name] = cell
     for metric in metrics:
         columns[metric_label(metric)] = _metric(metric["name"])
     return columns
@@ -66,17 +89,33 @@ def _metric(name: str) -> Callable[[Result], str]:
 
 def rows(results: Sequence[Result], task: str) -> list[list[str]]:
     """The header, and one row a controller."""
-    columns = _columns(task)
+    columns = _columns(task, _pushed(results))
     return [list(columns), *([cell(result) for cell in columns.values()] for result in results)]
 
 
-def legend(task: str) -> list[str]:
+def _pushed(results: Sequence[Result]) -> bool:
+    return any(result.pushes for result in results)
+
+
+def legend(results: Sequence[Result], task: str) -> list[str]:
     """What the columns mean."""
-    metrics = description_of(task)["metrics"]
-    if not metrics:
-        return [*LEGEND, *STANDING]
-    own = [f"{metric['name'].replace('_', ' ').capitalize()}: {metric['doc']}" for metric in metrics]
-    return [*LEGEND, "; ".join(own) + "; means over the episodes that ran to their end."]
+    description, notes = description_of(task), list(LEGEND)
+    metrics = description["metrics"]
+    if _pushed(results) and not description["command"]:
+        tilt, distance = results[0].recovery_limits
+        notes.append(
+            f"Recovery: median time from a push until the tilt is back within {math.degrees(tilt):.3g} deg and the "
+            f"ball within {distance:g} m of the setpoint, to stay there up to the next push, for at least 1 s; a push "
+            "that comes too early censors the time (Kaplan and Meier), a fall counts as never."
+        )
+        if not metrics:
+            notes += ["Ball: root mean square of the distance from the setpoint.", PUSH_NOTE]
+    elif not metrics:
+        notes += STANDING
+    if metrics:
+        own = [f"{metric['name'].replace('_', ' ').capitalize()}: {metric['doc']}" for metric in metrics]
+        notes.append("; ".join(own) + "; means over the episodes that ran to their end.")
+    return notes
 
 
 def print_table(results: Sequence[Result], task: str, options: Mapping[str, Any]) -> None:
@@ -102,7 +141,7 @@ def print_table(results: Sequence[Result], task: str, options: Mapping[str, Any]
         cells += [cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True)]
         print("  ".join(cells).rstrip())
     conditions = [f"{results[0].episodes} episodes each", f"model {results[0].model}", *differences(task, options)]
-    notes = [", ".join(conditions) + ".", success_rule(task, options), *legend(task)]
+    notes = [", ".join(conditions) + ".", success_rule(task, options), *legend(results, task)]
     if any(result.controller == "pid" for result in results):
         notes.append(PID_NOTE)
     print()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import ballbot_rs as bb
+from ballbot_rs._text_table import print_table
 from ballbot_rs.analysis.episodes import compare, evaluate
 from tests.support.policies import edited_policy
 
@@ -69,3 +70,63 @@ def test_metrics_are_those_of_the_episode_that_left_its_tile():
     assert result.metrics["speed"] == pytest.approx(2.5 / (2.5 + 0.5 * 1.0 / 0.3), rel=0.15)
     least, most = result.metric_intervals["speed"]
     assert most - least < 0.1
+
+
+def pushes(size, every=(3.0, 3.0)):
+    push = {"term": "push", "range": [size, size], "direction": 0.0, "height": 0.1, "every": list(every)}
+    return {"events": [push], **dict.fromkeys(("reset_tilt", "reset_yaw", "reset_ball_speed", "reset_tilt_rate"), 0.0)}
+
+
+def test_the_time_to_recover_is_that_of_a_single_push():
+    result = evaluate("lqr", episodes=2, env_options={**pushes(0.5), "max_episode_steps": 600})
+    alone = bb.simulate("lqr", pushes=[bb.Push((0.5, 0.0, 0.0), time=3.0, point=(0.0, 0.0, 0.1))], seconds=6.0)
+    tilts = [state.tilt for state in alone.states]
+    away = np.linalg.norm(alone.of_states("ball_position")[:, :2], axis=1)
+    outside = (np.array(tilts) > np.deg2rad(1.0)) | (away > 0.1)
+    assert result.recovery_time == pytest.approx(alone.times[np.flatnonzero(outside)[-1]] + 0.01 - 3.0)
+    assert result.recovery_limits == pytest.approx((np.deg2rad(1.0), 0.1))
+
+
+def test_pushes_that_are_all_alike_are_counted():
+    """Their draws do not change from one to the next."""
+    result = evaluate("lqr", episodes=3, env_options={**pushes(0.1, (1.0, 1.0)), "max_episode_steps": 550})
+    assert result.pushes == 3 * 5
+    assert evaluate("lqr", episodes=3, env_options=SHORT).pushes == 0
+
+
+def test_recovery_tells_controllers_apart_that_have_one_rate_of_success():
+    """Before, success under pushes was 0 % for both, because of a push in its last 2 s."""
+    options = pushes(0.5, (2.4, 2.4))
+    brisk, slow = compare(["lqr", bb.Lqr(position=0.6)], episodes=2, env_options=options)
+    assert brisk.success_rate == slow.success_rate == 0.0
+    assert brisk.survival_rate == slow.survival_rate == 1.0
+    assert brisk.recovery_time < 1.4
+    assert slow.recovery_time is None or slow.recovery_time > 1.2 * brisk.recovery_time
+    (fallen,) = compare(["zero"], episodes=2, env_options={**options, "model": "contact"})
+    assert fallen.recovery_time is None
+
+
+def test_a_law_in_python_recovers_as_in_the_core():
+    law = bb.Lqr()
+
+    class Python:
+        control_dt = 0.01
+
+        def __call__(self, state):
+            return law(state)
+
+    options = {"events": "hard", "max_episode_steps": 400}
+    python, core = (evaluate(one, episodes=4, env_options=options) for one in (Python(), "lqr"))
+    assert python.pushes == core.pushes > 0
+    assert python.recovery_time == pytest.approx(core.recovery_time, abs=0.011)
+
+
+def test_the_table_of_pushed_robots_has_recovery_in_place_of_settling(capsys):
+    options = pushes(0.3)
+    print_table([evaluate("lqr", episodes=1, env_options=options)], "balance", options)
+    shown = capsys.readouterr().out
+    assert "recovery" in shown
+    assert "settling" not in shown
+    assert "A push shortly before the end denies success" in shown
+    print_table([evaluate("lqr", episodes=1, env_options=SHORT)], "balance", SHORT)
+    assert "recovery" not in capsys.readouterr().out

@@ -772,6 +772,12 @@ impl PyBatch {
         self.inner.read()?.batch.repeated_draws(index).map_err(to_python)
     }
 
+    /// How many pushes events and the task have given the robot of environment `index` in its episode.
+    #[pyo3(signature = (index=0))]
+    fn push_count(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<u32> {
+        self.inner.read()?.batch.push_count(index).map_err(to_python)
+    }
+
     /// Options of the motors of environment `index`, every one with its value: those of the batch, or what events made of
     /// them.
     #[pyo3(signature = (index=0))]
@@ -874,7 +880,7 @@ impl PyBatch {
     ///     record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
     ///         `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
     ///         step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success`,
-    ///         `metrics` (of the task, of the episode of the step) with one row a step.
+    ///         `metrics` (of the task, of the episode of the step), `push_counts` (as `push_count`) with one row a step.
     ///     privileged: as in `control`.
     ///     impulses: on each body before each of the first k steps, shape (k, num_envs, 3), inertial frame, N·s.
     ///     points: where on each body, shape (num_envs, 3), body frame, m; None is its CoM.

@@ -66,7 +66,7 @@ const fn contact(part: &ContactPart) -> Record {
 }
 
 /// All quantities that can be recorded.
-static RECORDS: [Record; 14] = [
+static RECORDS: [Record; 15] = [
     Record {
         name: "states",
         width: |_| State::LEN,
@@ -123,6 +123,12 @@ static RECORDS: [Record; 14] = [
                 out.fill(f64::NAN);
             }
         }),
+    },
+    Record {
+        name: "push_counts",
+        width: |_| 1,
+        at_start: false,
+        source: Source::Row(|batch, _, i, out| out[0] = f64::from(batch.push_count(i).unwrap_or(0))),
     },
     contact(&CONTACT_PARTS[0]),
     contact(&CONTACT_PARTS[1]),

@@ -14,6 +14,11 @@ Array = npt.NDArray[np.float64]
 TERM = "push"
 
 
+def is_push(term: str) -> bool:
+    """Whether a term of draws is one of pushes."""
+    return term == TERM or term.startswith(f"{TERM}:")
+
+
 def drawn_pushes(
     draws: Mapping[str, Array], times: Array, events: Sequence[Mapping[str, Any]], body_mass: float
 ) -> tuple[Push, ...]:
@@ -30,7 +35,7 @@ def drawn_pushes(
     scaled = {_name(event) for event in events if event.get("op") == "scale"}
     found = []
     for term, rows in draws.items():
-        if term != TERM and not term.startswith(f"{TERM}:"):
+        if not is_push(term):
             continue
         changed = np.any((rows[1:] != rows[:-1]) & ~(np.isnan(rows[1:]) & np.isnan(rows[:-1])), axis=1)
         for row in np.flatnonzero(changed & ~np.isnan(rows[1:, 0])):

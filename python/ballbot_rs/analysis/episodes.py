@@ -1,11 +1,13 @@
 """Controllers and policies compared over episodes from the same starts."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ballbot_rs import _short
 from ballbot_rs._checks import check_count, check_seed
@@ -15,13 +17,16 @@ from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._state_rows import BALL_POSITION, tilt_of
 from ballbot_rs.analysis import intervals
 from ballbot_rs.analysis.rollout import batch_for, rollout
-from ballbot_rs.analysis.settling import settling_times
+from ballbot_rs.analysis.settling import censored_median, push_recovery_times, settling_times
 from ballbot_rs.control.resolve import ResolvedController, Source, common_options, common_task, find, options_of
 from ballbot_rs.engines.engine_batch import in_engine
 from ballbot_rs.envs.registration import description_of
 
 #: Tilt within which a robot has settled, rad.
 SETTLED_TILT = np.deg2rad(1.0)
+
+#: Distance of the ball from the setpoint within which a robot has recovered unless its task has another, m.
+RECOVERED_DISTANCE = 0.1
 
 #: Most episodes of a comparison, and most steps of all of them, which are kept in memory: 24 bytes each.
 MAX_EPISODES = 100_000
@@ -40,7 +45,8 @@ class Result:
     #: Time step of the model, s: the option `sim_dt`, or less where the controller's own rate is no multiple of it.
     sim_dt: float
     episodes: int
-    #: Share of episodes that ended in success.
+    #: Share of episodes that ended in success. With pushes it measures when the last one comes, not the controller:
+    #: judge by `survival_rate`, `recovery_time` and `ball_rms`.
     success_rate: float
     #: Wilson's 95 % interval of that share.
     success_interval: tuple[float, float]
@@ -48,6 +54,14 @@ class Result:
     survival_rate: float
     #: Median time from which the tilt stays within 1 deg, s; None if in most episodes it never does.
     settling_time: float | None
+    #: Pushes by events and the task, in all episodes.
+    pushes: int
+    #: Median time from a push until tilt and ball are back within `recovery_limits` and stay there up to the next push
+    #: or the end, for at least 1 s; s. Time that a next push cuts short counts as censored (Kaplan and Meier), a fall
+    #: as never. None if the median is never, without pushes, and for tasks without the option `setpoint`.
+    recovery_time: float | None
+    #: Tilt (rad) and distance of the ball from the setpoint (m) within which a robot has recovered: those of a success.
+    recovery_limits: tuple[float, float]
     #: Root mean square of the tilt over all steps, rad.
     tilt_rms: float
     #: Mean over episodes of the largest distance of the ball from the setpoint, m.
@@ -180,6 +194,8 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
     tilts = np.full((steps, n), np.nan)
     distances = np.full((steps, n), np.nan)
     squared_torques = np.full((steps, n), np.nan)
+    pushed = np.zeros((steps, n), dtype=np.bool_)
+    push_counts = np.zeros(n)
     names = [metric["name"] for metric in description_of(batch.task)["metrics"]]
     last = np.full((n, len(names)), np.nan)
     returns = np.zeros(n)
@@ -192,6 +208,9 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
         away = np.linalg.norm(chunk.states[..., BALL_POSITION][..., :2] - setpoint, axis=-1)
         distances[rows] = np.where(still, away, np.nan)
         squared_torques[rows] = np.where(still, np.mean(chunk.torques**2, axis=-1), np.nan)
+        counts = np.concatenate([push_counts[None], chunk.push_counts])
+        pushed[rows] = (np.diff(counts, axis=0) > 0) & still
+        push_counts = counts[-1]
         returns += np.where(still, chunk.rewards, 0.0).sum(axis=0)
         success |= (chunk.success & still).any(axis=0)
         ran = chunk.truncated & ~chunk.terminated & still
@@ -205,6 +224,8 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
     advance(steps)
     settling = np.where(survived, settling_times(tilts, SETTLED_TILT, batch.control_dt), np.inf)
     median = float(np.median(settling))
+    limits = _recovery_limits(batch)
+    recovery = _recovery_time(tilts, distances, pushed, survived, limits, batch) if pushed.any() else math.inf
     metrics = {name: column[np.isfinite(column)] for name, column in zip(names, last.T, strict=True)}
     return Result(
         controller=controller.name,
@@ -216,6 +237,9 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
         success_interval=intervals.of_share(float(success.mean()), n),
         survival_rate=float(survived.mean()),
         settling_time=median if np.isfinite(median) else None,
+        pushes=int(pushed.sum()),
+        recovery_time=recovery if math.isfinite(recovery) else None,
+        recovery_limits=limits,
         tilt_rms=float(np.sqrt(np.nanmean(tilts**2))),
         ball_excursion=float(np.nanmax(distances, axis=0).mean()),
         ball_rms=float(np.sqrt(np.nanmean(distances**2))),
@@ -226,3 +250,30 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
             name: intervals.of_mean(values) if len(values) > 1 else None for name, values in metrics.items()
         },
     )
+
+
+def _recovery_limits(batch: Batch) -> tuple[float, float]:
+    options = batch.options
+    radius = options.get("success_radius") or options.get("position_scale") or RECOVERED_DISTANCE
+    return float(options.get("success_tilt") or SETTLED_TILT), float(radius)
+
+
+def _recovery_time(
+    tilts: npt.NDArray[np.float64],
+    distances: npt.NDArray[np.float64],
+    pushed: npt.NDArray[np.bool_],
+    survived: npt.NDArray[np.bool_],
+    limits: tuple[float, float],
+    batch: Batch,
+) -> float:
+    """Median over the pushes of all episodes, s; infinite for a task whose setpoint is not an option."""
+    if "setpoint" not in batch.options:
+        return math.inf
+    lengths = np.isfinite(tilts).sum(axis=0)
+    outside = (tilts > limits[0]) | (distances > limits[1])
+    found = [
+        push_recovery_times(outside[:length, i], pushed[:length, i], not survived[i], batch.control_dt)
+        for i, length in enumerate(lengths.tolist())
+    ]
+    times, known = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return censored_median(times, known)

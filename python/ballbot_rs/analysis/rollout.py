@@ -11,6 +11,7 @@ import numpy.typing as npt
 from ballbot_rs._core import Ballbot, Batch, Contacts, Controller, State
 from ballbot_rs._errors import DivergedError, InvalidInputError
 from ballbot_rs.analysis.actors import Actor, core_law, make_actor, observes_estimates
+from ballbot_rs.analysis.drawn_pushes import is_push
 from ballbot_rs.analysis.pushes import Impulse
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs._batch_env import new_batch
@@ -47,6 +48,8 @@ class Chunk:
     success: npt.NDArray[np.bool_]
     #: Of the task, of the episode that a step belongs to, shape (k, n, metrics).
     metrics: Array
+    #: Pushes that events and the task have given each robot in its episode, up to the end of the step, shape (k, n).
+    push_counts: Array
     #: CoM of each robot in its first episode, body frame, m, shape (n, 3).
     com: Array
 
@@ -130,7 +133,7 @@ def rollout(
 
 
 def _in_core(batch: Batch, law: Controller, first: int, length: int, com: Array) -> Chunk:
-    record = ("states", "torques", "rewards", "terminated", "truncated", "success", "metrics")
+    record = ("states", "torques", "rewards", "terminated", "truncated", "success", "metrics", "push_counts")
     found = batch.rollout(law, length, record=record)
     found["states"] = found["states"][:-1]
     found["success"] &= found["terminated"] | found["truncated"]
@@ -143,6 +146,8 @@ def _in_python(
     batch: Batch, act: Actor, first: int, length: int, observations: npt.NDArray[np.float32], com: Array
 ) -> tuple[Chunk, npt.NDArray[np.float32]]:
     rows = []
+    pushed = any(map(is_push, batch.draws()))
+    no_pushes = np.zeros(batch.num_envs)
     for _ in range(length):
         states, actions = batch.states(), act(observations)
         observations, rewards, terminated, truncated = batch.step(actions)
@@ -151,10 +156,12 @@ def _in_python(
         if ended.any():
             act.ended(ended)
         torques = actions.astype(float) * batch.max_wheel_torque
-        rows.append((states, torques, rewards, terminated, truncated, success, batch.metrics()))
+        counts = [batch.push_count(i) for i in range(batch.num_envs)] if pushed else no_pushes
+        rows.append((states, torques, rewards, terminated, truncated, success, batch.metrics(), counts))
     columns = (np.array(column) for column in zip(*rows, strict=True))
-    states, torques, rewards, terminated, truncated, success, metrics = columns
-    return Chunk(first, states, torques, rewards, terminated, truncated, success, metrics, com), observations
+    states, torques, rewards, terminated, truncated, success, metrics, push_counts = columns
+    chunk = Chunk(first, states, torques, rewards, terminated, truncated, success, metrics, push_counts, com)
+    return chunk, observations
 
 
 @dataclasses.dataclass(frozen=True)

@@ -95,6 +95,9 @@ pub trait Chunk: Send + Sync {
     /// How many draws of the events made a robot that cannot be, and were repeated, since the last seed.
     fn repeated_draws(&self, i: usize) -> u32;
 
+    /// Pushes of the events in the episode.
+    fn push_count(&self, i: usize) -> u32;
+
     /// Replaces the parameters that the robot has without events; see [`super::Batch::set_params`].
     ///
     /// # Errors

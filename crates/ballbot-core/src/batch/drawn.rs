@@ -55,6 +55,15 @@ impl Batch {
         Ok(self.chunks[chunk].repeated_draws(i))
     }
 
+    /// How many pushes events and the task have given one robot in its episode.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn push_count(&self, index: usize) -> Result<u32> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].push_count(i))
+    }
+
     /// Present options of the motors of one robot: those of the configuration, or what events made of them. Meaningless for
     /// an actuator of one's own.
     ///

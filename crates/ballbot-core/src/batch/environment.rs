@@ -194,6 +194,11 @@ impl<T: Task> Environment<T> {
         self.inner.repeated_draws(0)
     }
 
+    /// As [`super::Batch::push_count`].
+    pub fn push_count(&self) -> u32 {
+        self.inner.push_count(0)
+    }
+
     /// Replaces the robot's parameters; see [`super::Batch::set_params`].
     ///
     /// # Errors

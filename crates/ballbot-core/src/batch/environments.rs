@@ -406,6 +406,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.events.as_ref().map_or(0, |events| events.repeated(i))
     }
 
+    fn push_count(&self, i: usize) -> u32 {
+        self.events.as_ref().map_or(0, |events| events.push_count(i))
+    }
+
     fn set_params(&mut self, i: usize, params: &Params) -> Result<()> {
         let Some(events) = &self.events else {
             self.replace_robot(i, params)?;

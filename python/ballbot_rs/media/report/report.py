@@ -78,7 +78,9 @@ def write(
         table = page.table(rows(named, task))
         count = f"{results[0].episodes} episodes each, the same starts for all, model {results[0].model}."
         parts.append(
-            page.section("Beside the classical controllers", table, page.note(" ".join([count, *legend(task)])))
+            page.section(
+                "Beside the classical controllers", table, page.note(" ".join([count, *legend(results, task)]))
+            )
         )
     parts += [
         page.section(

@@ -195,6 +195,12 @@ impl Randomized {
         self.drawn[i].repeated
     }
 
+    /// Pushes of robot `i` in its episode.
+    pub fn push_count(&self, i: usize) -> u32 {
+        let counts = self.plan.events.iter().zip(&self.drawn[i].counts);
+        counts.filter(|(event, _)| matches!(event.target, Target::Push)).map(|(_, count)| count).sum()
+    }
+
     /// Makes robot `i` what it is in a new environment.
     pub fn start<R: Robots>(&mut self, robots: &mut R, i: usize, source: Source, judge: Judge<'_>) {
         let of = (&*self.plan, &*self.nominal[i]);
