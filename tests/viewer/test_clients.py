@@ -5,6 +5,7 @@ import html
 import math
 import os
 import socket
+import threading
 import urllib.error
 import urllib.request
 
@@ -415,6 +416,43 @@ def test_missing_double_and_foreign_headers_are_refused():
         [own, ("Origin", "http://127.0.0.1:8080")],
     ):
         assert refusal("/", Headers(headers)) == "this server is for this machine alone"
+
+
+def test_a_page_that_ends_within_a_frame_says_nothing(recwarn):
+    ending = View(Session(), port=18835)
+    showing, ended = threading.Event(), threading.Event()
+    show = ending._page.show
+
+    def slow(session, frame):
+        showing.set()
+        ended.wait(60.0)
+        ending.server.scene.add_frame("/late")
+        show(session, frame)
+
+    ending._page.show = slow
+    assert showing.wait(60.0)
+    ending.stop()
+    ended.set()
+    wait_until(lambda: not ending.runner.running)
+    assert ending.runner.error is None
+    assert not [str(warning.message) for warning in recwarn]
+
+
+def test_a_page_that_is_closed_while_its_camera_is_set_says_nothing(view, recwarn):
+    with client(view):
+        wait_until(lambda: view.server.get_clients())
+        (handle,) = view.server.get_clients().values()
+    wait_until(lambda: not view.server.get_clients())
+    view._page._frame(handle)
+    assert not [str(warning.message) for warning in recwarn]
+
+
+def test_the_memory_of_pages_that_are_closed_is_given_back(view, monkeypatch):
+    given_back = []
+    monkeypatch.setattr(server, "give_back_memory", lambda: given_back.append(len(view.server._clients)))
+    with client(view), client(view):
+        wait_until(lambda: len(view.server.get_clients()) == 2)
+    wait_until(lambda: given_back[-1:] == [0])
 
 
 def test_a_request_without_a_host_is_refused_on_the_wire(view):

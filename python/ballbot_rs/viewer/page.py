@@ -16,6 +16,7 @@ from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.robot_panel import RobotPanel, chosen
 from ballbot_rs.viewer.run_panel import RunPanel
 from ballbot_rs.viewer.scene import Scene
+from ballbot_rs.viewer.server import unheard
 from ballbot_rs.viewer.session import Session
 from ballbot_rs.viewer.shapes import Look
 from ballbot_rs.viewer.status import Status
@@ -72,7 +73,9 @@ class Page:
         server.on_client_connect(self._frame)
 
     def _frame(self, client: viser.ClientHandle) -> None:
-        frame_robots(client, *self._scene.extent(*self._framed))
+        # The page may be closed meanwhile.
+        with unheard(client._websock_connection):
+            frame_robots(client, *self._scene.extent(*self._framed))
 
     def _frame_all(self) -> None:
         for client in self._server.get_clients().values():

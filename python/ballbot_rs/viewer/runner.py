@@ -102,7 +102,7 @@ class Runner:
             self.computing += time.perf_counter() - began
             self.simulated += simulated / session.speed
             self.elapsed += elapsed
-        if self._show is not None:
+        if self._show is not None and not self._stop.is_set():
             try:
                 self._show(session, session.frame())
             except RuntimeError as error:

@@ -2,11 +2,14 @@
 
 import asyncio
 import contextlib
+import ctypes
 import functools
+import gc
 import http
 import io
 import logging
 import socket
+import sys
 import time
 from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
@@ -38,6 +41,9 @@ MAX_REFUSED = 100
 #: How long the end of a connection may take, s.
 CLOSE_TIMEOUT = 0.02
 
+#: How long after a page is closed its memory is given back, s: once for many that are closed together.
+GIVE_BACK_AFTER = 1.0
+
 
 class LocalServer(viser.ViserServer):
     """A viser server that cannot be shared with the internet.
@@ -50,6 +56,8 @@ class LocalServer(viser.ViserServer):
     def __init__(self, port: int, drives: driving.Driving | None = None) -> None:
         self._clients: set[ServerConnection] = set()
         self._driving = drives
+        self._gives_back = False
+        self._unheard = contextlib.ExitStack()
         with _guarded(self) as guards, contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=HOST, port=port, label="ballbot", verbose=False)
         if not guards:
@@ -83,6 +91,13 @@ class LocalServer(viser.ViserServer):
             self._clients.discard(connection)
             # What has waited for messages to this client ends.
             self._websock_server.flush()
+            if not self._gives_back:
+                self._gives_back = True
+                asyncio.get_running_loop().call_later(GIVE_BACK_AFTER, self._give_back)
+
+    def _give_back(self) -> None:
+        self._gives_back = False
+        give_back_memory()
 
     def is_for_driving(self, request: Request | None) -> bool:
         """Whether a connection is asked for to drive."""
@@ -111,11 +126,32 @@ class LocalServer(viser.ViserServer):
 
     def stop(self) -> None:
         """Ends the server, quietly; clients that do not answer are not waited for."""
+        # A frame that is being shown ends unseen, and a thread that viser calls back may be late.
+        for handler in (self._websock_server, *(one._websock_connection for one in self.get_clients().values())):
+            self._unheard.enter_context(unheard(handler))
         with contextlib.redirect_stdout(io.StringIO()):
             with contextlib.suppress(RuntimeError):
                 # The loop may have ended with the interpreter.
                 self._event_loop.call_soon_threadsafe(self._abort)
             super().stop()
+
+
+def unheard(handler: Any) -> contextlib.AbstractContextManager[None]:
+    """A context in which viser does not warn of messages to a page that is closed."""
+    buffer = handler.get_message_buffer()
+    # Versions without it do not warn.
+    without: Callable[[], contextlib.AbstractContextManager[None]] = contextlib.nullcontext
+    return getattr(buffer, "sanctioned_dead_writes", without)()
+
+
+def give_back_memory() -> None:
+    """Gives memory that is not in use back to the system, where its library keeps it."""
+    # viser's handles of a client refer to each other.
+    gc.collect()
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if trim is not None:
+            trim(0)
 
 
 def free_port(first: int) -> int:

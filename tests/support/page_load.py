@@ -1,0 +1,103 @@
+"""Loads a page with clients: `python -m tests.support.page_load [minutes]`.
+
+As many clients as the page takes, and some more, come and go, look around, click on the floor and pull the robot; some
+do not read what they are sent. The page must go on, and its memory must not grow. Prints its memory.
+"""
+
+import argparse
+import concurrent.futures
+import contextlib
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from websockets.exceptions import WebSocketException
+
+from tests.support.commands import command
+from tests.support.view import CAMERA, CLICK, DRAG, connect, packed
+
+#: Clients at once; the page takes 16.
+CLIENTS = 20
+#: How long a client stays, s.
+STAY = 3.0
+#: Memory without clients that the page may have beyond what it had after the first ones, MB.
+GROWTH = 60
+
+
+def resident(process: int) -> int:
+    """Memory of a process, MB."""
+    pages = int(Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") // 10**6
+
+
+def client(url: str, seed: int) -> bool:
+    """One visit; False if the page was full."""
+    rng = random.Random(seed)
+    reads = rng.random() < 0.8
+    ends = time.monotonic() + STAY
+    # A client that does not read is slow to leave.
+    with contextlib.suppress(TimeoutError):
+        try:
+            with connect(url, max_size=None, close_timeout=0.1, open_timeout=60) as page:
+                page.send(packed(**CAMERA))
+                while time.monotonic() < ends:
+                    page.send(packed(**rng.choice([CAMERA, CLICK, DRAG])))
+                    with contextlib.suppress(TimeoutError):
+                        if reads:
+                            page.recv(timeout=0.05)
+                    time.sleep(0.02)
+        except (WebSocketException, OSError):
+            return False
+    return True
+
+
+def main() -> int:
+    """Loads a page; 1 if it ended or kept memory."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("minutes", type=float, nargs="?", default=1.0)
+    minutes = parser.parse_args().minutes
+    port = 18_990
+    view = ["view", "--no-open", "--port", port]
+    with subprocess.Popen(command(*view), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as page:
+        url = f"ws://127.0.0.1:{port}"
+        ends = time.monotonic() + 60.0
+        while True:
+            with contextlib.suppress(OSError, WebSocketException), connect(url, open_timeout=5):
+                break
+            assert page.poll() is None, page.communicate()[1]
+            assert time.monotonic() < ends, "the page did not come"
+            time.sleep(0.2)
+        alone = resident(page.pid)
+        ends = time.monotonic() + 60.0 * minutes
+        visits, rounds, most, first, last = 0, 0, 0, 0, 0
+        with concurrent.futures.ThreadPoolExecutor(CLIENTS) as pool:
+            while time.monotonic() < ends or rounds < 3:
+                coming = [pool.submit(client, url, CLIENTS * rounds + i) for i in range(CLIENTS)]
+                time.sleep(0.8 * STAY)
+                most = max(most, resident(page.pid))
+                visits += sum(visit.result() for visit in coming)
+                # What closed pages took is given back a second later.
+                time.sleep(2.5)
+                last = resident(page.pid)
+                first = first or last
+                rounds += 1
+                if page.poll() is not None:
+                    break
+        alive = page.poll() is None
+        page.send_signal(signal.SIGINT)
+        errors = page.communicate()[1].replace("interrupted\n", "")
+    print(f"{visits} visits in {rounds} rounds; alive: {alive}")
+    print(
+        f"memory, MB: {alone} alone, {most} with clients at most, {first} after the first round, {last} after the last"
+    )
+    if errors:
+        print(errors, file=sys.stderr)
+    return int(not alive or bool(errors) or last > first + GROWTH)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
