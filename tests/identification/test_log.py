@@ -1,11 +1,13 @@
 """Logs: what a file must have, what is refused, and the torques of the model's steps."""
 
 import importlib.util
+import io
+import zipfile
 
 import numpy as np
 import pytest
 
-from ballbot_rs import Params, SensorLog, record_log
+from ballbot_rs import InvalidInputError, Params, SensorLog, record_log
 from ballbot_rs.identification.log import COLUMNS
 from ballbot_rs.identification.motors import Motors
 from ballbot_rs.identification.windows import split
@@ -104,6 +106,25 @@ def test_a_bad_file_is_refused_with_its_name(tmp_path, change, message):
     path.write_text(change(path.read_text()))
     with pytest.raises(ValueError, match=f"{path}: {message}"):
         SensorLog.read(path)
+
+
+def test_columns_that_are_ignored_are_not_unpacked(tmp_path):
+    log().write(tmp_path / "log.npz")
+    with zipfile.ZipFile(tmp_path / "log.npz", "a") as archive:
+        archive.writestr("other.npy", b"no array")
+    np.testing.assert_array_equal(SensorLog.read(tmp_path / "log.npz").gyro, log().gyro)
+
+
+@pytest.mark.parametrize("rows", [9 * 10**12, 2**62])
+def test_a_header_that_claims_more_than_there_is_is_refused(tmp_path, rows):
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (rows,)})
+    with zipfile.ZipFile(tmp_path / "log.npz", "w") as archive:
+        archive.writestr("time.npy", header.getvalue())
+    with pytest.raises(
+        InvalidInputError, match=rf"log\.npz: the columns have {8 * rows} bytes, the limit is 1073741824"
+    ):
+        SensorLog.read(tmp_path / "log.npz")
 
 
 def test_other_files_are_refused(tmp_path):
