@@ -42,8 +42,8 @@ $\vartheta_r = -K_\vartheta^+ K_e e$, with the columns $K_\vartheta$ and $K_e$ o
 directions: the tilt it recovers from, let go at rest, in steps of 0.5°; and the push at the center of mass that it
 stands, in steps of 0.05 N·s, at once or along a half sine of 0.1 s. The bounds are those of a planar robot in the worst
 direction: 29.7° is the largest tilt at which traction can turn the robot back, 2.41 N·s the largest push that does not
-bring the capture point beyond what the upright robot's traction holds. The second may be passed, as leaning loads
-the wheels that pull.
+bring the capture point beyond what the upright robot's traction holds. Both may be passed: they have the dynamic
+coefficient of friction, wheels that grip the static one, and leaning loads the wheels that pull.
 """
 
 from functools import cache
