@@ -40,7 +40,7 @@ STANDING = (
 _PUSHED: dict[str, tuple[str, Callable[[Result], str]]] = {
     "settling (s)": (
         "recovery (s)",
-        lambda r: "never" if r.recovery_time is None else f"{r.recovery_time:.2f}",
+        lambda r: "none" if r.recovery_time is None else f"{r.recovery_time:.2f}",
     ),
     "ball (m)": ("ball rms (m)", lambda r: f"{r.ball_rms:.3f}"),
 }
@@ -106,7 +106,8 @@ def legend(results: Sequence[Result], task: str) -> list[str]:
         notes.append(
             f"Recovery: median time from a push until the tilt is back within {math.degrees(tilt):.3g} deg and the "
             f"ball within {distance:g} m of the setpoint, to stay there up to the next push, for at least 1 s; a push "
-            "that comes too early censors the time (Kaplan and Meier), a fall counts as never."
+            "that comes too early censors the time (Kaplan and Meier), a fall counts as never. None: less than half "
+            "recovers in the time that pushes leave."
         )
         if not metrics:
             notes += ["Ball: root mean square of the distance from the setpoint.", PUSH_NOTE]

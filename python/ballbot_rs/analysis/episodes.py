@@ -58,7 +58,7 @@ class Result:
     pushes: int
     #: Median time from a push until tilt and ball are back within `recovery_limits` and stay there up to the next push
     #: or the end, for at least 1 s; s. Time that a next push cuts short counts as censored (Kaplan and Meier), a fall
-    #: as never. None if the median is never, without pushes, and for tasks without the option `setpoint`.
+    #: as never. None if less than half recovers, without pushes, and for tasks without the option `setpoint`.
     recovery_time: float | None
     #: Tilt (rad) and distance of the ball from the setpoint (m) within which a robot has recovered: those of a success.
     recovery_limits: tuple[float, float]
