@@ -27,4 +27,5 @@ CLIENTS: Final = (
     Client("Tianshou", "tianshou", "adapter of `BallbotVectorEnv`, disabled, PPO"),
     Client("rsl-rl", "rsl_rl", "adapter of `BallbotVectorEnv`, same_step, PPO"),
     Client("RLlib", "rllib", "`make_vec` by id, PPO"),
+    Client("PufferLib", "pufferlib", "adapter of `BallbotVectorEnv`, same_step, PuffeRL"),
 )
