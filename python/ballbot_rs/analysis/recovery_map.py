@@ -63,7 +63,8 @@ def collect(
         rings: number of initial tilts, at the middle of as many equal rings.
         sectors: number of azimuths.
         seconds: simulated time. A start counts as recovered if the tilt stays within 1 deg from some time on to the
-            end, for at least 1 s; in 10 s all starts of the paper's robot from which a controller rights it do.
+            end, for at least 1 s. 10 s are enough for the classical controllers on the paper's robot; robots that are
+            upright without are shown apart.
         task: name of the task, as in `compare`.
         env_options: options of the environment, over those that a policy was trained with.
         num_threads: threads that step the robots; None takes all cores.
