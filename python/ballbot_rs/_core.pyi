@@ -509,6 +509,10 @@ class Contacts:
     def floor_force(self) -> _Array:
         """Force of the floor on the ball, inertial frame, N."""
     @property
+    def bot_floor_force(self) -> _Array:
+        """Force of the floor on the bot, that is on body and wheels, inertial frame, N; zero in the models `spatial` and
+        `planar`."""
+    @property
     def floor_slip_velocity(self) -> _Array:
         """Velocity (x, y) of the lowest point of the ball, m/s."""
     @property
@@ -1489,7 +1493,7 @@ class Batch:
             setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list of one each.
                 A reference should be made for the robot; it goes on where an episode ends and another begins.
             record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
-                `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
+                `wheel_slip_speeds`, `floor_force`, `bot_floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
                 step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success`,
                 `metrics` (of the task, of the episode of the step), `push_counts` (as `push_count`) with one row a step.
             privileged: as in `control`.

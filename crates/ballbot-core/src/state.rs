@@ -251,6 +251,8 @@ pub struct Contacts {
     pub wheel_slip_speeds: [f64; 3],
     /// Force of the floor on the ball, inertial frame, N.
     pub floor_force: Vector3<f64>,
+    /// Force of the floor on the bot, that is on body and wheels, inertial frame, N; zero for models without this contact.
+    pub bot_floor_force: Vector3<f64>,
     /// Velocity of the ball's lowest point along the floor, m/s; zero without slip.
     pub floor_slip_velocity: Vector2<f64>,
     /// Whether the body or a wheel touches the floor.
@@ -273,6 +275,7 @@ impl Contacts {
         finite("wheel_tractions", &self.wheel_tractions)?;
         finite("wheel_slip_speeds", &self.wheel_slip_speeds)?;
         finite("floor_force", self.floor_force.as_slice())?;
+        finite("bot_floor_force", self.bot_floor_force.as_slice())?;
         finite("floor_slip_velocity", self.floor_slip_velocity.as_slice())
     }
 

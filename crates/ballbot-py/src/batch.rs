@@ -688,7 +688,7 @@ impl PyBatch {
 
     /// Contact forces of the last model step: of environment `index` as `Contacts`, or of all as a dict of arrays.
     ///
-    /// `wheel_normal_forces`, `wheel_tractions` (N), `wheel_slip_speeds` (m/s) and `floor_force` (N) have the shape
+    /// `wheel_normal_forces`, `wheel_tractions` (N), `wheel_slip_speeds` (m/s), `floor_force` and `bot_floor_force` (N) have the shape
     /// (num_envs, 3), `floor_slip_velocity` (m/s) (num_envs, 2), `bot_on_floor`, `searched_steps` and
     /// `unsolved_steps` (num_envs,); `Contacts` says what they are.
     #[pyo3(signature = (index=None))]
@@ -878,7 +878,7 @@ impl PyBatch {
     ///     setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list of one each.
     ///         A reference should be made for the robot; it goes on where an episode ends and another begins.
     ///     record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
-    ///         `wheel_slip_speeds`, `floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
+    ///         `wheel_slip_speeds`, `floor_force`, `bot_floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
     ///         step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success`,
     ///         `metrics` (of the task, of the episode of the step), `push_counts` (as `push_count`) with one row a step.
     ///     privileged: as in `control`.

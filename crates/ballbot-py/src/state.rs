@@ -284,7 +284,7 @@ fn tilted(
 type Pickled<'py> = (PyParams, Array<'py>, bool, (u64, u64));
 
 /// Contacts of a robot from what pickle kept: loads, tractions and slip speeds of the wheels, force and slip velocity of
-/// the floor, shape (14,), whether the bot touches the floor, and the counts of searched and unsolved steps.
+/// the floor, force of the floor on the bot, shape (17,), whether the bot touches the floor, and the counts of searched and unsolved steps.
 #[pyfunction]
 pub(crate) fn _contacts_of(
     params: &PyParams,
@@ -292,7 +292,7 @@ pub(crate) fn _contacts_of(
     bot_on_floor: bool,
     steps: (u64, u64),
 ) -> PyResult<PyContacts> {
-    let n = crate::convert::numbers::<14>("numbers", numbers)?;
+    let n = crate::convert::numbers::<17>("numbers", numbers)?;
     let wheels = |first: usize| [n[first], n[first + 1], n[first + 2]];
     let contacts = Contacts {
         wheel_normal_forces: wheels(0),
@@ -300,6 +300,7 @@ pub(crate) fn _contacts_of(
         wheel_slip_speeds: wheels(6),
         floor_force: wheels(9).into(),
         floor_slip_velocity: [n[12], n[13]].into(),
+        bot_floor_force: wheels(14).into(),
         bot_on_floor,
         searched_steps: steps.0,
         unsolved_steps: steps.1,
@@ -341,6 +342,13 @@ impl PyContacts {
         array(py, self.contacts.floor_force.as_slice())
     }
 
+    /// Force of the floor on the bot, that is on body and wheels, inertial frame, N; zero in the models `spatial` and
+    /// `planar`.
+    #[getter]
+    fn bot_floor_force<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, self.contacts.bot_floor_force.as_slice())
+    }
+
     /// Velocity (x, y) of the lowest point of the ball, m/s.
     #[getter]
     fn floor_slip_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
@@ -376,7 +384,7 @@ impl PyContacts {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
         let c = &self.contacts;
         let wheels = [c.wheel_normal_forces, c.wheel_tractions, c.wheel_slip_speeds].concat();
-        let floor = [c.floor_force.as_slice(), c.floor_slip_velocity.as_slice()].concat();
+        let floor = [c.floor_force.as_slice(), c.floor_slip_velocity.as_slice(), c.bot_floor_force.as_slice()].concat();
         let steps = (c.searched_steps, c.unsolved_steps);
         let restore = py.import("ballbot_rs._core")?.getattr("_contacts_of")?;
         Ok((restore, (PyParams(self.params.clone()), array(py, &[wheels, floor].concat()), c.bot_on_floor, steps)))
@@ -400,6 +408,7 @@ impl PyContacts {
             ("wheel_tractions", c.wheel_tractions.to_vec(), "N"),
             ("wheel_slip_speeds", c.wheel_slip_speeds.to_vec(), "m/s"),
             ("floor_force", c.floor_force.as_slice().to_vec(), "N"),
+            ("bot_floor_force", c.bot_floor_force.as_slice().to_vec(), "N"),
             ("floor_slip_velocity", c.floor_slip_velocity.as_slice().to_vec(), "m/s"),
             ("friction_utilization", c.friction_utilization(&self.params).to_vec(), ""),
         ])

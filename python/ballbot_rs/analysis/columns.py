@@ -73,6 +73,7 @@ _CONTACTS: Final[Sequence[tuple[str, tuple[str, ...], str, str]]] = (
     ("wheel_tractions", WHEELS, "N", "drive friction of a wheel on the ball, in the time step before"),
     ("wheel_slip_speeds", WHEELS, "m/s", "of a wheel relative to the ball, in the time step before"),
     ("floor_force", XYZ, "N", "of the floor on the ball, inertial frame, in the time step before"),
+    ("bot_floor_force", XYZ, "N", "of the floor on body and wheels, inertial frame, in the time step before"),
     ("friction_utilization", ("0", "1", "2", "floor"), "", "share of the dynamic friction limit"),
 )
 #: Unit of a part of a setpoint, and what it is.

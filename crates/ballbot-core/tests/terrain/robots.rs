@@ -58,6 +58,35 @@ fn a_sloped_surface_is_a_tilted_gravity() {
     }
 }
 
+/// Ground that a robot does not touch changes no bit of its motion, however it leans.
+#[test]
+fn a_bump_far_away_changes_no_bit() {
+    let slope = |x: f64, _: f64| 0.2 * x;
+    let bump = |x: f64, y: f64| 0.2 * x + 0.1 * (-((x - 4.0).powi(2) + y * y) / 0.08).exp();
+    let [plain, bumpy] = [
+        Arc::new(Terrain::from_function(slope, [12.0, 4.0], 0.05).unwrap()),
+        Arc::new(Terrain::from_function(bump, [12.0, 4.0], 0.05).unwrap()),
+    ];
+    assert!(bumpy.curvature()[0] > 100.0 * plain.curvature()[0].abs());
+    let params = Params { wheel_coulomb_friction: 0.0, ..Params::preset("rezero").unwrap() };
+    for seed in 0..20 {
+        let angle = f64::from(seed);
+        let [mut here, mut there] = [&plain, &bumpy].map(|terrain| on(terrain, ModelKind::Contact, &params, 2e-3));
+        for robot in [&mut here, &mut there] {
+            let tilt = Vector2::new(0.2 * angle.sin(), 0.4 + 0.1 * angle.cos());
+            robot.place_on_ground(-2.0, 0.0, 3.0 * angle.sin(), Some(tilt)).unwrap();
+        }
+        for k in 0..50 {
+            let torques = [0, 1, 2].map(|i| 1.9 * (7.0 * angle + f64::from(k / 5) + 2.0 * f64::from(i)).sin());
+            here.step(&torques, 1).unwrap();
+            there.step(&torques, 1).unwrap();
+            assert!(!here.bot_on_floor());
+            let bits = |robot: &Ballbot| robot.state().to_array().map(f64::to_bits);
+            assert!(bits(&here) == bits(&there), "seed {seed}, step {k}");
+        }
+    }
+}
+
 fn turned(turn: &UnitQuaternion<f64>, state: &State) -> State {
     State {
         ball_position: turn * state.ball_position,

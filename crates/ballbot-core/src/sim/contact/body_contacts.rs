@@ -1,19 +1,21 @@
 //! Rare contacts: bot on the floor, and ball against the body.
 //!
-//! They are not part of the rows. Robots near such a contact have their impulses from Gauss-Seidel sweeps over these
-//! contacts and the rows together. The sweeps run in lanes; robots that need none keep what they have.
+//! They are not part of the rows. A step is solved without them first. Robots that would close such a contact have their
+//! impulses from Gauss-Seidel sweeps over these contacts and the rows together; the others keep the exact solution. So
+//! does a robot that may touch nothing but is taken for near, which changes no bit of its motion.
 
 mod ball_on_body;
 mod floor_point;
 mod mast;
 
-use super::active_set::Conditions;
 use super::constants::{Constants, at3};
+use super::delassus::Delassus;
 use super::footing::{Footing, Relief};
-use super::phases::Start;
+use super::friction::{Friction, JointFriction};
+use super::phases::{Start, finish, free_velocities};
 use super::state::ContactState;
-use super::types::{PerRow, Pose, Velocities, select3};
-use crate::lanes::{Lane, Value, Vec3};
+use super::types::{Actions, BotOnFloor, PerRow, Pose, Velocities, select3};
+use crate::lanes::{Lane, Own, Value, Vec3};
 use ball_on_body::BallOnBody;
 use floor_point::{FloorPoint, POINTS, floor_points};
 use mast::MastFrame;
@@ -114,34 +116,49 @@ impl<'a, L: Lane> Near<'a, L> {
         let mask = lowest.lt(floor_limit) | ball_near;
         Self { mask, coupled: mask & (wheels_near | ball_near), ball_on_body: ball_near, floor_limit, footing, token }
     }
+}
 
-    /// Adds the impulses of the rare contacts to the velocities of the robots in the mask, and solves for the impulses of
-    /// the coupled ones anew. Returns 1 for robots that touch the floor, else 0.
-    #[inline(always)]
-    pub fn solve<V: Value<L>, const JOINTS: bool, const RIPPLE: bool>(
-        &self,
-        c: &Constants<V>,
-        start: &Start<L>,
-        conditions: &Conditions<L, V>,
-        (impulses, velocities): (&mut PerRow<L>, &mut Velocities<L>),
-    ) -> L {
-        let mut contacts = Contacts::new(c, start, self, (*impulses, *velocities));
-        let threshold = (conditions.static_impulse * SETTLED_SHARE).squared();
-        let mut open = self.mask;
-        for sweep in 0..MOST_SWEEPS {
-            let change = contacts.sweep::<V, JOINTS, RIPPLE>(c, start, conditions, self, open);
-            if sweep + 1 >= SWEEPS {
-                open = open & threshold.lt(change);
-                if !L::any(open) {
-                    break;
-                }
+/// Finishes a step of robots of which some are near rare contacts. `without` has the velocities and impulses of a step
+/// without these contacts, which are exact for the robots that close none of them.
+#[inline(never)]
+pub fn finish_near<L: Lane>(
+    constants: &Constants<L::Cell>,
+    token: L::Token,
+    state: &mut ContactState<L::Cell>,
+    without: &ContactState<L::Cell>,
+    footing: Option<&Footing<L::Cell>>,
+    actions: &Actions<L::Cell>,
+) {
+    L::rarely(
+        token,
+        #[inline(always)]
+        || {
+            let c = &constants.loaded::<L>(token);
+            let start = Start::new::<true, Own<L>>(c, token, state);
+            let near = Near::new(c, &start, token, state, footing);
+            let (velocities, impulses) = (without.velocities(token), without.impulses(token));
+            let mut contacts = Contacts::new(c, &start, &near, (impulses, velocities));
+            let closing = contacts.closing(c, &near);
+            if L::any(closing) {
+                contacts.solve(
+                    c,
+                    token,
+                    state,
+                    actions,
+                    &start,
+                    &Near { mask: closing, coupled: near.coupled & closing, ..near },
+                );
             }
-        }
-        // A contact that is skipped adds nothing, one beside a neighbor's adds zero, which changes the sign of −0 only.
-        *impulses = PerRow::select(self.mask, &contacts.impulses.with_positive_zeros(), impulses);
-        *velocities = Velocities::select(self.mask, &contacts.velocities.with_positive_zeros(), velocities);
-        contacts.on_floor(self.mask)
-    }
+            for (cell, counted) in [
+                (&mut state.searched_steps, &without.searched_steps),
+                (&mut state.unsolved_steps, &without.unsolved_steps),
+            ] {
+                L::select(closing, L::load(token, cell), L::load(token, counted)).store(cell);
+            }
+            let on_floor = contacts.on_floor(near.mask);
+            finish(c, token, state, &start, (&contacts.velocities, &contacts.impulses), &on_floor);
+        },
+    );
 }
 
 /// Least height of a part of the bot above what the ground at most rises to there.
@@ -179,7 +196,14 @@ fn sum_of_sizes<L: Lane>(v: Vec3<L>) -> L {
     v.x.abs() + v.y.abs() + v.z.abs()
 }
 
-/// All contacts of robots near the rare ones, and the velocities with all impulses.
+/// What the sweeps over the rows need.
+struct System<L, V> {
+    delassus: Delassus<L, V>,
+    friction: Friction<L>,
+    joint_friction: JointFriction<L>,
+}
+
+/// The rare contacts of robots, and the impulses of the rows and the velocities with all contacts.
 struct Contacts<L: Lane> {
     points: [FloorPoint<L>; POINTS],
     /// Whether any robot may touch the floor with the point.
@@ -210,14 +234,67 @@ impl<L: Lane> Contacts<L> {
         Self { points, used, ball, normal_estimate: impulses.normals, impulses, velocities }
     }
 
+    /// Robots near rare contacts that close one of them with the present velocities.
+    #[inline(always)]
+    fn closing<V: Value<L>>(&self, c: &Constants<V>, near: &Near<'_, L>) -> L::Mask {
+        let mut closing = near.ball_on_body & self.ball.closes(c, &self.velocities);
+        for (point, used) in self.points.iter().zip(self.used) {
+            if used {
+                closing = closing | point.closes(c, &self.velocities);
+            }
+        }
+        closing & near.mask
+    }
+
+    /// Solves for the impulses of the robots in the mask of `near`: with those of the rows where the ball may touch wheels
+    /// or body, from the impulses of the last step.
+    #[inline(always)]
+    fn solve<V: Value<L>>(
+        &mut self,
+        c: &Constants<V>,
+        token: L::Token,
+        state: &ContactState<L::Cell>,
+        actions: &Actions<L::Cell>,
+        start: &Start<L>,
+        near: &Near<'_, L>,
+    ) {
+        let last = state.impulses(token);
+        let mut velocities = free_velocities(c, token, state, start, actions);
+        start.rows.apply::<true, true, V>(c, &last, &mut velocities);
+        self.velocities = Velocities::select(near.coupled, &velocities, &self.velocities);
+        self.impulses = PerRow::select(near.coupled, &last, &self.impulses);
+        self.normal_estimate = self.impulses.normals;
+
+        let zero = velocities.ball.x.zero();
+        let system = System {
+            delassus: Delassus::new::<true, true>(c, &start.rows),
+            friction: Friction::new(c, &start.rows, &start.velocities),
+            joint_friction: JointFriction::new(c, zero),
+        };
+        let threshold = (c.static_wheel_load.at(zero) * c.sim_dt.at(zero) * SETTLED_SHARE).squared();
+        let mut open = near.mask;
+        for sweep in 0..MOST_SWEEPS {
+            let change = self.sweep(c, start, &system, near, open);
+            if sweep + 1 >= SWEEPS {
+                open = open & threshold.lt(change);
+                if !L::any(open) {
+                    break;
+                }
+            }
+        }
+        // A contact that is skipped adds nothing, one beside a neighbor's adds zero, which changes the sign of −0 only.
+        self.impulses = PerRow::select(near.mask, &self.impulses.with_positive_zeros(), &self.impulses);
+        self.velocities = Velocities::select(near.mask, &self.velocities.with_positive_zeros(), &self.velocities);
+    }
+
     /// One sweep over all contacts of the robots in `open`. Returns the sum of the squared changes of the impulses, which
     /// does not depend on the directions of the axes.
     #[inline(always)]
-    fn sweep<V: Value<L>, const JOINTS: bool, const RIPPLE: bool>(
+    fn sweep<V: Value<L>>(
         &mut self,
         c: &Constants<V>,
         start: &Start<L>,
-        conditions: &Conditions<L, V>,
+        system: &System<L, V>,
         near: &Near<'_, L>,
         open: L::Mask,
     ) -> L {
@@ -227,7 +304,7 @@ impl<L: Lane> Contacts<L> {
         for (point, used) in self.points.iter_mut().zip(self.used) {
             if used {
                 let before = point.impulses;
-                change += point.sweep(c, conditions.friction.floor, &mut v);
+                change += point.sweep(c, system.friction.floor, &mut v);
                 point.impulses = select3(open, point.impulses, before);
             }
         }
@@ -238,18 +315,13 @@ impl<L: Lane> Contacts<L> {
             self.ball.impulse = L::select(open, self.ball.impulse, before);
         }
         if L::any(coupled) {
-            let mut residuals = start.rows.residuals::<RIPPLE, V>(c, &v);
+            let mut residuals = start.rows.residuals::<true, V>(c, &v);
             let (mut impulses, mut estimate) = (self.impulses, self.normal_estimate);
-            conditions.delassus.sweep::<JOINTS>(
-                conditions.friction,
-                conditions.joint_friction,
-                &mut estimate,
-                &mut impulses,
-                &mut residuals,
-            );
+            let System { delassus, friction, joint_friction } = system;
+            delassus.sweep::<true>(friction, joint_friction, &mut estimate, &mut impulses, &mut residuals);
             let step = impulses.minus(&self.impulses);
             let mut moved = v;
-            start.rows.apply::<JOINTS, RIPPLE, V>(c, &step, &mut moved);
+            start.rows.apply::<true, true, V>(c, &step, &mut moved);
             v = Velocities::select(coupled, &moved, &v);
             let size = |row: [L; 3]| Vec3::from(row).norm_squared();
             change += L::select(coupled, size(step.floor) + size(step.normals) + size(step.drives), zero);
@@ -261,12 +333,13 @@ impl<L: Lane> Contacts<L> {
     }
 
     #[inline(always)]
-    fn on_floor(&self, mask: L::Mask) -> L {
+    fn on_floor(&self, mask: L::Mask) -> BotOnFloor<L> {
         let zero = self.ball.impulse.zero();
-        let mut out = zero;
+        let mut out = BotOnFloor::none(zero);
         for (point, used) in self.points.iter().zip(self.used) {
             if used {
-                out = L::select(mask & point.touches(), zero.splat(1.0), out);
+                out.touches = L::select(mask & point.touches(), zero.splat(1.0), out.touches);
+                out.impulse += point.impulse();
             }
         }
         out

@@ -2,7 +2,7 @@
 
 use super::principal::PrincipalAxes;
 use crate::kinematics::Omniwheels;
-use crate::lanes::{EIGHT, Eight, Lane, LaneValue, Quat, Value, Vec3, Wide, cells};
+use crate::lanes::{Cell, EIGHT, Eight, Lane, LaneValue, Own, Quat, Value, Vec3, Wide, cells};
 use crate::params::Params;
 use crate::sim::collision_shape::{BodyShape, wheel_centers};
 use crate::state::wxyz;
@@ -96,6 +96,8 @@ cells! {
         pub static_wheel_load: T,
         /// Load of the floor at rest.
         pub static_floor_load: T,
+        /// Load of the floor below a ball alone at rest.
+        pub static_ball_load: T,
         /// Largest share of the speed of each loss that it takes in a step; 0 for a robot without losses.
         pub loss_share: T,
         /// c_r / J_k: change of the ball's rolling rate per impulse of the floor.
@@ -188,6 +190,7 @@ impl Constants<f64> {
             wheel_loads,
             static_wheel_load: wheel_loads.into_iter().fold(0.0, f64::max),
             static_floor_load: (params.body_mass + params.ball_mass) * (params.gravity * params.up().z),
+            static_ball_load: params.ball_mass * (params.gravity * params.up().z),
             loss_share: params.loss_share(),
             rolling_loss: params.floor_rolling_friction / params.ball_inertia,
             spinning_loss: params.floor_spinning_friction / params.ball_inertia,
@@ -257,6 +260,7 @@ impl<V> Constants<V> {
             wheel_loads: three(&self.wheel_loads),
             static_wheel_load: one(&self.static_wheel_load),
             static_floor_load: one(&self.static_floor_load),
+            static_ball_load: one(&self.static_ball_load),
             loss_share: one(&self.loss_share),
             rolling_loss: one(&self.rolling_loss),
             spinning_loss: one(&self.spinning_loss),
@@ -267,6 +271,35 @@ impl<V> Constants<V> {
             roller_count: one(&self.roller_count),
             roller_phases: three(&self.roller_phases),
         }
+    }
+}
+
+impl<V> Constants<V> {
+    /// The constants in memory, one of each robot.
+    #[inline(always)]
+    pub fn stored<L: Lane>(&self, like: L) -> Constants<L::Cell>
+    where
+        V: Value<L>,
+    {
+        self.map(
+            #[inline(always)]
+            |value| {
+                let mut cell = L::Cell::default();
+                value.at(like).store(&mut cell);
+                cell
+            },
+        )
+    }
+}
+
+impl<T: Cell> Constants<T> {
+    /// The constants of the robots in lanes.
+    #[inline(always)]
+    pub fn loaded<L: Lane<Cell = T>>(&self, token: L::Token) -> Constants<Own<L>> {
+        self.map(
+            #[inline(always)]
+            |cell| Own(L::load(token, cell)),
+        )
     }
 }
 

@@ -97,7 +97,9 @@ fn turn<L: Lane>(token: L::Token, state: &mut ContactState<L::Cell>, quaternion:
     for attitude in [&mut state.ball_quaternion, &mut state.body_quaternion] {
         quaternion.times(Quat::load(token, attitude)).store(attitude);
     }
-    for vector in [&mut state.ball_velocity, &mut state.ball_rate, &mut state.body_velocity] {
+    let vectors =
+        [&mut state.ball_velocity, &mut state.ball_rate, &mut state.body_velocity, &mut state.bot_floor_impulse];
+    for vector in vectors {
         rotation.apply(Vec3::load(token, vector)).store(vector);
     }
     // Normal, x and y.

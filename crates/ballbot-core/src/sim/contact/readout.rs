@@ -32,7 +32,11 @@ impl ContactState<f64> {
             Some(ground) => ground.gap(&state.ball_position, c.ball_radius),
             None => (state.ball_position.z - c.ball_radius, Vector3::z()),
         };
-        let load = if gap <= CONTACT_TOLERANCE { c.static_floor_load * c.sim_dt } else { 0.0 };
+        let touching = [touches(0), touches(1), touches(2)];
+        // The floor carries the bot through the ball alone.
+        let carried = if touching.contains(&true) { c.static_floor_load } else { c.static_ball_load };
+        let across = Vector3::from(c.gravity_dt).dot(&normal) / c.gravity_dt[2];
+        let load = if gap <= CONTACT_TOLERANCE { carried * across * c.sim_dt } else { 0.0 };
         Self {
             ball_position: state.ball_position.into(),
             ball_quaternion: wxyz(&state.ball_quaternion),
@@ -44,7 +48,7 @@ impl ContactState<f64> {
             body_rate: rate.into(),
             wheel_angles: state.wheel_angles,
             wheel_spins: spins.into(),
-            normal_impulses: [0, 1, 2].map(|i| if touches(i) { c.wheel_loads[i] * c.sim_dt } else { 0.0 }),
+            normal_impulses: [0, 1, 2].map(|i| if touching[i] { c.wheel_loads[i] * c.sim_dt } else { 0.0 }),
             floor_impulse: [load * normal.z, load * normal.x, load * normal.y],
             ..Self::default()
         }
@@ -69,6 +73,7 @@ impl ContactState<f64> {
             wheel_tractions: self.drive_impulses.map(|impulse| -impulse * per_second),
             wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(c, i)),
             floor_force: Vector3::new(x, y, z) * per_second,
+            bot_floor_force: Vector3::from(self.bot_floor_impulse) * per_second,
             floor_slip_velocity: match ground {
                 Some(ground) => {
                     let (_, normal) = ground.gap(&self.ball_position.into(), r);

@@ -3,7 +3,6 @@
 //! ```text
 //! velocities = braked(velocities)         rolling, spinning and roller friction               (Losses)
 //! rows(pose)                              gaps, normals, drive directions, arms               (Rows)
-//! if a rare contact is near: further sweeps with it, by body_contacts                         (Rare contacts)
 //! mu   = stribeck(slip(velocities))       friction coefficients at the start of the step      (Friction law)
 //! free = velocities + dt M^-1 forces      gravity, motors, push, drag, gyroscopic torque      (Free velocities)
 //! W    = J M^-1 J^T                       change of row velocities per impulse                (Delassus matrix)
@@ -12,6 +11,7 @@
 //!     impulses = solution of the linear equations of these modes
 //!     modes    = open, sticking or slipping, from the impulses and r + W impulses
 //! velocities = free + M^-1 J^T impulses   velocities at the end of the step                   (Active set)
+//! if a rare contact closes with them: sweeps with it, by body_contacts                        (Rare contacts)
 //! pose       = pose + dt velocities       attitudes by rotation vectors                       (Semi-implicit Euler)
 //! ```
 //!
@@ -20,8 +20,8 @@
 #[cfg(test)]
 mod flops;
 
-use super::active_set::Conditions;
-use super::body_contacts::Near;
+use super::active_set::{Conditions, Solution};
+use super::body_contacts::{self, Near};
 use super::constants::{Constants, InLanes, at3};
 use super::delassus::Delassus;
 use super::footing::Footing;
@@ -29,8 +29,8 @@ use super::friction::{Friction, JointFriction};
 use super::losses::brake;
 use super::phases::{Start, finish, free_velocities};
 use super::state::{ContactState, Torques};
-use super::types::Actions;
-use crate::lanes::{Eight, Lane, Scalar, Value, Vec3, Wide, run_one};
+use super::types::{Actions, BotOnFloor, Velocities};
+use crate::lanes::{Eight, Lane, Own, Scalar, Value, Vec3, Wide, run_one};
 use fearless_simd::Simd;
 
 /// Advances one robot by `steps` time steps under constant torques, on level ground without a `footing`.
@@ -140,45 +140,72 @@ fn step<L: Lane, V: Value<L>, const RIPPLE: bool>(
         L::rarely(
             token,
             #[inline(always)]
-            || {
-                let start = Start::new::<RIPPLE, V>(c, token, state);
-                let near = Near::new(c, &start, token, state, footing);
-                step_from::<L, V, RIPPLE, true>(c, token, state, actions, &start, &near);
-            },
+            || step_near::<L>(&c.stored(start.pose.body.x), token, state, footing, actions),
         );
-    } else {
-        step_from::<L, V, RIPPLE, false>(c, token, state, actions, &start, &near);
+        return;
     }
-}
-
-#[inline(always)]
-fn step_from<L: Lane, V: Value<L>, const RIPPLE: bool, const NEAR: bool>(
-    c: &Constants<V>,
-    token: L::Token,
-    state: &mut ContactState<L::Cell>,
-    actions: &Actions<L::Cell>,
-    start: &Start<L>,
-    near: &Near<'_, L>,
-) {
     let joints = JointFriction::new(c, start.rows.floor_gap);
     // Rows of joints without friction change no bits; so ripple needs no step of its own without them.
-    if RIPPLE || joints.any() {
-        step_with::<L, V, true, RIPPLE, NEAR>(c, token, state, actions, start, &joints, near);
+    let (velocities, solution) = if RIPPLE || joints.any() {
+        solve::<L, V, true, RIPPLE>(c, token, state, actions, &start, &joints)
     } else {
-        step_with::<L, V, false, RIPPLE, NEAR>(c, token, state, actions, start, &joints, near);
-    }
+        solve::<L, V, false, RIPPLE>(c, token, state, actions, &start, &joints)
+    };
+    count_searches(token, &solution, state);
+    let in_air = BotOnFloor::none(start.rows.floor_gap);
+    finish(c, token, state, &start, (&velocities, &solution.impulses), &in_air);
 }
 
-#[inline(always)]
-fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const RIPPLE: bool, const NEAR: bool>(
-    c: &Constants<V>,
+/// A step of robots of which some are near a rare contact. It is compiled once for each kind of lanes, with the rows that
+/// any of the robots may have: for the others those rows change no bits.
+#[cold]
+#[inline(never)]
+fn step_near<L: Lane>(
+    constants: &Constants<L::Cell>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,
+    footing: Option<&Footing<L::Cell>>,
+    actions: &Actions<L::Cell>,
+) {
+    let mut without = state.clone();
+    step_without_rare_contacts::<L>(constants, token, state, &mut without, actions);
+    body_contacts::finish_near::<L>(constants, token, state, &without, footing, actions);
+}
+
+/// Gives `without` the velocities and impulses of `state` after a step in which no rare contact touches.
+#[inline(never)]
+fn step_without_rare_contacts<L: Lane>(
+    constants: &Constants<L::Cell>,
+    token: L::Token,
+    state: &ContactState<L::Cell>,
+    without: &mut ContactState<L::Cell>,
+    actions: &Actions<L::Cell>,
+) {
+    L::rarely(
+        token,
+        #[inline(always)]
+        || {
+            let c = &constants.loaded::<L>(token);
+            let start = Start::new::<true, Own<L>>(c, token, state);
+            let joints = JointFriction::new(c, start.rows.floor_gap);
+            let (velocities, solution) = solve::<L, Own<L>, true, true>(c, token, state, actions, &start, &joints);
+            count_searches(token, &solution, without);
+            without.set_velocities(&velocities);
+            without.set_impulses(&solution.impulses);
+        },
+    );
+}
+
+/// Velocities and impulses at the end of a step in which no rare contact touches.
+#[inline(always)]
+fn solve<L: Lane, V: Value<L>, const JOINTS: bool, const RIPPLE: bool>(
+    c: &Constants<V>,
+    token: L::Token,
+    state: &ContactState<L::Cell>,
     actions: &Actions<L::Cell>,
     start: &Start<L>,
     joint_friction: &JointFriction<L>,
-    near: &Near<'_, L>,
-) {
+) -> (Velocities<L>, Solution<L>) {
     let friction = Friction::new(c, &start.rows, &start.velocities);
     let mut velocities = free_velocities(c, token, state, start, actions);
     let like = velocities.ball.x;
@@ -189,27 +216,20 @@ fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const RIPPLE: bool, const
         joint_friction,
         static_impulse: c.static_wheel_load.at(like) * c.sim_dt.at(like),
     };
-    let mut impulses = state.impulses(token);
-    let mut open = L::load(token, &state.diverged).le(like.zero());
-    if NEAR {
-        open = open & !near.coupled;
+    let open = L::load(token, &state.diverged).le(like.zero());
+    let solution = conditions.solution::<JOINTS>(token, &state.impulses(token), open);
+    start.rows.apply::<JOINTS, RIPPLE, V>(c, &solution.impulses, &mut velocities);
+    (velocities, solution)
+}
+
+#[inline(always)]
+fn count_searches<L: Lane>(token: L::Token, solution: &Solution<L>, state: &mut ContactState<L::Cell>) {
+    if L::any(solution.searched) {
+        let zero = solution.impulses.floor[0].zero();
+        let one = zero.splat(1.0);
+        count(token, L::select(solution.searched, one, zero), &mut state.searched_steps);
+        count(token, L::select(solution.unsolved, one, zero), &mut state.unsolved_steps);
     }
-    if !NEAR || L::any(open) {
-        let solution = conditions.solution::<JOINTS>(token, &impulses, open);
-        impulses = solution.impulses;
-        if L::any(solution.searched) {
-            let one = like.splat(1.0);
-            count(token, L::select(solution.searched, one, like.zero()), &mut state.searched_steps);
-            count(token, L::select(solution.unsolved, one, like.zero()), &mut state.unsolved_steps);
-        }
-    }
-    start.rows.apply::<JOINTS, RIPPLE, V>(c, &impulses, &mut velocities);
-    let on_floor = if NEAR {
-        near.solve::<V, JOINTS, RIPPLE>(c, start, &conditions, (&mut impulses, &mut velocities))
-    } else {
-        like.zero()
-    };
-    finish(c, token, state, start, (&velocities, &impulses), on_floor);
 }
 
 #[inline(always)]

@@ -284,6 +284,7 @@ impl Model for RigidMotion {
             wheel_tractions: [0, 1, 2].map(|i| -force(TRACTION + i)),
             wheel_slip_speeds: [0, 1, 2].map(|i| WheelContact::new(&self.parts, &self.bot, &motion, i).slip),
             floor_force: self.sim_state.floor_force.into(),
+            bot_floor_force: self.world.bot_floor_impulse(&self.handles) / self.settings.dt,
             floor_slip_velocity: self.floor_slip().xy(),
             bot_on_floor: self.bot_on_floor(),
             searched_steps: self.sim_state.searched_steps,
@@ -292,10 +293,7 @@ impl Model for RigidMotion {
     }
 
     fn bot_on_floor(&self) -> bool {
-        let h = &self.handles;
-        let plane = h.bot_floor_collider.unwrap_or(h.floor_collider);
-        let on_floor = |collider| self.world.touch(plane, collider);
-        on_floor(h.body_collider) || h.wheel_colliders.iter().any(|&wheel| on_floor(wheel))
+        self.handles.bot_colliders().any(|collider| self.world.touch(self.handles.bot_plane(), collider))
     }
 
     fn energy(&self) -> f64 {

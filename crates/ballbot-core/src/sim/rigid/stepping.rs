@@ -121,7 +121,8 @@ impl RigidMotion {
         let wheels_on_ball = plan.rows.on_ball(&impulses);
         self.apply(plan, &acceleration, &wheels_on_ball);
         self.sim_state.healthy &= self.world.step(&mut self.pipeline, &self.params.gravity_vector(), &self.settings);
-        let floor_force = self.world.floor_force(&self.handles, &plan.motion.floor_normal, dt);
+        let (plane, ball) = (self.handles.floor_collider, self.handles.ball_collider);
+        let floor_force = self.world.plane_impulse(plane, ball, &plan.motion.floor_normal) / dt;
         self.sim_state.floor_force = floor_force.into();
 
         let [push, turn] = wheels_on_ball;

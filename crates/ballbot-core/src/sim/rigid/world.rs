@@ -41,6 +41,16 @@ pub struct Handles {
 }
 
 impl Handles {
+    /// The plane of the bot.
+    pub fn bot_plane(&self) -> ColliderHandle {
+        self.bot_floor_collider.unwrap_or(self.floor_collider)
+    }
+
+    /// Body and wheels.
+    pub fn bot_colliders(&self) -> impl Iterator<Item = ColliderHandle> {
+        [self.body_collider].into_iter().chain(self.wheel_colliders)
+    }
+
     /// The planes that are the ground.
     fn planes(&self) -> impl Iterator<Item = ColliderHandle> {
         [self.floor_collider].into_iter().chain(self.bot_floor_collider)
@@ -264,8 +274,7 @@ impl World {
     /// Whether the world contains all parts of the robot.
     pub fn holds(&self, handles: &Handles) -> bool {
         let bodies = [handles.ball, handles.body].into_iter().chain(handles.wheels);
-        let mut colliders =
-            handles.planes().chain([handles.ball_collider, handles.body_collider]).chain(handles.wheel_colliders);
+        let mut colliders = handles.planes().chain([handles.ball_collider]).chain(handles.bot_colliders());
         bodies.into_iter().all(|body| self.bodies.contains(body))
             && colliders.all(|collider| self.colliders.get(collider).is_some())
             && self
@@ -277,7 +286,7 @@ impl World {
     /// Enables or disables the colliders of the bot.
     pub fn set_bot_colliders(&mut self, handles: &Handles, enabled: bool) {
         if self.colliders[handles.body_collider].is_enabled() != enabled {
-            for collider in [handles.body_collider].into_iter().chain(handles.wheel_colliders) {
+            for collider in handles.bot_colliders() {
                 self.colliders[collider].set_enabled(enabled);
             }
         }
@@ -301,18 +310,25 @@ impl World {
             .flat_map(|manifold| &manifold.points)
     }
 
-    /// Force of the floor on the ball over the last step, inertial frame, N.
-    pub fn floor_force(&self, handles: &Handles, normal: &Vector3<f64>, sim_dt: f64) -> Vector3<f64> {
+    /// Impulse of a plane on another collider in the last step, inertial frame, N·s.
+    pub fn plane_impulse(&self, plane: ColliderHandle, other: ColliderHandle, normal: &Vector3<f64>) -> Vector3<f64> {
         let mut impulse = Vector3::zeros();
-        let Some(pair) = self.narrow_phase.contact_pair(handles.floor_collider, handles.ball_collider) else {
+        let Some(pair) = self.narrow_phase.contact_pair(plane, other) else {
             return impulse;
         };
-        let on_ball = if pair.collider1 == handles.floor_collider { -1.0 } else { 1.0 };
-        for point in self.points(handles.floor_collider, handles.ball_collider) {
-            impulse += super::convert::from_rapier(point.data.warmstart_tangent_world) * on_ball;
+        let on_other = if pair.collider1 == plane { -1.0 } else { 1.0 };
+        for point in self.points(plane, other) {
+            impulse += super::convert::from_rapier(point.data.warmstart_tangent_world) * on_other;
             impulse += normal * point.data.impulse;
         }
-        impulse / sim_dt
+        impulse
+    }
+
+    /// Impulse of the floor on the bot in the last step, inertial frame, N·s.
+    pub fn bot_floor_impulse(&self, handles: &Handles) -> Vector3<f64> {
+        let plane = handles.bot_plane();
+        let normal = super::convert::from_rapier(self.colliders[plane].rotation() * Vector::Z);
+        handles.bot_colliders().map(|collider| self.plane_impulse(plane, collider, &normal)).sum()
     }
 
     /// Whether two colliders carried each other in the last step.

@@ -1,11 +1,12 @@
 //! The impulses meet the contact conditions, and are those of a search with other means.
 
-use crate::lanes::Scalar;
+use crate::lanes::{Scalar, Vec3};
 use crate::model::Model;
 use crate::params::Params;
 use crate::sim::contact::ContactMotion;
 use crate::sim::contact::constants::Constants;
 use crate::sim::contact::delassus::Delassus;
+use crate::sim::contact::footing::Footing;
 use crate::sim::contact::friction::Friction;
 use crate::sim::contact::phases::{Start, free_velocities};
 use crate::sim::contact::state::ContactState;
@@ -13,7 +14,9 @@ use crate::sim::contact::step::advance;
 use crate::sim::contact::types::Actions;
 use crate::sim::contact::types::{PerRow, Velocities};
 use crate::state::State;
-use nalgebra::{DMatrix, DVector, Vector2};
+use crate::terrain::{Frame, Ground, Terrain, TerrainKind};
+use nalgebra::{DMatrix, DVector, Vector2, Vector3};
+use std::sync::Arc;
 
 const DT: f64 = 0.002;
 
@@ -40,9 +43,21 @@ struct Step {
 
 impl Step {
     fn new(c: &Constants<f64>, state: &ContactState<f64>, torques: &[f64; 3]) -> Self {
+        Self::under(c, state, &Actions::level(c.gravity_dt, torques))
+    }
+
+    /// The step in the frame of the ground under the ball.
+    fn on(c: &Constants<f64>, state: &ContactState<f64>, torques: &[f64; 3], ground: &Arc<Ground>) -> Self {
+        let (mut footing, mut state) = (Footing::new(ground), state.clone());
+        let mut actions = Actions::level(c.gravity_dt, torques);
+        footing.enter::<f64, f64>(c, Scalar, &mut state, &mut actions.gravity_dt);
+        Self::under(c, &state, &actions)
+    }
+
+    fn under(c: &Constants<f64>, state: &ContactState<f64>, actions: &Actions<f64>) -> Self {
         let start = Start::<f64>::new::<false, f64>(c, Scalar, state);
         Self {
-            free: free_velocities(c, Scalar, state, &start, &Actions::level(c.gravity_dt, torques)),
+            free: free_velocities(c, Scalar, state, &start, actions),
             friction: Friction::new(c, &start.rows, &start.velocities),
             start,
         }
@@ -159,6 +174,57 @@ fn check_conditions(params: &Params, steps: usize) {
                 "mu {friction}, {size} N·m: {checked} steps, {slips} with slip, {open} off the ball, {searched} searched, worst error {worst:.1e} N0"
             );
             assert!(worst < 1e-10, "mu {friction}, {size} N·m: {worst} of the static load");
+        }
+    }
+}
+
+/// Robots that lean by up to 0.6 rad from the normal of the ground, under random torques.
+#[test]
+fn impulses_on_terrains_meet_the_contact_conditions() {
+    for (k, kind) in TerrainKind::ALL.iter().enumerate() {
+        let terrain = Arc::new(Terrain::generate(kind.name, 3, &[]).unwrap());
+        for name in ["paper", "rezero", "kugle"] {
+            let params = Params { wheel_coulomb_friction: 0.0, ..Params::preset(name).unwrap() };
+            // A ball may be too large for the valleys of a kind.
+            let Ok(ground) = Ground::new(&terrain, params.ball_radius).map(Arc::new) else { continue };
+            let c = Constants::new(&params, DT);
+            let unit = c.static_wheel_load * DT;
+            let mut rng = Random(k as u64);
+            let (mut worst, mut leans, mut steps) = (0.0_f64, 0.0_f64, 0);
+            for _ in 0..40 {
+                let mut robot = ContactMotion::new(&params, DT);
+                robot.set_ground(Some(&ground)).unwrap();
+                let tilt = Some(Vector2::new(rng.within(0.45), rng.within(0.45)));
+                let start = ground.at_rest(&params, rng.within(1.5), rng.within(1.5), rng.within(3.0), tilt).unwrap();
+                if robot.accepts(&start).is_err() {
+                    continue;
+                }
+                robot.place(&start);
+                let largest = 0.4 * c.static_wheel_load * params.wheel_radius;
+                for _ in 0..50 {
+                    let torques = [0; 3].map(|_| rng.within(largest));
+                    let before = robot.memory().clone();
+                    let step = Step::on(&c, &before, &torques, &ground);
+                    robot.advance(&torques, 1);
+                    let (_, normal) = ground.gap(&before.ball_position.into(), params.ball_radius);
+                    let lean = robot.state().body_quaternion.transform_vector(&Vector3::z()).dot(&normal).acos();
+                    if robot.bot_on_floor() || lean > 0.6 {
+                        break;
+                    }
+                    let mut impulses = impulses_of(robot.memory());
+                    let [z, x, y] = impulses.floor;
+                    let turned = Frame::of_normal(Vec3::<f64>::from(<[f64; 3]>::from(normal)))
+                        .rotation
+                        .apply(Vec3::from([x, y, z]));
+                    impulses.floor = [turned.z, turned.x, turned.y];
+                    worst = worst.max(step.error(&c, &impulses) / unit);
+                    leans = leans.max(lean);
+                    steps += 1;
+                }
+            }
+            println!("{}, {name}: {steps} steps, up to {leans:.2} rad, worst error {worst:.1e} N0", kind.name);
+            assert!(worst < 1e-9, "{}, {name}: {worst} of the static load", kind.name);
+            assert!(steps > 500 && leans > 0.4, "{}, {name}: {steps} steps, {leans} rad", kind.name);
         }
     }
 }

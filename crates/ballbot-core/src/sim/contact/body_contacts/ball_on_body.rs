@@ -53,12 +53,24 @@ impl<L: Lane> BallOnBody<L> {
         }
     }
 
+    /// Speed at which the gap opens beyond what it must.
+    #[inline(always)]
+    fn excess<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> L {
+        self.normal.dot(v.ball - v.body) + self.arm.dot(v.body_rate) + allowance(c, self.gap)
+    }
+
+    /// Robots whose gap closes with these velocities.
+    #[inline(always)]
+    pub fn closes<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> L::Mask {
+        self.excess(c, v).lt(self.gap.zero())
+    }
+
     /// Updates the impulse of the robots in `mask`; the others have none. Returns the change.
     #[inline(always)]
     pub fn sweep<V: Value<L>>(&mut self, c: &Constants<V>, mask: L::Mask, v: &mut Velocities<L>) -> L {
-        let opening = self.normal.dot(v.ball - v.body) + self.arm.dot(v.body_rate);
-        let pressed = (opening + allowance(c, self.gap)).neg_mul_add(self.inverse, self.impulse).max(opening.zero());
-        let pressed = L::select(mask, pressed, opening.zero());
+        let zero = self.gap.zero();
+        let pressed = self.excess(c, v).neg_mul_add(self.inverse, self.impulse).max(zero);
+        let pressed = L::select(mask, pressed, zero);
         let change = pressed - self.impulse;
         self.push(c, change, v);
         self.impulse = pressed;

@@ -260,6 +260,13 @@ impl<L: Lane> FloorPoint<L> {
         L::any(self.candidate & mask)
     }
 
+    /// Robots whose point reaches the floor with these velocities.
+    #[inline(always)]
+    pub fn closes<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> L::Mask {
+        let speed = self.rows[0].speed(self.wheel, self.axes[0].dot(v.body), v);
+        self.candidate & (speed + allowance(c, self.gap)).lt(speed.zero())
+    }
+
     /// One Gauss-Seidel sweep over the rows of this point. Returns the sum of the squared changes of its impulses.
     #[inline(always)]
     pub fn sweep<V: Value<L>>(&mut self, c: &Constants<V>, friction: L, v: &mut Velocities<L>) -> L {
@@ -284,10 +291,21 @@ impl<L: Lane> FloorPoint<L> {
         change.norm_squared()
     }
 
+    /// Impulse of the floor on the bot at this point, N·s.
+    #[inline(always)]
+    pub fn impulse(&self) -> Vec3<L> {
+        self.along_axes(self.impulses)
+    }
+
+    #[inline(always)]
+    fn along_axes(&self, [n, x, y]: [L; 3]) -> Vec3<L> {
+        let [up, across, along] = self.axes;
+        up * n + across * x + along * y
+    }
+
     #[inline(always)]
     fn push<V: Value<L>>(&self, c: &Constants<V>, [n, x, y]: [L; 3], v: &mut Velocities<L>) {
-        let [up, across, along] = self.axes;
-        v.body = v.body.plus(up * n + across * x + along * y, c.body_mass_inverse.at(n));
+        v.body = v.body.plus(self.along_axes([n, x, y]), c.body_mass_inverse.at(n));
         for (row, impulse) in self.rows.iter().zip([n, x, y]) {
             row.push(self.wheel, impulse, v);
         }
