@@ -510,8 +510,7 @@ class Contacts:
         """Force of the floor on the ball, inertial frame, N."""
     @property
     def bot_floor_force(self) -> _Array:
-        """Force of the floor on the bot, that is on body and wheels, inertial frame, N; zero in the models `spatial` and
-        `planar`."""
+        """Force of the floor on body and wheels, inertial frame, N; zero in the models `spatial` and `planar`."""
     @property
     def floor_slip_velocity(self) -> _Array:
         """Velocity (x, y) of the lowest point of the ball, m/s."""

@@ -518,7 +518,14 @@ THEN: dict[str, Callable[[Any], Any]] = {
 #: Attributes of which the numbers are looked at. A contact without load has no finite utilization.
 _READABLE = {
     "State": ("ball_position", "tilt", "tilt_components", "yaw", "wheel_speeds", "body_quaternion"),
-    "Contacts": ("wheel_normal_forces", "wheel_tractions", "wheel_slip_speeds", "floor_force", "bot_floor_force", "floor_slip_velocity"),
+    "Contacts": (
+        "wheel_normal_forces",
+        "wheel_tractions",
+        "wheel_slip_speeds",
+        "floor_force",
+        "bot_floor_force",
+        "floor_slip_velocity",
+    ),
     "Ballbot": ("state", "contacts", "energy", "time"),
     "LinearModel": ("A", "B"),
     "Lqr": ("gain", "riccati_solution", "residual"),

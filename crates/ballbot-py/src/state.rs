@@ -342,8 +342,7 @@ impl PyContacts {
         array(py, self.contacts.floor_force.as_slice())
     }
 
-    /// Force of the floor on the bot, that is on body and wheels, inertial frame, N; zero in the models `spatial` and
-    /// `planar`.
+    /// Force of the floor on body and wheels, inertial frame, N; zero in the models `spatial` and `planar`.
     #[getter]
     fn bot_floor_force<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.contacts.bot_floor_force.as_slice())
