@@ -36,9 +36,7 @@ def train(env_id, folder, steps, timer=None):
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         for env_id, settings in rl_zoo3.hyperparams.items():
-            # rl-zoo3 changes the settings that it has used.
-            if env_id != LEARNED:
-                PPO.load(train(env_id, folder, settings["n_envs"] * settings["n_steps"]))
+            PPO.load(train(env_id, folder, settings["n_envs"] * settings["n_steps"]))
         timer = Timer()
         model = PPO.load(train(LEARNED, folder, 280_000, timer))
         finish(

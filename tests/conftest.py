@@ -1,5 +1,6 @@
 """What the test modules share. The learner is tiny, so one torch thread is faster than two."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,6 +22,12 @@ else:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     # It compiles for minutes on one core: first, beside all others.
     items.sort(key=lambda item: item.path.name != "test_own_task.py")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _log_of_learners(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Learners without a log make a folder in the temporary folder, unless this names another."""
+    os.environ["SB3_LOGDIR"] = str(tmp_path_factory.mktemp("sb3"))
 
 
 @pytest.fixture(scope="session")

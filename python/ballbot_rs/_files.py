@@ -78,10 +78,31 @@ def delete_unfinished() -> None:
                 path.unlink(missing_ok=True)
 
 
+def is_remains(path: Path) -> bool:
+    """Whether a process that has ended has left this file unfinished."""
+    before, found, _ = path.name.rpartition(PARTIAL)
+    number = before.rpartition(".")[2]
+    return bool(found) and path.name.startswith(".") and number.isdecimal() and not _is_running(int(number))
+
+
 def delete_remains(folder: Path) -> None:
     """Deletes files that a process which was killed has left unfinished in a folder."""
     for path in folder.glob(f".*{PARTIAL}*"):
-        path.unlink(missing_ok=True)
+        if is_remains(path):
+            path.unlink(missing_ok=True)
+
+
+def _is_running(process: int) -> bool:
+    if os.name != "posix":
+        # There the signal 0 would end the process.
+        return False
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return process != os.getpid()
 
 
 def _sync_folder(folder: Path) -> None:

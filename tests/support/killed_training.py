@@ -55,13 +55,13 @@ def main(folder: Path, random_kills: int) -> int:
     for i, (moment, name, count) in enumerate(AIMED):
         run = folder / f"aimed-{i}"
         ended = in_child(lambda run=run, aim=(moment, name, count): (aim_at(*aim), trained(run)))
-        problems += report(f"{moment}: {name} {count}", ended, run)
+        problems += report(f"{moment}: {name} {count}", ended, run, folder / "whole")
     rng = random.Random(0)
     for i in range(random_kills):
         run, after = folder / f"random-{i}", rng.uniform(seconds - learning, seconds)
         ended = in_child(lambda run=run: trained(run), kill_after=after)
         # A process may be through before its time.
-        problems += report(f"after {after:.2f} s", ended if ended else -signal.SIGKILL, run)
+        problems += report(f"after {after:.2f} s", ended if ended else -signal.SIGKILL, run, folder / "whole")
     return int(problems > 0)
 
 
@@ -102,17 +102,17 @@ def aim_at(moment: str, name: str, count: int) -> None:
         Path.replace = killed_move
 
 
-def report(kill: str, ended: int, run: Path) -> int:
+def report(kill: str, ended: int, run: Path, whole: Path) -> int:
     """Resumes a killed run in a process of its own; 0 if all is well."""
     before = [path.name for path in run_folder.checkpoints(run)]
-    resumed = in_child(lambda: check(run)) if ended == -signal.SIGKILL else 1
+    resumed = in_child(lambda: check(run, whole)) if ended == -signal.SIGKILL else 1
     text = "well" if resumed == 0 else f"LOST (training ended with {ended}, resuming with {resumed})"
     print(f"killed {kill}: {len(before)} checkpoints, {text}", flush=True)
     return int(resumed != 0)
 
 
-def check(run: Path) -> None:
-    """Resumes a run; an AssertionError says what is missing."""
+def check(run: Path, whole: Path) -> None:
+    """Resumes a run; an AssertionError says what is missing, or differs from the run that nobody killed."""
     kept = run_folder.checkpoints(run)
     for path in kept:
         sb3_archive.read(path)
@@ -138,8 +138,22 @@ def check(run: Path) -> None:
     assert best.num_timesteps == evaluations.timesteps[evaluations.returns.mean(axis=1).argmax()], "not the best one"
     final, _ = sb3_policy.load(run / run_folder.FINAL, "balance")
     assert final.num_timesteps == STEPS
+    for name in (run_folder.BEST, run_folder.FINAL):
+        assert weights(run / name) == weights(whole / name), f"{name} has other bits than without the kill"
+    uninterrupted = run_folder.read_evaluations(whole)
+    assert uninterrupted is not None
+    assert np.array_equal(evaluations.returns, uninterrupted.returns)
     assert not list(run.rglob(".*partial*")), "an unfinished file is left"
     assert np.isfinite(evaluations.returns).all()
+
+
+def weights(file: Path) -> list[bytes]:
+    """Weights, moments and counts of a policy and its optimizer."""
+    parameters = sb3_policy.load(file, "balance")[0].get_parameters()
+    tensors = list(parameters["policy"].values())
+    for state in parameters["policy.optimizer"]["state"].values():
+        tensors += state.values()
+    return [tensor.numpy().tobytes() for tensor in tensors]
 
 
 def in_child(work: Callable[[], object], kill_after: float | None = None) -> int:

@@ -1,5 +1,6 @@
 """Trainings that are killed, interrupted or run out of disk: nothing is lost, and what is damaged is named."""
 
+import os
 import shutil
 import signal
 import subprocess
@@ -12,6 +13,7 @@ from stable_baselines3 import PPO
 from ballbot_rs.cli import main
 from ballbot_rs.training import config, run_folder, train
 from tests.support import commands
+from tests.support.killed_training import weights
 from tests.support.paths import ROOT
 from tests.support.tiny_config import TINY_CONFIG
 
@@ -22,6 +24,13 @@ def longer_run(tiny_run, tmp_path):
     run = shutil.copytree(tiny_run, tmp_path / "run")
     (run / "config.toml").write_text(config.with_values(TINY_CONFIG, {"total_timesteps": 1024}), encoding="utf-8")
     return run
+
+
+def ended_process():
+    """The number of a process that runs no more."""
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    return process.pid
 
 
 def contents(run):
@@ -41,7 +50,7 @@ def test_twenty_kills_lose_nothing(tmp_path):
 def test_a_damaged_checkpoint_is_skipped_and_later_evaluations_are_dropped(longer_run, capsys):
     newest, second, _ = run_folder.checkpoints(longer_run)
     newest.write_bytes(newest.read_bytes()[:5000])
-    (longer_run / ".best_model.77.partial.zip").write_bytes(b"x")
+    (longer_run / f".best_model.{ended_process()}.partial.zip").write_bytes(b"x")
     code = main(["train", "--resume", str(longer_run), "--quiet", "--episodes", "0", "--no-report"])
     err = capsys.readouterr().err.splitlines()
     assert code == 0
@@ -51,6 +60,29 @@ def test_a_damaged_checkpoint_is_skipped_and_later_evaluations_are_dropped(longe
     assert np.load(longer_run / "evaluations.npz")["timesteps"].tolist() == [256, 512, 768, 1024]
     assert PPO.load(longer_run / "final_model.zip").num_timesteps == 1024
     assert not list(longer_run.rglob(".*partial*"))
+
+
+def test_what_a_kill_has_left_is_no_obstacle(tmp_path, capsys):
+    run = tmp_path / "run"
+    run.mkdir()
+    dead, alive = (run / f".run.{process}.partial.json" for process in (ended_process(), os.getppid()))
+    dead.write_text("{")
+    resume = ["train", "--resume", str(run), "--quiet"]
+    assert main(resume) == 1
+    assert capsys.readouterr().err == f"ballbot: {run} holds no training run: there is no run.json in it\n"
+    train.train(config.parse(TINY_CONFIG, "tiny"), TINY_CONFIG, run, seed=5, progress_bar=False)
+    assert not dead.exists()
+    alive.write_text("{")
+    dead.write_text("{")
+    shutil.rmtree(run / "checkpoints")
+    assert main(resume) == 1
+    assert "has no checkpoint to resume from: the run was ended before its first one" in capsys.readouterr().err
+    assert (dead.exists(), alive.exists()) == (False, True), "only those of dead processes are deleted"
+    (run / "config.toml").unlink()
+    assert main(resume) == 1
+    err = capsys.readouterr().err
+    assert err.startswith(f"ballbot: {run} holds a training run without config.toml: ")
+    assert "begin it again with --overwrite" in err
 
 
 def test_a_best_policy_from_after_the_checkpoint_stays(longer_run):
@@ -109,7 +141,8 @@ def test_no_checkpoint_that_can_be_read(longer_run):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_saves_and_says_how_to_go_on(tmp_path, number):
     path = tmp_path / "tiny.toml"
-    path.write_text(TINY_CONFIG.replace("768", "100_000_000"), encoding="utf-8")
+    text = TINY_CONFIG.replace("768", "100_000_000").replace('[schedule]\nlearning_rate = "linear"\n', "")
+    path.write_text(text, encoding="utf-8")
     run = tmp_path / "run"
     process = commands.start("train", "--config", path, "--run", run, "--quiet")
     commands.wait_for(run / "evaluations.npz", process)
@@ -121,8 +154,13 @@ def test_a_signal_saves_and_says_how_to_go_on(tmp_path, number):
     assert told == f"saved {newest}, to continue: ballbot train balance --resume {run}"
     assert ended == {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[number]
     steps = PPO.load(newest).num_timesteps
+    # A constant rate: the number of steps has no other effect.
     train.resume(run, timesteps=steps + 256, progress_bar=False)
-    assert PPO.load(run / "final_model.zip").num_timesteps >= steps + 256
+    assert PPO.load(run / "final_model.zip").num_timesteps == steps + 256
+    text = config.with_values(text, {"total_timesteps": steps + 256})
+    whole = tmp_path / "whole"
+    train.train(config.parse(text, "tiny"), text, whole, progress_bar=False)
+    assert weights(run / "final_model.zip") == weights(whole / "final_model.zip")
 
 
 def test_a_full_disk_leaves_what_was_there(longer_run):

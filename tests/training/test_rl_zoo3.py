@@ -1,5 +1,7 @@
 """Hyperparameters for rl-zoo3, without rl-zoo3."""
 
+import importlib
+
 import pytest
 from stable_baselines3 import PPO
 
@@ -13,6 +15,16 @@ OF_THE_ZOO = ("n_timesteps", "n_envs", "env_kwargs", "vec_env_wrapper")
 
 def test_every_task_has_hyperparameters():
     assert set(hyperparams) == {task["id"] for task in TASKS.values()}
+
+
+def test_a_second_training_in_one_process_finds_them_all():
+    """rl-zoo3 deletes from them what it has used."""
+    module = importlib.import_module("ballbot_rs.training.rl_zoo3")
+    before = module.hyperparams
+    for used in module.hyperparams.values():
+        used["env_kwargs"].clear()
+        del used["n_envs"], used["n_timesteps"]
+    assert module.hyperparams == before == hyperparams
 
 
 @pytest.mark.parametrize("env_id", hyperparams)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import shutil
+import tempfile
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import ballbot_rs as bb
 from ballbot_rs.cli import main
 from ballbot_rs.envs.own import registry
 from ballbot_rs.training import config, teacher, train
+from tests.support.killed_training import weights
 from tests.support.names import BALANCE
 from tests.support.tiny_config import TINY_CONFIG
 
@@ -160,10 +162,14 @@ class TestRun:
         assert PPO.load(run / "final_model.zip").num_timesteps == 768
         assert PPO.load(run / "checkpoints" / "rl_model_0_steps.zip").num_timesteps == 0
 
-    def test_is_reproducible(self, run, tmp_path):
+    def test_is_reproducible(self, run, tmp_path, monkeypatch):
+        monkeypatch.delenv("SB3_LOGDIR")
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+        (tmp_path / "temporary").mkdir()
         train.train(config.parse(TAUGHT, "taught"), TAUGHT, tmp_path / "again", seed=3, progress_bar=False)
         first, second = (PPO.load(folder / "final_model.zip") for folder in (run, tmp_path / "again"))
         assert all(shares(values([first.policy]), values([second.policy])))
+        assert not list((tmp_path / "temporary").iterdir()), "Stable-Baselines3 logs into the temporary folder"
 
     def test_resumes_without_another_fit(self, run, tmp_path, monkeypatch):
         folder = shutil.copytree(run, tmp_path / "run")
@@ -173,6 +179,7 @@ class TestRun:
         train.resume(folder, progress_bar=False)
         assert PPO.load(folder / "final_model.zip").num_timesteps == 768
         assert np.load(folder / "evaluations.npz")["timesteps"].tolist() == [0, 256, 512, 768]
+        assert weights(folder / "final_model.zip") == weights(run / "final_model.zip")
 
     def test_the_command_line_tells_and_sets(self, tmp_path, capsys):
         path = tmp_path / "tiny.toml"

@@ -123,8 +123,8 @@ class TestRun:
             PPO.load(path).policy.optimizer.param_groups[0]["lr"]
             for path in sorted((tiny_run / "checkpoints").glob("*.zip"))
         ]
-        # A checkpoint has the rate of the update before it; the first precedes any update.
-        np.testing.assert_allclose(rates[1:], [1e-3 * (1 - 256 / 768), 1e-3 * (1 - 512 / 768)], rtol=1e-6)
+        # A checkpoint has the rate of the update before it.
+        np.testing.assert_allclose(rates, [1e-3 * (1 - 256 / 768), 1e-3 * (1 - 512 / 768), 0.0], rtol=1e-6)
 
     def test_is_reproducible(self, tiny_run, tmp_path):
         train.train(config.parse(TINY_CONFIG, "tiny"), TINY_CONFIG, tmp_path / "again", seed=5, progress_bar=False)

@@ -50,7 +50,9 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("--overwrite", action="store_true", default=None, help="delete an earlier run in that folder")
     command.add_argument(
-        "--timesteps", type=whole(1, MAX_TIMESTEPS), help="have this many steps in all instead of the configured"
+        "--timesteps",
+        type=whole(1, MAX_TIMESTEPS),
+        help="have this many steps in all, whatever the policy reaches with them",
     )
     command.add_argument(
         "--episodes", type=whole(0, MAX_EPISODES), default=100, help="episodes of the comparison (default 100, 0: none)"
@@ -98,7 +100,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     with require("training", "train"):
         from ballbot_rs.training import config as config_module
-        from ballbot_rs.training import train
+        from ballbot_rs.training import run_folder, train
     learn = _loop(arguments)
     started = time.perf_counter()
     progress_bar = not (arguments.quiet or arguments.json)
@@ -123,7 +125,7 @@ def run(arguments: argparse.Namespace) -> None:
         config, text = config_module.load(task, arguments.config)
         values = values_of(arguments, task, config.env)
         if arguments.timesteps is not None:
-            values["total_timesteps"] = arguments.timesteps
+            values |= train.steps_alone(config, arguments.timesteps)
         if values:
             text = config_module.with_values(text, values)
             config = config_module.parse(text, "the configuration")
@@ -155,22 +157,29 @@ def run(arguments: argparse.Namespace) -> None:
                 [str(policy), *beside(trained)], task=trained, episodes=arguments.episodes, progress=progress
             )
     written = None if arguments.no_report else report.after_training(folder, results, not progress_bar)
+    record = run_folder.read_record(folder)
     if arguments.json:
         printed = {
             "policy": str(policy),
             "seconds": seconds,
+            "timesteps": record.get("timesteps"),
+            "success": record.get("success"),
+            "required_success": record.get("required_success"),
             "results": [vars(result) for result in results],
             "report": None if written is None else str(written),
         }
         print(json.dumps(printed, indent=2))
-        return
-    print(f"trained in {seconds:.0f} s, best policy: {policy}")
-    print(f"watch it: ballbot view {folder}")
-    if results:
-        nominal = {name: value for name, value in config.env.items() if name != "events"}
-        print_table(results, task_of(config.env_id), nominal)
-    if written is not None:
-        print(f"\nreport: {written}")
+    else:
+        print(f"trained in {seconds:.0f} s, best policy: {policy}")
+        print(f"watch it: ballbot view {folder}")
+        if results:
+            nominal = {name: value for name, value in config.env.items() if name != "events"}
+            print_table(results, task_of(config.env_id), nominal)
+        if written is not None:
+            print(f"\nreport: {written}")
+    failure = run_folder.failure(record)
+    if failure is not None:
+        raise RuntimeError(f"the training has failed: {failure}")
 
 
 def _loop(arguments: argparse.Namespace) -> "Learn | None":

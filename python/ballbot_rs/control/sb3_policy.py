@@ -3,9 +3,11 @@
 import importlib
 import io
 import warnings
+import zipfile
 from collections.abc import Mapping
 from os import PathLike, fspath
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -95,8 +97,13 @@ def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
     return file
 
 
-def write(model: BaseAlgorithm, file: Path) -> None:
+def write(model: BaseAlgorithm, file: Path, beside: Mapping[str, bytes] = MappingProxyType({})) -> None:
     """Writes a model as Stable-Baselines3 does, but whole or not at all.
+
+    Args:
+        model: the model.
+        file: where to.
+        beside: other content of the archive, by name.
 
     Raises:
         OSError: the file cannot be written.
@@ -105,6 +112,9 @@ def write(model: BaseAlgorithm, file: Path) -> None:
     # torch writes by calls of Python from C++, which ends the process if they raise.
     with _interrupts.held_back():
         model.save(content)
+    with zipfile.ZipFile(content, "a") as archive:
+        for name, other in beside.items():
+            archive.writestr(name, other)
     _files.write(file, content.getvalue())
 
 

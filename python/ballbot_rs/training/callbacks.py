@@ -1,56 +1,65 @@
 """What happens on the way of a training: checkpoints, and evaluations of which the best policy is kept."""
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecEnv
 
+from ballbot_rs import _interrupts
 from ballbot_rs.control import sb3_policy
-from ballbot_rs.training import run_folder
+from ballbot_rs.training import run_folder, run_state
 from ballbot_rs.training.run_folder import Array, Evaluations
 
 
-class Checkpoints(BaseCallback):
-    """Keeps the model every so many calls, and when asked to.
+class Ended(Exception):
+    """A training that is over before its last step; no error."""
+
+
+class Checkpoints:
+    """Keeps the model of a run.
 
     Args:
         folder: the run.
-        every: calls between two checkpoints; a call is one step of all environments.
     """
 
-    def __init__(self, folder: Path, every: int) -> None:
-        super().__init__()
+    def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._every = every
         self._kept_at: int | None = None
+        #: Whether the model is between two rollouts, from where a run can be resumed to the last bit.
+        self.is_between_rollouts = True
 
-    def _on_step(self) -> bool:
-        if self.n_calls % self._every == 0:
-            self.keep(self.model)
-        return True
+    def keep(self, model: BaseAlgorithm, is_due: bool = True) -> Path:
+        """Writes a checkpoint unless there has just been one; returns its file.
 
-    def keep(self, model: BaseAlgorithm) -> Path:
-        """Writes a checkpoint unless there has just been one; returns its file."""
+        Args:
+            model: the model.
+            is_due: whether an evaluation follows.
+        """
         path = run_folder.checkpoint_path(self._folder, model.num_timesteps)
         if self._kept_at != model.num_timesteps:
-            sb3_policy.write(model, path)
+            state = run_state.taken(model, is_due) if self.is_between_rollouts else None
+            sb3_policy.write(model, path, {} if state is None else {run_state.ENTRY: state})
             self._kept_at = model.num_timesteps
         return path
 
 
-class KeepBest(BaseCallback):
-    """Evaluates the policy every so many calls; the best one and all evaluations are kept in the run.
+class KeepBest:
+    """Evaluates the policy; the best one and all evaluations are kept in the run.
 
     Args:
         folder: the run.
-        env: where the policy is evaluated.
-        every: calls between two evaluations.
+        env: where the policy is evaluated, from the same starts each time.
+        nominal: where the best policy is judged: the same without events.
+        seed: of both.
         episodes: of an evaluation.
+        success: share of nominal robots with which the best policy must succeed; None asks for nothing.
+        total_timesteps: steps from which a training ends once the best policy has succeeded.
         stops: called with the steps and the mean return of an evaluation; True ends the training.
     """
 
@@ -58,19 +67,26 @@ class KeepBest(BaseCallback):
         self,
         folder: Path,
         env: VecEnv,
+        nominal: VecEnv,
         *,
-        every: int,
+        seed: int,
         episodes: int,
+        success: float | None,
+        total_timesteps: int,
         stops: Callable[[int, float], bool] | None = None,
     ) -> None:
-        super().__init__()
         self._stops = stops
         self._folder = folder
         self._env = env
-        self._every = every
+        self._nominal = nominal
+        self._seed = seed
         self._episodes = episodes
+        self._success = success
+        self._total_timesteps = total_timesteps
         self._past: Evaluations | None = None
         self._best = -np.inf
+        #: Share of successes of the best policy, once it has been judged.
+        self._judged: float | None = None
 
     def remember(self, past: Evaluations | None, timesteps: int, task: str) -> None:
         """Takes over what an interrupted run has: only a better policy replaces its best one.
@@ -95,11 +111,8 @@ class KeepBest(BaseCallback):
             if len(known):
                 self._best = float(known[-1].mean())
             elif model.num_timesteps != timesteps:
-                self._best = float(evaluated(model, self._env, self._episodes)[0].mean())
+                self._best = float(self._evaluated(model)[0].mean())
         self._past = None if past is None else past.up_to(timesteps)
-
-    def _on_step(self) -> bool:
-        return self.n_calls % self._every != 0 or self.evaluate_and_log(self.model)
 
     def evaluate_and_log(self, model: BaseAlgorithm) -> bool:
         """Evaluates a policy and logs the result; returns whether the training goes on."""
@@ -109,32 +122,114 @@ class KeepBest(BaseCallback):
         model.logger.record("eval/success_rate", float(successes.mean()))
         model.logger.record("time/total_timesteps", model.num_timesteps, exclude="tensorboard")
         model.logger.dump(model.num_timesteps)
-        return self._stops is None or not self._stops(model.num_timesteps, float(returns.mean()))
+        if self._stops is not None and self._stops(model.num_timesteps, float(returns.mean())):
+            return False
+        return not self.is_over(model)
+
+    def is_over(self, model: BaseAlgorithm) -> bool:
+        """Whether the run has had its steps and its best policy succeeds."""
+        if self._success is None or model.num_timesteps < self._total_timesteps:
+            return False
+        return self.success_of_best() >= self._success
 
     def evaluate(self, model: BaseAlgorithm) -> tuple[Array, Array, Array]:
         """Evaluates a policy unless it has just been; returns, lengths and successes, each of shape (episodes,)."""
         past = self._past
         if past is not None and past.timesteps[-1:].tolist() == [model.num_timesteps]:
             return past.returns[-1], past.lengths[-1], past.successes[-1]
-        returns, lengths, successes = evaluated(model, self._env, self._episodes)
+        returns, lengths, successes = self._evaluated(model)
         # The policy first: one without its evaluation is evaluated again, the other way round it would be lost.
         if returns.mean() > self._best:
             sb3_policy.write(model, self._folder / run_folder.BEST)
-            self._best = float(returns.mean())
+            self._best, self._judged = float(returns.mean()), None
         row = Evaluations(np.array([model.num_timesteps], dtype=float), returns[None], lengths[None], successes[None])
         self._past = row if past is None else past.followed_by(row)
         self._past.save(self._folder)
         return returns, lengths, successes
 
+    def success_of_best(self) -> float:
+        """Share of nominal robots with which the best policy succeeds."""
+        if self._judged is None:
+            with run_state.same_random_numbers():
+                model, _ = sb3_policy.load(self._folder / run_folder.BEST)
+            _, _, successes = evaluated(model, self._nominal, self._nominal.num_envs, self._seed)
+            self._judged = float(successes.mean())
+        return self._judged
 
-def evaluated(model: BaseAlgorithm, env: VecEnv, episodes: int) -> tuple[Array, Array, Array]:
-    """Returns, lengths and successes of episodes, each of shape (episodes,)."""
+    def _evaluated(self, model: BaseAlgorithm) -> tuple[Array, Array, Array]:
+        return evaluated(model, self._env, self._episodes, self._seed)
+
+
+class BetweenRollouts(BaseCallback):
+    """Keeps checkpoints and evaluates between two rollouts, where the learner has used up what it has seen.
+
+    Signals wait for that moment: from there a run can be resumed to the last bit.
+
+    Args:
+        checkpoints: of the run.
+        keep_best: of the run.
+        every: steps of all environments between two checkpoints, and between two evaluations.
+    """
+
+    def __init__(self, checkpoints: Checkpoints, keep_best: KeepBest, every: int) -> None:
+        super().__init__()
+        self._checkpoints = checkpoints
+        self._keep_best = keep_best
+        self._every = every
+        self._before: int | None = None
+        self._rollout = contextlib.ExitStack()
+
+    def _on_rollout_start(self) -> None:
+        self.end_rollout()
+        done = self.model.num_timesteps
+        if self._before is None:
+            if self._keep_best.is_over(self.model):
+                raise Ended
+        elif done // self._every > self._before // self._every:
+            self._checkpoints.keep(self.model)
+            if not self._keep_best.evaluate_and_log(self.model):
+                raise Ended
+        self._before = done
+        self._checkpoints.is_between_rollouts = False
+        self._rollout.enter_context(_interrupts.held_back())
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_training_end(self) -> None:
+        self.end_rollout()
+
+    def end_rollout(self) -> None:
+        """Lets a signal through that came in the rollout."""
+        self._checkpoints.is_between_rollouts = True
+        self._rollout.close()
+
+    def abandon(self) -> None:
+        """Leaves a rollout that an error has ended; a signal that came in it counts."""
+        self._rollout.close()
+
+
+class ProgressBar(ProgressBarCallback):
+    """Stable-Baselines3's, up to the steps after which a training usually ends."""
+
+    def __init__(self, total: int) -> None:
+        super().__init__()
+        self._total = total
+
+    def _on_training_start(self) -> None:
+        self.locals = {**self.locals, "total_timesteps": max(self._total, self.model.num_timesteps)}
+        super()._on_training_start()
+
+
+def evaluated(model: BaseAlgorithm, env: VecEnv, episodes: int, seed: int) -> tuple[Array, Array, Array]:
+    """Returns, lengths and successes of episodes, each of shape (episodes,); their starts depend on the seed alone."""
     successes: list[bool] = []
 
     def note(local: dict[str, Any], _: dict[str, Any]) -> None:
         if local["done"]:
             successes.append(bool(local["info"].get("is_success", False)))
 
+    env.seed(seed)
     returns, lengths = evaluate_policy(
         model, env, n_eval_episodes=episodes, deterministic=True, return_episode_rewards=True, callback=note
     )

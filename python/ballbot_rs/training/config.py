@@ -1,6 +1,7 @@
 """The training configuration: one TOML file, checked as it is read."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -8,7 +9,8 @@ from typing import Any, Final
 
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
-from ballbot_rs._core import CONTROLLERS, TASKS
+from ballbot_rs._core import CONTROLLERS, TASKS, LinearModel
+from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
 
 ALGORITHMS = ("PPO", "SAC")
@@ -20,6 +22,9 @@ class Evaluation:
 
     every_timesteps: int = 61_440
     episodes: int = 50
+    #: Share of nominal robots, without events, with which the best policy must succeed; below it the training has
+    #: failed. None asks for nothing.
+    success: float | None = None
 
 
 #: Most observations that a fit to a teacher keeps; with 16 rows each they take 1.5 GB.
@@ -80,11 +85,16 @@ class TrainConfig:
     env_id: str = TASKS[DEFAULT_TASK]["id"]
     algorithm: str = "PPO"
     total_timesteps: int = 400_000
+    #: A run that has not reached `evaluation.success` goes on to at most so many steps; None ends it.
+    max_timesteps: int | None = None
     num_envs: int = 128
     num_threads: int | None = None
     torch_threads: int = 1
     #: Factor of the rewards that the learner sees; evaluations have the task's own.
     reward_scale: float = 1.0
+    #: Time over which rewards are discounted, in times in which the robot's tilt grows by a factor of e: what is near
+    #: for one robot is far for another. None, or a `gamma` among the arguments, is the algorithm's discount.
+    horizon: float | None = None
     env: dict[str, Any] = dataclasses.field(default_factory=dict)
     evaluation: Evaluation = dataclasses.field(default_factory=Evaluation)
     #: None learns from rewards alone.
@@ -111,6 +121,16 @@ class TrainConfig:
         for name, value in counts.items():
             _check_whole(name, value, 1)
         _check_number("reward_scale", self.reward_scale, "1e-6", "1e6")
+        if self.horizon is not None:
+            _check_number("horizon", self.horizon, "0.01", "1e6")
+        if self.evaluation.success is not None:
+            _check_number("evaluation.success", self.evaluation.success, "0", "1")
+        if self.max_timesteps is not None:
+            _check_whole("max_timesteps", self.max_timesteps, 1)
+            if self.max_timesteps < self.total_timesteps:
+                raise ValueError(
+                    f"max_timesteps = {self.max_timesteps} is below total_timesteps = {self.total_timesteps}"
+                )
         if self.teacher is not None:
             self._check_teacher(self.teacher)
         for name, kind in self.schedule.items():
@@ -126,6 +146,24 @@ class TrainConfig:
                 _check_whole(f"algorithm_arguments.{name}", value, 1)
             elif name in SHARES:
                 _check_number(f"algorithm_arguments.{name}", value, "0", "1")
+
+    @property
+    def most_timesteps(self) -> int:
+        """Steps after which the run ends, whatever its policy reaches."""
+        return self.total_timesteps if self.max_timesteps is None else self.max_timesteps
+
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of the algorithm, with the discount that follows from the robot.
+
+        Raises:
+            ValueError: the options do not make an environment.
+        """
+        given = dict(self.algorithm_arguments)
+        if self.horizon is not None and "gamma" not in given:
+            batch = new_batch(1, task=task_of(self.env_id), num_threads=1, options=self.env)
+            rate = math.sqrt(LinearModel(batch.nominal_params(0)).A[8, 3])
+            given["gamma"] = max(1.0 - batch.control_dt * rate / self.horizon, 0.0)
+        return given
 
     def _check_teacher(self, teacher: Teacher) -> None:
         if self.algorithm != "PPO":

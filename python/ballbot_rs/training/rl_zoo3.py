@@ -6,6 +6,7 @@ The arguments are those of `rl_zoo3.train`. Its own command finds the hyperparam
 --conf-file ballbot_rs.training.rl_zoo3`, and steps the robots one by one.
 """
 
+import copy
 import sys
 from typing import Any, Final
 
@@ -18,7 +19,7 @@ _WITHOUT_TEACHER: Final = "goal"
 
 def _hyperparameters(config: TrainConfig) -> dict[str, Any]:
     learner = config if config.teacher is None else load(_WITHOUT_TEACHER)[0]
-    arguments = dict(learner.algorithm_arguments)
+    arguments = learner.arguments()
     for name in learner.schedule:
         arguments[name] = f"lin_{arguments[name]}"
     found: dict[str, Any] = {
@@ -35,8 +36,17 @@ def _hyperparameters(config: TrainConfig) -> dict[str, Any]:
     return found
 
 
-#: Of PPO by the environment's id, from the configurations of `ballbot train`.
-hyperparams: Final = {description["id"]: _hyperparameters(load(task)[0]) for task, description in TASKS.items()}
+_HYPERPARAMETERS: Final = {description["id"]: _hyperparameters(load(task)[0]) for task, description in TASKS.items()}
+
+#: Of PPO by the environment's id, from the configurations of `ballbot train`; a copy each time, as rl-zoo3 takes out
+#: what it has used.
+hyperparams: dict[str, dict[str, Any]]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "hyperparams":
+        return copy.deepcopy(_HYPERPARAMETERS)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
 
 def main() -> None:

@@ -99,7 +99,7 @@ def read_record(folder: Path) -> dict[str, Any]:
     """
     path = folder / RECORD
     if not path.is_file():
-        raise FileNotFoundError(f"{folder} holds no training run")
+        raise FileNotFoundError(f"{folder} holds no training run: there is no {RECORD} in it")
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
@@ -107,6 +107,17 @@ def read_record(folder: Path) -> dict[str, Any]:
     if not isinstance(record, dict) or not isinstance(record.get("seed"), int):
         raise ValueError(f"{path} is damaged: it must have the run's seed, a whole number")
     return record
+
+
+def failure(record: Mapping[str, Any]) -> str | None:
+    """Why a run has failed by its record; None if it has not, or if nothing was asked of it."""
+    reached, required = record.get("success"), record.get("required_success")
+    if not isinstance(reached, float) or not isinstance(required, float) or reached >= required:
+        return None
+    return (
+        f"after {record.get('timesteps')} steps the best policy succeeds in {reached:.0%} of the episodes of nominal "
+        f"robots, expected at least {required:.0%}"
+    )
 
 
 def write_record(folder: Path, record: Mapping[str, Any]) -> None:
@@ -145,10 +156,16 @@ def read_config_text(folder: Path) -> str:
     """The text of a run's configuration.
 
     Raises:
+        FileNotFoundError: there is none.
         OSError: it cannot be read.
         ValueError: it is no text.
     """
     path = folder / CONFIG
+    if not path.exists():
+        raise FileNotFoundError(
+            f"{folder} holds a training run without {CONFIG}: it was ended before it began, or the file was deleted; "
+            "begin it again with --overwrite"
+        )
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:

@@ -33,7 +33,7 @@ GRACE = 5
 #: Trials before any is ended early, and evaluations before a trial is.
 STARTUP_TRIALS, STARTUP_EVALUATIONS = 5, 1
 #: Where the score of a search would change its meaning.
-FIXED: Final = ("env", "evaluation", "reward_scale", "env_id", "algorithm", "total_timesteps")
+FIXED: Final = ("env", "evaluation", "reward_scale", "env_id", "algorithm", "total_timesteps", "max_timesteps")
 
 #: What is searched of PPO unless a user says otherwise, as `dimension_of` reads it.
 DEFAULT_SPACE: Final[Mapping[str, str]] = {
@@ -189,7 +189,8 @@ class Search:
     def _score(self, trial: optuna.Trial, tell: Callable[[str], None]) -> float:
         values = {name: dimension.suggest(trial, name) for name, dimension in self.space.items()}
         text = config_module.with_values(self.text, values)
-        config = config_module.parse(text, f"trial {trial.number}")
+        # All trials have as many steps.
+        config = dataclasses.replace(config_module.parse(text, f"trial {trial.number}"), max_timesteps=None)
         folder = self.folder / f"trial-{trial.number:04}"
         if folder.exists():
             raise FileExistsError(

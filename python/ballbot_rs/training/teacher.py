@@ -13,6 +13,7 @@ import numpy.typing as npt
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 
 from ballbot_rs._core import Batch, Controller
@@ -85,8 +86,8 @@ def fit_value(model: PPO, rollouts: int) -> None:
     frozen = [*_actor(model), model.policy.log_std]
     settings = {"lr_schedule": lambda _: VALUE_RATE, "n_epochs": VALUE_EPOCHS, "target_kl": None}
     # Without a log: it is that of the training.
-    settings |= {"tensorboard_log": None, "verbose": 0}
-    kept = {name: getattr(model, name) for name in settings}
+    settings |= {"_logger": Logger(None, []), "_custom_logger": True}
+    kept = {name: getattr(model, name, None) for name in settings}
     try:
         _set(model, settings)
         for parameter in frozen:

@@ -1,6 +1,7 @@
 """A training run, from a configuration to a folder with the best policy in it."""
 
 import dataclasses
+import math
 import platform
 import shutil
 import time
@@ -23,8 +24,8 @@ from ballbot_rs.envs.registration import task_of
 from ballbot_rs.envs.sb3 import BallbotVecEnv
 from ballbot_rs.envs.spaces import observation_width
 from ballbot_rs.training import config as config_module
-from ballbot_rs.training import run_folder, teacher
-from ballbot_rs.training.callbacks import Checkpoints, KeepBest
+from ballbot_rs.training import run_folder, run_state, teacher
+from ballbot_rs.training.callbacks import BetweenRollouts, Checkpoints, Ended, KeepBest, ProgressBar
 from ballbot_rs.training.checkpoint import restore_newest
 from ballbot_rs.training.config import TrainConfig
 from ballbot_rs.training.origin import now, origin
@@ -33,6 +34,8 @@ from ballbot_rs.training.scaled_rewards import ScaledRewards
 #: Seeds of environments: each run has its own range, evaluations have its end, and `compare` stays below all of them.
 SEEDS_PER_RUN = 10_000_000
 EVALUATION_SEEDS = 9_000_000
+#: Nominal robots with which the best policy is judged.
+JUDGED = 100
 
 
 def first_seed(seed: int) -> int:
@@ -47,7 +50,7 @@ class Session:
     model: BaseAlgorithm
     config: TrainConfig
     seed: int
-    #: Steps from the model's `num_timesteps` on.
+    #: Most steps from the model's `num_timesteps` on; `keep_best` may end it earlier.
     timesteps: int
     checkpoints: Checkpoints
     keep_best: KeepBest
@@ -122,7 +125,7 @@ def train(
         if config.teacher is not None:
             teacher.fit(model, config.teacher, seed, tell)
             # From here a run can be resumed, and the fitted policy may stay the best one.
-            Checkpoints(folder, 1).keep(model)
+            Checkpoints(folder).keep(model)
             keep_best.evaluate(model)
         return _learn(_session(model, config, folder, seed, keep_best, progress_bar), folder, learn)
 
@@ -138,8 +141,9 @@ def resume(
     """Continues a run from its newest checkpoint that can be read to the number of steps that it was to have.
 
     A checkpoint that cannot be read is skipped with a `UserWarning`. No code in the checkpoint is run. Evaluations
-    from after the checkpoint are dropped; the best policy stays, whenever it was found. The random numbers go on, but
-    not where they were: a resumed run is not bit-identical to an uninterrupted one.
+    from after the checkpoint are dropped; the best policy stays, whenever it was found. The resumed run is the
+    uninterrupted one to the last bit. Where it is not, `tell` has the reason: on Ray, for a task in Python, after a
+    checkpoint of another version, or after an error within a rollout robots begin new episodes.
 
     Args:
         folder: the run.
@@ -156,6 +160,7 @@ def resume(
     """
     run_folder.read_record(folder)
     with run_folder.held(folder):
+        _files.delete_remains(folder)
         return _resume(folder, timesteps, progress_bar, tell, learn)
 
 
@@ -167,7 +172,7 @@ def _resume(
     source = str(folder / run_folder.CONFIG)
     config = config_module.parse(text, source)
     if timesteps is not None:
-        text = config_module.with_values(text, {"total_timesteps": timesteps})
+        text = config_module.with_values(text, steps_alone(config, timesteps))
         config = config_module.parse(text, source)
     if config.algorithm == "SAC":
         raise ValueError("a SAC run cannot be resumed: its replay buffer is not kept")
@@ -187,15 +192,37 @@ def _resume(
     keep_best = _keep_best(config, folder, seed)
     keep_best.remember(past, model.num_timesteps, task_of(config.env_id))
     tell(f"resuming from {checkpoint}")
-    for place in (folder, checkpoint.parent):
-        _files.delete_remains(place)
+    _files.delete_remains(checkpoint.parent)
     if timesteps is not None:
         _files.write(folder / run_folder.CONFIG, text)
-    # The start of the run has had the first numbers: go on with others.
-    model.set_random_seed(seed + model.num_timesteps)
-    _seed_environments(model, first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
-    keep_best.evaluate(model)
+    if learn is not None or not _give_state(model, checkpoint, keep_best, tell):
+        # The start of the run has had the first numbers: go on with others.
+        model.set_random_seed(seed + model.num_timesteps)
+        model._last_obs = None
+        _seed_environments(model, first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
+        keep_best.evaluate(model)
     return _learn(_session(model, config, folder, seed, keep_best, progress_bar), folder, learn)
+
+
+def _give_state(model: BaseAlgorithm, checkpoint: Path, keep_best: KeepBest, tell: Callable[[str], None]) -> bool:
+    """Puts a model where it was in the run; False, and why, if that cannot be."""
+    try:
+        state = run_state.read(checkpoint)
+        if state is None:
+            raise ValueError("the checkpoint has no state of its robots")
+        if state["is_due"]:
+            keep_best.evaluate(model)
+        run_state.give(model, state)
+    except (ValueError, KeyError) as error:
+        tell(f"the run continues, but not bit for bit as without the interruption: {error}")
+        return False
+    return True
+
+
+def steps_alone(config: TrainConfig, timesteps: int) -> dict[str, int]:
+    """Values of a configuration with so many steps, neither more nor less."""
+    most = {} if config.max_timesteps is None else {"max_timesteps": timesteps}
+    return {"total_timesteps": timesteps, **most}
 
 
 def check_folder(folder: Path, overwrite: bool) -> None:
@@ -205,7 +232,9 @@ def check_folder(folder: Path, overwrite: bool) -> None:
         FileExistsError: it holds an earlier run that is not to be overwritten, or other files.
         OSError: it cannot be read.
     """
-    if not folder.exists() or all(path.name == run_folder.LOCK for path in folder.iterdir()):
+    if not folder.exists():
+        return
+    if all(path.name == run_folder.LOCK or _files.is_remains(path) for path in folder.iterdir()):
         return
     if not (folder / run_folder.RECORD).is_file():
         raise FileExistsError(
@@ -247,16 +276,34 @@ def _seed_environments(model: BaseAlgorithm, seed: int) -> None:
         environment.seed(seed)
 
 
-def _linear(initial: float) -> Callable[[float], float]:
-    return lambda remaining: initial * remaining
+def _linear(initial: float, total: int, most: int) -> Callable[[float], float]:
+    """A value that falls to zero within `total` steps, and again within as many of a run that goes on to `most`."""
+
+    def value(remaining: float) -> float:
+        if total == most:
+            return initial * remaining
+        done = (1.0 - remaining) * most / total
+        return initial * (math.ceil(done) - done) if done > 0.0 else initial
+
+    return value
+
+
+def _constant(initial: float, total: int, most: int) -> Callable[[float], float]:
+    """A rate that is constant for `total` steps, and falls as one over the steps in a run that goes on to `most`."""
+    return lambda remaining: initial * min(1.0, total / max((1.0 - remaining) * most, 1.0))
 
 
 def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
-    arguments: dict[str, Any] = dict(config.algorithm_arguments)
-    for name in config.schedule:
-        arguments[name] = _linear(float(arguments[name]))
     try:
         environment = _environment(config)
+        arguments: dict[str, Any] = config.arguments()
+        rate = arguments.get("learning_rate")
+        if isinstance(rate, (int, float)) and config.most_timesteps > config.total_timesteps:
+            arguments["learning_rate"] = _constant(float(rate), config.total_timesteps, config.most_timesteps)
+        for name in config.schedule:
+            arguments[name] = _linear(
+                float(config.algorithm_arguments[name]), config.total_timesteps, config.most_timesteps
+            )
         policy_size.check_net_arch(config.policy, observation_width(task_of(config.env_id), config.env))
         model: BaseAlgorithm = algorithms()[config.algorithm](
             "MlpPolicy",
@@ -279,16 +326,31 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
 def _keep_best(
     config: TrainConfig, folder: Path, seed: int, stops: Callable[[int, float], bool] | None = None
 ) -> KeepBest:
-    evaluation = BallbotVecEnv(
-        min(config.evaluation.episodes, 100),
-        task=task_of(config.env_id),
-        torch_threads=None,
-        num_threads=config.num_threads,
-        seed=first_seed(seed) + EVALUATION_SEEDS,
-        **without_curriculum(config.env),
-    )
+    options = without_curriculum(config.env)
+    nominal = {name: value for name, value in options.items() if name != "events"}
+    first = first_seed(seed) + EVALUATION_SEEDS
+
+    def environments(count: int, options: dict[str, Any]) -> VecEnv:
+        return VecMonitor(
+            BallbotVecEnv(
+                count,
+                task=task_of(config.env_id),
+                torch_threads=None,
+                num_threads=config.num_threads,
+                seed=first,
+                **options,
+            )
+        )
+
     return KeepBest(
-        folder, VecMonitor(evaluation), every=_every(config), episodes=config.evaluation.episodes, stops=stops
+        folder,
+        environments(min(config.evaluation.episodes, 100), options),
+        environments(JUDGED, nominal),
+        seed=first,
+        episodes=config.evaluation.episodes,
+        success=config.evaluation.success,
+        total_timesteps=config.total_timesteps,
+        stops=stops,
     )
 
 
@@ -305,8 +367,8 @@ def _session(
         model=model,
         config=config,
         seed=seed,
-        timesteps=config.total_timesteps - model.num_timesteps,
-        checkpoints=Checkpoints(folder, every),
+        timesteps=config.most_timesteps - model.num_timesteps,
+        checkpoints=Checkpoints(folder),
         keep_best=keep_best,
         every=every * config.num_envs,
         progress_bar=progress_bar,
@@ -314,19 +376,26 @@ def _session(
 
 
 def _with_sb3(session: Session) -> None:
-    session.model.learn(
-        session.timesteps,
-        callback=[session.checkpoints, session.keep_best],
-        reset_num_timesteps=False,
-        progress_bar=session.progress_bar,
-    )
+    between = BetweenRollouts(session.checkpoints, session.keep_best, session.every)
+    bars = [ProgressBar(session.config.total_timesteps)] if session.progress_bar else []
+    try:
+        session.model.learn(session.timesteps, callback=[between, *bars], reset_num_timesteps=False)
+    except Ended:
+        between.end_rollout()
+        for shown in bars:
+            shown.on_training_end()
+    finally:
+        between.abandon()
 
 
 def _learn(session: Session, folder: Path, learn: Learn | None) -> Path:
-    model, started, diverged = session.model, time.perf_counter(), ""
+    model, started, diverged, ended = session.model, time.perf_counter(), "", False
     if session.timesteps > 0:
+        # Another loop has robots of its own.
+        session.checkpoints.is_between_rollouts = learn is None
         try:
             (learn or _with_sb3)(session)
+            ended = True
         except ValueError as error:
             # Torch refuses a distribution of actions that is none, and shows the whole batch of it.
             reason, diverged, _ = str(error).partition(" (Tensor of shape")
@@ -336,11 +405,16 @@ def _learn(session: Session, folder: Path, learn: Learn | None) -> Path:
         finally:
             # Whatever else ended it, the run can be resumed from here.
             if not diverged:
-                session.checkpoints.keep(model)
+                session.checkpoints.keep(model, is_due=ended)
             _add_time(folder, model.num_timesteps, time.perf_counter() - started)
     # The last policy is often the best one.
     session.keep_best.evaluate(model)
     sb3_policy.write(model, folder / run_folder.FINAL)
+    required = session.config.evaluation.success
+    if required is not None:
+        record = run_folder.read_record(folder)
+        reached = session.keep_best.success_of_best()
+        run_folder.write_record(folder, {**record, "success": reached, "required_success": float(required)})
     return folder / run_folder.BEST
 
 

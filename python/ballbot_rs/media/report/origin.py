@@ -18,10 +18,17 @@ def rows(record: Mapping[str, Any], folder: Path, task: str) -> list[tuple[str, 
     seconds, timesteps = record.get("seconds"), record.get("timesteps")
     if isinstance(seconds, float) and isinstance(timesteps, int) and seconds > 0.0:
         found.append(("learning", f"{timesteps} steps in {_duration(seconds)}, {timesteps / seconds:.0f} steps/s"))
+    success = record.get("success")
+    if isinstance(success, float):
+        found.append(("result", _failed(run_folder.failure(record)) or f"success with {success:.0%} of nominal robots"))
     found += [(key, record.get(key)) for key in ("machine", "command", "commit")]
     repeat = f"ballbot train {task} --config {run_folder.CONFIG} --seed {record['seed']}"
     found += [("to repeat it", repeat), ("as ONNX", f"ballbot export {name} -o policy.onnx")]
     return [(label, text) for label, text in found if isinstance(text, str)]
+
+
+def _failed(reason: str | None) -> str | None:
+    return None if reason is None else f"failed: {reason}"
 
 
 def _duration(seconds: float) -> str:

@@ -115,7 +115,7 @@ def _checked(config: TrainConfig) -> dict[str, Any]:
     """The arguments of the algorithm."""
     if config.algorithm != "PPO":
         raise ValueError(f"algorithm = {config.algorithm}: on Ray there is only PPO")
-    given = dict(config.algorithm_arguments)
+    given = config.arguments()
     # RLlib always normalizes advantages.
     if given.pop("normalize_advantage", True) is not True:
         raise ValueError(
