@@ -159,4 +159,4 @@ def test_a_notebook_shows_numbers_and_a_figure(done):
     assert f"{np.degrees(done.metrics().tilt_max):.4g} deg" in shown
     (data,) = re.findall(r'src="data:image/svg\+xml;base64,([^"]*)"', shown)
     assert b"ball position (m)" in base64.b64decode(data)
-    assert repr(done) == "<Trajectory of lqr on contact: 0.3 s, 31 rows, upright>"
+    assert repr(done) == "<Trajectory of lqr on contact: 0.3 s, 31 rows, upright, sim_dt 2 ms>"

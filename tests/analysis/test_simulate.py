@@ -53,6 +53,26 @@ def test_a_reference_says_where_the_robot_begins_and_how_long_it_runs():
     assert away.states[0].tilt_components[0] == pytest.approx(0.02)
 
 
+def test_the_time_step_of_the_model_is_in_the_results():
+    """A rate that is no multiple of it shortened it, and nothing said so."""
+
+    class Odd:
+        control_dt = 0.0031
+
+        def __call__(self, state):  # noqa: ARG002
+            return np.zeros(3)
+
+    done = bb.simulate(Odd(), seconds=0.1)
+    assert (done.control_dt, done.sim_dt) == (0.0031, 0.00155)
+    assert repr(done).endswith("sim_dt 1.55 ms>")
+    usual = bb.simulate("lqr", seconds=0.1)
+    assert (usual.control_dt, usual.sim_dt) == (0.01, 0.002)
+    result = bb.evaluate(Odd(), episodes=1, env_options={"max_episode_steps": 10})
+    assert (result.control_dt, result.sim_dt) == (0.0031, 0.00155)
+    assert repr(result).endswith("sim_dt 1.55 ms>")
+    assert "sim dt" in result._repr_html_()
+
+
 def test_parts_that_stay_are_a_step_from_the_origin():
     done = bb.simulate("lqr", reference={"position": (0.3, 0.0), "yaw": 0.5}, seconds=6.0)
     assert done.states[0].ball_position[:2].tolist() == [0.0, 0.0]

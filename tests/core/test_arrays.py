@@ -91,7 +91,7 @@ def _outcome():
 
 @functools.cache
 def _outcome_once():
-    return bb.run_scenarios("lqr", bb.Scenario("x", "", seconds=0.2, tilt=(1.0, 2.0, 1.0), score="map"))[0]
+    return bb.run_scenarios("lqr", bb.Scenario("x", "", seconds=1.2, tilt=(1.0, 2.0, 1.0), score="map"))[0]
 
 
 @functools.cache

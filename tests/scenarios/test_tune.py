@@ -4,7 +4,7 @@ import pytest
 
 from ballbot_rs.scenarios.run import run_scenarios
 from ballbot_rs.scenarios.scenario import Scenario
-from ballbot_rs.scenarios.tune import tune, with_options
+from ballbot_rs.scenarios.tune import mean_ratio, tune, with_options
 
 LINE = Scenario(
     "line", "", seconds=5.0, reference={"kind": "line", "goal": [1.0, 0.0], "seconds": 3.1}, score="rms_error"
@@ -61,3 +61,10 @@ def test_what_cannot_be_tuned_is_refused(arguments, says):
 def test_options_that_are_refused_cost_the_most():
     with pytest.raises(ValueError, match="out of range"):
         run_scenarios([with_options("lqr", {"position": -1.0})], [LINE])
+
+
+def test_a_scenario_that_is_skipped_has_no_part_in_the_cost():
+    still = Scenario("still", "", seconds=0.5, tilt=2.0, score="rms_tilt")
+    outcomes = run_scenarios("pid", [still, LINE])
+    assert [one.skipped is None for one in outcomes] == [True, False]
+    assert mean_ratio(outcomes, {"still": 0.5 * outcomes[0].score, LINE.id: 1.0}) == pytest.approx(2.0)

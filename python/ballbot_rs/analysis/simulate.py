@@ -143,6 +143,8 @@ def simulate(
         max_wheel_torque=batch.max_wheel_torque,
         commands=done.commands,
         task=named,
+        control_dt=batch.control_dt,
+        sim_dt=batch.sim_dt,
         drawn_pushes=drawn_pushes(draws, times, batch.options["events"], batch.nominal_params(0).body_mass),
     )
 

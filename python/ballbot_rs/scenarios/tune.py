@@ -227,8 +227,9 @@ def tune(
 
 
 def mean_ratio(outcomes: Sequence[Outcome], first: Mapping[str, float]) -> float:
-    """Mean of the scores by those in `first`, less is better; a fall counts as 10."""
-    return float(np.mean([_ratio(outcome, first[outcome.scenario.id]) for outcome in outcomes]))
+    """Mean of the scores by those in `first`, less is better; a fall counts as 10, a skipped scenario not at all."""
+    run = [outcome for outcome in outcomes if outcome.skipped is None]
+    return float(np.mean([_ratio(outcome, first[outcome.scenario.id]) for outcome in run]))
 
 
 def _ratio(outcome: Outcome, first: float) -> float:
