@@ -48,7 +48,8 @@ def missing(line: str) -> str | None:
         # Names of benchmarks are made when they run.
         names = [*own.split(), *passed.split()] if kind == "--test" else []
         chosen = [name for name in names if not name.startswith("-")]
-        return next((name for name in chosen if name.removesuffix("::") not in text), None if text else options[kind])
+        parts = [(name, part) for name in chosen for part in name.split("::")]
+        return next((name for name, part in parts if part not in text), None if text else options[kind])
     if program == "pip":
         extras = re.findall(r"\w+", line.partition("[")[2])
         return next((extra for extra in extras if extra not in EXTRAS), None)
@@ -76,7 +77,7 @@ def test_what_the_commands_name_is_there(page: str) -> None:
     [
         ("make nothing", "nothing"),
         ("cargo test --test nothing", "nothing"),
-        ("cargo test -p ballbot-core --test laws frobnicate -- --nocapture", "frobnicate"),
+        ("cargo test -p ballbot-core --test core laws::frobnicate -- --nocapture", "laws::frobnicate"),
         ("pip install -e '.[view,nothing]'", "nothing"),
         ("python -m validation.nothing", "validation.nothing"),
         ("python examples/nothing.py", "examples/nothing.py"),

@@ -50,7 +50,7 @@ fn stopped(now: Instant) -> bool {
 }
 
 /// Looks now and then whether the caller wants its work stopped.
-pub(crate) struct Watch {
+pub struct Watch {
     /// The last look at the clock; None if nobody wants to stop the work.
     looked: Option<Instant>,
     /// Calls of [`Watch::check`] between two looks at the clock; it follows how long they take.
@@ -59,7 +59,8 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    pub(crate) fn new() -> Self {
+    /// For work that begins now.
+    pub fn new() -> Self {
         let watched = CALLER.with_borrow(Option::is_some);
         Self { looked: watched.then(Instant::now), every: 0, left: 0 }
     }
@@ -67,7 +68,7 @@ impl Watch {
     /// # Errors
     /// [`Error::Interrupted`] if the caller wants its work stopped.
     #[inline]
-    pub(crate) fn check(&mut self) -> Result<()> {
+    pub fn check(&mut self) -> Result<()> {
         if self.left > 0 {
             self.left -= 1;
             return Ok(());
@@ -114,6 +115,3 @@ impl Stop {
         self.set.load(Ordering::Relaxed)
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -22,7 +22,7 @@
 //! # Ok::<(), ballbot_core::Error>(())
 //! ```
 
-#![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used))]
+#![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
 
 pub mod actuator;
 pub mod batch;
@@ -33,6 +33,8 @@ mod energy;
 mod error;
 pub mod fields;
 mod files;
+#[doc(hidden)]
+pub mod internals;
 mod interrupt;
 pub mod kinematics;
 mod lane_state;

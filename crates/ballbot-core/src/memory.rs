@@ -66,6 +66,3 @@ fn available() -> Option<u64> {
         .map(|(limit, used)| limit.saturating_sub(used));
     machine.into_iter().chain(container).min()
 }
-
-#[cfg(test)]
-mod tests;

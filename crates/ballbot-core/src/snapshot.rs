@@ -4,10 +4,11 @@ use crate::error::{Error, Result};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-const MAGIC: [u8; 4] = *b"BBOT";
+/// First bytes of all snapshots.
+pub const MAGIC: [u8; 4] = *b"BBOT";
 
 /// Version of the layout of all snapshots; raised whenever one changes.
-const VERSION: u16 = 8;
+pub const VERSION: u16 = 8;
 
 const HEADER_LEN: usize = MAGIC.len() + size_of::<u16>();
 const CHECKSUM_LEN: usize = size_of::<u32>();
@@ -28,7 +29,7 @@ pub(crate) fn unpack<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T>
 }
 
 /// A value as bytes for [`decode`], with header and checksum.
-pub(crate) fn encode<T: Serialize>(value: &T) -> Vec<u8> {
+pub fn encode<T: Serialize>(value: &T) -> Vec<u8> {
     let mut bytes = MAGIC.to_vec();
     bytes.extend(VERSION.to_le_bytes());
     bytes.extend(pack(value));
@@ -38,7 +39,7 @@ pub(crate) fn encode<T: Serialize>(value: &T) -> Vec<u8> {
 }
 
 /// The value that [`encode`] encoded; `what` names it in messages.
-pub(crate) fn decode<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T> {
+pub fn decode<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T> {
     let refused = |reason: String| Error::Decode { what: what.to_owned(), reason };
     if bytes.len() < HEADER_LEN + CHECKSUM_LEN {
         return Err(refused(format!("{} bytes are too few", bytes.len())));

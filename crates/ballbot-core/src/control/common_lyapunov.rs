@@ -20,7 +20,7 @@ const MAX_EIGENVALUE_STEPS: usize = 1000;
 /// The conditions are linear in P. The ellipsoid method (Boyd, El Ghaoui, Feron & Balakrishnan, Linear Matrix Inequalities
 /// in System and Control Theory, 1994, ch. 2) cuts off the half of the matrices for which an x of the worst G does not
 /// decay.
-pub(super) fn common_lyapunov(steps: &[Matrix4<f64>], guess: &Matrix4<f64>) -> Option<(Matrix4<f64>, f64)> {
+pub fn common_lyapunov(steps: &[Matrix4<f64>], guess: &Matrix4<f64>) -> Option<(Matrix4<f64>, f64)> {
     let root = guess.cholesky()?.l();
     let inverse = root.try_inverse()?;
     // In coordinates in which the guess is the identity.
@@ -87,35 +87,4 @@ fn symmetric(elements: &SVector<f64, ELEMENTS>) -> Matrix4<f64> {
         (matrix[(i, j)], matrix[(j, i)]) = (elements[k], elements[k]);
     }
     matrix
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn twice(a: f64, b: f64, c: f64, d: f64) -> Matrix4<f64> {
-        Matrix4::new(a, b, 0.0, 0.0, c, d, 0.0, 0.0, 0.0, 0.0, a, b, 0.0, 0.0, c, d)
-    }
-
-    #[test]
-    fn a_common_function_is_found_beyond_the_guess() {
-        let steps = [twice(0.5, 2.0, 0.0, 0.5), twice(0.6, 1.5, 0.0, 0.4), twice(0.5, 2.0, -0.05, 0.5)];
-        let (p, ratio) = common_lyapunov(&steps, &Matrix4::identity()).unwrap();
-        assert!(ratio < 1.0 && p.symmetric_eigenvalues().min() > 0.0);
-        for g in steps {
-            assert!((g.transpose() * p * g - p).symmetric_eigenvalues().max() < 0.0, "{p}");
-            // The guess is none.
-            assert!((g.transpose() * g - Matrix4::identity()).symmetric_eigenvalues().max() > 0.0);
-        }
-    }
-
-    #[test]
-    fn systems_that_are_unstable_in_turns_have_none() {
-        let steps = [twice(0.5, 2.0, 0.0, 0.5), twice(0.5, 0.0, 2.0, 0.5)];
-        assert!((steps[0] * steps[1]).complex_eigenvalues().iter().any(|pole| pole.norm() > 1.0));
-        assert_eq!(common_lyapunov(&steps, &Matrix4::identity()), None);
-        let unstable = [twice(1.1, 0.0, 0.0, 0.5)];
-        assert_eq!(common_lyapunov(&unstable, &Matrix4::identity()), None);
-        assert_eq!(common_lyapunov(&steps, &Matrix4::repeat(f64::NAN)), None);
-    }
 }

@@ -5,7 +5,7 @@
 mod attitude_loop;
 mod balance_frame;
 mod cascade_pid;
-mod common_lyapunov;
+pub(crate) mod common_lyapunov;
 mod delayed;
 mod fuzzy_mamdani;
 mod hierarchical_sliding_mode;

@@ -15,6 +15,8 @@ pub trait Kernel {
 }
 
 /// Runs a computation on eight robots.
+// Inlined, or all kernels would be compiled in this module, which is one unit of code generation.
+#[inline]
 pub fn run_eight<K: Kernel>(kernel: K) {
     let level = Level::new();
     // Results are the same to the last bit without; builds for debugging save the time to compile it.
@@ -52,6 +54,7 @@ pub fn run_eight<K: Kernel>(kernel: K) {
 }
 
 /// Runs a computation on one robot with fused multiply-add instructions if the processor has them.
+#[inline]
 pub fn run_one<R>(kernel: impl FnOnce() -> R) -> R {
     #[cfg(target_arch = "x86_64")]
     if let Some(simd) = Level::new().as_avx2() {

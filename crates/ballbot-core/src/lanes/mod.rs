@@ -10,11 +10,9 @@ mod heading;
 mod mat3;
 mod math;
 mod memory;
-mod normal;
+pub(crate) mod normal;
 mod philox;
 mod scalar;
-#[cfg(test)]
-mod tests;
 mod value;
 mod vec3;
 mod wide;

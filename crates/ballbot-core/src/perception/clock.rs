@@ -1,8 +1,5 @@
 //! When an instrument is sampled, and when a sample is read.
 
-#[cfg(test)]
-mod tests;
-
 use crate::control_steps::{latency_steps, steps_of};
 use crate::error::Result;
 

@@ -4,7 +4,7 @@
 //! task.
 
 mod channel;
-mod clock;
+pub(crate) mod clock;
 mod depth;
 mod options;
 mod scan;

@@ -8,7 +8,7 @@ mod default_visuals;
 mod forces;
 #[cfg(feature = "urdf")]
 mod from_urdf;
-mod mesh;
+pub(crate) mod mesh;
 mod renderer;
 mod scene;
 mod shading;

@@ -13,8 +13,6 @@ mod conditions;
 mod elimination;
 mod modes;
 mod search;
-#[cfg(test)]
-mod tests;
 
 pub use conditions::{Conditions, Solution};
 

@@ -15,6 +15,7 @@ mod footing;
 mod friction;
 mod lanes;
 mod losses;
+#[warn(missing_docs)]
 mod motion;
 mod phases;
 mod principal;
@@ -24,15 +25,17 @@ mod rows;
 mod state;
 mod step;
 mod sweeps;
-#[cfg(test)]
-mod tests;
 mod types;
 
-#[cfg(test)]
-pub use constants::Constants;
+pub use body_contacts::Near;
+pub use constants::{Constants, LaneConstants};
+pub use delassus::Delassus;
+pub use footing::Footing;
+pub use friction::{Friction, JointFriction};
 pub use lanes::ContactLanes;
 pub use motion::ContactMotion;
-#[cfg(test)]
+pub use phases::{Start, free_velocities};
+pub use principal::PrincipalAxes;
 pub use state::ContactState;
-#[cfg(test)]
-pub use step::{advance, advance_wide};
+pub use step::{advance, advance_wide, step};
+pub use types::{Actions, PerRow, Velocities};

@@ -17,9 +17,6 @@
 //!
 //! The floor is the plane z = 0. On a terrain a step is computed in the frame of the ground under the ball: [`Footing`].
 
-#[cfg(test)]
-mod flops;
-
 use super::active_set::{Conditions, Solution};
 use super::body_contacts::{self, Near};
 use super::constants::{Constants, InLanes, at3};
@@ -126,7 +123,7 @@ fn brake_or_roll<L: Lane, V: Value<L>>(
 
 /// One step of all robots of the lanes, in the frame of the floor; with `RIPPLE` the wheels of some of them are not round.
 #[inline(always)]
-fn step<L: Lane, V: Value<L>, const RIPPLE: bool>(
+pub fn step<L: Lane, V: Value<L>, const RIPPLE: bool>(
     c: &Constants<V>,
     token: L::Token,
     state: &mut ContactState<L::Cell>,

@@ -12,7 +12,6 @@ pub struct Actions<T> {
 
 impl Actions<f64> {
     /// Torques on level ground.
-    #[cfg(test)]
     pub fn level(gravity_dt: [f64; 3], torques: &[f64; 3]) -> Self {
         Self { torques: *torques, gravity_dt }
     }

@@ -1,0 +1,53 @@
+//! Inverse dynamics against the equations of motion.
+
+use crate::support::general::any_general_robot;
+use crate::support::{any_floor_tilt, any_start, natural_rate, vector};
+use ballbot_core::Params;
+use ballbot_core::lanes::{Quat, Vec3};
+use ballbot_core::models::{BallSpin, BodyMotion, InverseDynamics, SpatialModel, WheelSpin};
+use nalgebra::{UnitQuaternion, Vector3, Vector6};
+use proptest::prelude::*;
+
+fn vec3(v: &Vector3<f64>) -> Vec3<f64> {
+    Vec3::new(v.x, v.y, v.z)
+}
+
+fn quat(q: &UnitQuaternion<f64>) -> Quat<f64> {
+    Quat { w: q.w, v: Vec3::new(q.i, q.j, q.k) }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// The torques of an acceleration have that acceleration, on any floor.
+    #[test]
+    fn torques_have_the_wanted_acceleration(
+        robot in any_general_robot(),
+        floor_tilt in any_floor_tilt(0.4),
+        start in any_start(0.5, 1.0),
+        wanted in vector(3.0),
+    ) {
+        let params = Params { wheel_coulomb_friction: 0.0, floor_tilt, ..robot };
+        let model = SpatialModel::new(&params, WheelSpin::Absolute, BallSpin::Free);
+        let state = start.of(&params);
+        let (ball, rate) = (state.ball_angular_velocity, state.body_angular_velocity);
+        let velocity = Vector6::new(state.ball_velocity.x, state.ball_velocity.y, rate.x, rate.y, rate.z, ball.z);
+        let to_balance = params.to_balance_frame();
+        let wheel_speeds = model.wheel_speeds(&state.body_quaternion, &velocity);
+        let motion = BodyMotion {
+            rotation: quat(&(state.body_quaternion * to_balance.inverse())).rotation(),
+            body_rate: vec3(&(to_balance * rate)),
+            ball_rate: vec3(&ball),
+            wheel_speeds: wheel_speeds.into(),
+        };
+        let wanted = wanted * natural_rate(&params).powi(2);
+        let torques = InverseDynamics::new(&params).torques(&motion, vec3(&wanted));
+        let torques = Vector3::from(torques);
+        let found = model.accelerations(&state.body_quaternion, &velocity, &torques);
+        let found = to_balance * found.fixed_rows::<3>(2).into_owned();
+        // The torques are of the size of those that brake the motors' own inertia.
+        let driven = model.accelerations(&state.body_quaternion, &velocity, &(torques * 2.0));
+        let size = driven.amax().max(found.amax());
+        prop_assert!((found - wanted).amax() <= 1e-12 * size, "{found} in place of {wanted}, of {size}");
+    }
+}

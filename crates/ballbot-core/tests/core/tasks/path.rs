@@ -1,0 +1,70 @@
+//! The path task.
+
+use super::{command, config, metrics, regulate, reset_to, run_of, standing};
+
+/// Rows of the point now and of the last one of the preview.
+const NOW: usize = 11;
+const AHEAD: usize = 21;
+
+#[test]
+fn the_point_moves_on_a_circle_at_the_commanded_speed() {
+    let mut run = run_of(&*config("path", &[("path_acceleration", &[2.0])]), 1);
+    reset_to(&mut run, &[Some(standing(0.5, 1.0, 0.0))]);
+    let (radius, speed) = (0.5, 0.4);
+    let mut wanted = [0.0; 13];
+    (wanted[0], wanted[1], wanted[8]) = (speed, radius, radius);
+    run.batch.set_command(0, &wanted).unwrap();
+    assert_eq!(command(&run, 0), wanted);
+    let mut way = 0.0;
+    regulate(&mut run, 600, |k, run| {
+        let t = 0.01 * (k + 1) as f64;
+        // From rest with half of the acceleration, 1 m/s², then at constant speed, to the left of the start: each step at the
+        // speed of its end.
+        way += 0.01 * speed.min(t);
+        let state = run.batch.state(0).unwrap();
+        let (sin, cos) = state.yaw().sin_cos();
+        for (first, way) in [(NOW, way), (AHEAD, way + speed)] {
+            if first == AHEAD && t < speed {
+                continue;
+            }
+            let angle = way / radius;
+            let expected = [radius * angle.cos(), 1.0 + radius * angle.sin()];
+            let (dx, dy) = (expected[0] - state.ball_position.x, expected[1] - state.ball_position.y);
+            let heading = [cos * dx + sin * dy, cos * dy - sin * dx];
+            for (row, expected) in run.observation(0)[first..first + 2].iter().zip(heading) {
+                assert!((f64::from(*row) - expected).abs() < 1e-5, "step {k}, row {first}: {row}, {expected}");
+            }
+        }
+    });
+    assert!(way > 2.0);
+}
+
+#[test]
+fn metrics_are_the_errors_across_and_in_all() {
+    let mut run = run_of(&*config("path", &[("settling", &[1.0]), ("max_episode_steps", &[400.0])]), 8);
+    let mut sums = [0.0; 8];
+    regulate(&mut run, 399, |k, run| {
+        for (i, sum) in sums.iter_mut().enumerate() {
+            let rows = run.observation(i);
+            let error = f64::from(rows[NOW]).hypot(f64::from(rows[NOW + 1]));
+            *sum += if k >= 100 { error * error } else { 0.0 };
+        }
+    });
+    regulate(&mut run, 1, |_, _| ());
+    for (i, sum) in sums.into_iter().enumerate() {
+        let [across, error] = metrics(&run, i)[..] else { unreachable!() };
+        let expected = (sum / 299.0).sqrt();
+        assert!((error / expected - 1.0).abs() < 0.01, "environment {i}: {error}, {expected}");
+        assert!(across > 0.0 && across <= error, "environment {i}: {across}, {error}");
+    }
+}
+
+#[test]
+fn a_command_faster_than_the_acceleration_allows_is_slowed_down() {
+    let mut run = run_of(&*config("path", &[("path_acceleration", &[0.2])]), 1);
+    let mut wanted = [0.0; 13];
+    (wanted[0], wanted[1], wanted[8]) = (2.0, 0.5, 0.5);
+    run.batch.set_command(0, &wanted).unwrap();
+    let speed = command(&run, 0)[0];
+    assert!((speed - (0.2_f64 * 0.5).sqrt()).abs() < 1e-9, "{speed} m/s");
+}

@@ -1,0 +1,319 @@
+//! The last stage of the laws: wheels that neither slip nor lift, and what that is worth to a regulator.
+
+use crate::support::general::crooked;
+use ballbot_core::control::{Controller, LimitOptions, Limited, Lqr, LqrWeights, Setpoint, TorqueLimits};
+use ballbot_core::kinematics::{Omniwheels, TorqueMap};
+use ballbot_core::models::{LoadMap, SpatialModel};
+use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State};
+use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+const SHARE: f64 = 0.9;
+const SIM_DT: f64 = 0.001;
+const STEPS: usize = 10;
+
+/// The presets, and a robot without symmetry.
+fn robots() -> impl Iterator<Item = Params> {
+    Params::preset_names().iter().map(|name| Params::preset(name).unwrap()).chain([crooked()])
+}
+
+fn apply(params: &Params, state: &State, torques: &Vector3<f64>) -> Limited<f64> {
+    let limits = TorqueLimits::new(params, &LimitOptions::TRACTION).unwrap();
+    limits.apply((*torques).into(), &LaneState::from(state), f64::INFINITY)
+}
+
+/// Deterministic numbers in [-1, 1].
+fn wave(k: usize, part: usize) -> f64 {
+    (1.0 + k as f64 * 1.7 + part as f64 * 4.1).sin()
+}
+
+/// A tilt torque of a size and direction, and a yaw torque, on the wheels.
+fn torques(params: &Params, size: f64, azimuth: f64, yaw: f64) -> Vector3<f64> {
+    let axis = Vector3::new(size * azimuth.cos(), size * azimuth.sin(), yaw);
+    let axis = params.to_balance_frame().inverse_transform_vector(&axis);
+    Omniwheels::new(params).torques_on_body(&axis, TorqueMap::Consistent)
+}
+
+/// The largest use of the friction limit by any wheel, and the least load as a share of that in equilibrium.
+fn used(params: &Params, state: &State, torques: &[f64; 3]) -> (f64, f64) {
+    let model = SpatialModel::new(params, true, true);
+    let rate = state.body_angular_velocity;
+    let velocity = Vector6::new(state.ball_velocity.x, state.ball_velocity.y, rate.x, rate.y, rate.z, 0.0);
+    let contacts = model.contacts(&state.body_quaternion, &velocity, &(*torques).into());
+    let equilibrium = params.equilibrium_wheel_loads();
+    (0..3).fold((0.0, f64::INFINITY), |(slip, load): (f64, f64), i| {
+        let normal = contacts.wheel_normal_forces[i];
+        let limit = SHARE * params.wheel_dynamic_friction * normal;
+        (slip.max(contacts.wheel_tractions[i].abs() / limit), load.min(normal / equilibrium[i]))
+    })
+}
+
+#[test]
+fn load_maps_are_the_derivatives_of_the_contact_forces() {
+    for params in robots() {
+        let smooth = Params { wheel_coulomb_friction: 0.0, wheel_viscous_friction: 0.0, ..params.clone() };
+        let (map, model) = (LoadMap::new(&params), SpatialModel::new(&smooth, true, true));
+        for k in 0..20 {
+            let tau = Vector3::new(wave(k, 0), wave(k, 1), wave(k, 2)) * (0.1 * params.body_mass);
+            let tilt = Vector2::new(wave(k, 3), wave(k, 4)) * 1e-7;
+            let state = State::tilted_from_equilibrium(&params, tilt, 0.0);
+            let contacts = model.contacts(&state.body_quaternion, &Vector6::zeros(), &tau);
+            for i in 0..3 {
+                for (wheel, found) in
+                    [(map.loads[i], contacts.wheel_normal_forces[i]), (map.tractions[i], contacts.wheel_tractions[i])]
+                {
+                    let linear = wheel.at_rest
+                        + Vector2::from(wheel.per_tilt).dot(&tilt)
+                        + Vector3::from(wheel.per_torque).dot(&tau);
+                    let scale = params.body_mass * params.gravity;
+                    assert!((linear - found).abs() < 1e-6 * scale, "{linear} N, the model has {found} N");
+                }
+            }
+        }
+    }
+}
+
+/// In equilibrium the maps are exact, and so is the limit.
+#[test]
+fn limited_torques_use_the_friction_limit_and_no_more() {
+    for params in robots() {
+        let params = Params {
+            wheel_coulomb_friction: 0.0,
+            wheel_viscous_friction: 0.0,
+            max_wheel_torque: 1e3,
+            ..params.without_losses()
+        };
+        let state = State::at_equilibrium(&params, 0.7);
+        let weight = params.body_mass * params.gravity * params.wheel_radius;
+        let (mut limited_ones, mut kept) = (0, 0);
+        for k in 0..200 {
+            let wanted =
+                torques(&params, weight * (0.5 + 0.5 * wave(k, 0)), PI * wave(k, 1), 0.2 * weight * wave(k, 2));
+            let found = apply(&params, &state, &wanted);
+            let (slip, load) = used(&params, &state, &found.torques);
+            assert!(slip <= 1.0 + 1e-9 && load >= 0.3 - 1e-9, "{slip} of the limit, {load} of the load");
+            if Vector3::from(found.torques) == wanted {
+                kept += 1;
+                assert_eq!((found.share, found.yaw_share), (1.0, 1.0));
+                continue;
+            }
+            limited_ones += 1;
+            // A yaw torque may unload the wheel that limits the tilt torque.
+            let relieved = found.share < 1.0 && found.yaw_share == 1.0;
+            assert!(slip > 1.0 - 1e-6 || load < 0.3 + 1e-6 || relieved, "{slip} of the limit, {load} of the load");
+            // What is left of both parts points as they did.
+            let wheels = Omniwheels::new(&params);
+            let of = |torques: &Vector3<f64>| params.to_balance_frame() * (wheels.u.transpose() * torques);
+            let (before, after) = (of(&wanted), of(&found.torques.into()));
+            assert!((after.xy() - before.xy() * found.share).norm() < 1e-9 * before.norm());
+            assert!((after.z - before.z * found.yaw_share).abs() < 1e-9 * before.norm());
+        }
+        assert!(limited_ones > 50 && kept > 10, "{limited_ones} limited, {kept} kept");
+    }
+}
+
+#[test]
+fn tilted_robots_keep_within_two_percent_of_the_limit() {
+    let params = Params { max_wheel_torque: 1e3, ..Params::paper() };
+    let mut worst = 0.0_f64;
+    for degrees in [5.0, 10.0, 15.0, 20.0, 25.0_f64] {
+        for k in 0..48 {
+            let azimuth = TAU * f64::from(k) / 48.0;
+            let tilt = Vector2::new(azimuth.cos(), azimuth.sin()) * degrees.to_radians();
+            let state = State::tilted(&params, tilt, 0.0);
+            // Back to upright.
+            let found = apply(&params, &state, &torques(&params, -5.0, azimuth, 0.0));
+            assert!(found.share < 0.2);
+            let (slip, _) = used(&params, &state, &found.torques);
+            worst = worst.max(slip);
+        }
+    }
+    assert!(worst < 1.02, "{worst}");
+}
+
+#[test]
+fn yaw_torque_is_given_up_first() {
+    let params = Params::paper();
+    let state = State::upright(&params);
+    let found = apply(&params, &state, &torques(&params, 0.2, 0.4, 5.0));
+    assert!(found.share == 1.0 && found.yaw_share > 0.0 && found.yaw_share < 0.1, "{found:?}");
+    let found = apply(&params, &state, &torques(&params, 1.0, 0.4, 5.0));
+    assert!(found.share < 0.5 && found.yaw_share < 1e-6, "{found:?}");
+    // The wheels carry a yaw torque by itself.
+    let found = apply(&params, &state, &torques(&params, 0.0, 0.0, 5.0));
+    assert!(found.share == 1.0 && found.yaw_share > 0.1 && found.yaw_share < 1.0, "{found:?}");
+}
+
+#[test]
+fn turned_by_a_third_the_torques_move_on_by_a_wheel() {
+    let params = Params::paper();
+    for k in 0..50 {
+        let (tilt, size, azimuth) = (0.3 * (1.0 + wave(k, 0)), 0.5 * (1.0 + wave(k, 1)), PI * wave(k, 2));
+        let at = |turn: f64| {
+            let direction = azimuth + turn;
+            let state = State::tilted(&params, Vector2::new(direction.cos(), direction.sin()) * tilt, 0.0);
+            let found = apply(&params, &state, &torques(&params, size, direction + 0.3, 0.05 * wave(k, 3)));
+            found.torques
+        };
+        let (here, there) = (at(0.0), at(TAU / 3.0));
+        for i in 0..3 {
+            assert!((here[i] - there[(i + 1) % 3]).abs() < 1e-9, "{here:?}, {there:?}");
+        }
+    }
+}
+
+#[test]
+fn a_heading_changes_nothing() {
+    let params = Params::paper();
+    let wanted = torques(&params, 0.6, 1.0, 0.1);
+    let turned = |yaw: f64| {
+        let tilt = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw) * Vector3::new(0.1, -0.05, 0.0);
+        apply(&params, &State::tilted(&params, tilt.xy(), yaw), &wanted).torques
+    };
+    for yaw in [0.5, 2.0, -3.0] {
+        assert!((Vector3::from(turned(yaw)) - Vector3::from(turned(0.0))).norm() < 1e-9);
+    }
+}
+
+#[test]
+fn where_a_wheel_slips_the_torques_are_those_of_the_cap() {
+    let params = Params::paper();
+    let mut state = State::tilted(&params, Vector2::new(0.2, 0.1), 0.0);
+    let wanted = torques(&params, 1.0, 0.4, 0.1);
+    let gripping = apply(&params, &state, &wanted);
+    state.wheel_speeds[1] += 0.11 / params.wheel_radius;
+    let slipping = apply(&params, &state, &wanted);
+    let capped = TorqueLimits::new(&params, &LimitOptions::CAP).unwrap().apply(
+        wanted.into(),
+        &LaneState::from(&state),
+        f64::INFINITY,
+    );
+    assert_eq!(slipping.torques, capped.torques);
+    assert_ne!(slipping.torques, gripping.torques);
+    state.wheel_speeds[1] -= 0.02 / params.wheel_radius;
+    assert_eq!(apply(&params, &state, &wanted).torques, gripping.torques);
+}
+
+#[test]
+fn torques_that_are_no_numbers_are_not_hidden() {
+    let params = Params::paper();
+    for k in 0..3 {
+        let mut wanted = Vector3::new(0.1, -0.2, 0.3);
+        wanted[k] = f64::NAN;
+        for state in [State::upright(&params), State::tilted(&params, Vector2::new(0.3, 0.1), 0.0)] {
+            assert!(apply(&params, &state, &wanted).torques[k].is_nan());
+        }
+    }
+}
+
+#[test]
+fn limits_out_of_range_are_refused() {
+    let params = Params::paper();
+    for (traction, max_torque, words) in [
+        (Some(0.0), None, "traction = 0 is out of range: it must be from 0.01 to 1"),
+        (Some(1.1), None, "traction = 1.1"),
+        (Some(f64::NAN), None, "traction = NaN"),
+        (None, Some(0.0), "max_torque = 0"),
+        (
+            Some(0.9),
+            Some(5.1),
+            "max_torque = 5.1 is out of range: it must be above 0 and at most params.max_wheel_torque = 5",
+        ),
+    ] {
+        let error =
+            TorqueLimits::new(&params, &LimitOptions { max_torque, traction }).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+/// A regulator at 100 Hz on `contact`, pushed from the start on for a time, s, with a half sine.
+fn stands(lqr: &mut Lqr, start: &State, impulse: Vector3<f64>, duration: f64, target: Vector2<f64>) -> bool {
+    let params = Params::paper();
+    let mut robot = Ballbot::new(&params, ModelKind::Contact, SIM_DT).unwrap();
+    robot.reset(start).unwrap();
+    lqr.reset();
+    let pushed = (duration / SIM_DT).round() as usize;
+    let setpoint = Setpoint { position: target, ..Setpoint::default() };
+    for k in 0..600 {
+        let torques = lqr.wheel_torques(&robot.state(), &setpoint);
+        for j in 0..STEPS {
+            let step = k * STEPS + j;
+            if step < pushed {
+                let phase = PI * (step as f64 + 0.5) / pushed as f64;
+                let share = phase.sin() * (FRAC_PI_2 / pushed as f64).sin();
+                robot.push(&(impulse * share), None).unwrap();
+            }
+            if robot.step(&torques, 1).is_err() {
+                return false;
+            }
+        }
+        if robot.state().tilt() > 1.0 {
+            return false;
+        }
+    }
+    robot.state().tilt() < 0.03
+}
+
+fn regulators() -> [Lqr; 2] {
+    let params = Params::paper();
+    let without = LqrWeights { max_lean: 1e3, max_speed: 1e3, ..LqrWeights::default() };
+    let lqr = |weights, limits| Lqr::with_weights(&params, SIM_DT * STEPS as f64, weights, limits).unwrap();
+    [lqr(&without, &LimitOptions::CAP), lqr(&LqrWeights::default(), &LimitOptions::TRACTION)]
+}
+
+fn around(count: u32) -> impl Iterator<Item = Vector2<f64>> {
+    (0..count).map(move |k| TAU * f64::from(k) / f64::from(count)).map(|a| Vector2::new(a.cos(), a.sin()))
+}
+
+/// From rest at 25 deg in any direction; with a cap on the torques alone the regulator falls from 17 deg on.
+#[test]
+fn the_stage_widens_the_basin_of_a_regulator() {
+    let params = Params::paper();
+    let [mut capped, mut scaled] = regulators();
+    for direction in around(24) {
+        let start = |degrees: f64| State::tilted(&params, direction * degrees.to_radians(), 0.0);
+        assert!(stands(&mut scaled, &start(25.0), Vector3::zeros(), 0.0, Vector2::zeros()), "{direction}");
+    }
+    let falls = around(12).filter(|direction| {
+        let start = State::tilted(&params, direction * 17_f64.to_radians(), 0.0);
+        !stands(&mut capped, &start, Vector3::zeros(), 0.0, Vector2::zeros())
+    });
+    assert!(falls.count() >= 4);
+}
+
+/// Pushed at the center of mass for 0.1 s, and at once.
+#[test]
+fn the_stage_makes_a_regulator_stand_harder_pushes() {
+    let upright = State::upright(&Params::paper());
+    let [mut capped, mut scaled] = regulators();
+    let mut falls = 0;
+    for direction in around(12) {
+        let push = |size: f64| Vector3::new(direction.x, direction.y, 0.0) * size;
+        assert!(stands(&mut scaled, &upright, push(2.6), 0.1, Vector2::zeros()), "{direction}");
+        assert!(stands(&mut scaled, &upright, push(1.85), SIM_DT, Vector2::zeros()), "{direction}");
+        falls += u32::from(!stands(&mut capped, &upright, push(1.85), 0.1, Vector2::zeros()));
+    }
+    assert!(falls >= 8, "{falls}");
+}
+
+/// What a user asks for by a click, and far beyond.
+#[test]
+fn a_far_setpoint_topples_no_robot() {
+    let params = Params::paper();
+    let [_, mut scaled] = regulators();
+    for (distance, seconds) in [(1.0, 8), (5.0, 15), (1000.0, 20)] {
+        for direction in around(8) {
+            let mut robot = Ballbot::new(&params, ModelKind::Contact, SIM_DT).unwrap();
+            let setpoint = Setpoint { position: direction * distance, ..Setpoint::default() };
+            let (mut tilt, mut speed) = (0.0_f64, 0.0_f64);
+            for _ in 0..100 * seconds {
+                robot.step(&scaled.wheel_torques(&robot.state(), &setpoint), STEPS).unwrap();
+                let state = robot.state();
+                (tilt, speed) = (tilt.max(state.tilt()), speed.max(state.ball_velocity.norm()));
+            }
+            assert!(tilt < 0.25 && speed < 1.2, "{distance} m: tilt {tilt} rad, {speed} m/s");
+            let left = (robot.state().ball_position.xy() - setpoint.position).norm();
+            assert!(distance > 5.0 || left < 0.02, "{distance} m: {left} m left");
+        }
+    }
+}

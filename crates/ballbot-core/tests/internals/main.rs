@@ -1,0 +1,16 @@
+//! Parts of the library by themselves, most of which are no part of its interface.
+
+mod active_set;
+mod clock;
+mod common_lyapunov;
+mod contact;
+mod flops;
+mod interrupt;
+mod lanes;
+mod levels;
+mod memory;
+#[cfg(feature = "render")]
+mod mesh;
+mod normal;
+mod philox;
+mod snapshot;
