@@ -6,7 +6,7 @@ RUN apt-get update && apt-get install --yes --no-install-recommends python3-venv
 WORKDIR /ballbot
 COPY . .
 RUN python3 -m venv /venv && /venv/bin/pip install --no-cache-dir --constraint constraints.txt maturin
-RUN PATH="/venv/bin:$PATH" MATURIN_PEP517_ARGS="--locked" /venv/bin/pip wheel --no-cache-dir --no-deps --no-build-isolation \
+RUN PATH="/venv/bin:$PATH" MATURIN_PEP517_ARGS="--locked --profile dist" /venv/bin/pip wheel --no-cache-dir --no-deps --no-build-isolation \
     --wheel-dir /wheels .
 
 FROM python:3.12-slim-bookworm

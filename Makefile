@@ -22,8 +22,11 @@ TARGET_PYTHON ?=
 FEATURES := rigid urdf render
 FUZZ_TARGETS := urdf visuals stl
 
+TRAIN_INSTALLED := $(VENV)/.train-installed
 DEMO_INSTALLED := $(VENV)/.demo-installed
-INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked" $(BIN)/python -m pip install --quiet \
+# The profile of Cargo.toml that the extension is compiled with.
+PROFILE := release
+INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked --profile $(PROFILE)" $(BIN)/python -m pip install \
 	--disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name '*.toml')
 SEED ?= 0
@@ -68,13 +71,13 @@ generate: $(INSTALLED)
 demo: $(DEMO_INSTALLED)
 	$(BIN)/ballbot view --controller assets/policies/balance.onnx
 
-train: $(INSTALLED)
+train: $(TRAIN_INSTALLED)
 	$(BIN)/ballbot train balance --seed $(SEED)
 
 test: $(INSTALLED)
 	@sh tools/install_chromium.sh
 	cargo test --locked
-	$(BIN)/pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest --numprocesses 2 --dist worksteal --durations 25
 
 test-builds: $(INSTALLED)
 	CARGO_PROFILE_DEV_OPT_LEVEL=0 cargo test --locked --no-default-features --test features
@@ -108,7 +111,7 @@ site: docs $(SITE_INSTALLED)
 CHECK_WHEEL = $(BIN)/python tools/check_wheel.py target/wheels/*.whl
 wheel: $(WHEEL_INSTALLED)
 	rm -rf target/wheels
-	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m maturin build --release --locked --zig \
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m maturin build --profile dist --locked --zig \
 		--compatibility $(COMPATIBILITY) $(if $(TARGET),--target $(TARGET)) --out target/wheels
 	$(if $(TARGET_PYTHON),$(CHECK_WHEEL) --python "$(TARGET_PYTHON)",$(if $(TARGET),,$(CHECK_WHEEL)))
 
@@ -169,22 +172,39 @@ format: $(INSTALLED)
 clean:
 	rm -rf $(VENV) $(RAY_VENV) target fuzz/target python/ballbot_rs/_core*.so python/ballbot_rs/assets
 
+# Its argument is the disk space in GB that a first installation takes.
 define PREPARE
-	@PYTHON="$(PYTHON)" sh tools/check_machine.sh
-	@echo "setting up .venv and compiling, which takes a few minutes the first time"
+	@PYTHON="$(PYTHON)" DISK="$(if $(wildcard $@),1,$(1))" sh tools/check_machine.sh
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt maturin
+endef
+
+# By itself, since pip would hide what cargo says.
+define COMPILE
+	@echo "compiling the extension: 5 to 10 minutes on two cores the first time, with up to 6 GB of memory"
+	VIRTUAL_ENV="$(abspath $(VENV))" $(BIN)/python -m maturin develop --locked --profile $(PROFILE) --skip-install
 endef
 
 BUILT_FROM := pyproject.toml constraints.txt Cargo.toml Cargo.lock $(RUST_SOURCES)
 
 $(INSTALLED): $(BUILT_FROM)
-	$(PREPARE)
+	$(call PREPARE,12)
+	$(COMPILE)
+	@echo "installing what training, tests and tools need: up to 3 GB to download, 7 GB installed, most of it PyTorch"
 	$(INSTALL) '.[train,dev]'
 	@touch $@
 
+$(TRAIN_INSTALLED): $(BUILT_FROM)
+	$(call PREPARE,8)
+	$(COMPILE)
+	@echo "installing what training needs: up to 3 GB to download, 6 GB installed, most of it PyTorch"
+	$(INSTALL) '.[train]'
+	@touch $@
+
 $(DEMO_INSTALLED): $(BUILT_FROM)
-	$(PREPARE)
+	$(call PREPARE,2)
+	$(COMPILE)
+	@echo "installing what the page and policies need: 0.5 GB installed"
 	$(INSTALL) '.[view,onnx]'
 	@touch $@
 
@@ -196,6 +216,8 @@ $(VERIFY_INSTALLED): $(INSTALLED)
 	$(INSTALL) '.[verify]'
 	@touch $@
 
+# What is measured is what wheels have.
+$(BENCH_INSTALLED): PROFILE := dist
 $(BENCH_INSTALLED): $(INSTALLED)
 	$(INSTALL) '.[bench]'
 	@touch $@
@@ -218,6 +240,6 @@ $(RAY_INSTALLED): consumers/requirements/rllib.txt constraints.txt $(INSTALLED)
 	@touch $@
 
 $(WHEEL_INSTALLED): $(BUILT_FROM)
-	$(PREPARE)
+	$(call PREPARE,2)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt ziglang
 	@touch $@

@@ -1,4 +1,4 @@
-"""Events on every front end; what they draw and when is tested in Rust (crates/ballbot-core/tests/core/randomization)."""
+"""Events on every front end; crates/ballbot-core/tests/core/randomization tests what they draw, and when."""
 
 import copy
 import json

@@ -16,7 +16,8 @@ from tests.support.paths import ROOT
 from tools.check_wheel import check
 
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
-BUILT = TARGET / "distribution"
+#: Of this worker: another one may run the other tests.
+BUILT = TARGET / "distribution" / os.environ.get("PYTEST_XDIST_WORKER", "alone")
 
 pytestmark = pytest.mark.skipif(
     shutil.which("cargo") is None or importlib.util.find_spec("maturin") is None, reason="needs cargo and maturin"
