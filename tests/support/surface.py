@@ -158,7 +158,9 @@ def _batch(model: str = "spatial", task: str = "balance") -> bb.Batch:
 
 
 def _environment(task: str = "balance") -> bb.BallbotEnv:
-    env = bb.BallbotEnv(task, model="contact")
+    # A ground of their own takes a second to generate.
+    options = {"terrain": {"kind": "wave", "size_x": 8.0, "size_y": 8.0}} if task in ("terrain", "openballbot") else {}
+    env = bb.BallbotEnv(task, model="contact", **options)
     env.reset(seed=0)
     return env
 
