@@ -58,6 +58,12 @@ pub struct Watch {
     left: u64,
 }
 
+impl Default for Watch {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Watch {
     /// For work that begins now.
     pub fn new() -> Self {
