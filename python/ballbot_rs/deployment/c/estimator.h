@@ -13,6 +13,7 @@ typedef struct {
     ballbot_real wheel_rates[3];   /* last reading, rad/s */
     ballbot_real expected[3];      /* wheel rates that follow from the estimates, rad/s */
     ballbot_real covariance[9][9]; /* of the errors */
+    ballbot_real cross[9];         /* covariance of the errors with the relative error of the rolling */
     int slipping[3];               /* whether a wheel slipped in the last step */
     int begun;                     /* whether there was a reading */
 } ballbot_estimator;
@@ -99,6 +100,7 @@ static inline void ballbot_estimator_begin(ballbot_estimator *e, const ballbot_s
         e->lean_bias[i] = 0;
     }
     for (i = 0; i < 9; i++) {
+        e->cross[i] = 0;
         for (j = 0; j < 9; j++) {
             e->covariance[i][j] = 0;
         }

@@ -1,10 +1,13 @@
 /* What the wheels tell: rows of H, effects of the body rate, G = P H' + C and C, the covariance of the noise of the
- * gyroscope in the prediction of attitude and wheel rates. */
+ * gyroscope in the prediction of attitude and wheel rates; wheel rates by the ball's rolling, and their covariance with
+ * its relative error, which is considered, not estimated. */
 typedef struct {
     ballbot_real h[3][9];
     ballbot_real by_rate[3][3];
     ballbot_real g[3][9];
     ballbot_real shared[3][9];
+    ballbot_real rolling[3];
+    ballbot_real of_rolling[3];
     ballbot_real innovation[3];
     ballbot_real s[3][3];
 } ballbot_measurement;
@@ -36,10 +39,12 @@ static inline void ballbot_measure_wheel(
     m->h[i][6] = by_velocity[0];
     m->h[i][7] = by_velocity[1];
     m->h[i][8] = c[2];
+    m->rolling[i] = ballbot_dot(c, now->ball_rate, 2);
+    m->of_rolling[i] = ballbot_dot(m->h[i], e->cross, 9) + BALLBOT_ESTIMATOR_ROLLING_VARIANCE * m->rolling[i];
     ballbot_times(now->matrix, m->by_rate[i], m->shared[i]);
     for (j = 0; j < 9; j++) {
         m->shared[i][j] = j < 3 ? BALLBOT_ESTIMATOR_GYRO_VARIANCE * dt * m->shared[i][j] : 0;
-        m->g[i][j] = m->shared[i][j] + ballbot_dot(e->covariance[j], m->h[i], 9);
+        m->g[i][j] = m->shared[i][j] + ballbot_dot(e->covariance[j], m->h[i], 9) + e->cross[j] * m->rolling[i];
     }
 }
 
@@ -61,6 +66,7 @@ static inline void ballbot_gate(
             continue;
         }
         m->innovation[i] = 0;
+        m->of_rolling[i] = 0;
         for (j = 0; j < 9; j++) {
             m->g[i][j] = 0;
         }
@@ -95,16 +101,19 @@ static inline void ballbot_apply(ballbot_estimator *e, ballbot_measurement *m)
     const ballbot_real vy = e->velocity[1];
     ballbot_real inverse[3][3];
     ballbot_real weighted[3];
+    ballbot_real considered[3];
     ballbot_real error[9];
     ballbot_real small[4];
     int i, j;
     ballbot_inverse(m->s, inverse);
     ballbot_times(inverse, m->innovation, weighted);
+    ballbot_times(inverse, m->of_rolling, considered);
     for (i = 0; i < 9; i++) {
         const ballbot_real column[3] = {m->g[0][i], m->g[1][i], m->g[2][i]};
         ballbot_real gain[3];
         ballbot_times(inverse, column, gain);
         error[i] = ballbot_dot(column, weighted, 3);
+        e->cross[i] -= ballbot_dot(column, considered, 3);
         for (j = i; j < 9; j++) {
             e->covariance[i][j] -= gain[0] * m->g[0][j] + gain[1] * m->g[1][j] + gain[2] * m->g[2][j];
             e->covariance[j][i] = e->covariance[i][j];
@@ -134,6 +143,7 @@ static inline void ballbot_correct(
         const ballbot_real change = now.wheel_rates[i] - e->expected[i];
         for (j = 0; j < 3; j++) {
             m.s[i][j] = ballbot_dot(m.h[i], m.g[j], 9) + ballbot_dot(m.h[j], m.shared[i], 9)
+                + m.rolling[i] * m.of_rolling[j]
                 + BALLBOT_ESTIMATOR_GYRO_VARIANCE * ballbot_dot(m.by_rate[i], m.by_rate[j], 3);
         }
         m.s[i][i] += BALLBOT_ESTIMATOR_ENCODER_VARIANCE + BALLBOT_ESTIMATOR_UNEVEN * change * change;

@@ -60,6 +60,7 @@ static inline void ballbot_predict(
     ballbot_real small[4];
     ballbot_real halfway[4];
     ballbot_transition f;
+    ballbot_real cross[9];
     int i;
     for (i = 0; i < 3; i++) {
         first[i] = e->gyro[i] - e->gyro_bias[i];
@@ -88,4 +89,8 @@ static inline void ballbot_predict(
     e->velocity[0] += dt * force[0];
     e->velocity[1] += dt * force[1];
     ballbot_advance(e->covariance, &f);
+    ballbot_transit(&f, e->cross, cross);
+    for (i = 0; i < 9; i++) {
+        e->cross[i] = cross[i];
+    }
 }

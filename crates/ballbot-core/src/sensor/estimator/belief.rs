@@ -1,6 +1,6 @@
 //! What an estimator keeps of a robot from one reading to the next.
 
-use super::covariance::{Covariance, NUMBERS};
+use super::covariance::{Covariance, NUMBERS, STATES};
 use crate::lanes::{Lane, Memory, Quat, Vec3};
 
 /// Numbers before the covariance.
@@ -9,8 +9,11 @@ const BEFORE: usize = 36;
 /// Where [`Belief::begun`] is.
 const BEGUN: usize = BEFORE - 1;
 
+/// Where [`Belief::cross`] is.
+const CROSS: usize = BEFORE + NUMBERS;
+
 /// Numbers of a [`Belief`].
-pub const LEN: usize = BEFORE + NUMBERS;
+pub const LEN: usize = CROSS + STATES;
 
 /// The estimated quantities with what the next step needs of this one.
 #[derive(Clone, Copy)]
@@ -45,11 +48,17 @@ pub struct Belief<L> {
     pub begun: L,
     /// Covariance of the estimation error.
     pub covariance: Covariance<L>,
+    /// Its covariance with the relative error of the rolling, which is not estimated.
+    pub cross: [L; STATES],
 }
 
 impl<L: Lane> Belief<L> {
     #[inline(always)]
     pub fn load(memory: &Memory<'_, L>) -> Self {
+        let mut cross = [memory.get(CROSS); STATES];
+        for (i, number) in cross.iter_mut().enumerate() {
+            *number = memory.get(CROSS + i);
+        }
         Self {
             attitude: quat(memory, 0),
             gyro_bias: vec3(memory, 4),
@@ -66,6 +75,7 @@ impl<L: Lane> Belief<L> {
             slipping: three(memory, 32),
             begun: memory.get(BEGUN),
             covariance: Covariance::load(memory, BEFORE),
+            cross,
         }
     }
 
@@ -115,6 +125,9 @@ impl<L: Lane> Belief<L> {
             memory.set(i, number);
         }
         self.covariance.store(memory, BEFORE);
+        for (i, number) in self.cross.into_iter().enumerate() {
+            memory.set(CROSS + i, number);
+        }
     }
 
     /// Makes the next reading of the robots in `mask` the first of their episode.

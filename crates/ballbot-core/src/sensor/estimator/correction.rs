@@ -15,7 +15,8 @@ impl Estimator {
     /// Corrects the estimates by the wheels that do not slip.
     ///
     /// A wheel rate is the mean over the step, and so is its prediction. The noise of the gyroscope is in the prediction of
-    /// attitude and of wheel rates alike; `shared` is their covariance.
+    /// attitude and of wheel rates alike; `shared` is their covariance. The relative error of the rolling is constant, so that
+    /// no mean over readings takes it away: it is considered with its covariance, not estimated (Schmidt).
     #[inline(always)]
     pub(super) fn correct<L: Lane>(&self, belief: &mut Belief<L>, readings: &Readings<L>) {
         let (dt, o) = (self.dt, &self.options);
@@ -35,6 +36,9 @@ impl Estimator {
         let mut by_rate = [Vec3::zero(like); 3];
         let mut g = [[zero; STATES]; 3];
         let mut shared = [[zero; STATES]; 3];
+        // Wheel rates by the ball's rolling, and their covariance with its relative error.
+        let mut rolling = [zero; 3];
+        let mut of_rolling = [zero; 3];
         for i in 0..3 {
             let row = &self.odometry.rows[i];
             let own = Vec3::new(like.splat(row[0]), like.splat(row[1]), like.splat(row[2]));
@@ -59,7 +63,12 @@ impl Estimator {
             shared[i][0] = common.x;
             shared[i][1] = common.y;
             shared[i][2] = common.z;
+            rolling[i] = c.x.mul_add(expected.ball_rate.x, c.y * expected.ball_rate.y);
+            of_rolling[i] = rolling[i].mul_add_all(o.rolling_error * o.rolling_error, dot(&h[i], &belief.cross));
             g[i] = belief.covariance.times(&h[i]);
+            for (own, &cross) in g[i].iter_mut().zip(&belief.cross) {
+                *own = cross.mul_add(rolling[i], *own);
+            }
             for j in 0..3 {
                 g[i][j] += shared[i][j];
             }
@@ -71,7 +80,7 @@ impl Estimator {
         for i in 0..3 {
             for j in 0..3 {
                 let of_rate = by_rate[i].dot(by_rate[j]) * gyro_variance;
-                s[i][j] = dot(&h[i], &g[j]) + dot(&h[j], &shared[i]) + of_rate;
+                s[i][j] = dot(&h[i], &g[j]) + dot(&h[j], &shared[i]) + rolling[i] * of_rolling[j] + of_rate;
             }
             let change = expected.wheel_rates[i] - belief.expected[i];
             s[i][i] = change.squared().mul_add_all(UNEVEN * UNEVEN, s[i][i] + encoder_variance);
@@ -83,6 +92,7 @@ impl Estimator {
             let slips = surprise | self.jump.exceeded(i, change, turning);
             belief.slipping[i] = L::select(slips, like.splat(1.0), zero);
             innovation[i] = L::select(slips, zero, innovation[i]);
+            of_rolling[i] = L::select(slips, zero, of_rolling[i]);
             for gain in &mut g[i] {
                 *gain = L::select(slips, zero, *gain);
             }
@@ -97,6 +107,10 @@ impl Estimator {
         let mut error = [zero; STATES];
         for (j, error) in error.iter_mut().enumerate() {
             *error = Vec3::new(g[0][j], g[1][j], g[2][j]).dot(weighted);
+        }
+        let considered = inverse.times(of_rolling.into());
+        for (j, cross) in belief.cross.iter_mut().enumerate() {
+            *cross -= Vec3::new(g[0][j], g[1][j], g[2][j]).dot(considered);
         }
         belief.covariance.reduce(&g, &inverse);
 

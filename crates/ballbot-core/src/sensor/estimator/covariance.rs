@@ -135,7 +135,7 @@ impl<L: Lane> Covariance<L> {
 impl<L: Lane> Transition<L> {
     /// F x.
     #[inline(always)]
-    fn apply(&self, x: &[L; STATES]) -> [L; STATES] {
+    pub fn apply(&self, x: &[L; STATES]) -> [L; STATES] {
         let bias = Vec3::new(x[BIAS], x[BIAS + 1], x[BIAS + 2]);
         let mut out = *x;
         for i in 0..3 {

@@ -54,7 +54,8 @@ pub struct Estimate<L> {
     pub lean_bias: [L; 2],
     /// Covariance of the attitude error, a rotation vector in the inertial frame, rad².
     pub attitude_covariance: Mat3<L>,
-    /// Covariance of the horizontal velocity of the IMU, heading frame of the estimate, (m/s)²: xx, xy, yy.
+    /// Covariance of the error of the IMU's horizontal velocity less what the error of the heading makes, inertial frame,
+    /// (m/s)²: xx, xy, yy.
     pub velocity_covariance: [L; 3],
     /// 1 for a wheel that slipped in the last step, else 0.
     pub slipping: [L; 3],
@@ -122,6 +123,7 @@ impl Estimator {
             slipping: [zero; 3],
             begun: zero,
             covariance: Covariance::diagonal(variances),
+            cross: [zero; STATES],
         };
         belief.expected = self.expected(&belief, &rotation, rate).wheel_rates;
         belief.store(memory);

@@ -16,6 +16,7 @@ impl Estimator {
             .number("velocity_step", (o.accelerometer_noise * dt).powi(2))
             .number("spin_step", o.spin_walk.powi(2) * dt)
             .number("encoder_variance", 2.0 * (o.encoder_noise / dt).powi(2))
+            .number("rolling_variance", o.rolling_error.powi(2))
             .number("start_attitude", o.start_attitude.powi(2))
             .number("start_bias", o.gyro_bias.powi(2))
             .number("start_velocity", o.start_velocity.powi(2))

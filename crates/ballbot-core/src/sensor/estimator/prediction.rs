@@ -40,6 +40,7 @@ impl Estimator {
         };
         belief.velocity = [force.x.mul_add_all(dt, vx), force.y.mul_add_all(dt, vy)];
         let o = &self.options;
+        belief.cross = transition.apply(&belief.cross);
         belief.covariance.advance(
             &transition,
             &StepNoise {

@@ -254,6 +254,7 @@ fn options_and_time_steps_out_of_range_are_refused_by_name() {
         (EstimatorOptions { encoder_noise: f64::NAN, ..d }, 0.01, "encoder_noise"),
         (EstimatorOptions { accelerometer_noise: -1.0, ..d }, 0.01, "accelerometer_noise"),
         (EstimatorOptions { imu_position: [0.0, 0.0, f64::INFINITY], ..d }, 0.01, "imu_position[2]"),
+        (EstimatorOptions { rolling_error: 0.6, ..d }, 0.01, "rolling_error"),
         (EstimatorOptions { slip_gate: 0.5, ..d }, 0.01, "slip_gate"),
         (EstimatorOptions { lean_time: 0.0, ..d }, 0.01, "lean_time"),
         (d, 0.0, "dt"),

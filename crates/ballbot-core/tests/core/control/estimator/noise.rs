@@ -1,10 +1,10 @@
 //! Consistency of the covariance, and accuracy under noise.
 
 use super::options;
-use super::record::{Filter, Noise, Plan, Record, Sensors, attitude_error};
+use super::record::{Filter, Noise, Plan, Record, Sensors, attitude_error, imu_velocity};
 use ballbot_core::sensor::estimator::EstimatorOptions;
 use ballbot_core::{ModelKind, Params, State};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix2, Matrix3, Rotation2, UnitQuaternion, Vector3};
 
 const SEEDS: u64 = 100;
 
@@ -16,6 +16,7 @@ fn told(noise: &Noise) -> EstimatorOptions {
         gyro_bias_walk: 0.0,
         accelerometer_noise: noise.accelerometer,
         encoder_noise: noise.tick / 12.0_f64.sqrt(),
+        rolling_error: 0.0,
         ..options()
     }
 }
@@ -68,4 +69,48 @@ fn errors_are_what_the_covariance_says() {
     assert!(inside > 850, "{inside} of 1000 steps inside the band");
     let [tilt, velocity, position] = rms;
     assert!(tilt < 2e-3 && velocity < 0.015 && position < 0.02, "RMS {rms:?}");
+}
+
+/// Mean over steps and robots of the squared error of the velocity by its covariance, 2 if they agree, of robots whose
+/// wheels are by `error` larger or smaller than the filter knows.
+fn velocity_squares(options: &EstimatorOptions, error: f64) -> f64 {
+    let nominal = Params::paper();
+    let (mut sum, mut count) = (0.0, 0.0);
+    for seed in 0..16 {
+        let side = if seed % 2 == 0 { error } else { -error };
+        let params = Params { wheel_radius: nominal.wheel_radius * (1.0 + side), ..nominal.clone() };
+        let record = Record::driven(&params, ModelKind::Spatial, &Plan::default());
+        let noisy = record.with_noise(&Noise::default(), seed);
+        let mut filter = Filter::new(&nominal, options, record.dt, &record.states[0], &noisy.readings[0]);
+        for (k, truth) in record.states.iter().enumerate().skip(1) {
+            let found = filter.update(&noisy.readings[k]);
+            if k <= 100 {
+                continue;
+            }
+            // Less what the error of the heading makes.
+            let heading = Rotation2::new(attitude_error(truth, &found).z);
+            let error = imu_velocity(truth).xy() - heading * imu_velocity(&found).xy();
+            let [xx, xy, yy] = filter.estimate().velocity_covariance;
+            sum += error.dot(&(Matrix2::new(xx, xy, xy, yy).try_inverse().unwrap() * error));
+            count += 1.0;
+        }
+    }
+    sum / count
+}
+
+/// They are constant, so no mean over readings takes them away.
+#[test]
+fn the_covariance_has_the_error_of_the_wheels() {
+    let sure = told(&Noise::default());
+    let aware = EstimatorOptions { rolling_error: EstimatorOptions::default().rolling_error, ..sure };
+    let one = aware.rolling_error;
+    let of = |options: &EstimatorOptions, error: f64| {
+        let found = velocity_squares(options, error);
+        println!("velocity, rolling_error = {}, wheels off by {error}: {found:.2}", options.rolling_error);
+        found
+    };
+    assert!((1.2..2.4).contains(&of(&sure, 0.0)));
+    assert!(of(&sure, one) > 6.0);
+    assert!((1.2..2.4).contains(&of(&aware, one)));
+    assert!((0.3..1.5).contains(&of(&aware, 0.0)));
 }

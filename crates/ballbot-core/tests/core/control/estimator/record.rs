@@ -53,7 +53,7 @@ pub struct Record {
 }
 
 /// Velocity of the IMU, inertial frame, m/s.
-fn imu_velocity(state: &State) -> Vector3<f64> {
+pub fn imu_velocity(state: &State) -> Vector3<f64> {
     state.body_velocity + state.body_quaternion * state.body_angular_velocity.cross(&Vector3::from(IMU))
 }
 
