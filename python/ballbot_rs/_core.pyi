@@ -1046,7 +1046,8 @@ class Reference:
     more traction or torque than the robot has is refused with the time that would do.
 
     Arguments of all of them:
-        params: the robot that is to follow it; None is the paper's.
+        params: the robot that is to follow it; None is the robot that `simulate` and `Batch.rollout` run it on, and the
+            paper's for all else.
         yaw: heading at first, rad.
         yaw_rate: rate to which the heading comes within a second, rad/s.
         friction: share of the friction limit of the wheels that the motion may take, from 0.01 to 1; None allows any.
@@ -1166,6 +1167,16 @@ class Reference:
         """Setpoint at `time` (s): arrays and numbers by the names of its parts, as controllers take them."""
     def sample(self, times: npt.ArrayLike) -> dict[str, _Array]:
         """Setpoints at `times`, shape (n,), s: arrays by name, with n rows each."""
+    def for_robot(self, params: _Robot) -> Reference:
+        """The same motion on the robot of `params`, as `simulate` and `Batch.rollout` take it.
+
+        Raises:
+            ValueError: a motion that this robot cannot follow; a reference that was made with `params` of another robot, which
+                leans otherwise.
+        """
+    @property
+    def params(self) -> Params | None:
+        """The robot that it was made with; None if none was named."""
     @property
     def duration(self) -> float | None:
         """When the motion ends, s; None if it does not."""
@@ -1175,7 +1186,7 @@ class Reference:
     def slowdown(self, friction: float = 1.0) -> float | None:
         """The least factor by which the motion must be slowed down for its demand to be `friction`; None if none below 1000 does."""
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
-        """Calls the method that made it. What it takes of the robot was checked then."""
+        """Calls the method that made it."""
 
 @final
 class Batch:
@@ -1308,8 +1319,8 @@ class Batch:
             ValueError: as `step`, another shape of states, or a quaternion that is not of unit length. What `motion` raises; all environments must then be reset.
         """
     def final_observations(self) -> npt.NDArray[np.float32]:
-        """Last observations of the episodes that the last step ended and reset, shape (num_envs, observation_len); other
-        rows have no meaning.
+        """Last observations of the episodes that the last step ended, shape (num_envs, observation_len); other rows have no
+        meaning.
         """
     def infos(self) -> list[dict[str, Any]]:
         """Infos of the last step for Stable-Baselines3, one dict an environment: `TimeLimit.truncated`, and more where
@@ -1490,7 +1501,8 @@ class Batch:
             controller: as in `control`.
             steps: how many.
             setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list of one each.
-                A reference should be made for the robot; it goes on where an episode ends and another begins.
+                A reference without `params` is that of the controller's robot; it goes on where an episode ends and another
+                begins.
             record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
                 `wheel_slip_speeds`, `floor_force`, `bot_floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
                 step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success`,
@@ -1505,7 +1517,7 @@ class Batch:
             a dict of them by term. Where an episode ends, the row after it depends on `autoreset`.
 
         Raises:
-            ValueError: an unknown record, or as `control` and `step`.
+            ValueError: an unknown record, a reference of another robot than the controller's, or as `control` and `step`.
             TypeError: as `control`.
             MemoryError: the records need more memory than there is.
             KeyboardInterrupt: Ctrl-C. The robots have come some of the way then; where a single step takes long, all must be

@@ -1,6 +1,7 @@
 """One robot along a reference, under pushes and forces."""
 
 import copy
+import functools
 import pickle
 
 import numpy as np
@@ -51,6 +52,55 @@ def test_a_reference_says_where_the_robot_begins_and_how_long_it_runs():
     away = bb.simulate("lqr", reference=line, position=(0.4, 0.5), yaw=0.0, tilt=(0.02, 0.0), seconds=1.0)
     assert away.states[0].ball_position[:2].tolist() == [0.4, 0.5]
     assert away.states[0].tilt_components[0] == pytest.approx(0.02)
+
+
+HEAVY = bb.Params.paper().replace(body_mass=12.0, body_com_height=0.35, body_inertia=(1.0, 1.0, 0.1))
+
+
+def test_a_reference_is_that_of_the_robot_that_follows_it():
+    """It was that of the paper's robot, whatever robot ran."""
+    motion = bb.Reference.circle(0.5, 10.0)
+    assert motion.params is None
+    own = bb.Reference.circle(0.5, 10.0, params=HEAVY)
+    assert own.params == HEAVY
+    run = functools.partial(bb.simulate, "lqr", robot=HEAVY, seconds=15.0)
+    expected = run(reference=own)
+    np.testing.assert_array_equal(run(reference=motion).to_array(), expected.to_array())
+    assert expected.metrics().position_error_rms < 0.002
+    # The setpoints of the paper's robot, which are still to be had.
+    other = run(reference=lambda time: motion(time))
+    assert other.metrics().position_error_rms > 5.0 * expected.metrics().position_error_rms
+    with pytest.raises(ValueError, match=r"the Reference 'circle' was made with params of another robot, which leans"):
+        run(reference=bb.Reference.circle(0.5, 10.0, params="paper"))
+    # Of the same lean, on other ground.
+    slippery = HEAVY.replace(floor_dynamic_friction=0.5, floor_static_friction=0.6)
+    assert bb.simulate("lqr", robot=slippery, seconds=0.1, reference=own).fell_at is None
+    with pytest.raises(ValueError, match="of the traction and torque of the robot"):
+        run(reference=bb.Reference.circle(0.5, 2.5))
+
+
+def test_a_batch_follows_the_reference_of_the_robot_of_its_controller():
+    motion, own = bb.Reference.circle(0.5, 10.0), bb.Reference.circle(0.5, 10.0, params=HEAVY)
+    law = bb.Controller("lqr", HEAVY)
+
+    def states(reference):
+        batch = bb.Batch(2, params=HEAVY, max_wheel_torque=5.0, num_threads=1)
+        batch.reset(starts=[bb.State.at_rest(HEAVY)] * 2)
+        return batch.rollout(law, 300, reference)["states"]
+
+    np.testing.assert_array_equal(states(motion), states(own))
+    np.testing.assert_array_equal(states([motion, own]), states(own))
+    np.testing.assert_array_equal(states(motion.for_robot(HEAVY)), states(own))
+    with pytest.raises(ValueError, match="params of another robot"):
+        states([motion, bb.Reference.circle(0.5, 10.0, params="kugle")])
+
+
+@pytest.mark.parametrize("motion", [bb.Reference.circle(0.5, 10.0), bb.Reference.circle(0.5, 10.0, friction=0.1)])
+def test_a_reference_that_crosses_between_processes_is_of_any_robot_still(motion):
+    again = pickle.loads(pickle.dumps(motion))
+    assert again.params is None
+    np.testing.assert_array_equal(again.for_robot(HEAVY)(3.0)["snap"], motion.for_robot(HEAVY)(3.0)["snap"])
+    assert again.for_robot("kugle").params == bb.Params.preset("kugle")
 
 
 def test_the_time_step_of_the_model_is_in_the_results():

@@ -203,12 +203,41 @@ def test_options_of_environments(task):
     assert not [wrong for wrong in found if wrong]
 
 
+@pytest.mark.parametrize("model", ["planar", "spatial", "contact", "rigid"])
+def test_terms_of_events(model):
+    """A term that the model does not have randomized nothing."""
+    ripple = [{"term": "roller_ripple", "range": [1e-4, 1e-4]}] if model in ("contact", "rigid") else []
+    options = {"max_wheel_torque": 3.0, "max_episode_steps": 40, "fall_tilt": 3.0}
+
+    def run(*others, events=()):
+        batch = bb.Batch(4, model=model, seed=3, num_threads=1, events=[*others, *events], **options)
+        found = [batch.reset()]
+        for step in range(30):
+            actions = (0.4 if step < 10 else 1.0) * np.sin(np.arange(12.0).reshape(4, 3) + 0.3 * step)
+            found += [*batch.step(actions)[:2], batch.states()]
+        return found
+
+    found = []
+    for term, value in PAPER.to_dict().items():
+        others = ripple if term in ("roller_count", "roller_phases") else []
+        if term == "floor_static_friction" and ripple:
+            # A floor that slips.
+            others = [{"term": "floor_dynamic_friction", "range": [0.03, 0.03]}]
+        op, ranges = ("scale", ([0.9, 0.9], [1.02, 1.05], [0.05, 0.06])) if np.any(value) else ("add", ([0.01, 0.02],))
+        ranges = {"roller_ripple": ([1e-4, 2e-4],), "roller_phases": ([1.0, 2.0],)}.get(term, ranges)
+        events = [[{"term": term, "op": op, "range": list(pair)}] for pair in ranges]
+        if wrong := changes(functools.partial(run, *others), "events", events, {}, named=term):
+            found.append((term, wrong))
+    assert not found
+
+
 # Controllers ---------------------------------------------------------------------------------------------------------
 
 #: Options that act together with others, or need other values.
 CONTROLLER_OPTIONS: dict[str, list[Any]] = {
-    "hierarchical_sliding_mode.leakage": [With(20.0, adaptation=50.0, switching=0.25, layer=0.05)],
+    "hierarchical_sliding_mode.leakage": [Refused(0.5), With(20.0, adaptation=50.0, switching=0.25, layer=0.05)],
     "hierarchical_sliding_mode.max_switching": [
+        Refused(3.0),
         With(0.3, adaptation=500.0, switching=0.25, layer=0.05),
     ],
     "hierarchical_sliding_mode.adaptation": [With(50.0, switching=0.25, layer=0.05)],
@@ -451,7 +480,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "controller": "lqi",
             "robot": "kugle",
             "model": "rigid",
-            "reference": {"position": (0.1, 0.0)},
+            "reference": bb.Reference.line((0.1, 0.0), 2.0),
             "pushes": [bb.Push((0.1, 0.0, 0.0), 0.1)],
             "forces": [bb.Force((0.1, 0.0, 0.0))],
             "seconds": 0.2,

@@ -365,7 +365,7 @@ def test_after_an_exception_the_next_episode_begins_properly(mode, method):
 
 def test_last_observations_are_in_the_infos_of_every_mode():
     for mode in ("same_step", "next_step", "disabled"):
-        for task in ("me/Spin-v0",):
+        for task in ("me/Spin-v0", "balance"):
             options = {"max_episode_steps": 3, "model": "contact"}
             batch = new_batch(3, task=task, autoreset=mode, seed=1, options=options)
             batch.reset()

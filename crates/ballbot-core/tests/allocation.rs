@@ -97,7 +97,7 @@ fn steps_allocate_nothing() {
     assert_eq!(allocations(&brief, None), 0, "contact");
     // Events included: at resets and, the friction and pushes, within episodes.
     let push = Event { when: When::Every([0.01, 0.02]), ..Event::new("push", [0.0, 1e-3]) };
-    let friction = Event { when: When::At(0.01), ..Event::new("floor_dynamic_friction", [0.9, 1.0]) };
+    let friction = Event { when: When::At(0.01), optional: true, ..Event::new("floor_dynamic_friction", [0.9, 1.0]) };
     let events = vec![push, friction, Event::new("gravity", [9.0, 10.0]), Event::new("ball_radius", [0.112, 0.113])];
     assert_eq!(allocations(&BalanceConfig { events, ..brief.clone() }, None), 0, "contact with events");
     let scan = ScanOptions { noise: 0.01, dropout: 0.1, latency: 0.02, rate: 0.0, ..ScanOptions::default() };

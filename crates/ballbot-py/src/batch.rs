@@ -398,8 +398,8 @@ impl PyBatch {
         })
     }
 
-    /// Last observations of the episodes that the last step ended and reset, shape (num_envs, observation_len); other
-    /// rows have no meaning.
+    /// Last observations of the episodes that the last step ended, shape (num_envs, observation_len); other rows have no
+    /// meaning.
     fn final_observations<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f32>> {
         let inner = self.inner.read()?;
         let shape = [inner.batch.len(), inner.batch.observation_len()];
@@ -876,7 +876,8 @@ impl PyBatch {
     ///     controller: as in `control`.
     ///     steps: how many.
     ///     setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list of one each.
-    ///         A reference should be made for the robot; it goes on where an episode ends and another begins.
+    ///         A reference without `params` is that of the controller's robot; it goes on where an episode ends and another
+    ///         begins.
     ///     record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
     ///         `wheel_slip_speeds`, `floor_force`, `bot_floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
     ///         step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success`,
@@ -891,7 +892,7 @@ impl PyBatch {
     ///     a dict of them by term. Where an episode ends, the row after it depends on `autoreset`.
     ///
     /// Raises:
-    ///     ValueError: an unknown record, or as `control` and `step`.
+    ///     ValueError: an unknown record, a reference of another robot than the controller's, or as `control` and `step`.
     ///     TypeError: as `control`.
     ///     MemoryError: the records need more memory than there is.
     ///     KeyboardInterrupt: Ctrl-C. The robots have come some of the way then; where a single step takes long, all must be

@@ -119,12 +119,14 @@ pub(crate) fn constants_dict<'py>(py: Python<'py>, constants: &Constants) -> PyR
 pub(crate) struct PyController {
     name: String,
     class: &'static str,
+    /// The robot that it is made for.
+    pub(crate) params: Params,
     pub(crate) law: Exclusive<Box<dyn Controller>>,
 }
 
 impl PyController {
-    fn new(name: &str, class: &'static str, law: impl Controller + 'static) -> Self {
-        Self { name: name.to_owned(), class, law: Exclusive::new("controller", Box::new(law)) }
+    fn new(name: &str, class: &'static str, params: Params, law: impl Controller + 'static) -> Self {
+        Self { name: name.to_owned(), class, params, law: Exclusive::new("controller", Box::new(law)) }
     }
 
     pub(crate) fn check_part(&self, law: &dyn Controller, name: &str) -> PyResult<()> {
@@ -200,7 +202,7 @@ impl PyController {
         let control_dt = control_dt.or(kind.control_dt).unwrap_or(0.01);
         let limits = limits(kind.limits, max_torque, traction)?;
         let law = call(|| (kind.make)(&params, control_dt, &limits, &borrowed(&options)))?;
-        Ok(Self { name: name.to_owned(), class: "Controller", law: Exclusive::new("controller", law) })
+        Ok(Self { name: name.to_owned(), class: "Controller", params, law: Exclusive::new("controller", law) })
     }
 
     /// Wheel torques for the next `control_dt`, shape (3,), N·m.
@@ -319,7 +321,7 @@ impl PyPid {
         let params = or_paper(params)?;
         let limits = limits(LimitOptions::CAP, max_torque, traction)?;
         let pid = call(|| Pid::new(&params, control_dt, &gains, map)?.with_limits(&params, &limits))?;
-        Ok(PyClassInitializer::from(PyController::new("pid", "Pid", pid)).add_subclass(Self))
+        Ok(PyClassInitializer::from(PyController::new("pid", "Pid", params, pid)).add_subclass(Self))
     }
 }
 
@@ -413,8 +415,9 @@ impl PyLqr {
         weights: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let limits = limits(LimitOptions::TRACTION, max_torque, traction)?;
-        let lqr = regulator(&or_paper(params)?, control_dt, [Q, R], &limits, weights)?;
-        Ok(PyClassInitializer::from(PyController::new("lqr", "Lqr", lqr.clone())).add_subclass(Self(lqr)))
+        let params = or_paper(params)?;
+        let lqr = regulator(&params, control_dt, [Q, R], &limits, weights)?;
+        Ok(PyClassInitializer::from(PyController::new("lqr", "Lqr", params, lqr.clone())).add_subclass(Self(lqr)))
     }
 
     /// Deviation x that the gain multiplies, shape (10,), in the heading frame: m, rad, m/s, rad/s.

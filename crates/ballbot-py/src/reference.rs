@@ -6,7 +6,7 @@ use crate::errors::{call, to_python};
 use crate::numbers::{optional_real, real};
 use crate::params::{PyParams, or_paper};
 use ballbot_core::control::{Controller, MOTION_PARTS, Motion, Reference, Setpoint, Turning};
-use ballbot_core::{Params, Result};
+use ballbot_core::{Error, Params, Result};
 use nalgebra::DMatrix;
 use numpy::PyArray2;
 use pyo3::exceptions::PyTypeError;
@@ -21,7 +21,8 @@ type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 /// more traction or torque than the robot has is refused with the time that would do.
 ///
 /// Arguments of all of them:
-///     params: the robot that is to follow it; None is the paper's.
+///     params: the robot that is to follow it; None is the robot that `simulate` and `Batch.rollout` run it on, and the
+///         paper's for all else.
 ///     yaw: heading at first, rad.
 ///     yaw_rate: rate to which the heading comes within a second, rad/s.
 ///     friction: share of the friction limit of the wheels that the motion may take, from 0.01 to 1; None allows any.
@@ -31,7 +32,9 @@ type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 #[pyclass(name = "Reference", module = "ballbot_rs", frozen)]
 pub(crate) struct PyReference {
     kind: &'static str,
-    params: Params,
+    /// The robot, if it was given.
+    params: Option<Params>,
+    friction: Option<f64>,
     reference: Reference,
 }
 
@@ -46,9 +49,30 @@ fn common(yaw: f64, yaw_rate: f64, friction: Option<f64>) -> Common {
 }
 
 fn new(kind: &'static str, params: Argument<'_, '_>, motion: Motion, common: &Common) -> PyResult<PyReference> {
-    let params = or_paper(params)?;
+    let given = params.map(|params| or_paper(Some(params))).transpose()?;
+    let params = given.clone().map_or_else(|| or_paper(None), Ok)?;
     let reference = call(|| Reference::new(&params, motion, common.turning, common.friction))?;
-    Ok(PyReference { kind, params, reference })
+    Ok(PyReference { kind, params: given, friction: common.friction, reference })
+}
+
+impl PyReference {
+    /// The motion on a robot with `params`.
+    fn on(&self, params: &Params) -> Result<Reference> {
+        if self.params.as_ref().is_some_and(|own| own == params) {
+            return Ok(self.reference.clone());
+        }
+        if self.params.is_none() {
+            return Reference::new(params, self.reference.motion().clone(), self.reference.turning(), self.friction);
+        }
+        if self.reference.suits(params) {
+            return Ok(self.reference.clone());
+        }
+        Err(Error::Inconsistent(format!(
+            "the Reference '{}' was made with params of another robot, which leans otherwise in the same motion: make it \
+             without params, or with those of this robot",
+            self.kind
+        )))
+    }
 }
 
 /// Rows of x and y.
@@ -261,7 +285,24 @@ impl PyReference {
         py.detach(|| self.reference.slowdown(friction)).map_err(to_python)
     }
 
-    /// Calls the method that made it. What it takes of the robot was checked then.
+    /// The same motion on the robot of `params`, as `simulate` and `Batch.rollout` take it.
+    ///
+    /// Raises:
+    ///     ValueError: a motion that this robot cannot follow; a reference that was made with `params` of another robot, which
+    ///         leans otherwise.
+    fn for_robot(&self, params: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let params = or_paper(Some(params))?;
+        let reference = call(|| self.on(&params))?;
+        Ok(Self { kind: self.kind, params: Some(params), friction: self.friction, reference })
+    }
+
+    /// The robot that it was made with; None if none was named.
+    #[getter]
+    fn params(&self) -> Option<PyParams> {
+        self.params.clone().map(PyParams)
+    }
+
+    /// Calls the method that made it.
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, this) = (slf.py(), slf.get());
         let rows = |rows: &[[f64; 2]]| PyArray2::from_owned_array(py, rows.to_vec().into()).into_any();
@@ -285,10 +326,10 @@ impl PyReference {
         };
         let common = PyDict::new(py);
         let Turning { yaw, rate, .. } = this.reference.turning();
-        common.set_item("params", PyParams(this.params.clone()))?;
+        common.set_item("params", this.params.clone().map(PyParams))?;
         common.set_item("yaw", yaw)?;
         common.set_item("yaw_rate", rate)?;
-        common.set_item("friction", py.None())?;
+        common.set_item("friction", this.friction)?;
         let partial = py.import("functools")?.getattr("partial")?;
         Ok((partial.call((slf.get_type().getattr(this.kind)?,), Some(&common))?, arguments))
     }
@@ -311,7 +352,7 @@ impl References {
         value: &Bound<'_, PyAny>,
     ) -> PyResult<Option<Self>> {
         let references = if let Ok(one) = value.cast::<PyReference>() {
-            vec![one.get().reference.clone()]
+            vec![call(|| one.get().on(&controller.params))?]
         } else if value.cast::<PyDict>().is_err() && value.cast::<PySequence>().is_ok() {
             let each: Vec<Bound<'_, PyReference>> = value
                 .extract()
@@ -320,7 +361,7 @@ impl References {
                 let error = ballbot_core::Error::Length { name: "setpoints".into(), found: each.len(), expected: n };
                 return Err(to_python(error));
             }
-            each.iter().map(|one| one.get().reference.clone()).collect()
+            each.iter().map(|one| call(|| one.get().on(&controller.params))).collect::<PyResult<_>>()?
         } else {
             return Ok(None);
         };

@@ -56,8 +56,9 @@ def simulate(
         robot: `Params`, the name of a preset, or a dict of parameters; None is a policy's own, else the paper's.
         model: of the robot; None is a policy's own, else "contact".
         reference: a `Reference`, a function that returns parts of a setpoint at a time (s), or a dict of parts that
-            stay, such as {"position": (1.0, 0.0)}; parts that a controller does not follow are left out. None is the
-            setpoint of the task.
+            stay, such as {"position": (1.0, 0.0)}; parts that a controller does not follow are left out. A `Reference`
+            without `params` is that of this robot; the function `lambda time: reference(time)` leaves it as it was
+            made. None is the setpoint of the task.
         pushes: impulses on the body, at once or over a duration.
         forces: constant forces on the body. Both act as impulses at the beginnings of control steps.
         seconds: simulated time; None is until the reference ends, or 5 s if it does not.
@@ -75,7 +76,8 @@ def simulate(
         seed: of the events and sensors.
 
     Raises:
-        ValueError: a number out of range, a part of a setpoint that there is not, or as `compare`.
+        ValueError: a number out of range, a part of a setpoint that there is not, a `Reference` that this robot cannot
+            follow or that was made with `params` of another one, or as `compare`.
         TypeError: an argument of the wrong type, a reference that the controller cannot follow, or an option given
             twice.
         ControllerError: a controller in Python failed.
@@ -94,7 +96,8 @@ def simulate(
     seconds = _seconds(seconds, reference)
     impulses_of.check(pushes, forces, seconds)
     seed = check_seed(seed)
-    target = None if reference is None else _target(reference)
+    if reference is not None and not isinstance(reference, Reference):
+        _target(reference)
     found = find(controller, task=task, env_options=given)
     # Only a fall ends the episode: lengths in steps are for the task's own rate.
     options = {**common_options([found], given), "max_episode_steps": None}
@@ -110,6 +113,9 @@ def simulate(
         autoreset="disabled",
     )
     steps = max(round(seconds / batch.control_dt), 1)
+    if isinstance(reference, Reference):
+        reference = reference.for_robot(batch.nominal_params(0))
+    target = None if reference is None else _target(reference)
     # The robot that events make for the episode to come.
     batch.reset(seeds=[seed])
     begins = target(0.0) if target is not None and not isinstance(reference, Mapping) else {}

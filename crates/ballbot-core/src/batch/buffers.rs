@@ -30,7 +30,7 @@ pub struct StepBuffers<'a> {
     pub terminated: &'a mut [bool],
     /// Whether each episode was truncated.
     pub truncated: &'a mut [bool],
-    /// With [`super::Autoreset::SameStep`], rows of ended episodes get their last observation; other rows are left alone.
+    /// Rows of ended episodes get their last observation; other rows are left alone.
     pub final_observations: &'a mut [f32],
     /// Outcome of each step.
     pub outcomes: &'a mut [Outcome],

@@ -1,6 +1,6 @@
 //! Everything that defines an environment.
 
-use super::events::{Event, Plan, Setup, Stages, TASK_ID, Tests, When};
+use super::events::{Event, Plan, Setup, Stages, TASK_ID, Tests, When, check_effects, refused};
 use super::levels::Levels;
 use super::observation::Observation;
 use crate::actuator::{Actuator, Ideal, IndividualMotors, MotorOptions, Motors};
@@ -242,7 +242,33 @@ impl<T: Task> EnvConfig<T> {
         self.reward.validate()?;
         self.check_terrain()?;
         self.perception()?;
-        self.plan().and_then(|plan| plan.map_or(Ok(()), |plan| self.check_events(&plan, &self.params)))
+        let Some(plan) = self.plan()? else { return Ok(()) };
+        check_effects(&self.events, self.model, &self.params)?;
+        self.check_torque_limits(&plan)?;
+        self.check_events(&plan, &self.params)
+    }
+
+    /// Checks that events on the torque of the motors limit a torque that actions ask for.
+    fn check_torque_limits(&self, plan: &Plan) -> Result<()> {
+        const TERM: &str = "max_wheel_torque";
+        let limits = |event: &Event| event.term == TERM && !event.optional;
+        let Some(place) = self.events.iter().position(limits) else { return Ok(()) };
+        let motors = plan.largest_options(&self.setup(&self.params)).actuators;
+        let peak = motors.peak_torque;
+        if peak > 0.0 {
+            return Err(refused(place, TERM, &format!("it changes nothing: the motors have peak_torque = {peak} N·m")));
+        }
+        let asked = self.action_torque() * motors.strength.into_iter().fold(0.0, f64::max);
+        let least = plan.least_torque(self.params.max_wheel_torque);
+        // The back-EMF of a motor with a torque-speed curve exceeds the command.
+        if motors.stall_torque > 0.0 || least < asked {
+            return Ok(());
+        }
+        let reason = format!(
+            "it changes nothing: motors of at least {least} N·m give all of the largest torque that actions ask for, \
+             {asked} N·m, the option max_wheel_torque times actuators.strength"
+        );
+        Err(refused(place, TERM, &reason))
     }
 
     /// Checks that the robots can start on the terrain, and that no event changes what it does not go with.

@@ -210,12 +210,12 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             if outcome.done() {
                 self.keep_metrics(i);
                 self.note_level(i);
-            }
-            if !outcome.done() {
-                self.renew_commands(i, observation);
-            } else if autoreset == Autoreset::SameStep {
                 buffers.final_observations[row].copy_from_slice(observation);
-                self.begin_at_random(i, observation);
+                if autoreset == Autoreset::SameStep {
+                    self.begin_at_random(i, observation);
+                }
+            } else {
+                self.renew_commands(i, observation);
             }
             buffers.write(i, outcome);
         }

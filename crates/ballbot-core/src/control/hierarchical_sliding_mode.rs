@@ -8,7 +8,7 @@ use super::tracking::{Deviation, Tracking};
 use super::{
     Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt,
 };
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check};
 use crate::fields::{Fields, Limit};
 use crate::lane_state::LaneState;
 use crate::lanes::{Lane, Memory};
@@ -36,9 +36,9 @@ crate::fields! {
         pub layer: f64 = 0.2, "rad/s", Limit::from(1e-6).to(1e6);
         /// γ, by which η grows with the distance from the boundary layer; 0 for a fixed η.
         pub adaptation: f64 = 0.0, "1/s²", Limit::from(0.0).to(1e6);
-        /// σ, the rate at which what η has grown by decays.
+        /// σ, the rate at which what η has grown by decays; with `adaptation` alone.
         pub leakage: f64 = 1.0, "1/s", Limit::from(0.0).to(1e3);
-        /// The largest η that is adapted, at least that without.
+        /// The largest η that is adapted, above `switching`; with `adaptation` alone.
         pub max_switching: f64 = 5.0, "rad/s²", Limit::from(0.0).to(1e6);
         /// Natural frequency of the heading.
         pub yaw_bandwidth: f64 = 4.0, "rad/s", Limit::from(1e-3).to(1e3);
@@ -51,6 +51,27 @@ crate::fields! {
         /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass
         /// change; 0 for no estimate.
         pub lean_observer: f64 = 0.0, "1/s", lean_observer::LIMIT;
+    }
+}
+
+impl SlidingModeOptions {
+    /// Checks that no option is without effect: those of the adaptation have none without it.
+    fn check_adaptation(&self) -> Result<()> {
+        let Self { switching, adaptation, leakage, max_switching, .. } = *self;
+        let usual = Self::default();
+        if adaptation > 0.0 {
+            let words = format_args!("above switching = {switching}, with adaptation = {adaptation}");
+            check("max_switching", max_switching, words, |most| most > switching)?;
+            return Ok(());
+        }
+        for (name, value, default) in
+            [("leakage", leakage, usual.leakage), ("max_switching", max_switching, usual.max_switching)]
+        {
+            if value != default {
+                return Err(Error::Inconsistent(format!("{name} = {value} changes nothing with adaptation = 0")));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -199,6 +220,7 @@ impl HierarchicalSlidingMode {
         limits: &LimitOptions,
     ) -> Result<Self> {
         check_control_dt(control_dt)?;
+        options.check_adaptation()?;
         let limits = TorqueLimits::new(params, limits)?;
         let max_torque = limits.max_torque();
         let observer = LeanObserver::new(params, &tracking, control_dt, options.lean_observer, max_torque)?;

@@ -171,7 +171,7 @@ fn next_step_ignores_the_action_of_an_ended_episode() {
 }
 
 #[test]
-fn same_step_writes_final_observations_of_ended_episodes_only() {
+fn final_observations_are_written_of_ended_episodes_only() {
     let mut batch = batch(&calm(6), 4, Autoreset::SameStep, 2);
     batch.stagger();
     for k in 0..6 {
@@ -220,7 +220,10 @@ fn disabled_autoreset_requires_a_reset_after_the_end() {
     for k in 0..4 {
         let written = Written::of(&mut batch, &[0.0; 9]).unwrap();
         assert_eq!(written.truncated, [k == 3, false, k == 3]);
-        assert_eq!(written.final_observations, [UNTOUCHED; 3 * OBSERVATION_LEN]);
+        for i in 0..3 {
+            let last = if written.truncated[i] { written.observation(i) } else { &[UNTOUCHED; OBSERVATION_LEN] };
+            assert_eq!(written.final_observation(i), last, "environment {i}, step {k}");
+        }
     }
     assert!(refused(&mut batch, &[0.0; 9]).contains("environment 0 is over"));
 }

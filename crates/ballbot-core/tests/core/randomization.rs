@@ -67,16 +67,21 @@ fn at(time: f64, event: Event) -> Event {
     Event { when: When::At(time), ..event }
 }
 
+/// An event that models without its effect accept.
+fn optional(event: Event) -> Event {
+    Event { optional: true, ..event }
+}
+
 /// Events on masses, friction, geometry and motors, and within episodes.
 fn several() -> Vec<Event> {
     vec![
         scaled("body_mass", [0.8, 1.2]),
         Event { shared: true, ..scaled("body_inertia", [0.9, 1.1]) },
-        Event::new("wheel_dynamic_friction", [0.3, 1.0]),
+        optional(Event::new("wheel_dynamic_friction", [0.3, 1.0])),
         scaled("ball_radius", [0.97, 1.02]),
         Event { when: When::Startup, ..scaled("body_com_height", [0.9, 1.1]) },
         Event::new("wheel_viscous_friction", [0.0, 1e-3]),
-        every([0.03, 0.08], Event::new("floor_dynamic_friction", [0.3, 1.0])),
+        every([0.03, 0.08], optional(Event::new("floor_dynamic_friction", [0.3, 1.0]))),
         at(0.05, Event { operation: Operation::Scale, ..Event::new("push", [0.1, 0.3]) }),
         Event::new("actuators.delay", [0.0, 0.02]),
         Event::new("actuators.delay_jitter", [0.0, 0.01]),

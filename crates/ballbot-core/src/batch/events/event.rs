@@ -66,7 +66,8 @@ pub enum Direction {
 const MODES: [&str; 4] = ["startup", "reset", "interval", "at"];
 
 /// All keys of an event.
-const KEYS: [&str; 11] = ["term", "mode", "every", "at", "op", "dist", "range", "shared", "id", "direction", "height"];
+const KEYS: [&str; 12] =
+    ["term", "mode", "every", "at", "op", "dist", "range", "shared", "id", "optional", "direction", "height"];
 
 impl Operation {
     /// All of them.
@@ -132,6 +133,8 @@ pub struct Event {
     /// The key of its random numbers, from 1 on; `None` takes the checksum (CRC-32) of the term's name. No two events of
     /// a list have the same.
     pub id: Option<u64>,
+    /// Whether it is accepted where it changes nothing, as friction in a model without slip.
+    pub optional: bool,
     /// Of a push alone.
     pub direction: Direction,
     /// Of a push alone: height of its point on the mast above the ball's center, m; even between the two. `None` is the
@@ -150,6 +153,7 @@ impl Event {
             range: vec![range],
             shared: false,
             id: None,
+            optional: false,
             direction: Direction::Uniform,
             height: None,
         }
@@ -203,11 +207,13 @@ impl Event {
         if let Some(name) = text("dist")? {
             event.distribution = name.parse().map_err(|e: Error| refuse(&e))?;
         }
-        event.shared = match value("shared") {
-            None => false,
-            Some(Value::Flag(flag)) => *flag,
-            Some(other) => return Err(kind("shared", "true or false", other)),
+        let flag = |key: &str| match value(key) {
+            None => Ok(false),
+            Some(Value::Flag(flag)) => Ok(*flag),
+            Some(other) => Err(kind(key, "true or false", other)),
         };
+        event.shared = flag("shared")?;
+        event.optional = flag("optional")?;
         event.id = match value("id") {
             None => None,
             Some(Value::Whole(id)) if *id >= 1 => Some(id.unsigned_abs()),
@@ -260,6 +266,9 @@ impl Event {
         if let Some(id) = self.id {
             entries.push(("id", Value::Whole(i64::try_from(id).unwrap_or(i64::MAX))));
         }
+        if self.optional {
+            entries.push(("optional", Value::Flag(true)));
+        }
         if self.term == PUSH {
             entries.push((
                 "direction",
@@ -275,7 +284,7 @@ impl Event {
 }
 
 /// The error of the event at `place`.
-pub(super) fn refused(place: usize, term: &str, reason: &dyn std::fmt::Display) -> Error {
+pub fn refused(place: usize, term: &str, reason: &dyn std::fmt::Display) -> Error {
     Error::Inconsistent(format!("events[{place}] ({term}): {reason}"))
 }
 

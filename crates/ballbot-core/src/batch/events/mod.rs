@@ -5,6 +5,7 @@
 //! computed anew from the nominal robot and the present draws whenever one of them changes.
 
 mod check;
+mod effects;
 mod event;
 mod plan;
 mod robots;
@@ -14,7 +15,9 @@ mod setup;
 mod value;
 
 pub(super) use check::Tests;
+pub(super) use effects::check_effects;
 pub(super) use event::TASK_ID;
+pub(super) use event::refused;
 pub use event::{Direction, Distribution, Event, Operation, When};
 pub(super) use plan::Plan;
 pub(super) use robots::{Randomized, Saved};

@@ -116,6 +116,15 @@ impl Plan {
         }
     }
 
+    /// The least torque of a motor, `max_wheel_torque`, of any robot that the events make of one with `nominal`, N·m.
+    pub fn least_torque(&self, nominal: f64) -> f64 {
+        let changes = self.events.iter().filter(|event| event.event.term == "max_wheel_torque");
+        changes.fold(nominal, |least, event| {
+            // Nothing may have been drawn yet.
+            event.bounds().fold(least, |least, [low, _]| least.min(event.changed(least, low)))
+        })
+    }
+
     /// The largest value of each option of the stages of any robot that the events make of one with `nominal`.
     pub fn largest_options(&self, nominal: &Setup) -> Stages {
         let mut largest = nominal.clone();

@@ -93,6 +93,11 @@ impl Reference {
         }
     }
 
+    /// Whether its setpoints are those of a robot with `params`, too: both lean alike in the motion.
+    pub fn suits(&self, params: &Params) -> bool {
+        LeanPlanes::new(params).planes == self.planes.planes
+    }
+
     /// The motion that it was made of.
     pub fn motion(&self) -> &Motion {
         &self.motion

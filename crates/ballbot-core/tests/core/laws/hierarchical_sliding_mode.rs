@@ -237,7 +237,14 @@ fn torques_that_are_limited_raise_no_gain() {
     let kind = ballbot_core::control::controller_kind("hierarchical_sliding_mode").unwrap();
     let most: [(&str, &[f64]); 2] = [("adaptation", &[1.0]), ("max_switching", &[100.0])];
     assert!((kind.make)(&params, CONTROL_DT, &kind.limits, &most).is_err());
-    assert!((kind.make)(&params, CONTROL_DT, &kind.limits, &most[1..]).is_ok());
+    // Options that change nothing are refused.
+    let refused = |options: &[(&str, &[f64])], words: &str| {
+        let error = (kind.make)(&params, CONTROL_DT, &kind.limits, options).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    };
+    refused(&most[1..], "max_switching = 100 changes nothing with adaptation = 0");
+    refused(&[("leakage", &[0.5])], "leakage = 0.5 changes nothing with adaptation = 0");
+    refused(&[("adaptation", &[1.0]), ("max_switching", &[1.0])], "max_switching = 1 is out of range");
     let start = State::tilted(&params, Vector2::new(0.4, 0.1), 0.0);
     let mut robot = robot(&params, ModelKind::Contact, &start);
     let mut law = made("hierarchical_sliding_mode", &params, &ADAPTIVE[2..]);

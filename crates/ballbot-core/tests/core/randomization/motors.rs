@@ -232,7 +232,7 @@ fn events_that_motors_cannot_follow_are_refused() {
     }
     // Motors of the caller's own are alike on all robots.
     for term in ["actuators.strength", "max_wheel_torque"] {
-        let config = config(ModelKind::Contact, 10, &[Event::new(term, [0.9, 1.1])]);
+        let config = config(ModelKind::Contact, 10, &[Event::new(term, [0.2, 1.1])]);
         let ideal = Ideal { max_torque: 0.3 };
         let batch = Batch::with_stages(&config, &ideal, &Exact, 2, Autoreset::SameStep, Some(1), SEED);
         assert!(batch.map(|_| ()).unwrap_err().to_string().contains("of the caller's own"));

@@ -1,9 +1,10 @@
 //! Events that cannot be are refused where they are given, with their term.
 
-use super::{SEED, at, config, every, scaled};
+use super::{SEED, at, config, every, optional, scaled};
+use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{
-    Autoreset, Batch, Direction, Distribution, Event, Operation, Value, When, event_sets, events_from_toml,
-    events_to_toml, load_events,
+    Autoreset, BalanceConfig, Batch, Direction, Distribution, Event, Operation, Value, When, event_sets,
+    events_from_toml, events_to_toml, load_events,
 };
 use ballbot_core::task::Balance;
 use ballbot_core::{ModelKind, Params};
@@ -95,13 +96,68 @@ fn starts_that_cannot_be() {
     let events = [scaled("wheel_zenith", [1.0, 1.99])];
     for model in [ModelKind::Contact, ModelKind::Rigid] {
         let with = |events: &[Event]| {
-            let config = ballbot_core::batch::BalanceConfig { task: task.clone(), ..config(model, 10, events) };
+            let config = BalanceConfig { task: task.clone(), ..config(model, 10, events) };
             Batch::new(&config, 1, Autoreset::SameStep, Some(1), SEED)
         };
         with(&[]).unwrap();
         let error = with(&events).map(|_| ()).expect_err("wheels reach the floor").to_string();
         assert!(error.contains("events[0] (wheel_zenith)"), "{error}");
     }
+}
+
+#[test]
+fn events_that_change_nothing() {
+    let error = |config: BalanceConfig| {
+        let made = Batch::new(&config, 2, Autoreset::SameStep, Some(1), SEED);
+        made.map(|_| ()).map_err(|error| error.to_string())
+    };
+    let slip = [
+        "wheel_static_friction",
+        "wheel_dynamic_friction",
+        "floor_static_friction",
+        "floor_dynamic_friction",
+        "friction_critical_velocity",
+    ];
+    for term in slip {
+        let event = scaled(term, [1.0, 1.05]);
+        for model in [ModelKind::Planar, ModelKind::Spatial] {
+            let found = error(config(model, 10, std::slice::from_ref(&event))).unwrap_err();
+            let words =
+                [&format!("events[0] ({term})"), &format!("the model '{model}' has no slip"), "optional = true"];
+            assert!(words.iter().all(|word| found.contains(*word)), "{found}");
+            error(config(model, 10, &[optional(event.clone())])).unwrap();
+        }
+        for model in [ModelKind::Contact, ModelKind::Rigid] {
+            error(config(model, 10, std::slice::from_ref(&event))).unwrap();
+        }
+    }
+    // The rollers slip along their axles on any model but `planar`, at most with the friction of the wheel.
+    let caps = [scaled("wheel_dynamic_friction", [0.9, 1.0]), Event::new("roller_friction", [0.0, 0.1])];
+    error(config(ModelKind::Spatial, 10, &caps)).unwrap();
+
+    for term in ["roller_count", "roller_phases"] {
+        let event = Event::new(term, [5.0, 5.0]);
+        let found = error(config(ModelKind::Contact, 10, std::slice::from_ref(&event))).unwrap_err();
+        assert!(found.contains(&format!("events[0] ({term})")) && found.contains("roller_ripple"), "{found}");
+        error(config(ModelKind::Contact, 10, &[event, Event::new("roller_ripple", [0.0, 1e-4])])).unwrap();
+    }
+
+    // `config` has actions of 0.3 N·m.
+    let strong = Event::new("max_wheel_torque", [0.31, 5.0]);
+    let with = |events: &[Event], actuators: MotorOptions| {
+        error(BalanceConfig { actuators, ..config(ModelKind::Contact, 10, events) })
+    };
+    let ideal = MotorOptions::default;
+    let found = with(std::slice::from_ref(&strong), ideal()).unwrap_err();
+    assert!(found.contains("events[0] (max_wheel_torque)") && found.contains("0.31 N·m"), "{found}");
+    assert!(found.contains("0.3 N·m, the option max_wheel_torque times actuators.strength"), "{found}");
+    with(&[optional(strong.clone())], ideal()).unwrap();
+    with(&[Event::new("max_wheel_torque", [0.29, 5.0])], ideal()).unwrap();
+    with(&[strong.clone(), Event::new("actuators.strength", [1.0, 1.1])], ideal()).unwrap();
+    let curve = MotorOptions { stall_torque: 1.0, no_load_speed: 300.0, ..ideal() };
+    with(std::slice::from_ref(&strong), curve).unwrap();
+    let found = with(&[strong], MotorOptions { peak_torque: 0.2, ..ideal() }).unwrap_err();
+    assert!(found.contains("peak_torque = 0.2 N·m"), "{found}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The robots that events make.
 
-use super::{SEED, config, draw, draws, scaled, several, started};
+use super::{SEED, config, draw, draws, optional, scaled, several, started};
 use crate::run::{Run, actions};
 use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{
@@ -84,6 +84,7 @@ fn ranges_at_the_nominal_value_change_no_bit() {
         events.push(Event { id, operation: Operation::Add, ..Event::new(name, [0.0; 2]) });
         events.push(Event { id: Some(1000 + place as u64), ..scaled(name, [1.0; 2]) });
     }
+    let events: Vec<_> = events.into_iter().map(optional).collect();
     // Checks of 64 events at once take long.
     for (model, events) in ModelKind::ALL.into_iter().zip(events.chunks(events.len().div_ceil(4))) {
         for mode in [Autoreset::SameStep, Autoreset::NextStep] {

@@ -1,6 +1,6 @@
 //! When events fire.
 
-use super::{SEED, at, config, draw, draws, every, started};
+use super::{SEED, at, config, draw, draws, every, optional, started};
 use crate::run::actions;
 use ballbot_core::ModelKind;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event};
@@ -9,7 +9,7 @@ use ballbot_core::task::Balance;
 const CONTROL_DT: f64 = 0.01;
 
 fn friction() -> Event {
-    Event::new("floor_dynamic_friction", [0.5, 1.0])
+    optional(Event::new("floor_dynamic_friction", [0.5, 1.0]))
 }
 
 #[test]

@@ -1,0 +1,41 @@
+//! Events that would change nothing.
+
+use super::event::{Event, refused};
+use crate::error::Result;
+use crate::params::Params;
+use crate::robot::ModelKind;
+
+/// Parameters of slip.
+const SLIP: [&str; 5] = [
+    "wheel_static_friction",
+    "wheel_dynamic_friction",
+    "floor_static_friction",
+    "floor_dynamic_friction",
+    "friction_critical_velocity",
+];
+
+/// Checks that each event changes something of a robot with `params`, or is optional.
+///
+/// # Errors
+/// [`crate::Error::Inconsistent`] with place and term of an event that does not.
+pub fn check_effects(events: &[Event], model: ModelKind, params: &Params) -> Result<()> {
+    let without_slip = matches!(model, ModelKind::Planar | ModelKind::Spatial);
+    let acts = |name: &str, value: f64| value > 0.0 || events.iter().any(|event| event.term == name);
+    let rollers =
+        acts("roller_friction", params.roller_friction) || acts("roller_friction_slope", params.roller_friction_slope);
+    for (place, event) in events.iter().enumerate().filter(|(_, event)| !event.optional) {
+        let term = event.term.as_str();
+        if without_slip && SLIP.contains(&term) && !(rollers && term == "wheel_dynamic_friction") {
+            let reason = format!(
+                "the model '{model}' has no slip, so it changes nothing; 'contact' and 'rigid' have slip, and optional = true \
+                 accepts the event on every model"
+            );
+            return Err(refused(place, term, &reason));
+        }
+        if matches!(term, "roller_count" | "roller_phases") && !acts("roller_ripple", params.roller_ripple) {
+            let reason = "without roller_ripple it changes nothing: the wheels are round";
+            return Err(refused(place, term, &reason));
+        }
+    }
+    Ok(())
+}
