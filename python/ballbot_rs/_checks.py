@@ -93,6 +93,19 @@ def check_reset_options(options: Mapping[str, Any] | None, known: tuple[str, ...
     return options
 
 
+def check_named(who: str, unnamed: Sequence[object]) -> None:
+    """Checks that there was no positional argument after the first.
+
+    Raises:
+        TypeError: there was; the message says how it is named.
+    """
+    if unnamed:
+        name = "task=" if isinstance(unnamed[0], str) else ""
+        raise TypeError(
+            f"{who} takes one positional argument, but {unnamed[0]!r} came after it: name it, as {name}{unnamed[0]!r}"
+        )
+
+
 def check_options(
     who: str, given: Iterable[str], known: Sequence[str], hint: Callable[[str], str] | None = None
 ) -> None:

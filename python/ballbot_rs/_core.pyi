@@ -1323,14 +1323,15 @@ class Batch:
         meaning.
         """
     def infos(self) -> list[dict[str, Any]]:
-        """Infos of the last step for Stable-Baselines3, one dict an environment: `TimeLimit.truncated`, and more where
-        its episode ended.
+        """Infos of the last step for Stable-Baselines3, one dict an environment: `TimeLimit.truncated`, `is_success` and
+        `termination` (as in `endings`); where an episode ended also `terminal_observation` and its metrics, 0 where
+        `metrics` has NaN.
 
         No dict is one that a caller still holds or wrote into.
         """
-    def endings(self) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.uint8]]:
+    def endings(self) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.int64]]:
         """Whether each environment is a success if its episode ends with the last step, shape (num_envs,), bool, and the
-        reasons for termination as indices into `TASKS[task]["terminations"]` plus one, 0 where there is none.
+        reasons for termination as indices into `TASKS[task]["terminations"]` plus one, int64, 0 where there is none.
         """
     def ending(self, index: int) -> tuple[bool, str | None]:
         """The same of environment `index`: whether it is a success, and the name of the reason or None."""
@@ -1338,6 +1339,10 @@ class Batch:
     def metrics(self, index: None = None) -> _Array: ...
     @overload
     def metrics(self, index: int) -> dict[str, float]: ...
+    def running_metrics(self) -> _Array:
+        """Metrics of the present episodes so far, shape (num_envs, metrics), as infos have them: 0 before the first step of an
+        episode and where `metrics` has NaN.
+        """
     def setpoint(self, index: int) -> dict[str, Any]:
         """What the task asks of a controller on the robot of environment `index`, now, by part: as `Controller` takes it."""
     def command(self, index: int | None = None) -> _Array:

@@ -19,6 +19,12 @@ def test_version(capsys):
     assert run(capsys, "--version") == (0, f"ballbot {__version__}\n", "")
 
 
+def test_the_package_is_the_command():
+    command = [sys.executable, "-m", "ballbot_rs", "--version"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == f"ballbot {__version__}\n"
+
+
 COMMANDS = {module.__name__.rpartition(".")[2].replace("_", "-") for module in MODULES} - {"list-names"} | {"list"}
 HELP = [["--help"], *([name, "--help"] for name in sorted(COMMANDS))]
 

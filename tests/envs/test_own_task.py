@@ -92,7 +92,7 @@ for _ in range(300):
     assert (seen[0] == one).all() and rewards[0] == reward
     if terminated:
         break
-print(terminated, info["termination"])
+print(terminated, env.unwrapped.metadata["terminations"][info["termination"]])
 try:
     gymnasium.make("ballbot/Shuttle-v0", sped=0.2)
 except TypeError as error:

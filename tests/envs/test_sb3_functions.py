@@ -45,8 +45,6 @@ def without_time(info):
     if "episode" in info:
         assert info["episode"].pop("t") >= 0.0
     info.pop("terminal_observation", None)
-    # Its own limit is no limit of Gymnasium's: the single environment does not see the one that `make` got.
-    info.pop("is_success", None)
     return info
 
 

@@ -18,6 +18,9 @@ from tests.support.names import BALANCE
 #: Falls and truncations both happen within the steps that the tests take.
 SHORT = {"model": "spatial", "max_episode_steps": 45}
 
+#: The info of a step within an episode that is no success yet.
+UNDERWAY = {"TimeLimit.truncated": False, "is_success": False, "termination": 0}
+
 
 def actions_of(num_envs, steps, seed=0, scale=0.3):
     return np.random.default_rng(seed).uniform(-scale, scale, (steps, num_envs, 3)).astype(np.float32)
@@ -54,7 +57,8 @@ def test_types_and_shapes_of_a_step():
     assert (observations.shape, observations.dtype) == ((2, 16), np.float32)
     assert (rewards.shape, rewards.dtype) == ((2,), np.float32)
     assert (dones.shape, dones.dtype) == ((2,), np.bool_)
-    assert infos == [{"TimeLimit.truncated": False}] * 2
+    assert infos == [UNDERWAY] * 2
+    assert env.reset_infos == [UNDERWAY] * 2
 
 
 def test_equals_a_dummy_vec_env_of_single_environments():
@@ -79,8 +83,8 @@ def test_equals_a_dummy_vec_env_of_single_environments():
                 continue
             np.testing.assert_array_equal(ours.pop("terminal_observation"), theirs.pop("terminal_observation"))
             assert ours == theirs
-            reasons.add(ours.get("termination", "truncated"))
-    assert reasons == {"tilt", "truncated"}
+            reasons.add(fast.metadata["terminations"][ours["termination"]])
+    assert reasons == {"tilt", "none"}
 
 
 def test_an_info_that_is_held_or_written_into_does_not_come_back():
@@ -90,16 +94,17 @@ def test_an_info_that_is_held_or_written_into_does_not_come_back():
     held, alias = [], None
     for step in range(12):
         *_, infos = env.step(actions)
-        assert infos == [{"TimeLimit.truncated": False}] * 4
+        assert infos == [UNDERWAY] * 4
         assert len({id(info) for info in infos}) == 4
         assert not {id(info) for info in infos} & {id(info) for info in held}
         if alias is not None:
             assert infos[1] is not alias
-            assert alias == {"TimeLimit.truncated": False, "mine": step - 1}
+            assert alias == {**UNDERWAY, "mine": step - 1}
         held.append(infos[0])
         infos[1]["mine"] = step
         infos[2]["nobody holds it"] = step
-        infos[3]["TimeLimit.truncated"] = True
+        infos[3]["TimeLimit.truncated"] = infos[3]["is_success"] = True
+        del infos[3]["termination"]
         alias = infos[1]
 
 
@@ -175,7 +180,7 @@ def test_a_fall_is_no_truncation():
         _, _, dones, infos = env.step(np.zeros((1, 3)))
         if dones[0]:
             assert infos[0]["TimeLimit.truncated"] is False
-            assert infos[0]["termination"] == "tilt"
+            assert infos[0]["termination"] == env.metadata["terminations"].index("tilt")
             assert infos[0]["is_success"] is False
             return
     raise AssertionError("the robot did not fall")
@@ -188,7 +193,7 @@ def test_success_at_the_end_of_a_balanced_episode(balance):
         *_, dones, infos = env.step(np.stack([balance(state) for state in env.get_attr("state")]))
     assert dones.all()
     assert [info["is_success"] for info in infos] == [True, True]
-    assert all("termination" not in info and "episode" not in info for info in infos)
+    assert all(info["termination"] == 0 and "episode" not in info for info in infos)
 
 
 def test_seed_is_respected_once():
@@ -214,7 +219,7 @@ def test_options_are_used_once_and_reset_infos_renewed(paper):
     np.testing.assert_allclose(env.states[1], state.to_array(), atol=1e-12)
     assert np.abs(env.states[0] - state.to_array()).max() > 1e-3
     assert env._options == [{}, {}]
-    assert env.reset_infos == [{}, {}]
+    assert env.reset_infos == [UNDERWAY] * 2
     env.reset()
     assert np.abs(env.states[1] - state.to_array()).max() > 1e-3, "the option was used twice"
     env.set_options({"stat": state})
@@ -374,3 +379,8 @@ def test_an_unknown_environment_is_refused():
         BallbotVecEnv(task="walk")
     with pytest.raises(TypeError, match="BallbotVecEnv got an unexpected keyword argument 'env_id'"):
         BallbotVecEnv(env_id=BALANCE)
+
+
+def test_a_task_after_the_number_is_named():
+    with pytest.raises(TypeError, match=r"'balance' came after it: name it, as task='balance'"):
+        BallbotVecEnv(128, "balance")

@@ -104,17 +104,16 @@ def test_many_robots_do_what_each_does_alone(mode):
             expected, reward, is_terminated, is_truncated, info = single.step(actions(step, n)[i])
             assert (rewards[i], terminated[i], truncated[i]) == (reward, is_terminated, is_truncated), (step, i)
             if is_terminated or is_truncated:
-                reasons.add(info.get("termination", "time"))
+                reasons.add(vector.metadata["terminations"][info["termination"]])
                 final = infos["final_info"] if mode == "same_step" else infos
-                if is_terminated:
-                    assert final["termination"][i] == info["termination"]
+                assert {name: final[name][i] for name in info} == info
                 if mode == "same_step":
                     np.testing.assert_array_equal(infos["final_obs"][i], expected)
                     expected = single.reset()[0]
                 else:
                     over[i] = True
             np.testing.assert_array_equal(expected, observations[i])
-    assert reasons == {"task", "time"}
+    assert reasons == {"task", "none"}
 
 
 def test_rewards_and_ends_follow_from_the_states():
@@ -261,7 +260,7 @@ def test_names_of_all_front_ends_are_taken():
     makers = [bb.BallbotEnv, bb.BallbotVectorEnv, gymnasium.make, gymnasium.make_vec, bb.register]
     if importlib.util.find_spec("stable_baselines3"):
         makers.append(bb.BallbotVecEnv)
-    kinds = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.POSITIONAL_ONLY)
+    kinds = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.POSITIONAL_ONLY)
     names = {p.name for make in makers for p in inspect.signature(make).parameters.values() if p.kind not in kinds}
     assert names <= {*TAKEN, *option_names("me/Spin-v0")}
 

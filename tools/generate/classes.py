@@ -176,8 +176,7 @@ def _text(task: str) -> str:
                tables.option_rows(task)]  # fmt: skip
     ends = [f'"{name}": {condition}.' for name, condition in described["terminations"]]
     success = (
-        f"Truncated after `max_episode_steps` ({described['max_episode_steps']}). A success is: "
-        f"{described['success']}; `is_success` in the info of the last step."
+        f"Truncated after `max_episode_steps` ({described['max_episode_steps']}). A success is: {described['success']}."
     )
     scaled = (
         "Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within "
@@ -205,13 +204,16 @@ sign), `reward_terms()` has the last step's terms.
 {tables.markdown(("term", "scale", "formula"), tables.reward_rows(task))}
 
 ## Episode end
-Terminated, with the reason as `termination` in the info:
+Terminated, with the number of the reason, from 1 on, as `termination` in the info:
 
 {_list(ends)}
 
 {_paragraph(success)}
 
-{_command(task)}{_metrics(task)}## Options
+{_command(task)}{_metrics(task)}## Info
+{_info(task)}
+
+## Options
 Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
 
 {_list(options)}
@@ -241,11 +243,20 @@ def _metrics(task: str) -> str:
     if not TASKS[task]["metrics"]:
         return ""
     return f"""## Metrics
-Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+Of the episode so far, in every info and from `metrics()`. NaN where it is too short for one, 0 in infos.
 
 {tables.markdown(("metric", "unit", "what"), tables.metric_rows(task))}
 
 """
+
+
+def _info(task: str) -> str:
+    """What the section on infos says."""
+    metrics = "; the metrics" if TASKS[task]["metrics"] else ""
+    return _paragraph(
+        "The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here "
+        f'would be a success; `termination`, an index into `metadata["terminations"]`, 0 for none{metrics}.'
+    )
 
 
 def _facts(unit: str, default: str, limit: str) -> str:

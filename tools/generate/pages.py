@@ -64,8 +64,8 @@ def _metrics(task: str) -> str:
         return ""
     return f"""## Metrics
 
-Of each episode: `metrics` in the info of its last step, `env.metrics()`, and a column of `ballbot evaluate`. NaN where
-the episode was too short for one.
+Of each episode so far: by these names in the info of every step, `env.metrics()`, and a column of `ballbot evaluate`.
+NaN where the episode is too short for one; 0 in infos, which hold numbers alone.
 
 {tables.markdown(("metric", "unit", "what"), tables.metric_rows(task))}
 
@@ -85,7 +85,7 @@ Generated from the tables of the core by `make generate`.
 def _page(task: str) -> str:
     described = TASKS[task]
     name = tables.class_name(task)
-    ends = [[f"`{reason}`", condition] for reason, condition in described["terminations"]]
+    ends = [[str(i + 1), f"`{name}`", condition] for i, (name, condition) in enumerate(described["terminations"])]
     return f"""# {task}
 
 {described["summary"]} Generated from the tables of the core by `make generate`.
@@ -113,9 +113,11 @@ The sum of the terms, each times its scale. The option `reward` changes scales; 
 
 ## Terminations
 
-{tables.markdown(("reason", "condition"), ends)}
+{tables.markdown(("number", "reason", "condition"), ends)}
 
-Success: {described["success"]}.
+`termination` in the info has the number, 0 for none, and `metadata["terminations"]` the names.
+
+Success: {described["success"]}. `is_success` in the info tells whether an episode that ended now would be one.
 
 {_command(task)}{_metrics(task)}## Options
 

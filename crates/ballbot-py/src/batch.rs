@@ -95,16 +95,18 @@ fn rows<'py, T: Element + Copy + Default>(
     Ok(array)
 }
 
-/// Metrics of one environment by name.
-fn metrics_of<'py>(py: Python<'py>, batch: &Batch, index: usize) -> PyResult<Bound<'py, PyDict>> {
-    let metrics = &batch.task().metrics;
-    let mut values = vec![0.0; metrics.len()];
+/// Metrics of one environment.
+fn metrics_of(batch: &Batch, index: usize) -> PyResult<Vec<f64>> {
+    let mut values = vec![0.0; batch.task().metrics.len()];
     batch.metrics(index, &mut values).map_err(to_python)?;
-    let dict = PyDict::new(py);
-    for (metric, value) in metrics.iter().zip(values) {
-        dict.set_item(metric.name, value)?;
-    }
-    Ok(dict)
+    Ok(values)
+}
+
+/// The reason for termination as a number: 0 for none, otherwise 1 + its index in the task's reasons.
+fn termination_code(batch: &Batch, outcome: &Outcome) -> i64 {
+    let reasons = &batch.task().terminations;
+    let found = outcome.terminated.and_then(|name| reasons.iter().position(|(known, _)| *known == name));
+    found.map_or(0, |index| index as i64 + 1)
 }
 
 /// What ends a step whose motion is from Python.
@@ -406,26 +408,26 @@ impl PyBatch {
         PyArray1::from_slice(py, &inner.final_observations).reshape(shape)
     }
 
-    /// Infos of the last step for Stable-Baselines3, one dict an environment: `TimeLimit.truncated`, and more where
-    /// its episode ended.
+    /// Infos of the last step for Stable-Baselines3, one dict an environment: `TimeLimit.truncated`, `is_success` and
+    /// `termination` (as in `endings`); where an episode ended also `terminal_observation` and its metrics, 0 where
+    /// `metrics` has NaN.
     ///
     /// No dict is one that a caller still holds or wrote into.
     fn infos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let mut inner = self.inner.write()?;
         let Inner { batch, outcomes, final_observations, infos, .. } = &mut *inner;
         let width = batch.observation_len();
-        let infos = infos.list(py, batch.len())?;
+        let infos = infos.list(py, outcomes)?;
         for (i, outcome) in outcomes.iter().enumerate().filter(|(_, outcome)| outcome.done()) {
             let last = &final_observations[i * width..(i + 1) * width];
             let info = PyDict::new(py);
-            info.set_item(intern!(py, "terminal_observation"), PyArray1::from_slice(py, last))?;
             info.set_item(intern!(py, "TimeLimit.truncated"), outcome.truncated)?;
             info.set_item(intern!(py, "is_success"), outcome.success)?;
-            if let Some(termination) = outcome.terminated {
-                info.set_item(intern!(py, "termination"), termination)?;
-            }
-            if !batch.task().metrics.is_empty() {
-                info.set_item(intern!(py, "metrics"), metrics_of(py, batch, i)?)?;
+            info.set_item(intern!(py, "termination"), termination_code(batch, outcome))?;
+            info.set_item(intern!(py, "terminal_observation"), PyArray1::from_slice(py, last))?;
+            let values = metrics_of(batch, i)?;
+            for (metric, value) in batch.task().metrics.iter().zip(values) {
+                info.set_item(metric.name, if value.is_finite() { value } else { 0.0 })?;
             }
             infos.set_item(i, info)?;
         }
@@ -433,16 +435,12 @@ impl PyBatch {
     }
 
     /// Whether each environment is a success if its episode ends with the last step, shape (num_envs,), bool, and the
-    /// reasons for termination as indices into `TASKS[task]["terminations"]` plus one, 0 where there is none.
-    fn endings<'py>(&self, py: Python<'py>) -> PyResult<(Array1<'py, bool>, Array1<'py, u8>)> {
+    /// reasons for termination as indices into `TASKS[task]["terminations"]` plus one, int64, 0 where there is none.
+    fn endings<'py>(&self, py: Python<'py>) -> PyResult<(Array1<'py, bool>, Array1<'py, i64>)> {
         let inner = self.inner.read()?;
-        let reasons = &inner.batch.task().terminations;
-        let number = |outcome: &Outcome| {
-            let found = outcome.terminated.and_then(|name| reasons.iter().position(|(known, _)| *known == name));
-            found.map_or(0, |index| index as u8 + 1)
-        };
         let success = PyArray1::from_iter(py, inner.outcomes.iter().map(|o| o.success));
-        Ok((success, PyArray1::from_iter(py, inner.outcomes.iter().map(number))))
+        let codes = inner.outcomes.iter().map(|outcome| termination_code(&inner.batch, outcome));
+        Ok((success, PyArray1::from_iter(py, codes)))
     }
 
     /// The same of environment `index`: whether it is a success, and the name of the reason or None.
@@ -541,7 +539,20 @@ impl PyBatch {
             let read = |i, row: &mut [f64]| batch.metrics(i, row).map_err(to_python);
             return Ok(rows(py, batch.len(), metrics.len(), read)?.into_any());
         };
-        Ok(metrics_of(py, batch, index)?.into_any())
+        let dict = PyDict::new(py);
+        for (metric, value) in metrics.iter().zip(metrics_of(batch, index)?) {
+            dict.set_item(metric.name, value)?;
+        }
+        Ok(dict.into_any())
+    }
+
+    /// Metrics of the present episodes so far, shape (num_envs, metrics), as infos have them: 0 before the first step of an
+    /// episode and where `metrics` has NaN.
+    fn running_metrics<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f64>> {
+        let batch = &mut self.inner.write()?.batch;
+        let array = PyArray2::zeros(py, [batch.len(), batch.task().metrics.len()], false);
+        batch.running_metrics(array.readwrite().as_slice_mut()?).map_err(to_python)?;
+        Ok(array)
     }
 
     /// State of the robot of environment `index`.

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from ballbot_rs._checks import check_reset_options, check_seed
 from ballbot_rs.envs._batch_env import BatchEnv, OneRobot
 from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
-from ballbot_rs.envs.registration import DEFAULT_TASK, description_of
+from ballbot_rs.envs.registration import DEFAULT_TASK, class_of, description_of, termination_names
 from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space_of
 
 
@@ -32,10 +32,11 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         ValueError: a number is out of range, or a name is not known; the message has the value and the limit.
         TypeError: an argument is not known.
 
-    On the last step of an episode that the environment ends itself the info has `is_success`, and, if it was
-    terminated, the reason as `termination`. Environments of `gymnasium.make` are truncated by Gymnasium's `TimeLimit`,
-    at the number of steps that the task is registered with or that `make` was given. They do not see that limit: the
-    info has `is_success` at the registered number of steps; at any other limit `env.unwrapped.is_success` has it.
+    The info of every reset and step has the same keys, each a finite NumPy number:
+
+    - `is_success`: whether an episode that ended here would be a success, an array of shape (), bool; False at a reset.
+    - `termination`: why the episode was terminated, int64: an index into `metadata["terminations"]`, 0 for none.
+    - each metric of the task by its name, float64: of the episode so far, 0 where `metrics()` has NaN.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012
@@ -55,8 +56,9 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         self.observation_space = observation_space_of(self._batch)
         self.action_space = action_space()
         self._set_render(render_mode, self.params, render_options, width=width, height=height, camera=camera)
-        self._steps = 0
-        self.metadata = {**type(self).metadata, "render_fps": round(1.0 / self.control_dt)}
+        self._metric_names = [metric["name"] for metric in description_of(self.task)["metrics"]]
+        rate = round(1.0 / self.control_dt)
+        self.metadata = {**type(self).metadata, "render_fps": rate, "terminations": termination_names(self.task)}
 
     def _hint(self, name: str) -> str:
         if name in ("num_envs", "num_threads", "autoreset", "autoreset_mode"):
@@ -80,8 +82,7 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
             seed = check_seed(seed)
         observations = self._batch.reset(seeds=[seed], starts=[start])
         super().reset(seed=seed)
-        self._steps = 0
-        return observations[0], {}
+        return observations[0], self._info()
 
     def step(self, action: npt.ArrayLike) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
         """Applies an action for one control step.
@@ -95,16 +96,15 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
             several = ": BallbotVectorEnv takes the actions of several robots" if given.ndim > 1 else ""
             raise ValueError(f"actions has shape {given.shape}, expected (3,) for one robot{several}")
         observations, rewards, terminated, truncated = self._batch.step(given[np.newaxis])
-        self._steps += 1
-        ended = bool(terminated[0] or truncated[0])
-        info: dict[str, Any] = {}
-        if ended or self._steps == description_of(self.task)["max_episode_steps"]:
-            info["is_success"], termination = self._batch.ending(0)
-            if termination is not None:
-                info["termination"] = termination
-            if description_of(self.task)["metrics"]:
-                info["metrics"] = self.metrics()
-        return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
+        return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), self._info()
+
+    def _info(self) -> dict[str, Any]:
+        is_success, terminations = self._batch.endings()
+        # Not NumPy's scalar, which Gymnasium and the array API take for no number.
+        info: dict[str, Any] = {"is_success": is_success.reshape(()), "termination": terminations[0]}
+        if self._metric_names:
+            info.update(zip(self._metric_names, self._batch.running_metrics()[0], strict=True))
+        return info
 
     def render(self) -> Frames | None:
         """The present state as a picture, shape (height, width, 3), uint8; None without a render mode."""
@@ -115,9 +115,11 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         return frame
 
 
-def without_own_limit(**options: Any) -> BallbotEnv:
-    """An environment whose episodes Gymnasium's `TimeLimit` ends."""
-    return BallbotEnv(**{"max_episode_steps": None, **options})
+def without_own_limit(task: str = DEFAULT_TASK, **options: Any) -> BallbotEnv:
+    """An environment of the task's class whose episodes Gymnasium's `TimeLimit` ends."""
+    options = {"max_episode_steps": None, **options}
+    made = class_of(task, "Env")
+    return BallbotEnv(task, **options) if made is None else made(**options)
 
 
 # Gymnasium looks here for the render modes, from which it makes "human".

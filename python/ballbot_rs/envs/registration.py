@@ -27,7 +27,7 @@ def _register(name: str, env_id: str, task: Mapping[str, Any]) -> None:
     gymnasium.register(
         env_id,
         entry_point="ballbot_rs.envs.gymnasium_env:without_own_limit",
-        vector_entry_point="ballbot_rs.envs.vector_env:BallbotVectorEnv",
+        vector_entry_point="ballbot_rs.envs.vector_env:of_task",
         max_episode_steps=task["max_episode_steps"],
         reward_threshold=task["reward_threshold"],
         kwargs={"task": name},
@@ -68,6 +68,20 @@ def register(env_id: str, task: type[Task], **options: Any) -> None:
 def description_of(task: str) -> Mapping[str, Any]:
     """What `TASKS` has of a task of the core, or the same of one in Python."""
     return TASKS[task] if task in TASKS else registry.description_of(task)
+
+
+def termination_names(task: str) -> list[str]:
+    """What the numbers of `termination` in infos mean; the first is "none"."""
+    return ["none", *(name for name, _ in description_of(task)["terminations"])]
+
+
+def class_of(task: str, front_end: str) -> type[Any] | None:
+    """The class of a task of the core, `BalanceEnv` of "balance" and "Env"; None for tasks of others."""
+    from ballbot_rs.envs import tasks
+
+    name = TASKS[task]["id"].partition("/")[2].rpartition("-")[0] if task in TASKS else ""
+    found: type[Any] | None = getattr(tasks, f"{name}{front_end}", None) if name else None
+    return found
 
 
 def name_of(task: str) -> str:

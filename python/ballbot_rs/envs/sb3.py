@@ -16,13 +16,13 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 from typing_extensions import Unpack
 
-from ballbot_rs._checks import check_reset_options, check_seed
+from ballbot_rs._checks import check_named, check_reset_options, check_seed
 from ballbot_rs._core import Batch
 from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, OneRobot, fixed_option
 from ballbot_rs.envs._render import Rendered
 from ballbot_rs.envs._sb3_functions import Episodes, Functions, Made
 from ballbot_rs.envs.options import TaskOptions
-from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
+from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, termination_names
 from ballbot_rs.envs.spaces import action_space, observation_space_of
 
 
@@ -110,8 +110,9 @@ class EnvView(OneRobot):
 class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
     """`num_envs` environments for Stable-Baselines3, stepped at once in Rust.
 
-    Spaces and options as in `BallbotEnv`. Finished episodes are reset within the step; their infos have
-    `terminal_observation`, `TimeLimit.truncated`, `is_success` and, where terminated, `termination`.
+    Spaces and options as in `BallbotEnv`. The info of every reset and step has `TimeLimit.truncated`, `is_success` and
+    `termination`, a number of which `metadata["terminations"]` has the name. Finished episodes are reset within the
+    step; their infos have `terminal_observation` and the task's metrics, too. `metrics()` has these at any time.
 
     Args:
         first: number of robots, or name or id of the task, in place of `num_envs` or `task`; or the functions of
@@ -141,7 +142,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         self,
         first: int | str | Functions | None = None,
         /,
-        *,
+        *unnamed: object,
         num_envs: int | None = None,
         task: str | None = None,
         num_threads: int | None = None,
@@ -155,6 +156,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         render_options: dict[str, Any] | None = None,
         **options: Unpack[TaskOptions],
     ) -> None:
+        check_named("BallbotVecEnv", unnamed)
         self._episodes = Episodes([])
         first = _checked(first)
         if first is not None and not isinstance(first, (int, str)):
@@ -196,6 +198,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         super().__init__(num_envs, observation_space_of(self._batch), action_space())
         metadata: dict[str, Any] = self.metadata
         metadata["render_fps"] = round(1.0 / self.control_dt)
+        metadata["terminations"] = termination_names(self.task)
 
     def reset(self) -> npt.NDArray[np.float32]:
         """Begins episodes in all environments, with the seeds and options set since the last reset.
@@ -210,7 +213,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
             self._batch.stagger()
         if self._episodes.is_used:
             self._episodes.reset()
-        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self.reset_infos = self._batch.infos()
         self._reset_seeds()
         self._reset_options()
         return observations
@@ -230,7 +233,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
             raise RuntimeError("step_wait without step_async")
         actions, self._actions = self._actions, None
         observations, rewards, terminated, truncated = self._batch.step(actions)
-        dones, infos = terminated | truncated, self._batch.infos()
+        dones, infos = np.logical_or(terminated, truncated, out=terminated), self._batch.infos()
         if self._episodes.is_used:
             self._episodes.step(rewards, dones, infos)
         # Stable-Baselines3 keeps rewards as float32.

@@ -68,14 +68,18 @@ class BalanceEnv(BallbotEnv):
     | `action_change` | -0.02 | mean squared change of the action                                         |
 
     ## Episode end
-    Terminated, with the reason as `termination` in the info:
+    Terminated, with the number of the reason, from 1 on, as `termination` in the info:
 
     - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
     Truncated after `max_episode_steps` (1000). A success is: not terminated, and over the last `success_window` tilt
-    within `success_tilt` and ball within `success_radius`; `is_success` in the info of the last step.
+    within `success_tilt` and ball within `success_radius`.
+
+    ## Info
+    The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here would be
+    a success; `termination`, an index into `metadata["terminations"]`, 0 for none.
 
     ## Options
     Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
@@ -230,14 +234,14 @@ class VelocityEnv(BallbotEnv):
     | `action_change`      | -0.02 | mean squared change of the action                                  |
 
     ## Episode end
-    Terminated, with the reason as `termination` in the info:
+    Terminated, with the number of the reason, from 1 on, as `termination` in the info:
 
     - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
     Truncated after `max_episode_steps` (2000). A success is: not terminated, and the settled errors within
-    `success_velocity` and `success_yaw_rate`; `is_success` in the info of the last step.
+    `success_velocity` and `success_yaw_rate`.
 
     ## Command
     Drawn by the task. `env.unwrapped.command` has the present one, an array of these numbers; one that is set after a
@@ -250,12 +254,16 @@ class VelocityEnv(BallbotEnv):
     | 2    | commanded rate of the heading | rad/s | 10    |
 
     ## Metrics
-    Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+    Of the episode so far, in every info and from `metrics()`. NaN where it is too short for one, 0 in infos.
 
     | metric           | unit  | what                                                         |
     | ---------------- | ----- | ------------------------------------------------------------ |
     | `velocity_error` | m/s   | root mean square of the settled errors of the velocity       |
     | `yaw_rate_error` | rad/s | root mean square of the settled errors of the heading's rate |
+
+    ## Info
+    The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here would be
+    a success; `termination`, an index into `metadata["terminations"]`, 0 for none; the metrics.
 
     ## Options
     Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
@@ -416,14 +424,14 @@ class GoalEnv(BallbotEnv):
     | `action_change` | -0.02 | mean squared change of the action                                    |
 
     ## Episode end
-    Terminated, with the reason as `termination` in the info:
+    Terminated, with the number of the reason, from 1 on, as `termination` in the info:
 
     - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
     Truncated after `max_episode_steps` (2000). A success is: not terminated, and every goal held within `goal_radius`
-    for the last `hold_seconds` of its time; `is_success` in the info of the last step.
+    for the last `hold_seconds` of its time.
 
     ## Command
     Drawn by the task. `env.unwrapped.command` has the present one, an array of these numbers; one that is set after a
@@ -435,12 +443,16 @@ class GoalEnv(BallbotEnv):
     | 1    | goal, inertial y | m    | 10000 |
 
     ## Metrics
-    Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+    Of the episode so far, in every info and from `metrics()`. NaN where it is too short for one, 0 in infos.
 
     | metric       | unit | what                                                                 |
     | ------------ | ---- | -------------------------------------------------------------------- |
     | `goals_held` |      | share of the goals at which the ball was when the next one was given |
     | `time_ratio` |      | mean time to these goals, in times of the fastest flat move there    |
+
+    ## Info
+    The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here would be
+    a success; `termination`, an index into `metadata["terminations"]`, 0 for none; the metrics.
 
     ## Options
     Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
@@ -604,14 +616,14 @@ class PathEnv(BallbotEnv):
     | `action_change` | -0.02 | mean squared change of the action                                      |
 
     ## Episode end
-    Terminated, with the reason as `termination` in the info:
+    Terminated, with the number of the reason, from 1 on, as `termination` in the info:
 
     - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
     Truncated after `max_episode_steps` (2000). A success is: not terminated, and the error across the path within
-    `success_error`; `is_success` in the info of the last step.
+    `success_error`.
 
     ## Command
     Drawn by the task. `env.unwrapped.command` has the present one, an array of these numbers; one that is set after a
@@ -634,12 +646,16 @@ class PathEnv(BallbotEnv):
     | 12   | third sine of y      | m    | 100   |
 
     ## Metrics
-    Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+    Of the episode so far, in every info and from `metrics()`. NaN where it is too short for one, 0 in infos.
 
     | metric              | unit | what                                                               |
     | ------------------- | ---- | ------------------------------------------------------------------ |
     | `cross_track_error` | m    | root mean square of the distance of the ball across the path       |
     | `tracking_error`    | m    | root mean square of the distance of the ball from the moving point |
+
+    ## Info
+    The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here would be
+    a success; `termination`, an index into `metadata["terminations"]`, 0 for none; the metrics.
 
     ## Options
     Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
@@ -794,20 +810,24 @@ class PushEnv(BallbotEnv):
     | `action_change` | -0.02 | mean squared change of the action                                         |
 
     ## Episode end
-    Terminated, with the reason as `termination` in the info:
+    Terminated, with the number of the reason, from 1 on, as `termination` in the info:
 
     - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (1000). A success is: not terminated; `is_success` in the info of the last step.
+    Truncated after `max_episode_steps` (1000). A success is: not terminated.
 
     ## Metrics
-    Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+    Of the episode so far, in every info and from `metrics()`. NaN where it is too short for one, 0 in infos.
 
     | metric     | unit | what                                                           |
     | ---------- | ---- | -------------------------------------------------------------- |
     | `distance` | m    | root mean square of the distance of the ball from the setpoint |
+
+    ## Info
+    The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here would be
+    a success; `termination`, an index into `metadata["terminations"]`, 0 for none; the metrics.
 
     ## Options
     Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
@@ -966,14 +986,14 @@ class TerrainEnv(BallbotEnv):
     | `position`           | -0.1  | d² / (d² + position_scale²), d the distance from where the commands lead |
 
     ## Episode end
-    Terminated, with the reason as `termination` in the info:
+    Terminated, with the number of the reason, from 1 on, as `termination` in the info:
 
     - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
     Truncated after `max_episode_steps` (1000). A success is: not terminated, and `success_share` of the commanded
-    distance travelled; `is_success` in the info of the last step.
+    distance travelled.
 
     ## Command
     Drawn by the task. `env.unwrapped.command` has the present one, an array of these numbers; one that is set after a
@@ -986,7 +1006,7 @@ class TerrainEnv(BallbotEnv):
     | 2    | commanded rate of the heading | rad/s | 10    |
 
     ## Metrics
-    Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+    Of the episode so far, in every info and from `metrics()`. NaN where it is too short for one, 0 in infos.
 
     | metric           | unit  | what                                                                          |
     | ---------------- | ----- | ----------------------------------------------------------------------------- |
@@ -994,6 +1014,10 @@ class TerrainEnv(BallbotEnv):
     | `yaw_rate_error` | rad/s | root mean square of the settled errors of the heading's rate                  |
     | `share`          |       | how far the ball went in the commanded direction, over the commanded distance |
     | `level`          |       | level of the tile of the terrain, from 0 on                                   |
+
+    ## Info
+    The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here would be
+    a success; `termination`, an index into `metadata["terminations"]`, 0 for none; the metrics.
 
     ## Options
     Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.
@@ -1147,20 +1171,24 @@ class OpenBallBotEnv(BallbotEnv):
     | `action`   | -0.0001 | squared norm of the action, for each 2 ms                |
 
     ## Episode end
-    Terminated, with the reason as `termination` in the info:
+    Terminated, with the number of the reason, from 1 on, as `termination` in the info:
 
     - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (800). A success is: not terminated; `is_success` in the info of the last step.
+    Truncated after `max_episode_steps` (800). A success is: not terminated.
 
     ## Metrics
-    Of an episode, as `metrics` in the info of its last step and from `metrics()`; NaN where it was too short.
+    Of the episode so far, in every info and from `metrics()`. NaN where it is too short for one, 0 in infos.
 
     | metric  | unit | what                                                |
     | ------- | ---- | --------------------------------------------------- |
     | `speed` | m/s  | mean velocity of the ball along the inertial y axis |
+
+    ## Info
+    The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here would be
+    a success; `termination`, an index into `metadata["terminations"]`, 0 for none; the metrics.
 
     ## Options
     Keyword arguments, SI units and radians. The others are those of `BallbotEnv`.

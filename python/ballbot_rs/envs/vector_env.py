@@ -8,11 +8,11 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ballbot_rs._checks import check_reset_options, check_seed
+from ballbot_rs._checks import check_named, check_reset_options, check_seed
 from ballbot_rs._core import State
 from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, fixed_option
 from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
-from ballbot_rs.envs.registration import DEFAULT_TASK, description_of
+from ballbot_rs.envs.registration import DEFAULT_TASK, class_of, description_of, termination_names
 from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space_of
 
 BoolArray = npt.NDArray[np.bool_]
@@ -44,8 +44,10 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         seed: seeds the first reset if that gets no seed.
         options: as in `BallbotEnv`.
 
-    Infos are empty but for steps on which episodes end: these have `is_success` and `termination` (with their masks
-    `_is_success`, `_termination`); with "same_step" they are in `final_info`, beside `final_obs`.
+    The info of every reset and step has the keys of `BallbotEnv`, an array of shape (num_envs,) each, and beside it its
+    mask (`_is_success`), True but for environments that a `reset_mask` leaves alone. With "same_step" a step on which
+    episodes end has `final_obs` and `final_info` too, with masks and zeros elsewhere; the other keys are then those of
+    the episodes that begin.
     """
 
     #: Attributes that each robot has its own of.
@@ -60,7 +62,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
     def __init__(
         self,
         num_envs: int = 1,
-        *,
+        *unnamed: object,
         task: str = DEFAULT_TASK,
         render_mode: str | None = None,
         width: int | None = None,
@@ -72,20 +74,25 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         seed: int | None = None,
         **options: Any,
     ) -> None:
+        check_named("BallbotVectorEnv", unnamed)
         autoreset = _autoreset_name(autoreset_mode)
+        # Attributes that `set_attr` gave each environment its own of.
+        self._own_attributes: dict[str, tuple[Any, ...]] = {}
         self._make_batch(num_envs, options, task=task, autoreset=autoreset, num_threads=num_threads, seed=seed)
         self.num_envs = num_envs
-        # By the numbers of `Batch.endings`.
-        self._terminations = np.array(
-            [None, *(name for name, _ in description_of(self.task)["terminations"])], dtype=object
-        )
+        self._metric_names = [metric["name"] for metric in description_of(self.task)["metrics"]]
         self._env_seeds = tuple((self._first_seed + i) % 2**64 for i in range(num_envs))
         self.autoreset_mode = AutoresetMode[autoreset.upper()]
         self._set_render(
             render_mode, self.params, render_options, num_threads, width=width, height=height, camera=camera
         )
         rate = round(1.0 / self.control_dt)
-        self.metadata = {**type(self).metadata, "render_fps": rate, "autoreset_mode": self.autoreset_mode}
+        self.metadata = {
+            **type(self).metadata,
+            "render_fps": rate,
+            "autoreset_mode": self.autoreset_mode,
+            "terminations": termination_names(self.task),
+        }
         self.single_observation_space = observation_space_of(self._batch)
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -102,7 +109,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
                 environments from given states.
 
         Returns:
-            Observations of all environments, reset or not, and an empty info.
+            Observations of all environments, reset or not, and infos of those that are reset.
 
         Raises:
             TypeError: a mask that is no array of bool.
@@ -124,7 +131,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
             pairs = zip(seeds, self._env_seeds, taken, strict=True)
             self._env_seeds = tuple(new if new is not None and is_reset else old for new, old, is_reset in pairs)
         super().reset(seed=seed if isinstance(seed, int) else None)
-        return observations, {}
+        return observations, self._info(self._present(), mask)
 
     def _seeds(self, seed: int | Sequence[int | None]) -> list[int | None]:
         if isinstance(seed, (int, np.integer)):
@@ -145,20 +152,28 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
 
         Returns:
             Observations (num_envs, m) float32, rewards (num_envs,) float64, terminated and truncated (num_envs,) bool,
-            and infos: where episodes ended `is_success`, `termination` and, if the task has them, `metrics`.
+            and infos.
 
         Raises:
             ValueError: actions of the wrong shape or not finite; with "disabled", an episode that is over.
         """
         observations, rewards, terminated, truncated = self._batch.step(actions)
+        present = self._present()
         ended = terminated | truncated
-        if not ended.any():
-            return observations, rewards, terminated, truncated, {}
-        info = self._endings(ended)
-        if self.autoreset_mode is AutoresetMode.SAME_STEP:
-            last = self._batch.final_observations()
-            last[~ended] = 0.0
-            info = {"final_obs": last, "_final_obs": ended, "final_info": info, "_final_info": ended.copy()}
+        if self.autoreset_mode is not AutoresetMode.SAME_STEP or not ended.any():
+            return observations, rewards, terminated, truncated, self._info(present)
+        begun = {name: values * ~ended for name, values in present.items()}
+        # Of the last episodes, for the present ones have not been stepped.
+        metrics = {name: np.where(np.isfinite(values), values, 0.0) for name, values in self.metrics().items()}
+        last = self._batch.final_observations()
+        last[~ended] = 0.0
+        info = {
+            **self._info(begun),
+            "final_obs": last,
+            "_final_obs": ended,
+            "final_info": self._info({**present, **metrics}, ended),
+            "_final_info": ended.copy(),
+        }
         return observations, rewards, terminated, truncated, info
 
     def render(self) -> tuple[Frames, ...] | None:
@@ -168,18 +183,21 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
             return None
         return tuple(self._frames(self._batch.states()))
 
-    def _endings(self, ended: BoolArray) -> dict[str, Any]:
-        is_success, reasons = self._batch.endings()
-        is_success &= ended
-        info: dict[str, Any] = {"is_success": is_success, "_is_success": ended.copy()}
-        failed = reasons > 0
-        if failed.any():
-            info |= {"termination": self._terminations[reasons], "_termination": failed}
-        if description_of(self.task)["metrics"]:
-            metrics: dict[str, Any] = {}
-            for name, values in self.metrics().items():
-                metrics |= {name: np.where(ended, values, 0.0), f"_{name}": ended.copy()}
-            info |= {"metrics": metrics, "_metrics": ended.copy()}
+    def _present(self) -> dict[str, npt.NDArray[Any]]:
+        """What infos have of the last step."""
+        is_success, terminations = self._batch.endings()
+        present: dict[str, npt.NDArray[Any]] = {"is_success": is_success, "termination": terminations}
+        if self._metric_names:
+            columns = np.ascontiguousarray(self._batch.running_metrics().T)
+            present.update(zip(self._metric_names, columns, strict=True))
+        return present
+
+    def _info(self, found: dict[str, npt.NDArray[Any]], of: BoolArray | None = None) -> dict[str, Any]:
+        """Each array with its mask; of some environments alone, zeros elsewhere."""
+        info: dict[str, Any] = {}
+        for name, values in found.items():
+            info[name] = values if of is None else values * of
+            info[f"_{name}"] = np.ones(self.num_envs, dtype=bool) if of is None else of.copy()
         return info
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
@@ -194,12 +212,15 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         if name in methods:
             method = getattr(self._batch, name)
             return tuple(method(i, *args, **kwargs) for i in range(self.num_envs))
-        if args or kwargs or (name not in self._OF_EACH and callable(getattr(self, name))):
+        is_of_each = name in self._own_attributes or name in self._OF_EACH
+        if args or kwargs or (not is_of_each and callable(getattr(self, name))):
             raise AttributeError(f"environments have no method '{name}': expected one of {', '.join(methods)}")
         return self.get_attr(name)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """An attribute of every environment: its own, a space of one, or what all share."""
+        if name in self._own_attributes:
+            return self._own_attributes[name]
         if name in self._OF_EACH:
             return tuple(getattr(self._batch, name)(i) for i in range(self.num_envs))
         if name in ("observation_space", "action_space"):
@@ -207,10 +228,11 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         return (getattr(self, name),) * self.num_envs
 
     def set_attr(self, name: str, values: Any) -> None:
-        """Sets an attribute that the environments share; a list must have the same value for all of them.
+        """Sets an attribute of all environments; a list or tuple has a value for each.
 
         Raises:
             AttributeError: it is an option of the task, which is fixed once an environment is made.
+            ValueError: a list of another length, or with different values of what the environments share.
         """
         if (reason := fixed_option(self.task, name)) is not None:
             raise AttributeError(reason)
@@ -220,10 +242,20 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         if isinstance(values, (list, tuple)):
             if len(values) != self.num_envs:
                 raise ValueError(f"{name} has {len(values)} values for num_envs = {self.num_envs}")
-            if any(value != values[0] for value in values):
-                raise ValueError(f"{name} is shared by all environments, but the values given differ")
+            if not all(value is values[0] or np.array_equal(value, values[0]) for value in values):
+                if name not in self._own_attributes and hasattr(self, name):
+                    raise ValueError(f"{name} is shared by all environments, but the values given differ")
+                self._own_attributes[name] = tuple(values)
+                return
             values = values[0]
+        self._own_attributes.pop(name, None)
         setattr(self, name, values)
+
+
+def of_task(num_envs: int = 1, *, task: str = DEFAULT_TASK, **options: Any) -> BallbotVectorEnv:
+    """Environments of the task's class."""
+    made = class_of(task, "VectorEnv")
+    return BallbotVectorEnv(num_envs, task=task, **options) if made is None else made(num_envs, **options)
 
 
 def _check_mask(mask: Any) -> None:

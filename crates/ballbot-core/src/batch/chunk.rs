@@ -53,6 +53,9 @@ pub trait Chunk: Send + Sync {
     /// Writes the metrics of the present episode so far; before its first step those of the last one, or NaN.
     fn metrics(&self, i: usize, out: &mut [f64]);
 
+    /// Writes the metrics of the present episodes so far, robot after robot; 0 before their first step and where there is none.
+    fn running_metrics(&mut self, out: &mut [f64]);
+
     /// Writes the present command.
     fn command(&self, i: usize, out: &mut [f64]);
 

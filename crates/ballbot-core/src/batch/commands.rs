@@ -56,4 +56,20 @@ impl Batch {
         self.chunks[chunk].metrics(i, out);
         Ok(())
     }
+
+    /// Metrics of the present episodes of all environments so far, one row an environment; 0 before the first step of an
+    /// episode and where [`Batch::metrics`] has NaN. Allocates nothing.
+    ///
+    /// # Errors
+    /// [`Error::Length`] unless `out` has one element a metric and environment.
+    pub fn running_metrics(&mut self, out: &mut [f64]) -> Result<()> {
+        let len = self.description.metrics.len();
+        self.expect_len("metrics", out.len(), self.len() * len)?;
+        if len > 0 {
+            for (chunk, rows) in self.chunks.iter_mut().zip(out.chunks_mut(self.width * len)) {
+                chunk.running_metrics(rows);
+            }
+        }
+        Ok(())
+    }
 }

@@ -5,7 +5,7 @@ use super::buffers::{Outcome, StepBuffers};
 use super::chunk::Chunk;
 use super::config::EnvConfig;
 use super::events::{Plan, Randomized, Setup, Source, Stages, key_of};
-use super::ledger::{Ledger, Ledgers};
+use super::ledger::Ledger;
 use super::robots::Robots;
 use super::sight::Sight;
 use super::task_step::TaskStep;
@@ -169,16 +169,25 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         Ok(())
     }
 
+    /// Measures the present episode of robot `i`.
+    fn measure(&mut self, i: usize) {
+        self.read_memory(i);
+        self.measured.clear();
+        self.step.task.measure(&self.one.task, self.config.control_dt, &mut self.measured);
+    }
+
+    /// Copies the task's memory of robot `i` to the ledger of one robot.
+    fn read_memory(&mut self, i: usize) {
+        self.one.task.iter_mut().zip(&self.ledger.task).for_each(|(number, cell)| *number = cell.get(i));
+    }
+
     /// Keeps the metrics of the episode of robot `i`, which ends.
     fn keep_metrics(&mut self, i: usize) {
         let len = self.step.metrics();
-        if len == 0 {
-            return;
+        if len > 0 {
+            self.measure(i);
+            self.metrics[i * len..][..len].copy_from_slice(&self.measured);
         }
-        R::Cell::take(&self.ledger, i, &mut self.one);
-        self.measured.clear();
-        self.step.task.measure(&self.one.task, self.config.control_dt, &mut self.measured);
-        self.metrics[i * len..][..len].copy_from_slice(&self.measured);
     }
 
     /// Forgets the metrics of the last episode of robot `i`.
@@ -353,6 +362,19 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         out.copy_from_slice(&measured);
     }
 
+    fn running_metrics(&mut self, out: &mut [f64]) {
+        for (i, row) in out.chunks_exact_mut(self.step.metrics()).enumerate() {
+            if self.ledger.episode.steps.get(i) == 0.0 {
+                row.fill(0.0);
+                continue;
+            }
+            self.measure(i);
+            for (out, value) in row.iter_mut().zip(&self.measured) {
+                *out = if value.is_finite() { *value } else { 0.0 };
+            }
+        }
+    }
+
     fn command(&self, i: usize, out: &mut [f64]) {
         out.iter_mut().zip(&self.ledger.task).for_each(|(out, cell)| *out = cell.get(i));
     }
@@ -362,7 +384,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
     }
 
     fn setpoint(&mut self, i: usize) -> Setpoint {
-        self.one.task.iter_mut().zip(&self.ledger.task).for_each(|(number, cell)| *number = cell.get(i));
+        self.read_memory(i);
         self.step.task.setpoint(&self.one.task)
     }
 

@@ -73,6 +73,7 @@ class OwnBatch:
         self._sensed = self._inner.options["observation"] == "sensors"
         self._drawn = bool(self._inner.options.get("events"))
         self._has_reset = type(made).reset is not Task.reset
+        self._has_success = type(made).success is not Task.success
         self._seeds: list[int] = [(seed + i) % 2**64 for i in range(num_envs)]
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._steps = np.zeros(num_envs, dtype=np.int64)
@@ -82,7 +83,7 @@ class OwnBatch:
         self._com = self._com_of(range(num_envs))
         self._rewards = np.zeros(num_envs)
         self._success = np.zeros(num_envs, dtype=bool)
-        self._reasons = np.zeros(num_envs, dtype=np.uint8)
+        self._reasons = np.zeros(num_envs, dtype=np.int64)
         self._truncated = np.zeros(num_envs, dtype=bool)
         # Robots at rest tell what `observe` returns, without an episode of anyone's.
         rows = np.zeros((num_envs, self._inner.observation_len), dtype=np.float32)
@@ -248,12 +249,12 @@ class OwnBatch:
         self._rewards = rewards
         self._truncated = truncated
         self._success = np.zeros(shape, dtype=bool)
-        self._reasons = np.zeros(shape, dtype=np.uint8)
-        if ended.any():
+        self._reasons = np.zeros(shape, dtype=np.int64)
+        if self._has_success:
             won = checked(self.made, "success", self.made.success(true), shape, np.bool_)
-            self._success = won & ended & ~fallen
+            self._success = won & ~fallen & ~before
+        if ended.any():
             self._reasons = np.where(fallen, self._inner.endings()[1], np.where(terminated, len(REASONS), 0))
-            self._reasons = self._reasons.astype(np.uint8)
             self._final = seen.copy()
             if self.autoreset == "same_step":
                 self._begin(self._inner.reset(ended), np.flatnonzero(ended), seen)
@@ -279,7 +280,7 @@ class OwnBatch:
         last: FloatArray = self._final.copy()
         return last
 
-    def endings(self) -> tuple[BoolArray, npt.NDArray[np.uint8]]:
+    def endings(self) -> tuple[BoolArray, npt.NDArray[np.int64]]:
         """As `Batch.endings`."""
         return self._success.copy(), self._reasons.copy()
 
@@ -302,15 +303,13 @@ class OwnBatch:
 
     def infos(self) -> list[dict[str, Any]]:
         """As `Batch.infos`."""
-        infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
+        parts = (self._truncated.tolist(), self._success.tolist(), self._reasons.tolist())
+        infos: list[dict[str, Any]] = [
+            {"TimeLimit.truncated": truncated, "is_success": success, "termination": reason}
+            for truncated, success, reason in zip(*parts, strict=True)
+        ]
         for i in np.flatnonzero((self._reasons > 0) | self._truncated).tolist():
-            success, reason = self.ending(i)
-            info = infos[i]
-            info["terminal_observation"] = self._final[i].copy()
-            info["TimeLimit.truncated"] = bool(self._truncated[i])
-            info["is_success"] = success
-            if reason is not None:
-                info["termination"] = reason
+            infos[i]["terminal_observation"] = self._final[i].copy()
         return infos
 
     def snapshot(self, index: int) -> bytes:

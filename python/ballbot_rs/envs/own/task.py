@@ -52,7 +52,7 @@ class Task:
         return np.zeros(len(robots), dtype=bool)
 
     def success(self, robots: Robots) -> npt.ArrayLike:
-        """Whether episodes that end with the last step are a success, bool, shape (n,)."""
+        """Whether episodes that end with the last step would be a success, bool, shape (n,)."""
         return np.zeros(len(robots), dtype=bool)
 
     def reset(self, robots: Robots, chosen: npt.NDArray[np.intp], rngs: Sequence[np.random.Generator]) -> None:
