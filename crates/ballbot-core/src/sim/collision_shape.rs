@@ -47,7 +47,7 @@ impl BodyShape {
 /// Collision shapes of the bot.
 pub struct CollisionShape {
     pub body: BodyShape,
-    wheel_centers: [Vector3<f64>; 3],
+    pub wheel_centers: [Vector3<f64>; 3],
     wheel_radius: f64,
 }
 

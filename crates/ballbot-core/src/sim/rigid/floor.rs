@@ -1,12 +1,12 @@
-//! The floor of a step: a plane that touches the ground under the ball, and another below the body.
+//! The floor of a step: a plane that touches the ground under the ball, one below each wheel, and one below the body.
 //!
-//! Rapier collides with planes alone: a height field would have edges. The plane of the bot touches the ground below the
-//! middle of the body, so the ends of a fallen robot may be off uneven ground by half its curvature times the square of half
-//! their distance.
+//! Rapier collides with planes alone: a height field would have edges. The planes of ball and wheels touch the ground. The
+//! plane of the body passes through the ground below both ends of its cylinder, on which a fallen robot lies; between the
+//! ends the ground may rise through it.
 
 use super::convert::{rotation_to_rapier, to_rapier};
 use crate::terrain::Ground;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use rapier3d_f64::prelude::Pose;
 
 /// The floor under the ball.
@@ -43,4 +43,22 @@ pub fn plane_below(ground: &Ground, point: &Vector3<f64>) -> Pose {
     let terrain = ground.terrain();
     let touched = Vector3::new(point.x, point.y, terrain.height(point.x, point.y));
     plane(&touched, &terrain.normal(point.x, point.y))
+}
+
+/// Pose of the plane through the ground below two points, with the slope of the ground below their middle across the line
+/// that joins them. Where the points are above each other it is the plane that touches the ground below the lower one.
+pub fn plane_below_ends(ground: &Ground, ends: &[Vector3<f64>; 2]) -> Pose {
+    let terrain = ground.terrain();
+    let [low, high] = if ends[0].z < ends[1].z { [&ends[0], &ends[1]] } else { [&ends[1], &ends[0]] };
+    let heights = [low, high].map(|end| terrain.height(end.x, end.y));
+    let (along, distance) = ((high - low).xy(), (high - low).norm());
+    // Of a body that stands the ends are in the way of nothing, and the line that joins them has no direction.
+    let share = (2.0 * along.norm() / distance - 1.0).clamp(0.0, 1.0);
+    let Some(direction) = along.try_normalize(0.0).filter(|_| share > 0.0) else { return plane_below(ground, low) };
+    let at = low.xy() + along * (0.5 * share);
+    let mut gradient = Vector2::from(terrain.gradient(at.x, at.y));
+    let secant = (heights[1] - heights[0]) / along.norm();
+    gradient += direction * (share * (secant - gradient.dot(&direction)));
+    let touched = Vector3::new(low.x, low.y, heights[0]);
+    plane(&touched, &Vector3::new(-gradient.x, -gradient.y, 1.0).normalize())
 }

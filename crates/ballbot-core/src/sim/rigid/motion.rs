@@ -293,7 +293,7 @@ impl Model for RigidMotion {
     }
 
     fn bot_on_floor(&self) -> bool {
-        self.handles.bot_colliders().any(|collider| self.world.touch(self.handles.bot_plane(), collider))
+        self.handles.bot_on_planes().any(|(part, plane)| self.world.touch(plane, part))
     }
 
     fn energy(&self) -> f64 {

@@ -2,7 +2,7 @@
 
 use super::bot::{Coordinates, join, split};
 use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
-use super::floor::{Floor, plane, plane_below};
+use super::floor::{Floor, plane, plane_below, plane_below_ends};
 use super::losses::Losses;
 use super::motion::RigidMotion;
 use super::rows::{Motion, Rows, Velocities, WheelContact, biases};
@@ -55,6 +55,9 @@ impl RigidMotion {
         let plan = self.plan(wheel_torques);
         let alone = self.only_wheels_and_ball_touch(&plan.motion);
         self.world.set_bot_colliders(&self.handles, !alone);
+        if !alone {
+            self.move_bot_planes();
+        }
         let [solving, stabilizing] = if alone { BALL_SWEEPS } else { BOT_SWEEPS };
         self.settings.num_internal_pgs_iterations = solving;
         self.settings.num_internal_stabilization_iterations = stabilizing;
@@ -70,7 +73,7 @@ impl RigidMotion {
         self.sim_state.unsolved_steps += u64::from(settling == Settling::Unsolved);
     }
 
-    /// Moves rapier's planes to where they touch the ground, unless it is level.
+    /// Moves rapier's plane of the ball to where it touches the ground, unless it is level.
     fn move_floor(&mut self) {
         let Some(ground) = &self.ground else { return };
         let radius = self.params.ball_radius;
@@ -78,12 +81,19 @@ impl RigidMotion {
         let (gap, normal) = ground.gap(&ball, radius);
         self.world.colliders[self.handles.floor_collider]
             .set_position(plane(&(ball - normal * (gap + radius)), &normal));
-        let body = self.world.bodies[self.handles.body].position();
-        let shape = &self.collision_shape.body;
-        let center = Vector3::z() * (0.5 * (shape.bottom + shape.top));
-        let middle = from_rapier(body.translation) + rotation_from_rapier(body.rotation) * (center - self.root);
-        if let Some(collider) = self.handles.bot_floor_collider {
-            self.world.colliders[collider].set_position(plane_below(ground, &middle));
+    }
+
+    /// Moves the planes of the bot to the ground below its parts, unless it is level.
+    fn move_bot_planes(&mut self) {
+        let (Some(ground), Some([of_body, of_wheels @ ..])) = (&self.ground, self.handles.bot_planes) else { return };
+        let pose = self.world.bodies[self.handles.body].position();
+        let (position, attitude) = (from_rapier(pose.translation), rotation_from_rapier(pose.rotation));
+        let place = |point: &Vector3<f64>| position + attitude * (point - self.root);
+        let shape = &self.collision_shape;
+        let ends = [shape.body.bottom, shape.body.top].map(|height| place(&(Vector3::z() * height)));
+        self.world.colliders[of_body].set_position(plane_below_ends(ground, &ends));
+        for (collider, center) in of_wheels.into_iter().zip(&shape.wheel_centers) {
+            self.world.colliders[collider].set_position(plane_below(ground, &place(center)));
         }
     }
 

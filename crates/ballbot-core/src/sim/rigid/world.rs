@@ -33,17 +33,17 @@ pub struct Handles {
     pub wheels: [RigidBodyHandle; 3],
     pub bot: MultibodyIndex,
     pub floor_collider: ColliderHandle,
-    /// On uneven ground the plane of the bot; the other one is then of the ball alone.
-    pub bot_floor_collider: Option<ColliderHandle>,
+    /// On uneven ground a plane of the body and one of each wheel; the other one is then of the ball alone.
+    pub bot_planes: Option<[ColliderHandle; 4]>,
     pub ball_collider: ColliderHandle,
     pub body_collider: ColliderHandle,
     pub wheel_colliders: [ColliderHandle; 3],
 }
 
 impl Handles {
-    /// The plane of the bot.
-    pub fn bot_plane(&self) -> ColliderHandle {
-        self.bot_floor_collider.unwrap_or(self.floor_collider)
+    /// Body and wheels, each with its plane.
+    pub fn bot_on_planes(&self) -> impl Iterator<Item = (ColliderHandle, ColliderHandle)> {
+        self.bot_colliders().zip(self.bot_planes.unwrap_or([self.floor_collider; 4]))
     }
 
     /// Body and wheels.
@@ -53,7 +53,7 @@ impl Handles {
 
     /// The planes that are the ground.
     fn planes(&self) -> impl Iterator<Item = ColliderHandle> {
-        [self.floor_collider].into_iter().chain(self.bot_floor_collider)
+        [self.floor_collider].into_iter().chain(self.bot_planes.into_iter().flatten())
     }
 }
 
@@ -66,6 +66,8 @@ const WHEEL: Group = Group::GROUP_2;
 /// Those of the body and of planes.
 const BODY: Group = Group::GROUP_3;
 const PLANE: Group = Group::GROUP_4;
+/// Each wheel by itself.
+const WHEELS: [Group; 3] = [Group::GROUP_5, Group::GROUP_6, Group::GROUP_7];
 
 /// Recovery from overlap: the rate of a spring of 200 Hz natural frequency and damping ratio 5, without the compliance of
 /// that spring, so that a contact carries its load from the first step on.
@@ -124,7 +126,8 @@ impl World {
         };
         let touched = if level { Group::ALL } else { BALL };
         let floor_collider = world.colliders.insert(plane(touched));
-        let bot_floor_collider = (!level).then(|| world.colliders.insert(plane(WHEEL | BODY)));
+        let [a, b, c] = WHEELS;
+        let bot_planes = (!level).then(|| [BODY, a, b, c].map(|part| world.colliders.insert(plane(part))));
         let (ball, ball_collider) = world.insert_ball(params);
         let link = BodyLink::new(params, wheels)?;
         let (body, body_collider) = world.insert_body(params, &link);
@@ -141,7 +144,7 @@ impl World {
             wheels: wheel_handles,
             bot,
             floor_collider,
-            bot_floor_collider,
+            bot_planes,
             ball_collider,
             body_collider,
             wheel_colliders: links.map(|(_, collider)| collider),
@@ -223,7 +226,7 @@ impl World {
         let inserted = self.insert(
             RigidBodyBuilder::dynamic().translation(start).additional_mass_properties(mass),
             ColliderBuilder::ball(params.wheel_radius).collision_groups(InteractionGroups::new(
-                WHEEL,
+                WHEEL | WHEELS[i],
                 !BALL,
                 InteractionTestMode::And,
             )),
@@ -326,9 +329,11 @@ impl World {
 
     /// Impulse of the floor on the bot in the last step, inertial frame, N·s.
     pub fn bot_floor_impulse(&self, handles: &Handles) -> Vector3<f64> {
-        let plane = handles.bot_plane();
-        let normal = super::convert::from_rapier(self.colliders[plane].rotation() * Vector::Z);
-        handles.bot_colliders().map(|collider| self.plane_impulse(plane, collider, &normal)).sum()
+        let impulse = |(part, plane): (ColliderHandle, ColliderHandle)| {
+            let normal = super::convert::from_rapier(self.colliders[plane].rotation() * Vector::Z);
+            self.plane_impulse(plane, part, &normal)
+        };
+        handles.bot_on_planes().map(impulse).sum()
     }
 
     /// Whether two colliders carried each other in the last step.
