@@ -1,4 +1,4 @@
-//! The states that controllers take: those that the sensors gave last, of one robot or of eight.
+//! The states that sensors give, for tasks, and gave last, for controllers, of one robot or of eight.
 
 use crate::lane_state::{LaneState, StateCells};
 use crate::lanes::{Cell, EIGHT, Eight, Kernel, Memory, Scalar, Wide, run_eight, run_one};
@@ -9,6 +9,9 @@ use fearless_simd::Simd;
 pub trait Measured: Cell {
     /// Replaces true states by those that the sensor gave last; `one` is room for its numbers of one robot.
     fn measure<S: Sensor>(sensor: &S, memory: &mut [Self], one: &mut [f64], states: &mut StateCells<Self>);
+
+    /// Replaces true states by those that the sensor reads; `one` is room for its numbers of one robot.
+    fn read<S: Sensor>(sensor: &S, memory: &mut [Self], one: &mut [f64], states: &mut StateCells<Self>);
 }
 
 impl Measured for f64 {
@@ -21,11 +24,28 @@ impl Measured for f64 {
             },
         );
     }
+
+    // Compiled once for all tasks.
+    #[inline(never)]
+    fn read<S: Sensor>(sensor: &S, memory: &mut [f64], _: &mut [f64], states: &mut StateCells<f64>) {
+        run_one(
+            #[inline(always)]
+            || {
+                let state: LaneState<f64> = states.load(Scalar);
+                sensor.read(&state, &mut Memory::new(Scalar, memory)).store(states);
+            },
+        );
+    }
 }
 
 impl Measured for Eight {
     fn measure<S: Sensor>(sensor: &S, memory: &mut [Eight], one: &mut [f64], states: &mut StateCells<Eight>) {
         run_eight(Last { sensor, memory, one, states });
+    }
+
+    #[inline(never)]
+    fn read<S: Sensor>(sensor: &S, memory: &mut [Eight], one: &mut [f64], states: &mut StateCells<Eight>) {
+        run_eight(Read { sensor, memory, one, states });
     }
 }
 
@@ -49,6 +69,31 @@ impl<S: Sensor> Kernel for Last<'_, S> {
             let mut state = self.states.lane(i);
             f64::measure(self.sensor, self.one, &mut [], &mut state);
             self.states.set_lane(i, &state);
+        }
+    }
+}
+
+struct Read<'a, S> {
+    sensor: &'a S,
+    memory: &'a mut [Eight],
+    one: &'a mut [f64],
+    states: &'a mut StateCells<Eight>,
+}
+
+impl<S: Sensor> Kernel for Read<'_, S> {
+    #[inline(always)]
+    fn run<V: Simd>(self, simd: V) {
+        let state: LaneState<Wide<V>> = self.states.load(simd);
+        self.sensor.read(&state, &mut Memory::new(simd, self.memory)).store(self.states);
+    }
+
+    fn run_one_by_one(self) {
+        for i in 0..EIGHT {
+            self.one.iter_mut().zip(&*self.memory).for_each(|(one, all)| *one = all.0[i]);
+            let mut state = self.states.lane(i);
+            f64::read(self.sensor, self.one, &mut [], &mut state);
+            self.states.set_lane(i, &state);
+            self.memory.iter_mut().zip(&*self.one).for_each(|(all, one)| all.0[i] = *one);
         }
     }
 }

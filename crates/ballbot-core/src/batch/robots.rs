@@ -165,7 +165,10 @@ impl Robots for Single {
             healthy: self.robot.healthy(),
             on_floor: self.robot.bot_on_floor(),
         };
-        step.run_one(&robot, commands, com_directions, ledger);
+        let mut measured = StateCells::default();
+        robot.state.store(&mut measured);
+        step.measure(&mut measured, ledger, &mut []);
+        step.run_one(&robot, &measured.load(Scalar), commands, com_directions, ledger);
     }
 
     fn ground(&self) -> Option<&Ground> {
@@ -262,7 +265,10 @@ impl Robots for ContactLanes {
     ) {
         let (mut states, mut conditions) = (StateCells::default(), ConditionCells::default());
         ContactLanes::read(self, &mut states, &mut conditions);
-        run_eight(Conclude { step, states: &states, conditions: &conditions, commands, com_directions, ledger, one });
+        let mut measured = states.clone();
+        step.measure(&mut measured, ledger, &mut one.sensor);
+        let (states, measured, conditions) = (&states, &measured, &conditions);
+        run_eight(Conclude { step, states, measured, conditions, commands, com_directions, ledger, one });
     }
 
     fn ground(&self) -> Option<&Ground> {
@@ -356,6 +362,7 @@ impl Robots for ContactLanes {
 struct Conclude<'a, T, S> {
     step: &'a TaskStep<T, S>,
     states: &'a StateCells<Eight>,
+    measured: &'a StateCells<Eight>,
     conditions: &'a ConditionCells<Eight>,
     commands: &'a [Eight; ACTION_LEN],
     com_directions: &'a [Eight; 3],
@@ -367,15 +374,16 @@ impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
     #[inline(always)]
     fn run<V: Simd>(self, simd: V) {
         let robots = LaneRobot::<Wide<V>>::load(simd, self.states, self.conditions);
-        self.step.run(simd, &robots, self.commands, self.com_directions, self.ledger);
+        self.step.run(simd, &robots, &self.measured.load(simd), self.commands, self.com_directions, self.ledger);
     }
 
     fn run_one_by_one(self) {
         for i in 0..EIGHT {
             let robot = LaneRobot::<f64>::load(Scalar, &self.states.lane(i), &self.conditions.lane(i));
+            let measured = self.measured.lane(i).load(Scalar);
             let [commands, com] = [self.commands, self.com_directions].map(|part| part.map(|eight| eight.0[i]));
             Eight::take(self.ledger, i, self.one);
-            self.step.run_one(&robot, &commands, &com, self.one);
+            self.step.run_one(&robot, &measured, &commands, &com, self.one);
             Eight::put(self.ledger, i, self.one);
         }
     }

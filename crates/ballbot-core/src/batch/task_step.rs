@@ -2,9 +2,10 @@
 
 use super::config::EnvConfig;
 use super::ledger::{Ledger, Sizes};
+use super::measured::Measured;
 use crate::actuator::Actuator;
 use crate::error::Result;
-use crate::lane_state::{LaneRobot, LaneState};
+use crate::lane_state::{LaneRobot, LaneState, StateCells};
 use crate::lanes::{Lane, Memory, Scalar, Vec3, atan2_positive, load3, run_one};
 use crate::perception::Perception;
 use crate::sensor::Sensor;
@@ -74,18 +75,28 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         self.rows
     }
 
-    /// Counts the step, and computes reward, termination, truncation, success and observation. `com_direction` is the unit
-    /// vector from the ball's center to the body's center of mass, body frame.
+    /// Replaces true states by those that the sensor reads, before [`TaskStep::run`]: a computation of its own, so that it
+    /// is not compiled for each task. `one` is room for the sensor's numbers of one robot.
+    pub fn measure<C: Measured>(&self, states: &mut StateCells<C>, ledger: &mut Ledger<C>, one: &mut [f64]) {
+        ledger.last_sensor.copy_from_slice(&ledger.sensor);
+        if !self.sensor.is_exact() {
+            C::read(&self.sensor, &mut ledger.sensor, one, states);
+        }
+    }
+
+    /// Counts the step, and computes reward, termination, truncation, success and the observation of the `measured` state.
+    /// `com_direction` is the unit vector from the ball's center to the body's center of mass, body frame.
     #[inline(always)]
     pub fn run<L: Lane>(
         &self,
         token: L::Token,
         robot: &LaneRobot<L>,
+        measured: &LaneState<L>,
         actions: &[L::Cell; ACTION_LEN],
         com_direction: &[L::Cell; 3],
         ledger: &mut Ledger<L::Cell>,
     ) {
-        let Ledger { episode, task: memory, sensor: sensor_memory, last_sensor, observation, terms, .. } = ledger;
+        let Ledger { episode, task: memory, observation, terms, .. } = ledger;
         let state = &robot.state;
         let zero = state.ball_position.x.zero();
         let one = zero.splat(1.0);
@@ -134,14 +145,12 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         for (value, cell) in action.into_iter().zip(&mut episode.last_action) {
             value.store(cell);
         }
-        last_sensor.copy_from_slice(sensor_memory);
-        let measured = self.sensor.read(state, &mut Memory::new(token, sensor_memory));
         let older = observation.len() - self.rows;
         if older > 0 {
             observation.copy_within(..older, self.rows);
         }
         let mut rows = WriteRows { cells: observation, scaling: self.scaling.as_ref(), next: 0 };
-        self.task.observe(&Sensed { state: &measured, last_action: action }, &memory, &mut rows);
+        self.task.observe(&Sensed { state: measured, last_action: action }, &memory, &mut rows);
     }
 
     /// [`TaskStep::run`] of one robot. Generic over nothing else, so that it is compiled once for all models and actuators,
@@ -149,25 +158,25 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
     pub fn run_one(
         &self,
         robot: &LaneRobot<f64>,
+        measured: &LaneState<f64>,
         actions: &[f64; ACTION_LEN],
         com_direction: &[f64; 3],
         ledger: &mut Ledger<f64>,
     ) {
         run_one(
             #[inline(always)]
-            || self.run::<f64>(Scalar, robot, actions, com_direction, ledger),
+            || self.run::<f64>(Scalar, robot, measured, actions, com_direction, ledger),
         );
     }
 
     /// Computes the observation alone, at the start of an episode or under a new command.
     pub fn observe(&self, state: &LaneState<f64>, ledger: &mut Ledger<f64>) {
-        run_one(
-            #[inline(always)]
-            || {
-                let measured = self.sensor.read(state, &mut Memory::new(Scalar, &mut ledger.sensor));
-                self.write_rows(&measured, ledger);
-            },
-        );
+        let mut measured = StateCells::default();
+        state.store(&mut measured);
+        if !self.sensor.is_exact() {
+            f64::read(&self.sensor, &mut ledger.sensor, &mut [], &mut measured);
+        }
+        self.observe_state(&measured.load(Scalar), ledger);
     }
 
     /// The same of a state that is measured already.

@@ -12,6 +12,10 @@ pub struct Exact;
 impl Sensor for Exact {
     const MEMORY: usize = 0;
 
+    fn is_exact(&self) -> bool {
+        true
+    }
+
     #[inline(always)]
     fn read<L: Lane>(&self, state: &LaneState<L>, _: &mut Memory<'_, L>) -> LaneState<L> {
         *state
@@ -29,6 +33,10 @@ impl<S: Sensor> Sensor for Option<S> {
 
     fn is_individual(&self) -> bool {
         self.as_ref().is_some_and(Sensor::is_individual)
+    }
+
+    fn is_exact(&self) -> bool {
+        self.as_ref().is_none_or(Sensor::is_exact)
     }
 
     fn begin(&self, start: &EpisodeStart<'_>, memory: &mut [f64]) {

@@ -33,6 +33,11 @@ pub trait Sensor: Clone + Send + Sync + 'static {
         false
     }
 
+    /// Whether the measured state is the true one, so that nothing has to be read.
+    fn is_exact(&self) -> bool {
+        false
+    }
+
     /// Begins an episode, before its first reading. `memory` has what the last one left, zeros before the first.
     fn begin(&self, start: &EpisodeStart<'_>, memory: &mut [f64]) {
         let _ = start;
