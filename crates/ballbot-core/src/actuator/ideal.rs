@@ -11,8 +11,12 @@ pub struct Ideal {
 }
 
 impl Actuator for Ideal {
-    const HELD: bool = true;
     const MEMORY: usize = 0;
+
+    #[inline(always)]
+    fn is_held(&self) -> bool {
+        true
+    }
 
     #[inline(always)]
     fn torques<L: Lane>(&self, [a, b, c]: [L; 3], _: [L; 3], _: &mut Memory<'_, L>) -> [L; 3] {

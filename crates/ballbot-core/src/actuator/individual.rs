@@ -67,9 +67,11 @@ impl IndividualMotors {
 }
 
 impl Actuator for IndividualMotors {
-    const HELD: bool = false;
-    const INDIVIDUAL: bool = true;
     const MEMORY: usize = CONSTANTS;
+
+    fn is_individual(&self) -> bool {
+        true
+    }
 
     fn memory_len(&self) -> usize {
         let lag = if self.lag { 3 } else { 0 };

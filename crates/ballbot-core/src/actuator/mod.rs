@@ -1,12 +1,14 @@
 //! Actuators: from the commands of a control step to the torques of each model step.
 
 mod chain;
+mod drive;
 mod ideal;
 mod individual;
 mod line;
 mod motors;
 mod options;
 
+pub use drive::Drive;
 pub use ideal::Ideal;
 pub use individual::IndividualMotors;
 pub use motors::Motors;
@@ -18,14 +20,19 @@ use crate::params::Params;
 
 /// The stage between a command in [-1, 1] and the torque at a wheel's shaft. Written once over lanes.
 pub trait Actuator: Clone + Send + Sync + 'static {
-    /// Whether the torques depend on the commands alone, so that they hold over a control step.
-    const HELD: bool;
-
     /// How many numbers the stage keeps from one model step to the next; zeros at the start of an episode.
     const MEMORY: usize;
 
+    /// Whether the torques depend on the commands alone, so that they hold over a control step.
+    #[inline(always)]
+    fn is_held(&self) -> bool {
+        false
+    }
+
     /// Whether each robot has options of its own, which [`Actuator::equip`] takes; events may change them then.
-    const INDIVIDUAL: bool = false;
+    fn is_individual(&self) -> bool {
+        false
+    }
 
     /// [`Actuator::MEMORY`], or another number where it follows from the options of the stage.
     fn memory_len(&self) -> usize {

@@ -114,7 +114,6 @@ impl Motors {
 }
 
 impl Actuator for Motors {
-    const HELD: bool = false;
     /// Of motors without lag and delay; see [`Motors::memory_len`].
     const MEMORY: usize = 0;
 

@@ -3,7 +3,7 @@
 use super::autoreset::Autoreset;
 use super::buffers::StepBuffers;
 use super::chunk::Chunk;
-use super::config::{Drive, EnvConfig};
+use super::config::EnvConfig;
 use super::environments::Environments;
 use super::events::{Plan, Stages};
 use super::pieces::pieces;
@@ -94,12 +94,7 @@ impl Batch {
         check_count(num_envs)?;
         let config = &config.with_terrain()?;
         config.validate()?;
-        let sensors = config.onboard()?;
-        match config.drive()? {
-            Drive::Ideal(ideal) => Self::build(config, &ideal, &sensors, num_envs, autoreset, num_threads, seed),
-            Drive::Motors(motors) => Self::build(config, &motors, &sensors, num_envs, autoreset, num_threads, seed),
-            Drive::Individual(motors) => Self::build(config, &motors, &sensors, num_envs, autoreset, num_threads, seed),
-        }
+        Self::build(config, &config.drive()?, &config.onboard()?, num_envs, autoreset, num_threads, seed)
     }
 
     /// [`Batch::new`] with stages of one's own between action and torque, in place of [`EnvConfig::actuators`], and between
@@ -107,7 +102,7 @@ impl Batch {
     ///
     /// # Errors
     /// As [`Batch::new`]; [`Error::Inconsistent`] for events on `max_wheel_torque` or the actuators unless
-    /// [`Actuator::INDIVIDUAL`].
+    /// [`Actuator::is_individual`].
     pub fn with_stages<T: Task, A: Actuator, S: Sensor>(
         config: &EnvConfig<T>,
         actuator: &A,

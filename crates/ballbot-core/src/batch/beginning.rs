@@ -18,7 +18,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.one.begin(self.config.max_episode_steps as f64);
         let key = key_of(self.rngs[i].get_seed());
         self.actuator.begin(key, self.episodes[i], &mut self.one.actuator);
-        if let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) {
+        if let Some(events) = self.events.as_ref().filter(|_| self.actuator.is_individual()) {
             self.actuator.equip(&events.stages(i).actuators, self.robots.params(i), &mut self.one.actuator);
         }
         if let Some(tiles) = self.tiles() {

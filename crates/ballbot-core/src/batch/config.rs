@@ -3,7 +3,7 @@
 use super::events::{Event, Plan, Setup, Stages, TASK_ID, Tests, When, check_effects, refused};
 use super::levels::Levels;
 use super::observation::Observation;
-use crate::actuator::{Actuator, Ideal, IndividualMotors, MotorOptions, Motors};
+use crate::actuator::{Actuator, Drive, Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::control::default_max_torque;
 use crate::error::{Error, Result, check, positive};
 use crate::model::same_geometry;
@@ -61,13 +61,6 @@ pub struct EnvConfig<T> {
     pub task: T,
     /// What is drawn at random of the robots and hits them, besides where they start.
     pub events: Vec<Event>,
-}
-
-/// The stages between actions and torques.
-pub(super) enum Drive {
-    Ideal(Ideal),
-    Motors(Motors),
-    Individual(IndividualMotors),
 }
 
 /// [`EnvConfig`] of the balance task.

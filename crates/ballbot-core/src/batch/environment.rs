@@ -3,7 +3,7 @@
 use super::Autoreset;
 use super::buffers::{Outcome, StepBuffers};
 use super::chunk::Chunk;
-use super::config::{Drive, EnvConfig};
+use super::config::EnvConfig;
 use super::environments::Environments;
 use super::robots::Single;
 use super::task_step::TaskStep;
@@ -56,14 +56,7 @@ impl<T: Task> Environment<T> {
     pub fn new(config: &EnvConfig<T>, seed: u64) -> Result<Self> {
         let config = &config.with_terrain()?;
         config.validate()?;
-        match config.drive()? {
-            Drive::Ideal(ideal) => Self::with_actuator(config, ideal, seed),
-            Drive::Motors(motors) => Self::with_actuator(config, motors, seed),
-            Drive::Individual(motors) => Self::with_actuator(config, motors, seed),
-        }
-    }
-
-    fn with_actuator(config: &EnvConfig<T>, actuator: impl Actuator, seed: u64) -> Result<Self> {
+        let actuator = config.drive()?;
         let config = Arc::new(config.clone());
         let description = TaskDescription::of::<T>();
         let step = Arc::new(TaskStep::new(&actuator, config.onboard()?, &description, &config)?);

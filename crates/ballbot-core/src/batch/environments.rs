@@ -83,7 +83,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         seed: u64,
     ) -> Result<Self> {
         let nominal = Arc::new(Setup { params: robots.params(0).clone(), stages: config.stages() });
-        if !A::INDIVIDUAL && plan.is_some_and(|plan| plan.individual_motors) {
+        if !actuator.is_individual() && plan.is_some_and(|plan| plan.individual_motors) {
             return Err(Error::Inconsistent(
                 "events change options of the actuators or max_wheel_torque, but the motors are a stage of the caller's \
                  own, alike on all robots"

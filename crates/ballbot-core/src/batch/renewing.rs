@@ -33,7 +33,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// Whether each robot has motors of its own.
     pub(super) fn has_own_motors(&self) -> bool {
-        A::INDIVIDUAL && self.events.is_some()
+        self.actuator.is_individual() && self.events.is_some()
     }
 
     /// Gives the stages of robot `i` what they take of its parameters, within an episode.
@@ -44,7 +44,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// Gives robot `i` its present motors.
     fn equip(&mut self, i: usize) {
-        let Some(events) = self.events.as_ref().filter(|_| A::INDIVIDUAL) else { return };
+        let Some(events) = self.events.as_ref().filter(|_| self.actuator.is_individual()) else { return };
         let (all, one) = (&mut self.ledger.actuator, &mut self.one.actuator);
         one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
         self.actuator.equip(&events.stages(i).actuators, self.robots.params(i), one);

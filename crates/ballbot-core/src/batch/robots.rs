@@ -141,7 +141,7 @@ impl Robots for Single {
         steps: usize,
     ) {
         let mut memory = Memory::<f64>::new(Scalar, memory);
-        if A::HELD {
+        if actuator.is_held() {
             let torques = actuator.torques(*commands, [0.0; 3], &mut memory);
             self.robot.advance(&torques, steps);
             return;

@@ -111,7 +111,7 @@ impl ContactLanes {
         one: &mut [f64],
         steps: usize,
     ) {
-        let (calls, steps) = if A::HELD { (1, steps) } else { (steps, 1) };
+        let (calls, steps) = if actuator.is_held() { (1, steps) } else { (steps, 1) };
         for _ in 0..calls {
             let mut torques = Torques::default();
             let state = &self.state;
@@ -172,7 +172,7 @@ impl<V: InLanes, A: Actuator> Kernel for Actuate<'_, V, A> {
         let mut memory = Memory::<Wide<S>>::new(simd, memory);
         let [a, b, c] = commands;
         let commands = [Wide::load(simd, a), Wide::load(simd, b), Wide::load(simd, c)];
-        let speeds = if A::HELD {
+        let speeds = if actuator.is_held() {
             [commands[0].zero(); 3]
         } else {
             V::with(

@@ -12,7 +12,6 @@ pub struct BackEmf {
 }
 
 impl Actuator for BackEmf {
-    const HELD: bool = false;
     const MEMORY: usize = 0;
 
     #[inline(always)]

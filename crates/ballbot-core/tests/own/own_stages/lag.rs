@@ -12,7 +12,6 @@ pub struct Lag {
 }
 
 impl Actuator for Lag {
-    const HELD: bool = false;
     /// The torques, N·m.
     const MEMORY: usize = 3;
 

@@ -1,0 +1,62 @@
+//! The actuators of [`crate::batch::EnvConfig`] in one type.
+
+use super::{Actuator, Ideal, IndividualMotors, MotorOptions, Motors};
+use crate::error::Result;
+use crate::lanes::{Lane, Memory};
+use crate::params::Params;
+
+/// An actuator that is chosen when environments are made. The choice costs less than environments of each would take to
+/// compile.
+#[derive(Clone)]
+pub enum Drive {
+    /// Ideal motors.
+    Ideal(Ideal),
+    /// Motors that are alike on all robots.
+    Motors(Motors),
+    /// Motors of each robot.
+    Individual(IndividualMotors),
+}
+
+macro_rules! of_chosen {
+    ($drive:expr, $actuator:ident => $result:expr) => {
+        match $drive {
+            Drive::Ideal($actuator) => $result,
+            Drive::Motors($actuator) => $result,
+            Drive::Individual($actuator) => $result,
+        }
+    };
+}
+
+impl Actuator for Drive {
+    const MEMORY: usize = 0;
+
+    #[inline(always)]
+    fn is_held(&self) -> bool {
+        of_chosen!(self, actuator => actuator.is_held())
+    }
+
+    fn is_individual(&self) -> bool {
+        of_chosen!(self, actuator => actuator.is_individual())
+    }
+
+    fn memory_len(&self) -> usize {
+        of_chosen!(self, actuator => actuator.memory_len())
+    }
+
+    fn begin(&self, key: [u32; 2], episode: u32, memory: &mut [f64]) {
+        of_chosen!(self, actuator => actuator.begin(key, episode, memory));
+    }
+
+    fn fits(&self, options: &MotorOptions, params: &Params) -> Result<()> {
+        of_chosen!(self, actuator => actuator.fits(options, params))
+    }
+
+    fn equip(&self, options: &MotorOptions, params: &Params, memory: &mut [f64]) {
+        of_chosen!(self, actuator => actuator.equip(options, params, memory));
+    }
+
+    #[inline(always)]
+    fn torques<L: Lane>(&self, commands: [L; 3], wheel_speeds: [L; 3], memory: &mut Memory<'_, L>) -> [L; 3] {
+        of_chosen!(self, actuator => actuator.torques(commands, wheel_speeds, memory))
+    }
+}
