@@ -13,7 +13,7 @@ bot, ball = sys.argv[1:3] if len(sys.argv) > 2 else (assets / "bot.urdf", assets
 params = bb.Params.from_urdf(bot, ball)
 print(f"a small tilt grows by e in {1 / max(np.linalg.eigvals(bb.LinearModel(params).A).real):.3f} s")
 for limit, slope in params.slope_limits(0.35).items():
-    print(f"steepest slope, {limit}: {'none' if slope is None else f'{np.degrees(slope):.1f} deg'}")
+    print(f"steepest slope, {limit}: {np.degrees(slope):.1f} deg")
 print(f"steepest lean that traction can hold: {np.degrees(bb.Scale.of(params).holdable_lean):.1f} deg")
 run = bb.simulate("lqr", robot=params, pushes=[bb.Push((0.5, 0.0, 0.0))], seconds=6.0)
 print(run, f"tilt up to {np.degrees(run.metrics().tilt_max):.1f} deg")

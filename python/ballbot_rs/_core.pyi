@@ -327,9 +327,9 @@ class Params:
         `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
         """
     def slope_limits(self, fall_tilt: float = ...) -> dict[str, float]:
-        """Slopes on which the robot can stand still, rad, pi/2 where nothing limits it: `fall`, at which its lean is `fall_tilt`
-        (rad); `traction`, at which a wheel or the ball slips; `motor`, at which a motor gives its largest torque. Loads of the
-        wheels are those upright. Raises ValueError for a `fall_tilt` out of (0, pi/2].
+        """Slopes on which the robot can stand still in its worst heading, rad, pi/2 where nothing limits it: `fall`, at which its
+        lean is `fall_tilt` (rad); `traction`, at which a wheel or the ball, sticking until then, slips; `motor`, at which a motor
+        gives its largest torque. Raises ValueError for a `fall_tilt` out of (0, pi/2].
         """
     def holding_torques(self, yaw: float = 0.0) -> tuple[float, float, float]:
         """Motor torques that hold the robot still in `slope_lean` at the heading `yaw` (rad), N·m. Raises ValueError as

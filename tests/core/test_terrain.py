@@ -177,7 +177,7 @@ def test_environments_begin_on_the_ground_and_end_at_its_edges():
 def test_slope_limits_are_those_of_the_robot():
     limits = bb.Params.paper().slope_limits()
     assert math.degrees(limits["fall"]) == pytest.approx(15.3, abs=0.05)
-    assert math.degrees(limits["traction"]) == pytest.approx(17.7, abs=0.05)
+    assert math.degrees(limits["traction"]) == pytest.approx(15.0, abs=0.05)
     assert limits["motor"] == pytest.approx(math.pi / 2)
     with pytest.raises(ValueError, match="fall_tilt"):
         bb.Params.paper().slope_limits(2.0)

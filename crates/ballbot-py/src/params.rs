@@ -336,9 +336,9 @@ impl PyParams {
         self.0.slope_lean().map(|lean| (lean.x, lean.y)).map_err(to_python)
     }
 
-    /// Slopes on which the robot can stand still, rad, pi/2 where nothing limits it: `fall`, at which its lean is `fall_tilt`
-    /// (rad); `traction`, at which a wheel or the ball slips; `motor`, at which a motor gives its largest torque. Loads of the
-    /// wheels are those upright. Raises ValueError for a `fall_tilt` out of (0, pi/2].
+    /// Slopes on which the robot can stand still in its worst heading, rad, pi/2 where nothing limits it: `fall`, at which its
+    /// lean is `fall_tilt` (rad); `traction`, at which a wheel or the ball, sticking until then, slips; `motor`, at which a motor
+    /// gives its largest torque. Raises ValueError for a `fall_tilt` out of (0, pi/2].
     #[pyo3(signature = (fall_tilt=0.349_065_850_398_865_9))]
     fn slope_limits<'py>(
         &self,

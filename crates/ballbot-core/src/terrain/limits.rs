@@ -3,6 +3,7 @@
 use crate::error::{Result, check};
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
+use nalgebra::Matrix3;
 use std::f64::consts::FRAC_PI_2;
 
 /// Slopes at which a robot that stands still meets a limit, rad; π/2 where none is met.
@@ -10,7 +11,7 @@ use std::f64::consts::FRAC_PI_2;
 pub struct SlopeLimits {
     /// The lean that holds it is the tilt at which it counts as fallen.
     pub fall: f64,
-    /// A wheel slips on the ball, or the ball on the ground.
+    /// A wheel slips on the ball, or the ball on the ground; a wheel without load has slipped before.
     pub traction: f64,
     /// A motor gives its largest torque.
     pub motor: f64,
@@ -24,12 +25,10 @@ impl SlopeLimits {
 }
 
 impl Params {
-    /// Slopes that the robot can stand on, whatever their direction and its heading; it counts as fallen at the tilt
-    /// `fall_tilt`, rad.
+    /// Slopes that the robot can stand on in its worst heading; it counts as fallen at the tilt `fall_tilt`, rad.
     ///
-    /// On a slope γ a robot leans by asin(M r_k sin γ / (M_b l)) and its motors hold τ = r_w M g sin γ U⁻ᵀ h for a horizontal
-    /// unit vector h, with M the mass of ball and body, and l the distance of the body's center of mass from the ball's. The
-    /// loads of the wheels are those upright: exact limits of traction are lower by the lean.
+    /// It leans by [`Params::slope_lean`] and is held by [`Params::holding_torques`]. Loads are those in the lean with the
+    /// drive's reaction. What stands still grips, so friction is static. Derived in `docs/derivations.md`, "Slope".
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] unless `fall_tilt` is above 0 and at most π/2.
@@ -38,17 +37,27 @@ impl Params {
         let angle = |sine: f64| if sine < 1.0 { sine.asin() } else { FRAC_PI_2 };
         let mass = self.ball_mass + self.body_mass;
         let weight = mass * self.gravity;
-        let holds = self.body_mass * self.body_com().norm() / (mass * self.ball_radius);
-        let inverse =
-            Omniwheels::new(self).u.transpose().try_inverse().expect("the axles of a validated robot span space");
-        let attitude = self.equilibrium_attitude(0.0);
-        let loads = self.equilibrium_wheel_loads();
-        let (mut traction, mut motor) = (self.floor_dynamic_friction.atan().sin(), f64::INFINITY);
-        for (i, load) in loads.into_iter().enumerate() {
-            let share = (attitude * inverse.row(i).transpose()).xy().norm();
-            traction = traction.min(self.wheel_dynamic_friction * load / (weight * share));
-            motor = motor.min(self.max_wheel_torque / (self.wheel_radius * weight * share));
+        // Sine of the lean per sine of the slope.
+        let lean = mass * self.ball_radius / (self.body_mass * self.body_com().norm());
+        let wheels = Omniwheels::new(self);
+        let spans = "axles and contacts of a validated robot span space";
+        let body = self.to_balance_frame().inverse().to_rotation_matrix().into_inner();
+        // Per sine of the slope, of the unit vector h of the moment that holds the robot, heading frame, N: tractions, and
+        // what the loads gain, from the body's weight in the lean, h × e3, and from the reaction to the tractions.
+        let tractions = wheels.u.transpose().try_inverse().expect(spans) * body * weight;
+        let across =
+            Matrix3::new(0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0) * (lean * self.body_mass * self.gravity);
+        let reaction = Matrix3::from_columns(&wheels.drive_directions) * tractions - body * across;
+        let gains = Matrix3::from_columns(&wheels.contact_directions).try_inverse().expect(spans) * reaction;
+        let friction = self.wheel_static_friction;
+        let (mut traction, mut motor) = (self.floor_static_friction.atan().sin(), f64::INFINITY);
+        for (i, load) in self.equilibrium_wheel_loads().into_iter().enumerate() {
+            let (pull, gain) = (tractions.fixed_view::<1, 2>(i, 0), gains.fixed_view::<1, 2>(i, 0) * friction);
+            // sin γ (±pull - gain)·h = μ N cos(lean), in the worst direction of h.
+            let worst = (pull - gain).norm().max((pull + gain).norm());
+            traction = traction.min(friction * load / worst.hypot(lean * friction * load));
+            motor = motor.min(self.max_wheel_torque / (self.wheel_radius * pull.norm()));
         }
-        Ok(SlopeLimits { fall: angle(fall_tilt.sin() * holds), traction: angle(traction), motor: angle(motor) })
+        Ok(SlopeLimits { fall: angle(fall_tilt.sin() / lean), traction: angle(traction), motor: angle(motor) })
     }
 }

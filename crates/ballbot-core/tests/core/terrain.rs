@@ -1,6 +1,7 @@
 //! Terrains against closed forms: the surface, a ball alone on it, and robots.
 
 mod batches;
+mod limits;
 mod robots;
 mod rolling;
 mod surface;

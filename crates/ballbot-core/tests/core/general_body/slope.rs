@@ -9,7 +9,7 @@ use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel, SpatialMotion
 use ballbot_core::{Ballbot, Error, Model, ModelKind, Params, State, mechanical_energy};
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 fn on_slope(params: &Params, floor_tilt: [f64; 2]) -> Params {
     let params = Params { floor_tilt, ..params.clone() };
@@ -103,6 +103,44 @@ proptest! {
         let com = state.body_quaternion * params.body_com() * params.body_mass
             + Vector3::z() * (mass * params.ball_radius);
         prop_assert!(com.cross(&params.up()).norm() <= 1e-12 * com.norm(), "{com} is not above the contact");
+    }
+
+    #[test]
+    fn slope_limits_are_those_of_the_worst_heading(
+        params in any_general_robot(), torque in 0.02..1.0_f64, fall_tilt in 0.1..1.5,
+    ) {
+        let weight = (params.ball_mass + params.body_mass) * params.gravity;
+        let params = Params { max_wheel_torque: torque * weight * params.wheel_radius, ..params };
+        let limits = params.slope_limits(fall_tilt).unwrap();
+        // Whether a robot on a slope exceeds the limits of its lean, traction and motors in some heading; None where no lean
+        // holds it.
+        let exceeded = |slope: f64| {
+            let params = on_slope(&params, [0.0, -slope]);
+            let lean = params.slope_lean().ok()?;
+            let model = SpatialModel::new(&params, true, true);
+            let mut exceeded = [lean.norm() - slope > fall_tilt, false, false];
+            for k in 0..360 {
+                let yaw = PI * f64::from(k) / 180.0;
+                let torques = params.holding_torques(yaw).unwrap();
+                let attitude = State::tilted_from_equilibrium(&params, lean, yaw).body_quaternion;
+                let contacts = model.contacts(&attitude, &Vector6::zeros(), &torques.into());
+                let floor = contacts.floor_force;
+                exceeded[1] |= floor.xy().norm() > params.floor_static_friction * floor.z;
+                for i in 0..3 {
+                    let holds = params.wheel_static_friction * contacts.wheel_normal_forces[i];
+                    exceeded[1] |= contacts.wheel_tractions[i].abs() > holds;
+                    exceeded[2] |= torques[i].abs() > params.max_wheel_torque;
+                }
+            }
+            Some(exceeded)
+        };
+        for (i, limit) in [limits.fall, limits.traction, limits.motor].into_iter().enumerate() {
+            prop_assert!(limit > 0.0 && limit <= FRAC_PI_2);
+            let around = [0.999, 1.001].map(|share| share * limit);
+            if around[1] < 0.5 && let [Some(below), Some(above)] = around.map(exceeded) {
+                prop_assert!(!below[i] && above[i], "limit {i} of {limits:?}");
+            }
+        }
     }
 
     #[test]

@@ -239,9 +239,9 @@ fn rays_meet_the_ground() {
 fn the_limits_of_a_slope_are_those_of_the_presets() {
     let degrees = |angle: f64| (angle.to_degrees() * 10.0).round() / 10.0;
     let limits = Params::paper().slope_limits(20_f64.to_radians()).unwrap();
-    assert_eq!([degrees(limits.fall), degrees(limits.traction), degrees(limits.motor)], [15.3, 17.7, 90.0]);
+    assert_eq!([degrees(limits.fall), degrees(limits.traction), degrees(limits.motor)], [15.3, 15.0, 90.0]);
     let robot = Params::preset("asroballet").unwrap().slope_limits(20_f64.to_radians()).unwrap();
-    assert_eq!([degrees(robot.fall), degrees(robot.motor)], [90.0, 15.3]);
-    assert!((limits.smallest() - limits.fall).abs() < 1e-15);
+    assert_eq!([degrees(robot.fall), degrees(robot.traction), degrees(robot.motor)], [90.0, 15.1, 15.3]);
+    assert!((limits.smallest() - limits.traction).abs() < 1e-15);
     assert!(Params::paper().slope_limits(0.0).unwrap_err().to_string().contains("fall_tilt"));
 }
