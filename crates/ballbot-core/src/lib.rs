@@ -4,6 +4,18 @@
 //! ([`actuator`], [`sensor`]); models, from closed form ([`models`]) to rigid bodies with contacts ([`sim`]); controllers
 //! ([`control`]), and those that simulate ([`planning`]); tasks ([`task`]); environments ([`batch`]).
 //!
+//! Cargo builds dependencies without optimization unless it is given `--release`, and this crate is then many times
+//! slower. For debug builds of one's own code against an optimized crate, add to the workspace's `Cargo.toml`:
+//!
+//! ```toml
+//! [profile.dev.package."*"]
+//! opt-level = 3
+//! ```
+//!
+//! [`Batch`](batch::Batch) steps many robots at once, [`task::Task`] and [`control::Law`] are for tasks and controllers
+//! of one's own; each has an example. Types of [`nalgebra`] and [`rand_chacha`] are in signatures, so both crates are
+//! re-exported.
+//!
 //! Cargo features, all on by default: `rigid` (the model of that name, by rapier3d), `urdf` (robots from URDFs),
 //! `render` (pictures).
 //!
@@ -59,6 +71,8 @@ pub mod terrain;
 mod thread_pool;
 #[cfg(feature = "urdf")]
 pub mod urdf;
+
+pub use {nalgebra, rand_chacha};
 
 pub use energy::mechanical_energy;
 pub use error::{Error, MAX_MAGNITUDE, Result, bounded as check_bounded, finite as check_finite, one_of};

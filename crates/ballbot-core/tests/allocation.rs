@@ -3,7 +3,7 @@
 
 use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Outcome, StepBuffers, Under, When};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, StepResults, Under, When};
 use ballbot_core::control::{Controller, Lqr, Pid, PidGains, controller_kinds};
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::perception::{DepthOptions, ScanOptions};
@@ -53,23 +53,13 @@ const STEPS: usize = 100;
 /// `controller` if there is one.
 fn allocations(config: &BalanceConfig, controller: Option<&dyn Controller>) -> usize {
     let mut batch = Batch::new(config, ENVS, Autoreset::SameStep, Some(1), 1).unwrap();
-    let mut observations = vec![0.0; ENVS * batch.observation_len()];
-    batch.reset(None, &mut observations).unwrap();
-    let (mut rewards, mut final_observations) = (vec![0.0; ENVS], observations.clone());
-    let (mut terminated, mut truncated) = (vec![false; ENVS], vec![false; ENVS]);
-    let mut outcomes = vec![Outcome::default(); ENVS];
+    let mut results = StepResults::new(&batch);
+    batch.reset(None, &mut results.observations).unwrap();
     let mut actions: Vec<f32> = (0..ENVS * ACTION_LEN).map(|i| 0.02 * (i as f32).sin()).collect();
     let mut run = || {
         let before = ALLOCATIONS.get();
         for _ in 0..STEPS {
-            let mut buffers = StepBuffers {
-                observations: &mut observations,
-                rewards: &mut rewards,
-                terminated: &mut terminated,
-                truncated: &mut truncated,
-                final_observations: &mut final_observations,
-                outcomes: &mut outcomes,
-            };
+            let mut buffers = results.buffers();
             match controller {
                 Some(controller) => batch.step_under(&Under::new(controller), &mut actions, &mut buffers).unwrap(),
                 None => batch.step(&actions, &mut buffers).unwrap(),

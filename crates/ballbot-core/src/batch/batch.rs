@@ -28,6 +28,28 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Environments of one task that are stepped together, on as many threads as asked.
 ///
 /// Environment i is seeded with `seed + i`. Results do not depend on the number of threads.
+///
+/// ```
+/// use ballbot_core::ModelKind;
+/// use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, StepResults, Under};
+/// use ballbot_core::control::Lqr;
+/// use ballbot_core::task::ACTION_LEN;
+///
+/// let config = BalanceConfig { model: ModelKind::Contact, ..BalanceConfig::default() };
+/// let mut batch = Batch::new(&config, 64, Autoreset::SameStep, None, 0)?;
+/// let mut results = StepResults::new(&batch);
+/// batch.reset(None, &mut results.observations)?;
+///
+/// // A policy writes the actions, three a robot, from `results.observations`. Here LQR does, from the states.
+/// let lqr = Lqr::new(&config.params, batch.control_dt())?;
+/// let mut actions = vec![0.0; batch.len() * ACTION_LEN];
+/// for _ in 0..200 {
+///     batch.control(&Under::new(&lqr), &mut actions)?;
+///     batch.step(&actions, &mut results.buffers())?;
+///     assert!(!results.terminated.contains(&true));
+/// }
+/// # Ok::<(), ballbot_core::Error>(())
+/// ```
 pub struct Batch {
     pub(super) description: TaskDescription,
     model: ModelKind,

@@ -113,7 +113,7 @@ static BARE: &dyn TaskKind = &Kind::<Bare>(PhantomData);
 /// The tasks of other crates.
 static REGISTERED: RwLock<Vec<&'static dyn TaskKind>> = RwLock::new(Vec::new());
 
-/// Makes a task known by its name, as those of this crate are.
+/// Makes a task known by its name, as those of this crate are; the example of [`Task`] does.
 ///
 /// # Errors
 /// [`Error::Inconsistent`] if its name is taken.

@@ -37,7 +37,7 @@ mod task_step;
 
 pub use autoreset::Autoreset;
 pub use batch::Batch;
-pub use buffers::{Outcome, StepBuffers};
+pub use buffers::{Outcome, StepBuffers, StepResults};
 pub use closed_loop::Under;
 pub use config::{BalanceConfig, EnvConfig};
 pub use environment::Environment;

@@ -183,7 +183,7 @@ static CONTROLLERS: [ControllerKind; 11] = [
 /// The controllers of other crates.
 static REGISTERED: RwLock<Vec<ControllerKind>> = RwLock::new(Vec::new());
 
-/// Makes a controller known by its name, as those of this crate are.
+/// Makes a controller known by its name, as those of this crate are; the example of [`Law`] does.
 ///
 /// # Errors
 /// [`Error::Inconsistent`] if its name is taken; [`Error::UnknownName`] if it follows what is no part of a setpoint.

@@ -61,6 +61,96 @@ use fearless_simd::Simd;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A feedback law, written once over lanes.
+///
+/// ```
+/// use ballbot_core::control::{
+///     Controller, ControllerKind, LaneSetpoint, Law, LimitOptions, Sampling, Setpoint, TorqueLimits, controller_kind,
+///     fields_with, register_controller,
+/// };
+/// use ballbot_core::fields::{Limit, describe_options};
+/// use ballbot_core::kinematics::{Omniwheels, TorqueMap};
+/// use ballbot_core::lanes::{Lane, Memory};
+/// use ballbot_core::nalgebra::Vector3;
+/// use ballbot_core::{LaneState, Params, Result, State};
+///
+/// ballbot_core::fields! {
+///     /// Gains.
+///     pub struct Gains {
+///         /// Torque for a tilt.
+///         pub tilt: f64 = 20.0, "N·m/rad", Limit::NOT_NEGATIVE;
+///         /// Torque for a tilt rate.
+///         pub rate: f64 = 1.3, "N·m·s/rad", Limit::NOT_NEGATIVE;
+///     }
+/// }
+///
+/// /// PD of the tilt.
+/// struct Upright {
+///     gains: Gains,
+///     /// Wheel torques for torques of 1 N·m about x and y.
+///     wheels: [Vector3<f64>; 2],
+///     limits: TorqueLimits,
+///     sampling: Sampling,
+/// }
+///
+/// impl Upright {
+///     fn new(params: &Params, control_dt: f64, gains: Gains, limits: &LimitOptions) -> Result<Self> {
+///         let wheels = Omniwheels::new(params);
+///         Ok(Self {
+///             gains,
+///             wheels: [Vector3::x(), Vector3::y()].map(|axis| wheels.wheel_torques(&axis, TorqueMap::Consistent)),
+///             limits: TorqueLimits::new(params, limits)?,
+///             sampling: Sampling::new(control_dt, Self::MEMORY),
+///         })
+///     }
+/// }
+///
+/// impl Law for Upright {
+///     const MEMORY: usize = 0;
+///     const PARTS: &'static [&'static str] = &[];
+///
+///     fn sampling(&self) -> &Sampling {
+///         &self.sampling
+///     }
+///
+///     fn sampling_mut(&mut self) -> &mut Sampling {
+///         &mut self.sampling
+///     }
+///
+///     fn torques<L: Lane>(
+///         &self,
+///         state: &LaneState<L>,
+///         _: &LaneSetpoint<L>,
+///         largest: f64,
+///         _: &mut Memory<'_, L>,
+///     ) -> [L; 3] {
+///         let [tilt_x, tilt_y] = state.body_quaternion.tilt_components();
+///         let rate = state.body_angular_velocity;
+///         let x = tilt_x * -self.gains.tilt - rate.x * self.gains.rate;
+///         let y = tilt_y * -self.gains.tilt - rate.y * self.gains.rate;
+///         let wheel = |i: usize| x * self.wheels[0][i] + y * self.wheels[1][i];
+///         self.limits.apply([wheel(0), wheel(1), wheel(2)], state, largest).torques
+///     }
+/// }
+///
+/// register_controller(ControllerKind {
+///     name: "upright",
+///     summary: "PD of the tilt.",
+///     control_dt: None,
+///     parts: Upright::PARTS,
+///     options: describe_options::<Gains>,
+///     limits: LimitOptions::CAP,
+///     make: |params, control_dt, limits, options| {
+///         Ok(Box::new(Upright::new(params, control_dt, fields_with(options)?, limits)?) as Box<dyn Controller>)
+///     },
+/// })?;
+///
+/// let params = Params::paper();
+/// let kind = controller_kind("upright")?;
+/// let mut upright = (kind.make)(&params, 0.01, &kind.limits, &[("rate", &[1.5])])?;
+/// let torques = upright.wheel_torques(&State::tilted(&params, [0.1, 0.0].into(), 0.0), &Setpoint::default());
+/// assert!(torques.norm() > 0.1);
+/// # Ok::<(), ballbot_core::Error>(())
+/// ```
 pub trait Law: Send + Sync {
     /// How many numbers it keeps of a robot from one call to the next; zeros at first.
     const MEMORY: usize;

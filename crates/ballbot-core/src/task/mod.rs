@@ -50,6 +50,80 @@ pub const ACTION_LEN: usize = 3;
 pub const DIVERGED: &str = "diverged";
 
 /// A task: what an episode starts from, what is observed, what is rewarded, when it ends.
+///
+/// ```
+/// use ballbot_core::batch::{Autoreset, Batch, EnvConfig, StepResults, register_task, task_kind};
+/// use ballbot_core::fields::Limit;
+/// use ballbot_core::kinematics::Omniwheels;
+/// use ballbot_core::lanes::{Lane, Memory};
+/// use ballbot_core::rand_chacha::ChaCha8Rng;
+/// use ballbot_core::task::{Row, Rows, Sensed, Step, Task, Term, Terms};
+/// use ballbot_core::{Params, Result, State};
+///
+/// ballbot_core::fields! {
+///     /// Options of the task.
+///     pub struct Stand {
+///         /// First tilt about x.
+///         pub reset_tilt: f64 = 0.05, "rad", Limit::NOT_NEGATIVE.to(0.1);
+///         /// Tilt above which the episode is terminated.
+///         pub fall_tilt: f64 = 0.3, "rad", Limit::from(0.2).to(1.0);
+///     }
+/// }
+///
+/// impl Task for Stand {
+///     const NAME: &'static str = "stand";
+///     const ID: &'static str = "me/Stand-v0";
+///     const SUMMARY: &'static str = "Stand upright.";
+///     const TERMINATIONS: &'static [(&'static str, &'static str)] = &[("tilt", "the tilt exceeds `fall_tilt`")];
+///     const SUCCESS: &'static str = "not terminated";
+///
+///     fn validate(&self, _: &Params) -> Result<()> {
+///         Ok(())
+///     }
+///
+///     fn extreme_starts(&self, params: &Params) -> Vec<State> {
+///         vec![State::tilted(params, [self.reset_tilt, 0.0].into(), 0.0)]
+///     }
+///
+///     fn start(&self, params: &Params, _: &Omniwheels, _: &mut ChaCha8Rng) -> State {
+///         State::tilted(params, [self.reset_tilt, 0.0].into(), 0.0)
+///     }
+///
+///     fn observe<L: Lane>(&self, sensed: &Sensed<'_, L>, _: &Memory<'_, L>, rows: &mut impl Rows<L>) {
+///         let [x, y] = sensed.state.body_quaternion.tilt_components();
+///         rows.row(Row::new("tilt about x", "rad", 1.0, 0.1), x);
+///         rows.row(Row::new("tilt about y", "rad", 1.0, 0.1), y);
+///     }
+///
+///     fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L {
+///         let zero = step.tilt.zero();
+///         L::select(zero.splat(self.fall_tilt).lt(step.tilt), zero.splat(1.0), zero)
+///     }
+///
+///     fn success<L: Lane>(&self, _: &Step<'_, L>, terminated: L::Mask, _: &mut Memory<'_, L>) -> L::Mask {
+///         !terminated
+///     }
+///
+///     fn reward<L: Lane>(&self, step: &Step<'_, L>, _: L::Mask, _: &Memory<'_, L>, terms: &mut impl Terms<L>) {
+///         terms.term(Term::reward("alive", 1.0, "1"), step.tilt.splat(1.0));
+///         terms.term(Term::cost("tilt", 1.0, "tilt²"), step.tilt.squared());
+///     }
+/// }
+///
+/// // By its type, or by its name once it is registered.
+/// let by_type = Batch::new(&EnvConfig::<Stand>::default(), 8, Autoreset::NextStep, Some(1), 0)?;
+/// register_task::<Stand>()?;
+/// let mut config = task_kind("stand")?.config();
+/// config.set("fall_tilt", &[0.25])?;
+/// let mut batch = config.batch(8, Autoreset::NextStep, Some(1), 0)?;
+/// assert_eq!(batch.observation_len(), by_type.observation_len());
+///
+/// let mut results = StepResults::new(&batch);
+/// batch.reset(None, &mut results.observations)?;
+/// batch.step(&[0.0; 24], &mut results.buffers())?;
+/// assert!(results.rewards.iter().all(|reward| *reward < 1.0));
+/// # Ok::<(), ballbot_core::Error>(())
+/// ```
 pub trait Task: Fields + Send + Sync + 'static {
     /// Name, as in `balance`.
     const NAME: &'static str;

@@ -1,6 +1,6 @@
 //! What would take all memory, all threads or all day is refused or ends when its caller wants; bad snapshots change nothing.
 
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Outcome, StepBuffers};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, StepResults};
 use ballbot_core::control::{Controller, Lqr, Pid, PidGains, Setpoint};
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::task::ACTION_LEN;
@@ -17,16 +17,8 @@ fn after(milliseconds: u64) -> impl Fn() -> bool + 'static {
 }
 
 fn step(batch: &mut Batch) -> ballbot_core::Result<()> {
-    let n = batch.len();
-    let mut buffers = StepBuffers {
-        observations: &mut vec![0.0; n * OBSERVATION_LEN],
-        rewards: &mut vec![0.0; n],
-        terminated: &mut vec![false; n],
-        truncated: &mut vec![false; n],
-        final_observations: &mut vec![0.0; n * OBSERVATION_LEN],
-        outcomes: &mut vec![Outcome::default(); n],
-    };
-    batch.step(&vec![0.0; n * ACTION_LEN], &mut buffers)
+    let actions = vec![0.0; batch.len() * ACTION_LEN];
+    batch.step(&actions, &mut StepResults::new(batch).buffers())
 }
 
 fn reset(batch: &mut Batch, mask: Option<&[bool]>) -> ballbot_core::Result<()> {
