@@ -14,8 +14,11 @@ use std::sync::Arc;
 const MOST_CURVED: f64 = 0.5;
 
 /// Steps of Newton's method to a point of contact, and where they end, m.
-const MOST_STEPS: usize = 30;
+const MOST_STEPS: usize = 60;
 const FOUND: f64 = 1e-13;
+
+/// Bound on the rounding error of a gradient, in heights by the cell.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// A terrain with the surface of the centers of balls that touch it, at the distance of the ball's radius along the normal.
 ///
@@ -39,10 +42,13 @@ impl Ground {
         Self::check_radius(terrain, ball_radius)?;
         let surface = terrain.surface();
         let nodes = surface.nodes();
+        // Heights far above zero have steep rounding errors.
+        let [lowest, highest] = terrain.heights();
+        let grain = ROUNDING * lowest.abs().max(highest.abs()) * ball_radius / surface.cell();
         let mut heights = crate::memory::try_zeros::<f64>("heights of ball centers", &nodes)?;
         for (j, row) in heights.chunks_exact_mut(nodes[0]).enumerate() {
             for (i, height) in row.iter_mut().enumerate() {
-                *height = center_height(surface, surface.node(i, j), ball_radius)?;
+                *height = center_height(surface, surface.node(i, j), ball_radius, grain)?;
             }
         }
         let centers = Spline::through(&heights, nodes, surface.node(0, 0), surface.cell());
@@ -59,7 +65,7 @@ impl Ground {
         if valley > limit {
             return Err(Error::Inconsistent(format!(
                 "the terrain's narrowest valley has a curvature of {valley:.3} 1/m, but a ball of ball_radius = {ball_radius} m \
-                 takes at most {MOST_CURVED} / ball_radius = {limit:.3} 1/m"
+                 takes at most {MOST_CURVED} / ball_radius = {limit:.3} 1/m: smooth or lower its heights, or take a larger cell"
             )));
         }
         Ok(())
@@ -108,30 +114,41 @@ impl Ground {
 }
 
 /// Height of the center of a ball of radius `r` that touches the surface, above the place of the center: the point of
-/// contact p is where p − r ∇h / √(1 + |∇h|²) is that place.
-fn center_height(surface: &Spline, place: [f64; 2], r: f64) -> Result<f64> {
+/// contact p is where p − r ∇h / √(1 + |∇h|²) is that place. `grain`, m, is how well rounding errors let it be known.
+fn center_height(surface: &Spline, place: [f64; 2], r: f64, grain: f64) -> Result<f64> {
     let place = Vector2::from(place);
+    let found = grain.max(FOUND * (1.0 + place.norm()));
     let root = |gradient: &Vector2<f64>| (1.0 + gradient.norm_squared()).sqrt();
     let gradient_at = |p: &Vector2<f64>| Vector2::from(surface.jet(p.x, p.y).gradient);
     let first = gradient_at(&place);
     let mut p = place + first * (r / root(&first));
+    let (mut least, mut step) = (f64::INFINITY, Vector2::zeros());
     for _ in 0..MOST_STEPS {
         let jet = surface.jet(p.x, p.y);
         let gradient = Vector2::from(jet.gradient);
         let length = root(&gradient);
         let miss = p - gradient * (r / length) - place;
-        if miss.norm() <= FOUND * (1.0 + place.norm()) {
+        if miss.norm() <= found {
             return Ok(jet.z + r / length);
         }
+        // A step too far over a crest is halved.
+        if miss.norm() > least {
+            step *= 0.5;
+            p += step;
+            continue;
+        }
+        least = miss.norm();
         let [xx, xy, yy] = jet.hessian;
         let hessian = Matrix2::new(xx, xy, xy, yy);
         let slope = Matrix2::identity() - gradient * gradient.transpose() / (length * length);
         let change = Matrix2::identity() - slope * hessian * (r / length);
         let Some(inverse) = change.try_inverse() else { break };
-        p -= inverse * miss;
+        step = inverse * miss;
+        p -= step;
     }
     Err(Error::Inconsistent(format!(
-        "no point of contact was found for a ball of ball_radius = {r} m above x = {} m, y = {} m of the terrain",
+        "no point of contact was found for a ball of ball_radius = {r} m above x = {} m, y = {} m of the terrain: smooth its \
+         heights there",
         place.x, place.y
     )))
 }

@@ -45,7 +45,7 @@ const HIGHEST: f64 = 1000.0;
 const CELLS: std::ops::RangeInclusive<f64> = 1e-4..=1e3;
 
 /// Most heights of a terrain: 40 m by 40 m in steps of 2 cm, which take seconds.
-const MOST_NODES: usize = 1 << 22;
+pub const MOST_NODES: usize = 1 << 22;
 
 /// The ground's height over x and y.
 #[derive(Clone, Debug, PartialEq)]
@@ -200,7 +200,7 @@ impl Terrain {
         })
     }
 
-    /// Height at x and y, m. Beyond its edges the terrain goes on along the tangent planes there.
+    /// Height at x and y, m. Beyond its edges the terrain goes on straight across them, with the slope there.
     pub fn height(&self, x: f64, y: f64) -> f64 {
         self.surface.jet(x, y).z
     }
@@ -372,7 +372,8 @@ impl Steepness {
         if out.slope > STEEPEST {
             let [x, y] = steepest;
             return Err(Error::Inconsistent(format!(
-                "the terrain has a slope of {:.3} rad at x = {x:.3} m, y = {y:.3} m; a ground has at most {STEEPEST} rad",
+                "the terrain has a slope of {:.3} rad at x = {x:.3} m, y = {y:.3} m; a ground has at most {STEEPEST} rad: smooth \
+                 or lower its heights, or take a larger cell",
                 out.slope
             )));
         }

@@ -1,7 +1,8 @@
 //! Uniform bicubic B-splines: functions of x and y with continuous second derivatives.
 //!
 //! A spline goes through the heights on its grid, whose rows are along y. On the edges of the grid its second derivative
-//! across the edge is zero. Beyond the grid it goes on as the tangent plane of the nearest point of the edge.
+//! across the edge is zero. Beyond an edge it goes on straight across it, with the slope of the nearest point of the edge, so
+//! that its gradient is continuous everywhere.
 
 use super::patch::Patch;
 use crate::lanes::{Lane, floor, run_one};
@@ -137,15 +138,11 @@ impl Spline {
             gradient: [product(&slants, &wy) * scale, product(&values, &dy) * scale],
         };
         let [bx, by] = [across.beyond, along.beyond];
-        let zero = x.zero();
-        if L::any(zero.lt(bx.abs() + by.abs())) {
+        if L::any(x.zero().lt(bx.abs() + by.abs())) {
             let twist = product(&slants, &dy) * (scale * scale);
             let [gx, gy] = height.gradient;
-            height.z = gy.mul_add(by, gx.mul_add(bx, height.z));
-            height.gradient = [
-                L::select(bx.abs().le(zero), twist.mul_add(by, gx), gx),
-                L::select(by.abs().le(zero), twist.mul_add(bx, gy), gy),
-            ];
+            height.gradient = [twist.mul_add(by, gx), twist.mul_add(bx, gy)];
+            height.z = height.gradient[1].mul_add(by, gx.mul_add(bx, height.z));
         }
         height
     }
@@ -194,14 +191,19 @@ impl Spline {
         let twist = product(&slants, &dy) * scale * scale;
         let [gx, gy] = [product(&slants, &wy) * scale, product(&values, &dy) * scale];
         let (bx, by) = (across.beyond, along.beyond);
-        let inside = |beyond: f64, bend: f64| if beyond == 0.0 { bend } else { 0.0 };
+        // Beyond one edge the second derivative along it changes with the distance from it.
+        let bend = |beyond: f64, bend: f64, other: f64, change: f64| {
+            if beyond == 0.0 { (change * scale).mul_add(other, bend) * scale * scale } else { 0.0 }
+        };
+        let bent = of_rows(&rows, &cx);
+        let along_y = twist.mul_add(bx, gy);
         Jet {
-            z: gy.mul_add(by, gx.mul_add(bx, product(&values, &wy))),
-            gradient: [gx + inside(bx, twist * by), gy + inside(by, twist * bx)],
+            z: along_y.mul_add(by, gx.mul_add(bx, product(&values, &wy))),
+            gradient: [twist.mul_add(by, gx), along_y],
             hessian: [
-                inside(bx, product(&of_rows(&rows, &cx), &wy) * scale * scale),
-                if bx != 0.0 && by != 0.0 { 0.0 } else { twist },
-                inside(by, product(&values, &cy) * scale * scale),
+                bend(bx, product(&bent, &wy), by, product(&bent, &dy)),
+                twist,
+                bend(by, product(&values, &cy), bx, product(&slants, &cy)),
             ],
         }
     }

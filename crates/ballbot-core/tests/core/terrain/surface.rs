@@ -4,6 +4,8 @@ use super::{contact_normal, rough};
 use ballbot_core::Params;
 use ballbot_core::terrain::{Ground, Terrain, TerrainKind};
 use nalgebra::Vector3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
 
 fn hills(x: f64, y: f64) -> f64 {
@@ -52,6 +54,15 @@ fn gradients_and_curvatures_are_the_derivatives_of_the_height() {
         let by_x = (terrain.height(x + step, y) - terrain.height(x - step, y)) / (2.0 * step);
         let by_y = (terrain.height(x, y + step) - terrain.height(x, y - step)) / (2.0 * step);
         assert!((gx - by_x).abs() < 1e-8 && (gy - by_y).abs() < 1e-8, "{x}, {y}: {gx} {by_x}, {gy} {by_y}");
+        let change = |x: f64, y: f64, axis: usize| terrain.gradient(x, y)[axis];
+        let by_differences = [
+            (change(x + step, y, 0) - change(x - step, y, 0)) / (2.0 * step),
+            (change(x, y + step, 0) - change(x, y - step, 0)) / (2.0 * step),
+            (change(x, y + step, 1) - change(x, y - step, 1)) / (2.0 * step),
+        ];
+        for (exact, found) in terrain.surface().jet(x, y).hessian.into_iter().zip(by_differences) {
+            assert!((exact - found).abs() < 1e-7, "{x}, {y}: {exact} {found}");
+        }
     }
     // A sphere from below has its curvature in all directions.
     let bowl = Terrain::from_function(|x, y| 2.0 - (4.0 - x * x - y * y).sqrt(), [1.0, 1.0], 0.01).unwrap();
@@ -60,6 +71,83 @@ fn gradients_and_curvatures_are_the_derivatives_of_the_height() {
         assert!((larger - 0.5).abs() < 1e-4 && (smaller - 0.5).abs() < 1e-4, "{larger} {smaller}");
     }
     assert!((0.5..0.7).contains(&bowl.curvature()[0]), "{:?}", bowl.curvature());
+}
+
+#[test]
+fn the_gradient_is_continuous_beyond_the_edges() {
+    let terrain = Terrain::from_function(hills, [3.0, 2.0], 0.05).unwrap();
+    let step = 1e-9;
+    for i in 0..400 {
+        let along = -2.0 + 0.01 * f64::from(i);
+        for (before, after) in [([1.5 - step, along], [1.5 + step, along]), ([along, 1.0 - step], [along, 1.0 + step])]
+        {
+            let ([ax, ay], [bx, by]) = (terrain.gradient(before[0], before[1]), terrain.gradient(after[0], after[1]));
+            assert!((ax - bx).abs() < 1e-7 && (ay - by).abs() < 1e-7, "{before:?}: {ax} {bx}, {ay} {by}");
+        }
+    }
+}
+
+/// Smoothed random heights with a slope of `rise` at most between neighbors.
+fn heights_at_random(seed: u64, nodes: [usize; 2], smoothed: usize, rise: f64) -> Vec<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let [nx, ny] = nodes;
+    let mut heights: Vec<f64> = (0..nx * ny).map(|_| rng.random_range(-1.0..1.0)).collect();
+    for _ in 0..smoothed {
+        let at = |i: usize, j: usize| heights[j.min(ny - 1) * nx + i.min(nx - 1)];
+        let around =
+            |i: usize, j: usize| at(i + 1, j) + at(i.saturating_sub(1), j) + at(i, j + 1) + at(i, j.saturating_sub(1));
+        heights = (0..nx * ny).map(|k| 0.5 * at(k % nx, k / nx) + 0.125 * around(k % nx, k / nx)).collect();
+    }
+    let steepest = (0..nx * ny - nx).map(|k| (heights[k + nx] - heights[k]).abs()).fold(0.0, f64::max);
+    heights.iter().map(|height| height * rise / steepest).collect()
+}
+
+#[test]
+fn a_ball_that_reaches_into_the_valleys_has_a_ground() {
+    let (mut made, mut too_narrow) = (0, 0);
+    for seed in 0..200 {
+        for (smoothed, rise, cell) in [(1, 0.05, 0.1), (3, 0.02, 0.02), (3, 0.3, 0.1), (8, 0.02, 0.02), (8, 0.3, 0.1)] {
+            let nodes = [24, 17];
+            let heights = heights_at_random(seed, nodes, smoothed, rise * cell);
+            let terrain = Arc::new(Terrain::from_heights(&heights, nodes, cell).unwrap());
+            if Ground::check_radius(&terrain, 0.112).is_err() {
+                too_narrow += 1;
+                continue;
+            }
+            let ground =
+                Ground::new(&terrain, 0.112).unwrap_or_else(|error| panic!("{seed} {smoothed} {rise}: {error}"));
+            made += 1;
+            // On the edges, too, the ball touches and is in no place below the ground.
+            for (x, y) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0), (0.3, 1.0), (-1.0, 0.2)] {
+                let [half_x, half_y] = terrain.half_size();
+                let (center, _) = ground.ball_center(&Params::paper(), x * half_x, y * half_y);
+                let nearest = (0..60 * 60)
+                    .map(|k| [f64::from(k % 60 - 30) * 2e-3 + center.x, f64::from(k / 60 - 30) * 2e-3 + center.y])
+                    .map(|[x, y]| (Vector3::new(x, y, terrain.height(x, y)) - center).norm())
+                    .fold(f64::INFINITY, f64::min);
+                assert!((nearest - 0.112).abs() < 2e-5, "{seed} {smoothed} {rise}: {nearest} at {center}");
+            }
+        }
+    }
+    assert!(made > 400 && too_narrow > 50, "{made} {too_narrow}");
+}
+
+#[test]
+fn a_map_far_above_zero_is_a_ground() {
+    let nodes = [40, 30];
+    let heights = heights_at_random(5, nodes, 8, 0.02 * 0.02);
+    for altitude in [0.0_f64, 10.0, -990.0] {
+        let raised: Vec<_> = heights.iter().map(|height| height + altitude).collect();
+        for cell in [0.02_f64, 0.001] {
+            let low: Vec<_> =
+                raised.iter().map(|height| altitude + (height - altitude) * (cell / 0.02).powi(2)).collect();
+            let terrain = Arc::new(Terrain::from_heights(&low, nodes, cell).unwrap());
+            let ground = Ground::new(&terrain, 0.112).unwrap();
+            let (center, normal) = ground.ball_center(&Params::paper(), 0.1 * cell, 0.3 * cell);
+            let touched = center - normal * 0.112;
+            assert!((touched.z - terrain.height(touched.x, touched.y)).abs() < 1e-7, "{altitude} {cell}");
+        }
+    }
 }
 
 #[test]
