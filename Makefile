@@ -31,7 +31,10 @@ INSTALL = PATH="$(abspath $(BIN)):$$PATH" MATURIN_PEP517_ARGS="--locked --profil
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name '*.toml')
 SEED ?= 0
 MINUTES ?= 5
-SOAK_STEPS ?= 10000000
+SOAK_CONTACT ?= 100000000
+SOAK_RIGID ?= 1000000
+SOAK_ROBOTS ?= 5000
+SOAK_MINUTES ?= 60
 SECONDS_EACH ?= 60
 
 .PHONY: help setup generate train test test-builds test-ray lint docs site wheel consumers paper verify robots controllers tunings policies transfer bench bench-core instructions fuzz soak cad demo format clean
@@ -58,7 +61,7 @@ help:
 	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
 	@echo "make instructions  compare each model's instruction counts with the kept ones (needs valgrind); ACCEPT=1 keeps new ones"
 	@echo "make fuzz    feed the readers of URDFs, visuals and STLs with broken files, each for MINUTES=$(MINUTES) (needs cargo-fuzz and a nightly compiler)"
-	@echo "make soak    SOAK_STEPS=$(SOAK_STEPS) steps of rigid, ten times as many of contact, with memory watched (a quarter of an hour)"
+	@echo "make soak    SOAK_CONTACT=$(SOAK_CONTACT) steps of contact, SOAK_RIGID=$(SOAK_RIGID) of rigid, SOAK_ROBOTS=$(SOAK_ROBOTS) robots, the page SOAK_MINUTES=$(SOAK_MINUTES) under load (hours)"
 	@echo "make cad     build the paper's robot as solids, weigh it, write assets/meshes and the visuals of assets/bot.urdf"
 	@echo "make format  format Rust and Python"
 	@echo "make clean   delete everything that was built"
@@ -159,8 +162,10 @@ fuzz:
 			-dict=fuzz/$$files.dict -max_total_time=$$(( 60 * $(MINUTES) )) -max_len=16384 -timeout=10 -rss_limit_mb=2048; \
 	done
 
-soak:
-	BALLBOT_SOAK_STEPS=$(SOAK_STEPS) cargo test --locked --release --test soak -- --nocapture
+soak: $(INSTALLED)
+	BALLBOT_SOAK_CONTACT=$(SOAK_CONTACT) BALLBOT_SOAK_RIGID=$(SOAK_RIGID) cargo test --locked --release --test soak -- --nocapture
+	BALLBOT_CASES=$(SOAK_ROBOTS) cargo test --locked --release --test core properties::finite
+	$(BIN)/python -m tests.support.page_load $(SOAK_MINUTES)
 
 cad: $(CAD_INSTALLED)
 	$(BIN)/python -m cad

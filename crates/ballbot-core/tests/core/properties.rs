@@ -21,6 +21,7 @@ use proptest::test_runner::{RngSeed, TestRunner};
 
 /// `cases` of them, none kept in a file: a bug that is found becomes a test with its own numbers.
 fn cases(cases: u32) -> ProptestConfig {
+    let cases = std::env::var("BALLBOT_CASES").map_or(cases, |text| text.parse().expect("a number of cases"));
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
 
