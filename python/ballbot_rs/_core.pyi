@@ -18,6 +18,7 @@ __all__ = [
     "EVENT_SETS",
     "LABELS",
     "MODELS",
+    "MOST_HEIGHTS",
     "OBSERVATIONS",
     "PAPER_BALL_VISCOUS_FRICTION",
     "ROBOTS",
@@ -43,6 +44,7 @@ __all__ = [
     "__version__",
     "_contacts_of",
     "_terrain_of",
+    "_toml_table",
     "estimator_constants",
     "load_actuators",
     "load_events",
@@ -109,6 +111,7 @@ MODELS: list[str]
 ROBOTS: list[str]
 EVENT_SETS: list[str]
 LABELS: list[str]
+MOST_HEIGHTS: int
 ACTUATORS: list[str]
 ACTUATOR_OPTIONS: list[_Option]
 SENSORS: list[str]
@@ -537,8 +540,8 @@ class Contacts:
 class Terrain:
     """Ground that is not level: a smooth surface (a bicubic spline with continuous curvature), shared by all robots on it.
 
-    Made by `plane`, `from_heights`, `from_function` or `generate`. Its middle is the origin. Beyond its edges it goes on along
-    the tangent planes there; an episode of an environment that leaves it is truncated.
+    Made by `plane`, `from_heights`, `from_function` or `generate`. Its middle is the origin. Beyond its edges it goes on
+    straight across them, with the slope there; an episode of an environment that leaves it is truncated.
 
     Raises:
         ValueError: a surface steeper than 1.05 rad, or numbers that make no surface.
@@ -830,6 +833,9 @@ def _contacts_of(params: Params, numbers: npt.ArrayLike, bot_on_floor: bool, ste
 
 def _terrain_of(source: Mapping[str, Any] | npt.ArrayLike, nodes: tuple[int, int] = ..., cell: float = 0.0) -> Terrain:
     """The terrain of a recipe, or of the coefficients of its surface with the nodes along x and y and their distance, m."""
+
+def _toml_table(text: str) -> dict[str, Any]:
+    """The table of a TOML text. The parser limits how deep it nests."""
 
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
     """Motors by name (`ACTUATORS` has them), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, of

@@ -1,23 +1,19 @@
-"""TOML: reading on all versions of Python, and writing of plain tables."""
+"""TOML: reading by the parser of the core, and writing of plain tables."""
 
 import json
-import sys
 from collections.abc import Mapping
 from typing import Any
 
+from ballbot_rs._core import _toml_table
+
 
 def loads(text: str) -> dict[str, Any]:
-    """The table of a TOML text.
+    """The table of a TOML text; dates and times are texts.
 
     Raises:
         ValueError: malformed TOML.
     """
-    if sys.version_info >= (3, 11):
-        import tomllib
-    else:
-        import tomli as tomllib
-    table: dict[str, Any] = tomllib.loads(text)
-    return table
+    return _toml_table(text)
 
 
 def dumps(table: Mapping[str, Any]) -> str:

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -265,6 +266,41 @@ def test_intervals_are_wilsons():
     assert (low, high) == (pytest.approx(0.4902, abs=1e-4), pytest.approx(0.9433, abs=1e-4))
 
 
+#: What a field of a scenario may be in a file, right or not.
+VALUES = ["5", "-1", "1e400", "nan", "true", '"x"', "[]", "[[1]]", "[1, 2, 3]", "{ a = 1 }", "1979-05-27", "[1e-9, 2]"]
+
+
+def test_a_file_of_scenarios_that_is_changed_is_refused_by_its_name_or_taken(tmp_path):
+    """Fields with other values, lines that are missing, bytes that are others."""
+    text = resources.files("ballbot_rs.scenarios").joinpath("scenarios.toml").read_text(encoding="utf-8")
+    lines = text.splitlines()
+    fields = [place for place, line in enumerate(lines) if "=" in line and not line.startswith("#")]
+    rng = np.random.default_rng(0)
+    changed = []
+    for _ in range(700):
+        place = rng.choice(fields)
+        value = f"{lines[place].split('=')[0]}= {rng.choice(VALUES)}"
+        changed.append([*lines[:place], *rng.choice(np.array([[value], [""]], dtype=object)), *lines[place + 1 :]])
+    contents = ["\n".join(part).encode() for part in changed]
+    for _ in range(500):
+        data = bytearray(text.encode())
+        for place in rng.integers(0, len(data), 3):
+            data[place] = rng.integers(256)
+        contents.append(bytes(data))
+    contents += [f"scenario = {value}".encode() for value in VALUES]
+    contents += [b"[" * 100_000, b"scenario = " + b"[" * 100_000, b"a." * 100_000 + b"b = 1", b"x" * (1 << 21)]
+    path = tmp_path / "changed.toml"
+    refused = []
+    for content in contents:
+        path.write_bytes(content)
+        try:
+            load(path)
+        except bb.InvalidInputError as error:
+            refused.append(str(error))
+    assert all(message.startswith(str(path)) for message in refused)
+    assert 500 < len(refused) < len(contents)
+
+
 def test_scenarios_of_ones_own(tmp_path):
     path = tmp_path / "own.toml"
     path.write_text(
@@ -273,15 +309,25 @@ def test_scenarios_of_ones_own(tmp_path):
     (outcome,) = run_scenarios(["lqr"], file=path)
     assert outcome.success.all()
     for text, says in [
-        ("x = 1\n", r"has no \[\[scenario\]\]"),
+        ("", r"there is no \[\[scenario\]\]"),
+        ("x = 1\n", r"'x' is not known, expected tables \[\[scenario\]\] alone"),
+        ("scenario = 5\n", r"scenario = 5, expected tables \[\[scenario\]\]"),
+        ('[[scenario]]\nid = ["A"]\ntitle = ""\nseconds = 1\nscore = "map"\n', r"id = \('A',\), expected text"),
+        (OWN + "seeds = 1.5\n", "A: seeds = 1.5, expected a whole number"),
+        (OWN + "push = true\n", "A: push = True, expected a finite number or three of them"),
+        (OWN + "actuators = 3\n", "A: actuators = 3, expected a table"),
+        (OWN + "push_every = [0, 0]\n", r"push_every = \(0, 0\), expected two times, the first at least 0.01 s"),
+        (OWN + "push_time = -1\n", "push_time = -1, expected at least 0 s"),
+        (OWN + 'reference = { kind = "random_velocities" }\n', "expected the numbers largest, every, change, yaw_rate"),
+        (OWN.replace("rms_tilt", "map") + "tilt = [0, 1, 1e-9]\n", "expected at most 1000 steps"),
         ('[[scenario]]\nid = "A"\nsecond = 2\n', "has no field 'second': did you mean 'seconds'"),
         ('[[scenario]]\nid = "A"\n', "missing 3 required positional arguments"),
         ('[[scenario]]\nid = "A"\ntitle = ""\nseconds = -1\nscore = "map"\n', "seconds = -1"),
         ('[[scenario]]\nid = "A"\ntitle = ""\nseconds = 1\nscore = "mop"\n', "score = 'mop'"),
-        (OWN + "tilt = [1, 2]\n", r"tilt = \(1.0, 2.0\), expected \(first, last, step\)"),
+        (OWN + "tilt = [1, 2]\n", r"tilt = \(1, 2\), expected a finite number or three of them"),
         (OWN + "tilt = [1, 2, 0]\n", "a step above 0"),
-        (OWN + "push = nan\n", "push = nan, expected finite"),
-        (OWN + "push_height = inf\n", "push_height = inf, expected a number within ±10 m"),
+        (OWN + "push = nan\n", "push = nan, expected a finite number or three of them"),
+        (OWN + "push_height = inf\n", "push_height = inf, expected a finite number"),
         (OWN + "measure_from = 1\n", "measure_from = 1, expected from 0 to before seconds = 1"),
         (OWN + 'reference = { kind = "spiral" }\n', "reference.kind = 'spiral'"),
         (OWN + "reference = { radius = 1 }\n", "reference.kind = None"),

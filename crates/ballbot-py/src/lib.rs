@@ -28,6 +28,7 @@ mod signals;
 mod state;
 mod tasks;
 mod terrain;
+mod toml_table;
 
 use pyo3::prelude::*;
 
@@ -63,6 +64,8 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<batch::PyBatch>()?;
     module.add_class::<render::PyRenderer>()?;
     module.add_function(wrap_pyfunction!(terrain::terrain_kinds, module)?)?;
+    module.add("MOST_HEIGHTS", ballbot_core::terrain::MOST_NODES)?;
+    module.add_function(wrap_pyfunction!(toml_table::_toml_table, module)?)?;
     module.add_function(wrap_pyfunction!(terrain::_terrain_of, module)?)?;
     module.add_function(wrap_pyfunction!(state::_contacts_of, module)?)?;
     module.add_function(wrap_pyfunction!(actuators::load_actuators, module)?)?;

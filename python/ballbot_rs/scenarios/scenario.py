@@ -2,7 +2,9 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+import numbers
+import reprlib
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -10,6 +12,8 @@ from typing import Any, Final
 
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._reading import read_regular
 from ballbot_rs.analysis.settling import HOLD
 from ballbot_rs.scenarios.metrics import METRICS
 
@@ -36,6 +40,50 @@ SCORES: Final = tuple(name for name in METRICS if name not in ("fell", "least_lo
 
 #: Largest distance of the point of a push, m.
 _FARTHEST: Final = 10.0
+
+#: Most numbers of a map, and the shortest time between pushes, s.
+_MOST_NUMBERS: Final = 1000
+_SHORTEST: Final = 0.01
+
+#: Numbers of the motion `random_velocities`.
+_RANDOM: Final = ("largest", "every", "change", "yaw_rate")
+
+#: Largest file of scenarios, bytes.
+MAX_SCENARIO_FILE: Final = 1 << 20
+
+
+def _is_number(value: object) -> bool:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def _are_numbers(value: object, count: int) -> bool:
+    return isinstance(value, tuple) and len(value) == count and all(map(_is_number, value))
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
+
+
+def _is_table(value: object) -> bool:
+    return isinstance(value, Mapping) and all(isinstance(key, str) for key in value)
+
+
+#: What a field of a type may be, in words.
+_EXPECTED: Final[Mapping[Any, tuple[str, Callable[[object], bool]]]] = {
+    str: ("text", lambda value: isinstance(value, str)),
+    int: ("a whole number", _is_whole),
+    float: ("a finite number", _is_number),
+    Axis: ("a finite number or three of them", lambda value: _is_number(value) or _are_numbers(value, 3)),
+    float | None: ("a finite number", lambda value: value is None or _is_number(value)),
+    tuple[float, float] | None: ("two finite numbers", lambda value: value is None or _are_numbers(value, 2)),
+    Mapping[str, Any]: ("a table", _is_table),
+    str | None: ("text", lambda value: value is None or isinstance(value, str)),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,25 +157,43 @@ class Scenario:
     fall_tilt: float = 57.3
 
     def __post_init__(self) -> None:
-        for name in ("tilt", "push", "push_every"):
-            value = getattr(self, name)
-            if isinstance(value, Sequence):
-                object.__setattr__(self, name, tuple(float(number) for number in value))
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, list):
+                value = tuple(value)
+                object.__setattr__(self, field.name, value)
+            words, fits = _EXPECTED[field.type]
+            if not fits(value):
+                shown = f"{field.name} = {reprlib.repr(value)}"
+                raise InvalidInputError(
+                    f"scenario {self.id if isinstance(self.id, str) else '?'}: {shown}, expected {words}"
+                )
         for name, least, most in (("seconds", 0.02, 3600.0), ("directions", 1, 360), ("seeds", 1, 10_000)):
             if not least <= getattr(self, name) <= most:
                 raise ValueError(f"scenario {self.id}: {name} = {getattr(self, name)}, expected from {least} to {most}")
         if not 0.0 <= self.measure_from < self.seconds:
             limit = f"expected from 0 to before seconds = {self.seconds}"
             raise ValueError(f"scenario {self.id}: measure_from = {self.measure_from}, {limit}")
+        for name in ("push_time", "push_duration", "force_from", "force_until"):
+            if getattr(self, name) < 0.0:
+                raise InvalidInputError(f"scenario {self.id}: {name} = {getattr(self, name)}, expected at least 0 s")
+        if self.push_every is not None and not _SHORTEST <= self.push_every[0] <= self.push_every[1]:
+            expected = f"expected two times, the first at least {_SHORTEST} s and at most the second"
+            raise InvalidInputError(f"scenario {self.id}: push_every = {self.push_every}, {expected}")
         for name in ("tilt", "push"):
             self._check_axis(name)
         for name in ("push_height", "push_arm"):
             value = getattr(self, name)
-            if value is not None and not (isinstance(value, (int, float)) and abs(value) <= _FARTHEST):
+            if value is not None and abs(value) > _FARTHEST:
                 raise ValueError(f"scenario {self.id}: {name} = {value}, expected a number within ±{_FARTHEST:g} m")
         if self.reference and self.reference.get("kind") not in KINDS:
-            kind = self.reference.get("kind")
-            raise ValueError(f"scenario {self.id}: reference.kind = {kind!r}, expected one of {', '.join(KINDS)}")
+            given = self.reference.get("kind")
+            raise ValueError(f"scenario {self.id}: reference.kind = {given!r}, expected one of {', '.join(KINDS)}")
+        if self.reference.get("kind") == "random_velocities":
+            wrong = [name for name in _RANDOM if not _is_number(self.reference.get(name))]
+            if wrong or self.reference["every"] < _SHORTEST:
+                needs = f"the numbers {', '.join(_RANDOM)}, every at least {_SHORTEST} s"
+                raise InvalidInputError(f"scenario {self.id}: reference = {dict(self.reference)}, expected {needs}")
         if self.score not in (*SCORES, "map", "success") or self.is_map != (self.score == "map"):
             expected = "map, as for every map" if self.is_map else f"success, {', '.join(SCORES)}"
             raise ValueError(f"scenario {self.id}: score = '{self.score}', expected {expected}")
@@ -137,13 +203,13 @@ class Scenario:
             raise ValueError(f"scenario {self.id}: either tilt or push can be a map")
 
     def _check_axis(self, name: str) -> None:
-        """One finite number, or the first, the last and the step of increasing ones."""
+        """One number, or the first, the last and the step of increasing ones."""
         axis = getattr(self, name)
-        numbers = axis if isinstance(axis, tuple) else (axis,)
-        if not all(isinstance(number, (int, float)) and math.isfinite(number) for number in numbers):
-            raise ValueError(f"scenario {self.id}: {name} = {axis}, expected finite numbers")
-        if isinstance(axis, tuple) and not (len(axis) == 3 and axis[0] <= axis[1] and axis[2] > 0.0):
+        if isinstance(axis, tuple) and not (axis[0] <= axis[1] and axis[2] > 0.0):
             raise ValueError(f"scenario {self.id}: {name} = {axis}, expected (first, last, step) with a step above 0")
+        if isinstance(axis, tuple) and (axis[1] - axis[0]) / axis[2] > _MOST_NUMBERS:
+            limit = f"expected at most {_MOST_NUMBERS} steps"
+            raise InvalidInputError(f"scenario {self.id}: {name} = {axis}, {limit}")
 
     @property
     def moves(self) -> bool:
@@ -160,37 +226,48 @@ def load(path: str | Path | None = None) -> dict[str, Scenario]:
     """The scenarios of a TOML file, a list of tables `scenario`, by their id; None are those of this package.
 
     Raises:
-        ValueError: malformed TOML, a field that is not known or missing, or a number out of range.
+        ValueError: malformed TOML, a field that is not known or missing, a value of the wrong kind, or a number out of
+            range; the message has the file and the field.
         OSError: the file cannot be read.
     """
     if path is None:
         return dict(_shipped())
-    return _parsed(Path(path).read_text(encoding="utf-8"), str(path))
+    try:
+        return _parsed(read_regular(Path(path), MAX_SCENARIO_FILE).decode("utf-8"))
+    except ValueError as error:
+        raise InvalidInputError(f"{path}: {error}") from error
 
 
 @cache
 def _shipped() -> dict[str, Scenario]:
     text = resources.files("ballbot_rs.scenarios").joinpath("scenarios.toml").read_text(encoding="utf-8")
-    return _parsed(text, "scenarios.toml")
+    return _parsed(text)
 
 
-def _parsed(text: str, source: str) -> dict[str, Scenario]:
-    tables = _toml.loads(text).get("scenario", [])
+def _parsed(text: str) -> dict[str, Scenario]:
+    content = _toml.loads(text)
+    tables = content.pop("scenario", [])
+    if content:
+        raise ValueError(f"'{next(iter(content))}' is not known, expected tables [[scenario]] alone")
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise ValueError(f"scenario = {reprlib.repr(tables)}, expected tables [[scenario]]")
     if not tables:
-        raise ValueError(f"{source} has no [[scenario]]")
+        raise ValueError("there is no [[scenario]]")
     fields = [field.name for field in dataclasses.fields(Scenario)]
     found: dict[str, Scenario] = {}
     for table in tables:
-        name = table.get("id", "?")
+        name = table["id"] if isinstance(table.get("id"), str) else reprlib.repr(table.get("id"))
         for key in table:
             if key not in fields:
-                raise ValueError(f"{source}: scenario {name} has no field '{key}'{did_you_mean(key, fields)}")
-        if name in found:
-            raise ValueError(f"{source}: there are two scenarios {name}")
+                raise ValueError(f"scenario {name} has no field '{key}'{did_you_mean(key, fields)}")
         try:
-            found[name] = Scenario(**table)
+            one = Scenario(**table)
         except TypeError as error:
-            raise ValueError(f"{source}: scenario {name}: {error}") from error
+            # A field that is missing.
+            raise ValueError(f"scenario {name}: {error}") from error
+        if one.id in found:
+            raise ValueError(f"there are two scenarios {name}")
+        found[one.id] = one
     return found
 
 

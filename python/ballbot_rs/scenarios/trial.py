@@ -213,7 +213,7 @@ def _reference(
     table = dict(scenario.reference)
     lean = scale.holdable_lean / _PAPER.holdable_lean
     if table["kind"] == "attitude":
-        table["lean"] *= lean
+        table["lean"] = table.get("lean", math.nan) * lean
     if table["kind"] != "random_velocities":
         if made:
             return made[0]
@@ -234,7 +234,13 @@ def _reference(
 
 def _made(table: Mapping[str, Any], params: Params, time: float) -> Reference:
     """A motion without random numbers, its times multiplied by `time`."""
-    arguments = dict(table)
+    try:
+        return _motion(dict(table), params, time)
+    except TypeError as error:
+        raise ValueError(f"reference = {dict(table)}: {error}") from error
+
+
+def _motion(arguments: dict[str, Any], params: Params, time: float) -> Reference:
     kind = arguments.pop("kind")
     for name in ("seconds", "period", "change", "start"):
         if name in arguments:
