@@ -15,6 +15,7 @@ from ballbot_rs import (
     BalanceEnv,
     Ballbot,
     BallbotError,
+    Batch,
     Controller,
     DivergedError,
     InvalidInputError,
@@ -23,6 +24,7 @@ from ballbot_rs import (
     Params,
     Pid,
     PlanarModel,
+    Renderer,
     SpatialModel,
     State,
     UrdfError,
@@ -446,3 +448,37 @@ def test_an_unknown_name_is_answered_with_the_closest_one(call, closest):
     assert f"did you mean '{closest}'?" in text if closest else "expected one of params, model" in text
     restored = pickle.loads(pickle.dumps(caught.value))
     assert str(restored) == text
+
+
+@pytest.mark.parametrize(
+    ("make", "instead"),
+    [
+        (
+            lambda: Batch(2),
+            r"Batch objects cannot .* make another with the same arguments, and restore\(i, snapshot\(i\)\)",
+        ),
+        (Lqr, "Lqr objects cannot .* pass on its name, robot and options"),
+        (Pid, "Pid objects cannot .* pass on its name, robot and options"),
+        (lambda: Controller("mpc"), "Controller objects cannot .* pass on its name, robot and options"),
+        (lambda: Renderer(width=8, height=8), "Renderer objects cannot .* make another with the same arguments"),
+        (LinearModel, "LinearModel objects cannot .* make another"),
+        (lambda: PlanarModel(Params.paper()), "PlanarModel objects cannot .* make another"),
+        (lambda: SpatialModel(Params.paper()), "SpatialModel objects cannot .* make another"),
+    ],
+)
+def test_what_is_not_pickled_says_what_to_do_instead(make, instead):
+    for copied in (pickle.dumps, copy.copy, copy.deepcopy):
+        with pytest.raises(TypeError, match=instead):
+            copied(make())
+
+
+def test_a_batch_is_carried_over_by_its_snapshots():
+    batch, again = (Batch(2, seed=seed) for seed in (3, 4))
+    batch.reset()
+    again.reset()
+    batch.step(np.full((2, 3), 0.2))
+    for i in range(2):
+        again.restore(i, batch.snapshot(i))
+    for _ in range(3):
+        left, right = batch.step(np.zeros((2, 3)))[0], again.step(np.zeros((2, 3)))[0]
+        np.testing.assert_array_equal(left, right)

@@ -1,5 +1,9 @@
 """Terrains as files."""
 
+import math
+import os
+import zlib
+
 import numpy as np
 import pytest
 
@@ -43,6 +47,80 @@ def test_a_picture_of_others_needs_its_scale(tmp_path):
     Image.fromarray(np.zeros((8, 8, 3), dtype=np.uint8)).save(tmp_path / "color.png")
     with pytest.raises(ValueError, match="one gray value"):
         bb.read_terrain(tmp_path / "color.png", cell=0.1, height=0.2)
+
+
+#: Texts `ballbot` of a picture that do not say its scale.
+TEXTS = [
+    "",
+    "[]",
+    "5",
+    "null",
+    "{}",
+    "[" * 100_000,
+    '{"cell": 0.1}',
+    '{"cell": "a", "height": 1, "lowest": 0}',
+    "{" * 9,
+]
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=lambda text: text[:20])
+def test_a_text_that_is_not_the_scale_is_refused_where_it_is_needed(tmp_path, text):
+    from PIL import Image, PngImagePlugin
+
+    facts = PngImagePlugin.PngInfo()
+    facts.add_text("ballbot", text)
+    path = tmp_path / "odd.png"
+    Image.fromarray(np.zeros((8, 8), dtype=np.uint8)).save(path, pnginfo=facts)
+    for given in ({}, {"cell": 0.1}, {"height": 0.1}):
+        with pytest.raises(bb.InvalidInputError, match=r"odd\.png: the text 'ballbot' .* give cell and height, m"):
+            bb.read_terrain(path, **given)
+    assert bb.read_terrain(path, cell=0.1, height=0.1).slope == 0.0
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with names")
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.png")
+    with pytest.raises(bb.InvalidInputError, match=r"pipe\.png is not a regular file"):
+        bb.read_terrain(tmp_path / "pipe.png", 0.1, 0.1)
+
+
+def huge(path, columns, rows):
+    """A PNG whose header promises a picture, without its pixels."""
+    fields = columns.to_bytes(4, "big") + rows.to_bytes(4, "big") + bytes([8, 0, 0, 0, 0])
+
+    def chunk(name, content):
+        return len(content).to_bytes(4, "big") + name + content + zlib.crc32(name + content).to_bytes(4, "big")
+
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", fields) + chunk(b"IDAT", zlib.compress(b"")))
+
+
+@pytest.mark.parametrize("size", [(2049, 2048), (9000, 9000), (13_000, 13_000), (30_000, 30_000), (2**31 - 1, 1)])
+@pytest.mark.filterwarnings("ignore:Image size")
+def test_a_picture_that_is_too_large_is_refused_by_its_header(tmp_path, size):
+    huge(tmp_path / "huge.png", *size)
+    with pytest.raises(bb.InvalidInputError, match=r"huge\.png: the picture .* at most 4194304"):
+        bb.read_terrain(tmp_path / "huge.png", 0.1, 0.1)
+
+
+def test_what_is_no_picture_is_refused_by_its_name(tmp_path):
+    path = tmp_path / "no.png"
+    huge(path, 8, 8)
+    without_pixels = path.read_bytes()
+    for content in (b"", b"no picture", without_pixels, without_pixels[:30]):
+        path.write_bytes(content)
+        with pytest.raises(bb.InvalidInputError, match=r"no\.png: not a picture that Pillow reads"):
+            bb.read_terrain(path, 0.1, 0.1)
+    with pytest.raises(FileNotFoundError):
+        bb.read_terrain(tmp_path / "none.png")
+    Image = pytest.importorskip("PIL.Image")
+    Image.fromarray(np.eye(8, dtype=np.uint8) * 255).save(path)
+    for arguments, says in [
+        ((0.01, 1.0), "slope of .* smooth or lower its heights, or take a larger cell"),
+        ((0.1, math.inf), "height = inf"),
+        ((-1.0, 0.1), "cell = -1"),
+    ]:
+        with pytest.raises(bb.InvalidInputError, match=rf"no\.png: .*{says}"):
+            bb.read_terrain(path, *arguments)
 
 
 def test_mujoco_reads_the_height_field(terrain, tmp_path):

@@ -28,19 +28,23 @@ pub fn require_memory(what: impl fmt::Display, items: usize, bytes: usize) -> Re
     if need < SMALL {
         return Ok(());
     }
-    let refuse =
-        |limit: String| Err(Error::Memory { what: what.to_string(), need: format!("about {}", Bytes(need)), limit });
     if let Some(free) = available()
         && need > free
     {
-        return refuse(format!("{} are available", Bytes(free)));
+        return Err(refused(what, need, format!("{} are available", Bytes(free))));
     }
     // What the system would refuse, as by a limit of the process.
     let reserved = usize::try_from(need).map(|need| Vec::<u8>::new().try_reserve_exact(need));
     if !matches!(reserved, Ok(Ok(()))) {
-        return refuse("the system does not give that much to this process".to_owned());
+        return Err(refused(what, need, NOT_GIVEN.to_owned()));
     }
     Ok(())
+}
+
+const NOT_GIVEN: &str = "the system does not give that much to this process";
+
+fn refused(what: impl fmt::Display, need: u64, limit: String) -> Error {
+    Error::Memory { what: what.to_string(), need: format!("about {}", Bytes(need)), limit }
 }
 
 /// Zeros, if there is memory for them.
@@ -51,6 +55,18 @@ pub fn try_zeros<T: Clone + Default>(what: impl fmt::Display, shape: &[usize]) -
     let len = shape.iter().fold(1_usize, |len, &n| len.saturating_mul(n));
     require_memory(what, len, size_of::<T>())?;
     Ok(vec![T::default(); len])
+}
+
+/// Reserves room for `len` more items, if there is memory for them.
+///
+/// # Errors
+/// As [`require_memory`].
+pub fn try_reserve<T>(what: impl fmt::Display, items: &mut Vec<T>, len: usize) -> Result<()> {
+    if items.capacity() - items.len() >= len {
+        return Ok(());
+    }
+    require_memory(&what, len, size_of::<T>())?;
+    items.try_reserve_exact(len).map_err(|_| refused(&what, (len * size_of::<T>()) as u64, NOT_GIVEN.to_owned()))
 }
 
 /// Memory that can be had without swapping, if the system says: the least of the machine's and the container's.

@@ -2,8 +2,8 @@
 
 use crate::actuators::to_dict;
 use crate::control::{PyController, setpoints};
-use crate::convert::{elements, finite_elements, read_elements, vector};
-use crate::errors::{call, to_python};
+use crate::convert::{OPTION_COUNT, finite_elements, objects, read_elements, shaped, vector};
+use crate::errors::{call, not_pickled, to_python};
 use crate::events::draws;
 use crate::exclusive::Exclusive;
 use crate::fields::field_dict;
@@ -12,7 +12,7 @@ use crate::numbers::{count, index, optional_index, optional_whole, real, seed, s
 use crate::options::{configure, resolved};
 use crate::params::{PyParams, or_paper};
 use crate::perception::{missing, perceived};
-use crate::rollout::{CONTACT_PARTS, ClosedLoop, Stepped, Targets};
+use crate::rollout::{CONTACT_PARTS, ClosedLoop, Stepped, Targets, record_names};
 use crate::sensors::readings;
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
@@ -109,6 +109,12 @@ fn termination_code(batch: &Batch, outcome: &Outcome) -> i64 {
     found.map_or(0, |index| index as i64 + 1)
 }
 
+/// Starts by environment, None where there is none.
+fn starts(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<Option<State>>> {
+    let state = |one: &Bound<'_, PyAny>| Ok(one.extract::<Option<PyRef<'_, PyState>>>()?.map(|start| start.0.clone()));
+    objects("starts", value, n)?.iter().map(state).collect()
+}
+
 /// What ends a step whose motion is from Python.
 struct Failure(PyErr);
 
@@ -135,7 +141,7 @@ impl PyBatch {
         let mut inner = self.inner.write()?;
         let Inner { batch, actions: values, outcomes, final_observations, .. } = &mut *inner;
         let n = batch.len();
-        read_elements("actions", actions, &[Some(n), Some(ACTION_LEN)], values)?;
+        read_elements("actions", actions, &[Some(n), Some(ACTION_LEN)], n * ACTION_LEN, values)?;
         let observations = PyArray2::zeros(py, [n, batch.observation_len()], false);
         let rewards = PyArray1::zeros(py, n, false);
         let (terminated, truncated) = (PyArray1::zeros(py, n, false), PyArray1::zeros(py, n, false));
@@ -315,19 +321,18 @@ impl PyBatch {
     /// Raises:
     ///     ValueError: a wrong shape, or a state that the model cannot represent.
     #[pyo3(signature = (mask=None, seeds=None, starts=None))]
-    #[expect(clippy::needless_pass_by_value, reason = "extracted from Python lists")]
     fn reset<'py>(
         &self,
         py: Python<'py>,
         mask: Option<&Bound<'py, PyAny>>,
-        #[pyo3(from_py_with = seeds)] seeds: Option<Vec<Option<u64>>>,
-        starts: Option<Vec<Option<PyRef<'py, PyState>>>>,
+        seeds: Option<&Bound<'py, PyAny>>,
+        starts: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Array2<'py, f32>> {
         let mut inner = self.inner.write()?;
         let Inner { batch, outcomes, .. } = &mut *inner;
-        let mask = mask.map(|m| elements::<bool>("reset_mask", m, &[Some(batch.len())])).transpose()?;
-        let starts: Option<Vec<_>> =
-            starts.map(|starts| starts.iter().map(|start| start.as_ref().map(|s| s.0.clone())).collect());
+        let mask = mask.map(|m| shaped::<bool, 1>("reset_mask", m, [batch.len()])).transpose()?;
+        let seeds = seeds.map(|seeds| self::seeds(seeds, batch.len())).transpose()?;
+        let starts = starts.map(|starts| self::starts(starts, batch.len())).transpose()?;
         let request = ResetRequest { mask: mask.as_deref(), seeds: seeds.as_deref(), starts: starts.as_deref() };
         let observations = PyArray2::zeros(py, [batch.len(), batch.observation_len()], false);
         let mut writable = observations.readwrite();
@@ -393,7 +398,7 @@ impl PyBatch {
                     Ok(())
                 })?;
                 let after = motion.call1((states, pushes))?;
-                let numbers = elements::<f64>("states", &after, &[Some(n), Some(State::LEN)])?;
+                let numbers = shaped::<f64, 2>("states", &after, [n, State::LEN])?;
                 Ok(numbers.as_chunks::<{ State::LEN }>().0.iter().map(State::from_array).collect())
             };
             batch.step_with(values, buffers, outside).map_err(|Failure(error)| error)
@@ -502,7 +507,7 @@ impl PyBatch {
     fn set_command(&self, #[pyo3(from_py_with = index)] index: usize, command: &Bound<'_, PyAny>) -> PyResult<()> {
         let mut inner = self.inner.write()?;
         let len = inner.batch.task().command.len();
-        let command = finite_elements("command", command, &[(len > 0).then_some(len)])?;
+        let command = finite_elements("command", command, &[(len > 0).then_some(len)], OPTION_COUNT)?;
         inner.batch.set_command(index, &command).map_err(to_python)
     }
 
@@ -924,7 +929,7 @@ impl PyBatch {
         controller: &PyController,
         #[pyo3(from_py_with = whole)] steps: i64,
         setpoints: Option<&Bound<'py, PyAny>>,
-        record: Vec<String>,
+        #[pyo3(from_py_with = record_names)] record: Vec<String>,
         privileged: bool,
         impulses: Option<&Bound<'py, PyAny>>,
         points: Option<&Bound<'py, PyAny>>,
@@ -935,9 +940,11 @@ impl PyBatch {
         let Inner { batch, outcomes, final_observations, .. } = &mut *inner;
         let law = controller.law.read()?;
         let law = law.as_ref();
-        let targets = Targets::extracted(controller, law, batch.len(), setpoints)?;
-        let impulses = impulses.map(|value| finite_elements("impulses", value, &[None, Some(batch.len()), Some(3)]));
-        let points = points.map(|value| finite_elements("points", value, &[Some(batch.len()), Some(3)]));
+        let n = batch.len();
+        let targets = Targets::extracted(controller, law, n, setpoints)?;
+        let impulses = impulses
+            .map(|value| finite_elements("impulses", value, &[None, Some(n), Some(3)], steps.saturating_mul(3 * n)));
+        let points = points.map(|value| finite_elements("points", value, &[Some(n), Some(3)], 3 * n));
         let closed_loop = ClosedLoop {
             controller: law,
             targets,
@@ -972,6 +979,10 @@ impl PyBatch {
         call(|| inner.batch.load(index, snapshot))?;
         inner.outcomes[index] = Outcome::default();
         Ok(())
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        not_pickled("Batch", "make another with the same arguments, and restore(i, snapshot(i)) for each robot")
     }
 
     fn __repr__(&self) -> PyResult<String> {

@@ -1,7 +1,7 @@
 //! `Controller`, `Pid` and `Lqr`.
 
-use crate::convert::{array, elements, finite_elements, matrix, numbers};
-use crate::errors::{call, to_python};
+use crate::convert::{array, elements, matrix, numbers, shaped};
+use crate::errors::{call, not_pickled, to_python};
 use crate::exclusive::Exclusive;
 use crate::numbers::{one_or_more, optional_real, real};
 use crate::params::or_paper;
@@ -39,11 +39,11 @@ pub(crate) fn setpoints(
         controller.check_part(law, &name)?;
         let len = part_len(&name);
         let shape: &[Option<usize>] = if len == 1 { &[] } else { &[Some(len)] };
-        let shared = elements::<f64>(&name, &value, shape);
+        let shared = elements::<f64>(&name, &value, shape, len);
         let values = match shared {
             Ok(values) => values.repeat(n),
-            Err(_) if len == 1 => elements(&name, &value, &[Some(n)])?,
-            Err(_) => elements(&name, &value, &[Some(n), Some(len)])?,
+            Err(_) if len == 1 => shaped(&name, &value, [n])?,
+            Err(_) => shaped(&name, &value, [n, len])?,
         };
         ballbot_core::check_finite(&name, &values).map_err(to_python)?;
         for (setpoint, values) in setpoints.iter_mut().zip(values.chunks(len)) {
@@ -274,6 +274,10 @@ impl PyController {
         Ok(self.law.read()?.parts().to_vec())
     }
 
+    fn __reduce__(&self) -> PyResult<()> {
+        not_pickled(self.class, "pass on its name, robot and options, and make another of them")
+    }
+
     fn __repr__(&self) -> PyResult<String> {
         Ok(format!("<{} '{}', control_dt={} s>", self.class, self.name, self.control_dt()?))
     }
@@ -359,10 +363,11 @@ pub(crate) struct PyLqr(Lqr);
 
 /// A cost matrix from a matrix, or from its diagonal.
 fn cost(name: &str, value: &Bound<'_, PyAny>, size: usize) -> PyResult<DMatrix<f64>> {
-    if let Ok(diagonal) = elements::<f64>(name, value, &[Some(size)]) {
+    if let Ok(diagonal) = shaped::<f64, 1>(name, value, [size]) {
         return Ok(DMatrix::from_diagonal(&diagonal.into()));
     }
-    let rows = finite_elements(name, value, &[Some(size), Some(size)])?;
+    let rows = shaped::<f64, 2>(name, value, [size, size])?;
+    ballbot_core::check_finite(name, &rows).map_err(to_python)?;
     Ok(DMatrix::from_row_slice(size, size, &rows))
 }
 

@@ -1,12 +1,13 @@
 //! Conversions from array-likes and to NumPy arrays.
 
+use crate::errors::{InvalidInputError, to_python};
+use ballbot_core::try_reserve;
 use nalgebra::{DMatrix, Vector3};
 use numpy::ndarray::Array2;
 use numpy::{
-    AllowTypeChange, Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayLikeDyn, PyUntypedArray,
-    PyUntypedArrayMethods,
+    Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyException, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyException, PyMemoryError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 
@@ -33,14 +34,27 @@ impl Number for bool {
     const NAME: &'static str = "bools";
 }
 
+/// Length of a sequence from which on it is refused before NumPy sees it.
+const LONG: usize = 1 << 16;
+
+fn too_many(name: &str, found: usize, most: usize) -> PyErr {
+    InvalidInputError::new_err(format!("{name} has {found} entries, expected at most {most}"))
+}
+
 /// An array-like as an array of the type that NumPy gives it.
-fn untyped<'py, T: Number>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
+fn untyped<'py, T: Number>(name: &str, value: &Bound<'py, PyAny>, most: usize) -> PyResult<Bound<'py, PyUntypedArray>> {
     let py = value.py();
     let wrong = |what: String| PyTypeError::new_err(format!("{name} must be an array of {}, not {what}", T::NAME));
     let kind = || value.get_type().name().map_or_else(|_| "this".to_owned(), |kind| kind.to_string());
     let array = match value.cast_exact::<PyUntypedArray>() {
         Ok(array) => array.clone(),
         Err(_) => {
+            // NumPy would make objects of all of a range.
+            if let Ok(len) = value.len()
+                && len > most.max(LONG)
+            {
+                return Err(too_many(name, len, most));
+            }
             static MASKED: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
             static AS_ARRAY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
             if value.is_instance(MASKED.import(py, "numpy.ma", "MaskedArray")?)? {
@@ -48,7 +62,8 @@ fn untyped<'py, T: Number>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Bo
             }
             let array = AS_ARRAY.import(py, "numpy", "asarray")?.call1((value,)).map_err(|error| {
                 // Rows of different lengths, and objects that raise as they are read.
-                if error.is_instance_of::<PyException>(py) { wrong(kind()) } else { error }
+                let passes = error.is_instance_of::<PyMemoryError>(py) || !error.is_instance_of::<PyException>(py);
+                if passes { error } else { wrong(kind()) }
             })?;
             array.cast_into::<PyUntypedArray>().map_err(|_| wrong(kind()))?
         }
@@ -59,53 +74,107 @@ fn untyped<'py, T: Number>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Bo
     Ok(array)
 }
 
-/// Reads the elements of an array-like in C order into `out`. `name` is its name in messages; `shape` is the required
-/// shape, with `None` for any length along an axis. All real numeric types and memory orders are accepted; text, times,
-/// objects, complex numbers and masked arrays are not.
-pub(crate) fn read_elements<T: Number>(
-    name: &str,
-    value: &Bound<'_, PyAny>,
-    shape: &[Option<usize>],
-    out: &mut Vec<T>,
-) -> PyResult<()> {
-    let array: PyArrayLikeDyn<'_, T, AllowTypeChange> = untyped::<T>(name, value)?.extract()?;
-    let fits = array.shape().len() == shape.len()
-        && array.shape().iter().zip(shape).all(|(found, wanted)| wanted.is_none_or(|w| w == *found));
-    if !fits {
-        let tuple = |sizes: Vec<String>| match sizes.as_slice() {
-            [one] => format!("({one},)"),
-            _ => format!("({})", sizes.join(", ")),
-        };
-        let found = tuple(array.shape().iter().map(ToString::to_string).collect());
-        let wanted = tuple(shape.iter().map(|d| d.map_or_else(|| "n".to_owned(), |d| d.to_string())).collect());
-        return Err(PyValueError::new_err(format!("{name} has shape {found}, expected {wanted}")));
+/// Count of elements of an array that memory alone limits.
+pub(crate) const ANY_COUNT: usize = usize::MAX;
+
+/// Most numbers of an option or of a motion: the core takes fewer, and says how many.
+pub(crate) const OPTION_COUNT: usize = 4096;
+
+/// A shape as Python writes it.
+fn tuple(sizes: &[String]) -> String {
+    match sizes {
+        [one] => format!("({one},)"),
+        _ => format!("({})", sizes.join(", ")),
     }
-    out.clear();
-    // `as_slice` of an array in Fortran order is in that order.
-    match array.as_slice() {
-        Ok(contiguous) if array.is_c_contiguous() => out.extend_from_slice(contiguous),
-        _ => out.extend(array.as_array().iter().copied()),
+}
+
+/// Checks the shape of an array, and that it has at most `most` elements.
+fn check_shape<T: Number>(name: &str, found: &[usize], shape: &[Option<usize>], most: usize) -> PyResult<()> {
+    let text = || tuple(&found.iter().map(ToString::to_string).collect::<Vec<_>>());
+    let fits = found.len() == shape.len() && found.iter().zip(shape).all(|(n, wanted)| wanted.is_none_or(|w| w == *n));
+    if !fits {
+        let wanted: Vec<_> = shape.iter().map(|d| d.map_or_else(|| "n".to_owned(), |d| d.to_string())).collect();
+        return Err(InvalidInputError::new_err(format!("{name} has shape {}, expected {}", text(), tuple(&wanted))));
+    }
+    let count = found.iter().fold(1_usize, |count, n| count.saturating_mul(*n));
+    if count > most {
+        let what = format!("{name} has shape {}, {count} {}, expected at most {most}", text(), T::NAME);
+        return Err(InvalidInputError::new_err(what));
     }
     Ok(())
 }
 
+/// Reads the elements of an array-like in C order into `out` and returns its shape: the only way of an array into the core.
+///
+/// `name` is its name in messages; `shape` is the required shape, with `None` for any length along an axis, and `most` the
+/// largest count of elements. All real numeric types and memory layouts are accepted; text, times, objects, complex numbers
+/// and masked arrays are not. Type, shape and count are checked before anything is copied, and memory is reserved before it
+/// is used: a view of a few bytes can have any shape.
+pub(crate) fn read_elements<T: Number>(
+    name: &str,
+    value: &Bound<'_, PyAny>,
+    shape: &[Option<usize>],
+    most: usize,
+    out: &mut Vec<T>,
+) -> PyResult<Vec<usize>> {
+    let py = value.py();
+    let array = untyped::<T>(name, value, most)?;
+    let found = array.shape().to_vec();
+    check_shape::<T>(name, &found, shape, most)?;
+    out.clear();
+    try_reserve(name, out, array.len()).map_err(to_python)?;
+    let plain = array.cast::<PyArrayDyn<T>>().is_ok_and(|a| a.is_c_contiguous() && a.data().is_aligned());
+    let array = if plain { array } else { array.call_method1("astype", (T::get_dtype(py), "C"))?.cast_into()? };
+    let array = array.cast_into::<PyArrayDyn<T>>()?;
+    out.extend_from_slice(array.try_readonly()?.as_slice()?);
+    Ok(found)
+}
+
 /// Elements of an array-like, as [`read_elements`].
-pub(crate) fn elements<T: Number>(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Vec<T>> {
+pub(crate) fn elements<T: Number>(
+    name: &str,
+    value: &Bound<'_, PyAny>,
+    shape: &[Option<usize>],
+    most: usize,
+) -> PyResult<Vec<T>> {
     let mut out = Vec::new();
-    read_elements(name, value, shape, &mut out)?;
+    read_elements(name, value, shape, most, &mut out)?;
     Ok(out)
 }
 
+/// Elements of an array-like of this shape, as [`read_elements`].
+pub(crate) fn shaped<T: Number, const D: usize>(
+    name: &str,
+    value: &Bound<'_, PyAny>,
+    shape: [usize; D],
+) -> PyResult<Vec<T>> {
+    elements(name, value, &shape.map(Some), shape.iter().product())
+}
+
 /// Finite elements of an array-like, as [`read_elements`].
-pub(crate) fn finite_elements(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Vec<f64>> {
-    let values = elements(name, value, shape)?;
-    ballbot_core::check_finite(name, &values).map_err(crate::errors::to_python)?;
+pub(crate) fn finite_elements(
+    name: &str,
+    value: &Bound<'_, PyAny>,
+    shape: &[Option<usize>],
+    most: usize,
+) -> PyResult<Vec<f64>> {
+    let values = elements(name, value, shape, most)?;
+    ballbot_core::check_finite(name, &values).map_err(to_python)?;
     Ok(values)
+}
+
+/// The objects of a sequence of at most `most`.
+pub(crate) fn objects<'py>(name: &str, value: &Bound<'py, PyAny>, most: usize) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    let found = value.len()?;
+    if found > most {
+        return Err(too_many(name, found, most));
+    }
+    value.try_iter()?.take(most.saturating_add(1)).collect()
 }
 
 /// `N` numbers of an array-like.
 pub(crate) fn numbers<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
-    let values = elements(name, value, &[Some(N)])?;
+    let values = shaped(name, value, [N])?;
     Ok(values.try_into().expect("the shape was checked"))
 }
 

@@ -1,7 +1,7 @@
 //! Core errors and panics as Python exceptions.
 
 use ballbot_core::Error;
-use pyo3::exceptions::{PyIsADirectoryError, PyMemoryError, PyOSError, PyRuntimeError};
+use pyo3::exceptions::{PyIsADirectoryError, PyMemoryError, PyOSError, PyRuntimeError, PyTypeError};
 use pyo3::{PyErr, PyResult, import_exception};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -28,6 +28,11 @@ pub(crate) fn to_python(error: Error) -> PyErr {
         Error::Memory { .. } => PyMemoryError::new_err(message),
         _ => InvalidInputError::new_err(message),
     }
+}
+
+/// The error of pickling, or copying, an object of a class that has nothing to be pickled as.
+pub(crate) fn not_pickled(class: &str, instead: &str) -> PyResult<()> {
+    Err(PyTypeError::new_err(format!("{class} objects cannot be pickled or copied: {instead}")))
 }
 
 /// Runs a call into the core; its error becomes an exception, and so does a panic, which would otherwise pass every

@@ -1,7 +1,7 @@
 //! The closed-form models and the torque maps.
 
-use crate::convert::{array, elements, matrix, numbers, vector};
-use crate::errors::{InvalidInputError, to_python};
+use crate::convert::{array, matrix, numbers, shaped, vector};
+use crate::errors::{InvalidInputError, not_pickled, to_python};
 use crate::numbers::real;
 use crate::params::{PyParams, or_paper};
 use crate::state::PyContacts;
@@ -33,7 +33,7 @@ impl PySpatialModel {
         let quaternion = numbers::<4>("body_quaternion", body_quaternion)?;
         let quaternion = unit_quaternion("body_quaternion", quaternion).map_err(to_python)?;
         let dof = self.0.degrees_of_freedom();
-        let velocity: Vec<f64> = elements("generalized_velocity", generalized_velocity, &[Some(dof)])?;
+        let velocity: Vec<f64> = shaped("generalized_velocity", generalized_velocity, [dof])?;
         check_bounded("generalized_velocity", &velocity).map_err(to_python)?;
         let velocity = self.0.generalized_velocity(&velocity).map_err(to_python)?;
         Ok((quaternion, velocity))
@@ -90,6 +90,10 @@ impl PySpatialModel {
         let torques = finite_vector("wheel_torques", wheel_torques)?;
         let contacts = self.0.contacts(&quaternion, &velocity, &torques);
         Ok(PyContacts { contacts, params: self.0.params().clone() })
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        not_pickled("SpatialModel", "make another with the same arguments")
     }
 
     fn __repr__(&self) -> String {
@@ -157,6 +161,10 @@ impl PyPlanarModel {
     /// Name of the input u of `linearize`, with its unit.
     #[classattr]
     const INPUTS: [&'static str; 1] = ["virtual torque (N·m)"];
+
+    fn __reduce__(&self) -> PyResult<()> {
+        not_pickled("PlanarModel", "make another with the same arguments")
+    }
 
     fn __repr__(&self) -> String {
         format!("<PlanarModel: {} states, {} input>", Self::STATES.len(), Self::INPUTS.len())
@@ -231,6 +239,10 @@ impl PyLinearModel {
     /// Names of the inputs u, with units.
     #[classattr]
     const INPUTS: [&'static str; 3] = ["torque 0 (N·m)", "torque 1 (N·m)", "torque 2 (N·m)"];
+
+    fn __reduce__(&self) -> PyResult<()> {
+        not_pickled("LinearModel", "make another with the same arguments")
+    }
 
     fn __repr__(&self) -> String {
         format!("<LinearModel: {} states, {} inputs>", Self::STATES.len(), Self::INPUTS.len())

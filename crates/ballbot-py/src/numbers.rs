@@ -1,6 +1,6 @@
 //! Single numbers from Python.
 
-use crate::convert::elements;
+use crate::convert::{OPTION_COUNT, elements, objects, shaped};
 use crate::errors::InvalidInputError;
 use numpy::PyUntypedArray;
 use pyo3::exceptions::PyOverflowError;
@@ -14,7 +14,7 @@ pub(crate) fn real(value: &Bound<'_, PyAny>) -> PyResult<f64> {
     }
     // NumPy's own scalars are told by their dtype: `float` would take a time for a number.
     if value.hasattr("dtype")? {
-        return Ok(elements::<f64>("the value", value, &[])?[0]);
+        return Ok(shaped::<f64, 0>("the value", value, [])?[0]);
     }
     value.extract()
 }
@@ -29,8 +29,8 @@ pub(crate) fn one_or_more(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<
     let array = value.is_instance_of::<PyUntypedArray>();
     match if array { None } else { real(value).ok() } {
         Some(number) => Ok(vec![number]),
-        None if value.hasattr("ndim")? && value.getattr("ndim")?.eq(0)? => elements(name, value, &[]),
-        None => elements(name, value, &[None]),
+        None if value.hasattr("ndim")? && value.getattr("ndim")?.eq(0)? => shaped(name, value, []),
+        None => elements(name, value, &[None], OPTION_COUNT),
     }
 }
 
@@ -51,10 +51,9 @@ pub(crate) fn seed(value: &Bound<'_, PyAny>) -> PyResult<u64> {
 }
 
 /// Seeds by environment, None where there is none.
-pub(crate) fn seeds(value: &Bound<'_, PyAny>) -> PyResult<Option<Vec<Option<u64>>>> {
-    let seeds = value.extract::<Option<Vec<Bound<'_, PyAny>>>>()?;
+pub(crate) fn seeds(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<Option<u64>>> {
     let one = |value: &Bound<'_, PyAny>| if value.is_none() { Ok(None) } else { seed(value).map(Some) };
-    seeds.map(|seeds| seeds.iter().map(one).collect()).transpose()
+    objects("seeds", value, n)?.iter().map(one).collect()
 }
 
 /// The index of an environment.

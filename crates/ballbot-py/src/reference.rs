@@ -1,12 +1,12 @@
 //! `Reference`.
 
 use crate::control::PyController;
-use crate::convert::{array, elements, finite_elements, matrix};
+use crate::convert::{ANY_COUNT, OPTION_COUNT, array, elements, finite_elements, matrix, numbers, objects};
 use crate::errors::{call, to_python};
 use crate::numbers::{optional_real, real};
 use crate::params::{PyParams, or_paper};
 use ballbot_core::control::{Controller, MOTION_PARTS, Motion, Reference, Setpoint, Turning};
-use ballbot_core::{Error, Params, Result};
+use ballbot_core::{Error, Params, Result, require_memory};
 use nalgebra::DMatrix;
 use numpy::PyArray2;
 use pyo3::exceptions::PyTypeError;
@@ -77,13 +77,12 @@ impl PyReference {
 
 /// Rows of x and y.
 fn rows(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
-    let values = elements::<f64>(name, value, &[None, Some(2)])?;
+    let values = elements::<f64>(name, value, &[None, Some(2)], OPTION_COUNT)?;
     Ok(values.chunks_exact(2).map(|row| [row[0], row[1]]).collect())
 }
 
-fn pair(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
-    let values = elements::<f64>(name, value, &[Some(2)])?;
-    Ok([values[0], values[1]])
+fn times_of(value: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    elements("times", value, &[None], OPTION_COUNT)
 }
 
 #[pymethods]
@@ -98,7 +97,7 @@ impl PyReference {
         #[pyo3(from_py_with = real)] yaw_rate: f64,
         #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
     ) -> PyResult<Self> {
-        let position = pair("position", position)?;
+        let position = numbers("position", position)?;
         new("hold", params, Motion::Hold { position }, &common(yaw, yaw_rate, friction))
     }
 
@@ -115,8 +114,8 @@ impl PyReference {
         #[pyo3(from_py_with = real)] yaw_rate: f64,
         #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
     ) -> PyResult<Self> {
-        let start = start.map_or(Ok([0.0; 2]), |start| pair("start", start))?;
-        let motion = Motion::Path { points: vec![start, pair("goal", goal)?], times: vec![0.0, seconds] };
+        let start = start.map_or(Ok([0.0; 2]), |start| numbers("start", start))?;
+        let motion = Motion::Path { points: vec![start, numbers("goal", goal)?], times: vec![0.0, seconds] };
         new("line", params, motion, &common(yaw, yaw_rate, friction))
     }
 
@@ -131,7 +130,7 @@ impl PyReference {
         #[pyo3(from_py_with = real)] yaw_rate: f64,
         #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
     ) -> PyResult<Self> {
-        let motion = Motion::Path { points: rows("points", points)?, times: elements("times", times, &[None])? };
+        let motion = Motion::Path { points: rows("points", points)?, times: times_of(times)? };
         new("path", params, motion, &common(yaw, yaw_rate, friction))
     }
 
@@ -146,7 +145,7 @@ impl PyReference {
         #[pyo3(from_py_with = real)] yaw_rate: f64,
         #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
     ) -> PyResult<Self> {
-        let motion = Motion::Stops { points: rows("points", points)?, times: elements("times", times, &[None])? };
+        let motion = Motion::Stops { points: rows("points", points)?, times: times_of(times)? };
         new("stops", params, motion, &common(yaw, yaw_rate, friction))
     }
 
@@ -180,7 +179,7 @@ impl PyReference {
         #[pyo3(from_py_with = real)] yaw_rate: f64,
         #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
     ) -> PyResult<Self> {
-        let (velocities, times) = (rows("velocities", velocities)?, elements("times", times, &[None])?);
+        let (velocities, times) = (rows("velocities", velocities)?, times_of(times)?);
         let motion = Motion::Velocities { velocities, times, change };
         new("velocities", params, motion, &common(yaw, yaw_rate, friction))
     }
@@ -253,7 +252,9 @@ impl PyReference {
 
     /// Setpoints at `times`, shape (n,), s: arrays by name, with n rows each.
     fn sample<'py>(&self, py: Python<'py>, times: &Bound<'_, PyAny>) -> PyResult<Bound<'py, PyDict>> {
-        let times = finite_elements("times", times, &[None])?;
+        let times = finite_elements("times", times, &[None], ANY_COUNT)?;
+        // Beside the setpoints, a part in the core and in NumPy.
+        require_memory("the setpoints", times.len(), 2 * size_of::<Setpoint>()).map_err(to_python)?;
         let setpoints: Vec<Setpoint> = times.iter().map(|t| self.reference.at(*t)).collect();
         let parts = PyDict::new(py);
         for name in MOTION_PARTS {
@@ -354,14 +355,17 @@ impl References {
         let references = if let Ok(one) = value.cast::<PyReference>() {
             vec![call(|| one.get().on(&controller.params))?]
         } else if value.cast::<PyDict>().is_err() && value.cast::<PySequence>().is_ok() {
-            let each: Vec<Bound<'_, PyReference>> = value
-                .extract()
-                .map_err(|_| PyTypeError::new_err("setpoints must be a dict, a Reference or a list of them"))?;
-            if each.len() != n {
-                let error = ballbot_core::Error::Length { name: "setpoints".into(), found: each.len(), expected: n };
+            let wrong = || PyTypeError::new_err("setpoints must be a dict, a Reference or a list of them");
+            let found = value.len().map_err(|_| wrong())?;
+            if found != n {
+                let error = ballbot_core::Error::Length { name: "setpoints".into(), found, expected: n };
                 return Err(to_python(error));
             }
-            each.iter().map(|one| call(|| one.get().on(&controller.params))).collect::<PyResult<_>>()?
+            let of = |one: &Bound<'_, PyAny>| match one.cast::<PyReference>() {
+                Ok(one) => call(|| one.get().on(&controller.params)),
+                Err(_) => Err(wrong()),
+            };
+            objects("setpoints", value, n)?.iter().map(of).collect::<PyResult<_>>()?
         } else {
             return Ok(None);
         };

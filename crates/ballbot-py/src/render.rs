@@ -1,7 +1,7 @@
 //! `Renderer`.
 
-use crate::convert::{elements, read_elements, vector};
-use crate::errors::{call, to_python};
+use crate::convert::{elements, vector};
+use crate::errors::{call, not_pickled, to_python};
 use crate::numbers::{count, optional_whole, real, whole};
 use crate::params::or_paper;
 use crate::signals::interruptible;
@@ -15,6 +15,10 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
+
+/// Most arrows of a picture, and most pictures of a batch.
+const MOST_ARROWS: usize = 1 << 16;
+const MOST_STATES: usize = 1 << 20;
 
 /// A ray-casting renderer of a robot, without GPU or display.
 ///
@@ -132,7 +136,7 @@ impl PyRenderer {
         let ground = self.renderer.terrain();
         let mut shown = contacts.map_or_else(Vec::new, |c| force_arrows(&self.params, &state.0, &c.contacts, ground));
         if let Some(arrows) = arrows {
-            let ends = elements::<f64>("arrows", arrows, &[None, Some(2), Some(3)])?;
+            let ends = elements::<f64>("arrows", arrows, &[None, Some(2), Some(3)], 6 * MOST_ARROWS)?;
             shown.extend(ends.chunks(6).map(|e| Arrow {
                 from: [e[0], e[1], e[2]].into(),
                 to: [e[3], e[4], e[5]].into(),
@@ -166,8 +170,7 @@ impl PyRenderer {
 
     /// Pictures of the robot in n states (rows as `State.to_array`, shape (n, 32)), shape (n, height, width, 3), uint8.
     fn render_batch<'py>(&self, py: Python<'py>, states: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray4<u8>>> {
-        let mut rows = Vec::new();
-        read_elements::<f64>("states", states, &[None, Some(State::LEN)], &mut rows)?;
+        let rows = elements::<f64>("states", states, &[None, Some(State::LEN)], State::LEN * MOST_STATES)?;
         let states = rows.as_chunks::<{ State::LEN }>().0;
         let (width, height) = self.renderer.size();
         let frame = 3 * width * height;
@@ -191,6 +194,10 @@ impl PyRenderer {
     #[getter]
     fn height(&self) -> usize {
         self.renderer.size().1
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        not_pickled("Renderer", "make another with the same arguments")
     }
 
     fn __repr__(&self) -> String {

@@ -1,10 +1,10 @@
 //! `Terrain`.
 
-use crate::convert::elements;
+use crate::convert::{ANY_COUNT, elements, numbers, read_elements, shaped};
 use crate::errors::{call, to_python};
 use crate::numbers::{count, real, whole};
-use ballbot_core::check_bounded;
-use ballbot_core::terrain::{Terrain, TerrainKind};
+use ballbot_core::terrain::{MOST_NODES, Terrain, TerrainKind};
+use ballbot_core::{check_bounded, require_memory, try_reserve};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -13,8 +13,8 @@ use std::sync::Arc;
 
 /// Ground that is not level: a smooth surface (a bicubic spline with continuous curvature), shared by all robots on it.
 ///
-/// Made by `plane`, `from_heights`, `from_function` or `generate`. Its middle is the origin. Beyond its edges it goes on along
-/// the tangent planes there; an episode of an environment that leaves it is truncated.
+/// Made by `plane`, `from_heights`, `from_function` or `generate`. Its middle is the origin. Beyond its edges it goes on
+/// straight across them, with the slope there; an episode of an environment that leaves it is truncated.
 ///
 /// Raises:
 ///     ValueError: a surface steeper than 1.05 rad, or numbers that make no surface.
@@ -38,17 +38,21 @@ fn mapped<'py>(
     let numpy = py.import("numpy")?;
     let pair = numpy.call_method1("broadcast_arrays", (x, y))?;
     let (x, y) = (pair.get_item(0)?, pair.get_item(1)?);
-    let shape = x.getattr("shape")?;
+    let shape: Vec<usize> = x.getattr("shape")?.extract()?;
+    // Both coordinates are copied twice: a view of a few bytes has any shape.
+    let count = shape.iter().fold(1_usize, |count, n| count.saturating_mul(*n));
+    let needs = || format!("a result of shape {shape:?}");
+    require_memory(needs(), count, size_of::<f64>() * (4 + width)).map_err(to_python)?;
     let flat = |name: &str, values: &Bound<'py, PyAny>| {
-        let values = elements::<f64>(name, &values.call_method0("ravel")?, &[None])?;
+        let values = elements::<f64>(name, &values.call_method0("ravel")?, &[None], ANY_COUNT)?;
         check_bounded(name, &values).map_err(to_python)?;
         Ok::<_, PyErr>(values)
     };
     let (xs, ys) = (flat("x", &x)?, flat("y", &y)?);
-    let mut out = Vec::with_capacity(xs.len() * width);
+    let mut out = Vec::new();
+    try_reserve(needs(), &mut out, xs.len() * width).map_err(to_python)?;
     xs.iter().zip(&ys).for_each(|(x, y)| value(*x, *y, &mut out));
     let out = out.into_pyarray(py).into_any();
-    let shape: Vec<usize> = shape.extract()?;
     let shape: Vec<usize> = if width == 1 { shape } else { shape.into_iter().chain([width]).collect() };
     let out = out.call_method1("reshape", (shape,))?;
     if out.getattr("ndim")?.extract::<usize>()? == 0 { out.call_method0("item") } else { Ok(out) }
@@ -67,9 +71,9 @@ impl PyTerrain {
     /// The surface through `heights`, m, shape (rows along y, columns along x), `cell` meters between neighbors.
     #[staticmethod]
     fn from_heights(heights: &Bound<'_, PyAny>, #[pyo3(from_py_with = real)] cell: f64) -> PyResult<Self> {
-        let values = elements::<f64>("heights", heights, &[None, None])?;
-        let rows = heights.len()?;
-        made(heights.py(), || Terrain::from_heights(&values, [values.len() / rows.max(1), rows], cell))
+        let mut values = Vec::<f64>::new();
+        let shape = read_elements("heights", heights, &[None, None], MOST_NODES, &mut values)?;
+        made(heights.py(), || Terrain::from_heights(&values, [shape[1], shape[0]], cell))
     }
 
     /// The surface of a function over a rectangle of `size`, the lengths along x and y, m, from its values in steps of at
@@ -82,15 +86,15 @@ impl PyTerrain {
         size: &Bound<'py, PyAny>,
         #[pyo3(from_py_with = real)] cell: f64,
     ) -> PyResult<Self> {
-        let lengths = elements::<f64>("size", size, &[Some(2)])?;
-        let (nodes, cell) = call(|| Terrain::grid([lengths[0], lengths[1]], cell))?;
+        let size = numbers("size", size)?;
+        let (nodes, cell) = call(|| Terrain::grid(size, cell))?;
         let coordinates = |axis: usize| {
             let values: Vec<_> = (0..nodes[axis]).map(|i| Terrain::node(nodes, cell, i, axis)).collect();
             PyArray1::from_vec(py, values)
         };
         let mesh = py.import("numpy")?.call_method1("meshgrid", (coordinates(0), coordinates(1)))?;
         let heights = height.call1((mesh.get_item(0)?, mesh.get_item(1)?))?;
-        let heights = elements::<f64>("heights of the function", &heights, &[Some(nodes[1]), Some(nodes[0])])?;
+        let heights = shaped::<f64, 2>("heights of the function", &heights, [nodes[1], nodes[0]])?;
         made(py, || Terrain::from_heights(&heights, nodes, cell))
     }
 
@@ -201,7 +205,8 @@ impl PyTerrain {
         let wanted = cell.unwrap_or_else(|| self.0.surface().cell());
         let (nodes, cell) = call(|| Terrain::grid([2.0 * x, 2.0 * y], wanted))?;
         let place = |i: usize, axis: usize| Terrain::node(nodes, cell, i, axis);
-        let mut heights = Vec::with_capacity(nodes[0] * nodes[1]);
+        let mut heights = Vec::new();
+        try_reserve("the heights", &mut heights, nodes[0] * nodes[1]).map_err(to_python)?;
         for row in 0..nodes[1] {
             heights.extend((0..nodes[0]).map(|column| self.0.height(place(column, 0), place(row, 1))));
         }
@@ -272,7 +277,7 @@ pub(crate) fn _terrain_of(source: &Bound<'_, PyAny>, nodes: (usize, usize), cell
     if let Ok(recipe) = source.cast::<PyMapping>() {
         return of_recipe(recipe);
     }
-    let coefficients = elements::<f64>("coefficients", source, &[None])?;
+    let coefficients = elements::<f64>("coefficients", source, &[None], 3 * MOST_NODES)?;
     made(source.py(), || Terrain::from_coefficients(&coefficients, [nodes.0, nodes.1], cell))
 }
 

@@ -1,15 +1,25 @@
 """Terrains as files of other programs: MJCF with a height field, PNG, STL."""
 
+import io
 import json
+import math
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, Final
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs import _files
-from ballbot_rs._core import Terrain
+from ballbot_rs._checks import check_real
+from ballbot_rs._core import MOST_HEIGHTS, Terrain
+from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
+from ballbot_rs._reading import read_regular
+
+#: Largest file of a picture, bytes: twice as many as the most heights take in an uncompressed one.
+MAX_PICTURE: Final = 16 * MOST_HEIGHTS
 
 #: Largest value of a pixel of 16 bits.
 _WHITE = 65535
@@ -51,29 +61,69 @@ def read_terrain(path: str | Path, cell: float | None = None, height: float | No
     """The terrain of a gray picture, of 8 or 16 bits, its first row at the largest y.
 
     Args:
-        path: of the picture.
+        path: of the picture, of at most 4194304 pixels.
         cell: distance of neighboring pixels, m.
-        height: of white above black, m. Both may be left out for a picture of `write_terrain`.
+        height: of white above black, m. Both may be left out for a picture of `write_terrain`; where both are given,
+            black is at the height 0.
 
     Raises:
-        ValueError: a picture that is not gray, or without `cell` and `height`; a surface that is too steep: eight bits
-            have steps, which a picture of noise should be smoothed of before.
+        ValueError: not a picture, one that is not gray or too large, or one without `cell` and `height`; a surface that
+            is too steep: eight bits have steps, which a picture of noise should be smoothed of before.
+        OSError: the file cannot be read.
         ModuleNotFoundError: Pillow is not installed.
     """
+    path = Path(path)
+    lowest = 0.0
+    try:
+        pixels, text = _pixels(read_regular(path, MAX_PICTURE))
+        if cell is None or height is None:
+            facts = _facts(text)
+            cell = facts["cell"] if cell is None else cell
+            height = facts["height"] if height is None else height
+            lowest = facts["lowest"]
+        white = 255 if pixels.dtype == np.uint8 else _WHITE
+        scale = check_real("height", height) / white
+        if not math.isfinite(scale):
+            raise InvalidInputError(f"height = {height} is out of range: it must be finite, m")
+        return Terrain.from_heights(pixels[::-1].astype(np.float64) * scale + lowest, cell)
+    except ValueError as error:
+        raise InvalidInputError(f"{path}: {error}") from error
+
+
+def _pixels(contents: bytes) -> tuple[npt.NDArray[Any], Any]:
+    """Gray values of a picture, and its text `ballbot`, if any."""
     with require("reading a picture", "plot"):
         from PIL import Image
-    with Image.open(path) as image:
-        facts = json.loads(image.info.get("ballbot", "{}"))
-        mode, pixels = image.mode, np.asarray(image)
-    if mode not in ("L", "I;16"):
-        raise ValueError(f"{path}: the picture has the mode {mode}, but heights need one gray value a pixel, L or I;16")
-    if (cell is None or height is None) and not facts:
-        raise ValueError(f"{path}: a picture that write_terrain did not write needs cell and height, m")
-    white = 255 if pixels.dtype == np.uint8 else _WHITE
-    cell = facts["cell"] if cell is None else cell
-    height = facts["height"] if height is None else height
-    rows = pixels[::-1].astype(np.float64) * (height / white) + facts.get("lowest", 0.0)
-    return Terrain.from_heights(rows, cell)
+    try:
+        # Reads the header alone.
+        with Image.open(io.BytesIO(contents)) as image:
+            (columns, rows), mode = image.size, image.mode
+            if columns * rows > MOST_HEIGHTS:
+                raise InvalidInputError(f"the picture has {columns} x {rows} pixels, expected at most {MOST_HEIGHTS}")
+            if mode not in ("L", "I;16"):
+                gray = "heights need one gray value a pixel, L or I;16"
+                raise InvalidInputError(f"the picture has the mode {mode}, but {gray}")
+            return np.asarray(image), image.info.get("ballbot")
+    except (InvalidInputError, MemoryError):
+        raise
+    except Image.DecompressionBombError as error:
+        raise InvalidInputError(f"the picture is too large: expected at most {MOST_HEIGHTS} pixels") from error
+    except Exception as error:
+        # Decoders of other libraries raise what they like.
+        raise InvalidInputError(f"not a picture that Pillow reads: {type(error).__name__}: {error}") from error
+
+
+def _facts(text: Any) -> Mapping[str, float]:
+    """What `write_terrain` wrote of the scale."""
+    if text is None:
+        raise InvalidInputError("a picture that write_terrain did not write needs cell and height, m")
+    names = ("cell", "height", "lowest")
+    try:
+        facts = json.loads(text)
+        return {name: check_real(name, facts[name]) for name in names}
+    except (ValueError, TypeError, LookupError, RecursionError) as error:
+        expected = f"expected JSON of the numbers {', '.join(names)}, as write_terrain writes: give cell and height, m"
+        raise InvalidInputError(f"the text 'ballbot' of the picture is not readable: {expected}") from error
 
 
 def _mjcf(heights: npt.NDArray[np.float64], cell: float, path: Path) -> None:
