@@ -104,30 +104,30 @@ fn check_shape<T: Number>(name: &str, found: &[usize], shape: &[Option<usize>], 
     Ok(())
 }
 
-/// Reads the elements of an array-like in C order into `out` and returns its shape: the only way of an array into the core.
+/// Reads the elements of an array-like in C order into `out` and returns them as an array: the only way of an array into the
+/// core.
 ///
 /// `name` is its name in messages; `shape` is the required shape, with `None` for any length along an axis, and `most` the
 /// largest count of elements. All real numeric types and memory layouts are accepted; text, times, objects, complex numbers
 /// and masked arrays are not. Type, shape and count are checked before anything is copied, and memory is reserved before it
 /// is used: a view of a few bytes can have any shape.
-pub(crate) fn read_elements<T: Number>(
+pub(crate) fn read_elements<'py, T: Number>(
     name: &str,
-    value: &Bound<'_, PyAny>,
+    value: &Bound<'py, PyAny>,
     shape: &[Option<usize>],
     most: usize,
     out: &mut Vec<T>,
-) -> PyResult<Vec<usize>> {
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
     let py = value.py();
     let array = untyped::<T>(name, value, most)?;
-    let found = array.shape().to_vec();
-    check_shape::<T>(name, &found, shape, most)?;
+    check_shape::<T>(name, array.shape(), shape, most)?;
     out.clear();
     try_reserve(name, out, array.len()).map_err(to_python)?;
     let plain = array.cast::<PyArrayDyn<T>>().is_ok_and(|a| a.is_c_contiguous() && a.data().is_aligned());
     let array = if plain { array } else { array.call_method1("astype", (T::get_dtype(py), "C"))?.cast_into()? };
     let array = array.cast_into::<PyArrayDyn<T>>()?;
     out.extend_from_slice(array.try_readonly()?.as_slice()?);
-    Ok(found)
+    Ok(array)
 }
 
 /// Elements of an array-like, as [`read_elements`].

@@ -150,7 +150,7 @@ pub(crate) fn record_names(value: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     if value.is_instance_of::<PyString>() {
         return Err(PyTypeError::new_err("record must be a list of names, not one name"));
     }
-    objects("record", value, RECORDS.len())?.iter().map(|name| Ok(name.extract()?)).collect()
+    objects("record", value, RECORDS.len())?.iter().map(|name| name.extract()).collect()
 }
 
 impl Record {

@@ -5,7 +5,7 @@ use crate::errors::{call, to_python};
 use crate::numbers::{count, real, whole};
 use ballbot_core::terrain::{MOST_NODES, Terrain, TerrainKind};
 use ballbot_core::{check_bounded, require_memory, try_reserve};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
@@ -72,8 +72,9 @@ impl PyTerrain {
     #[staticmethod]
     fn from_heights(heights: &Bound<'_, PyAny>, #[pyo3(from_py_with = real)] cell: f64) -> PyResult<Self> {
         let mut values = Vec::<f64>::new();
-        let shape = read_elements("heights", heights, &[None, None], MOST_NODES, &mut values)?;
-        made(heights.py(), || Terrain::from_heights(&values, [shape[1], shape[0]], cell))
+        let array = read_elements("heights", heights, &[None, None], MOST_NODES, &mut values)?;
+        let nodes = [array.shape()[1], array.shape()[0]];
+        made(heights.py(), || Terrain::from_heights(&values, nodes, cell))
     }
 
     /// The surface of a function over a rectangle of `size`, the lengths along x and y, m, from its values in steps of at
