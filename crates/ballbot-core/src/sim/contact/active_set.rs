@@ -78,10 +78,9 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         let trial = self.trial_at::<JOINTS>(last);
         let mut out = PerRow { joints: trial.joints, ..*last };
         out.floor = select3(floor, last.floor, trial.floor);
-        for i in 0..3 {
+        for (drive, gripping) in out.drives.iter_mut().zip(wheels) {
             // Beyond the bound of friction.
-            let slipping = last.drives[i] + last.drives[i];
-            out.drives[i] = L::select(wheels[i], last.drives[i], slipping);
+            *drive = L::select(gripping, *drive, *drive + *drive);
         }
         out
     }
