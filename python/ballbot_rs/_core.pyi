@@ -828,7 +828,7 @@ def terrain_kinds() -> dict[str, dict[str, dict[str, Any]]]:
 
 def _contacts_of(params: Params, numbers: npt.ArrayLike, bot_on_floor: bool, steps: tuple[int, int]) -> Contacts:
     """Contacts of a robot from what pickle kept: loads, tractions and slip speeds of the wheels, force and slip velocity of
-    the floor, shape (14,), whether the bot touches the floor, and the counts of searched and unsolved steps.
+    the floor, force of the floor on the bot, shape (17,), whether the bot touches the floor, and the counts of searched and unsolved steps.
     """
 
 def _terrain_of(source: Mapping[str, Any] | npt.ArrayLike, nodes: tuple[int, int] = ..., cell: float = 0.0) -> Terrain:
