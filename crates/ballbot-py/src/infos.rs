@@ -48,7 +48,7 @@ impl StepInfos {
             let owners = unsafe { pyo3::ffi::Py_REFCNT(dict.as_ptr()) };
             let fill = |dict: &Bound<'py, PyDict>| {
                 // The caller may have changed the values.
-                dict.set_item(truncated, &no)?;
+                dict.set_item(truncated, no)?;
                 dict.set_item(is_success, if outcome.success { &yes } else { &no })?;
                 dict.set_item(termination, &none)
             };

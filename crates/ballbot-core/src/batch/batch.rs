@@ -25,10 +25,8 @@ use crate::thread_pool::{WorkerThreads, thread_count};
 use nalgebra::Vector3;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Environments of one task that are stepped together, on as many threads as asked.
-///
-/// Environment i is seeded with `seed + i`. Results do not depend on the number of threads.
-///
+/// Environments of one task that are stepped together, on as many threads as asked. Environment i is seeded with
+/// `seed + i`. Results do not depend on the number of threads.
 /// ```
 /// use ballbot_core::ModelKind;
 /// use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, StepResults, Under};
@@ -39,8 +37,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// let mut batch = Batch::new(&config, 64, Autoreset::SameStep, None, 0)?;
 /// let mut results = StepResults::new(&batch);
 /// batch.reset(None, &mut results.observations)?;
-///
-/// // A policy writes the actions, three a robot, from `results.observations`. Here LQR does, from the states.
 /// let lqr = Lqr::new(&config.params, batch.control_dt())?;
 /// let mut actions = vec![0.0; batch.len() * ACTION_LEN];
 /// for _ in 0..200 {

@@ -68,7 +68,7 @@ const OWNERS: [(&str, &[&str]); 8] = [
     ("urdf_rs", &["urdf/"]),
     ("rayon", &["thread_pool.rs"]),
     ("rand", &["task/", "batch/"]),
-    ("rand_chacha", &["task/", "batch/"]),
+    ("rand_chacha", &["lib.rs", "task/", "batch/"]),
     ("toml", &["params/", "batch/events/"]),
 ];
 

@@ -104,9 +104,11 @@ fn alone(config: &BalanceConfig, seed: u64, mode: Autoreset, steps: &[Vec<f32>])
             return (seen.clone(), last, Outcome::default());
         }
         let outcome = env.step(action, &mut seen);
-        if outcome.done() && mode == Autoreset::SameStep {
+        if outcome.done() {
             last.clone_from(&seen);
-            env.reset(&mut seen);
+            if mode == Autoreset::SameStep {
+                env.reset(&mut seen);
+            }
         }
         over = outcome.done() && mode == Autoreset::NextStep;
         (seen.clone(), last, outcome)

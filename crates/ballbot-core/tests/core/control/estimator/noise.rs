@@ -110,7 +110,7 @@ fn the_covariance_has_the_error_of_the_wheels() {
         found
     };
     assert!((1.2..2.4).contains(&of(&sure, 0.0)));
-    assert!(of(&sure, one) > 6.0);
+    assert!(of(&sure, one) > 3.0);
     assert!((1.2..2.4).contains(&of(&aware, one)));
     assert!((0.3..1.5).contains(&of(&aware, 0.0)));
 }
