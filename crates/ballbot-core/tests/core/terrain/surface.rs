@@ -125,8 +125,12 @@ fn a_ball_that_reaches_into_the_valleys_has_a_ground() {
                     .map(|k| [f64::from(k % 60 - 30) * 2e-3 + center.x, f64::from(k / 60 - 30) * 2e-3 + center.y])
                     .map(|[x, y]| (Vector3::new(x, y, terrain.height(x, y)) - center).norm())
                     .fold(f64::INFINITY, f64::min);
-                // Between nodes the surface of the centers is interpolated.
-                assert!((nearest - 0.112).abs() < 1e-3 * cell, "{seed} {smoothed} {rise}: {nearest} at {center}");
+                // Between nodes the surface of the centers is interpolated; at an edge, where the second derivative across it
+                // is taken as zero, with an error of second order in the cell.
+                assert!(
+                    (nearest - 0.112).abs() < 2e-5 * (cell / 0.02).powi(2),
+                    "{seed} {smoothed} {rise}: {nearest} at {center}"
+                );
             }
         }
     }
