@@ -69,7 +69,7 @@ def test_fields_of_records_are_read_as_numpy_reads_them(kind):
     records = np.zeros((5, 2), dtype=[("flag", "u1"), ("number", kind), ("other", "u2")])
     records["number"] = np.arange(10).reshape(5, 2)
     numbers = records["number"]
-    assert numbers.strides[0] % numbers.itemsize
+    assert numbers.strides[1] % numbers.itemsize
     assert bb.State(numbers[:3, 1]).ball_position.tolist() == [1.0, 3.0, 5.0]
     assert bb.State(numbers[::-1][:3, 0]).ball_position.tolist() == [8.0, 6.0, 4.0]
     terrain = bb.Terrain.from_heights(0.01 * numbers[:4].repeat(2, axis=1), 0.1)

@@ -17,7 +17,11 @@ PROGRAMS = sorted(EXAMPLES.glob("*.py"))
 
 #: Arguments that make each small, what it prints, and what it writes.
 RUNS = {
-    "push_and_plot": (["0.5"], r"4 s, 401 rows, upright>\n(.*\n)*tilt_max +0\.0[5-9]", ["push.svg", "push.csv"]),
+    "push_and_plot": (
+        ["0.5"],
+        r"4 s, 401 rows, upright, sim_dt 2 ms>\n(.*\n)*tilt_max +0\.0[5-9]",
+        ["push.svg", "push.csv"],
+    ),
     "circle": (["6", "2"], r"\n +6 +23%  0\.\d\d.*\n +2  the motion .* would do", []),
     "noise_and_delay": (["0", "100"], r"delay   0 ms  exact: upright.*\ndelay 100 ms  exact: fell", []),
     "own_controller": (["5"], r"mylqr +success 100%.*\nlqr +success 100%.*\npid +success [1-4]?0%", []),

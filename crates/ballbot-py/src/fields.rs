@@ -14,7 +14,10 @@ pub(crate) fn named_numbers(kind: &str, options: &Bound<'_, PyMapping>) -> PyRes
         let Ok(name) = name.extract::<String>() else {
             return Err(PyTypeError::new_err(format!("{kind} has the key {}, expected names", name.repr()?)));
         };
-        let values = one_or_more(&format!("{kind}.{name}"), &value).map_err(|_| {
+        let values = one_or_more(&format!("{kind}.{name}"), &value).map_err(|error| {
+            if !error.is_instance_of::<PyTypeError>(value.py()) {
+                return error;
+            }
             let found = value.get_type().name().map_or_else(|_| "this".to_owned(), |name| name.to_string());
             PyTypeError::new_err(format!("{kind}.{name} must be a number, or an array of numbers, not {found}"))
         })?;

@@ -77,7 +77,7 @@ def termination_names(task: str) -> list[str]:
 
 def class_of(task: str, front_end: str) -> type[Any] | None:
     """The class of a task of the core, `BalanceEnv` of "balance" and "Env"; None for tasks of others."""
-    from ballbot_rs.envs import tasks
+    import ballbot_rs.envs.tasks as tasks
 
     name = TASKS[task]["id"].partition("/")[2].rpartition("-")[0] if task in TASKS else ""
     found: type[Any] | None = getattr(tasks, f"{name}{front_end}", None) if name else None

@@ -104,12 +104,13 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         let zero = friction.floor.zero();
         let [z, x, y] = last.floor;
         let limit = friction.floor * z * GRIP_SHARE;
-        let wheel = |i: usize| {
-            let limit = friction.wheels[i] * last.normals[i] * GRIP_SHARE;
-            zero.lt(last.normals[i]) & last.drives[i].abs().le(limit)
-        };
         let floor = zero.lt(z) & x.mul_add(x, y.squared()).le(limit.squared());
-        (floor, [wheel(0), wheel(1), wheel(2)])
+        let mut wheels = [floor; 3];
+        for (i, grips) in wheels.iter_mut().enumerate() {
+            let limit = friction.wheels[i] * last.normals[i] * GRIP_SHARE;
+            *grips = zero.lt(last.normals[i]) & last.drives[i].abs().le(limit);
+        }
+        (floor, wheels)
     }
 
     /// Trial impulses at `impulses`.
