@@ -126,11 +126,10 @@ proptest! {
                 let contacts = model.contacts(&attitude, &Vector6::zeros(), &torques.into());
                 let floor = contacts.floor_force;
                 exceeded[1] |= floor.xy().norm() > params.floor_static_friction * floor.z;
-                for i in 0..3 {
-                    let holds = params.wheel_static_friction * contacts.wheel_normal_forces[i];
-                    exceeded[1] |= contacts.wheel_tractions[i].abs() > holds;
-                    exceeded[2] |= torques[i].abs() > params.max_wheel_torque;
+                for (load, traction) in contacts.wheel_normal_forces.iter().zip(contacts.wheel_tractions) {
+                    exceeded[1] |= traction.abs() > params.wheel_static_friction * load;
                 }
+                exceeded[2] |= torques.iter().any(|torque| torque.abs() > params.max_wheel_torque);
             }
             Some(exceeded)
         };
