@@ -52,7 +52,11 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
             return Err(PyTypeError::new_err(format!("Batch got an unexpected keyword argument '{name}'")));
         }
         _ => {
-            let values = one_or_more(name, value).map_err(|_| wrong("a number, or an array of numbers"))?;
+            let values =
+                one_or_more(name, value).map_err(|error| match error.is_instance_of::<PyTypeError>(value.py()) {
+                    true => wrong("a number, or an array of numbers"),
+                    false => error,
+                })?;
             config.set(name, &values).map_err(to_python)?;
         }
     }

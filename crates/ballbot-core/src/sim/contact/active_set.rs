@@ -59,9 +59,6 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
                     return Solution { impulses, searched: open, unsolved: open };
                 }
                 trial = attempt.trial;
-                if round == 0 && step == 0 {
-                    trial = self.unless_gripping(warm, &trial);
-                }
             }
         }
         search::<JOINTS, L, V>(self, open, impulses, token)
@@ -83,18 +80,6 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
             *drive = L::select(gripping, *drive, *drive + *drive);
         }
         out
-    }
-
-    /// Trial impulses at those of the last step, for robots that did not grip with all wheels and the ball; for the others
-    /// `trial`.
-    #[inline(always)]
-    fn unless_gripping(&self, last: &PerRow<L>, trial: &PerRow<L>) -> PerRow<L> {
-        let (floor, wheels) = self.grips(last);
-        let gripping = floor & wheels[0] & wheels[1] & wheels[2];
-        if !L::any(!gripping) {
-            return *trial;
-        }
-        PerRow { joints: trial.joints, ..PerRow::select(gripping, trial, &self.trial_at::<false>(last)) }
     }
 
     /// Where ball and wheels gripped in the last step.

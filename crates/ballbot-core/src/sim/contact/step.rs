@@ -143,14 +143,26 @@ pub fn step<L: Lane, V: Value<L>, const RIPPLE: bool>(
     }
     let joints = JointFriction::new(c, start.rows.floor_gap);
     // Rows of joints without friction change no bits; so ripple needs no step of its own without them.
-    let (velocities, solution) = if RIPPLE || joints.any() {
-        solve::<L, V, true, RIPPLE>(c, token, state, actions, &start, &joints)
+    if RIPPLE || joints.any() {
+        step_with::<L, V, true, RIPPLE>(c, token, state, actions, &start, &joints);
     } else {
-        solve::<L, V, false, RIPPLE>(c, token, state, actions, &start, &joints)
-    };
+        step_with::<L, V, false, RIPPLE>(c, token, state, actions, &start, &joints);
+    }
+}
+
+#[inline(always)]
+fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const RIPPLE: bool>(
+    c: &Constants<V>,
+    token: L::Token,
+    state: &mut ContactState<L::Cell>,
+    actions: &Actions<L::Cell>,
+    start: &Start<L>,
+    joint_friction: &JointFriction<L>,
+) {
+    let (velocities, solution) = solve::<L, V, JOINTS, RIPPLE>(c, token, state, actions, start, joint_friction);
     count_searches(token, &solution, state);
     let in_air = BotOnFloor::none(start.rows.floor_gap);
-    finish(c, token, state, &start, (&velocities, &solution.impulses), &in_air);
+    finish(c, token, state, start, (&velocities, &solution.impulses), &in_air);
 }
 
 /// A step of robots of which some are near a rare contact. It is compiled once for each kind of lanes, with the rows that
