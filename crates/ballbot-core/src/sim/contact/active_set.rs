@@ -16,19 +16,19 @@ mod search;
 
 pub use conditions::{Conditions, Solution};
 
-use super::types::{PerRow, select3};
+use super::types::PerRow;
 use crate::lanes::{Lane, Value};
 use modes::Modes;
 use search::search;
 
-/// Largest share of the bound of friction in a step after which a contact is taken to grip again.
+/// Largest share of the bound of friction in a step after which a robot is taken to grip again.
 const GRIP_SHARE: f64 = 1.0 - 1e-9;
 
 /// Largest number of changes of the modes in a round. Chosen by experiment.
-const MOST_STEPS: usize = 6;
+const MOST_STEPS: usize = 5;
 
 /// Changes of the modes with full weight of the slip speeds. Chosen by experiment.
-const DIRECT_STEPS: usize = 4;
+const DIRECT_STEPS: usize = 3;
 
 /// Weight of the slip speeds in later changes ([`Conditions::solve`]). Chosen by experiment.
 const CAREFUL_WEIGHT: f64 = 0.1;
@@ -47,7 +47,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         let mut impulses = *warm;
         for round in 0..ROUNDS {
             let mut trial =
-                if round == 0 { self.last_modes::<JOINTS>(warm) } else { self.swept::<JOINTS>(open, &mut impulses) };
+                if round == 0 { self.first_trial::<JOINTS>(warm) } else { self.swept::<JOINTS>(open, &mut impulses) };
             for step in 0..MOST_STEPS {
                 let weight = if round == 0 && step < DIRECT_STEPS { 1.0 } else { CAREFUL_WEIGHT };
                 let modes = Modes::of(&trial, self.friction, self.joint_friction);
@@ -64,46 +64,26 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         search::<JOINTS, L, V>(self, open, impulses, token)
     }
 
-    /// Trial impulses with the modes of the last step. Where friction is above 1 several modes may meet the conditions, and
-    /// a robot must not change its own without a cause.
+    /// Trial impulses at those of the last step. Robots that gripped in the last step are taken to grip in this one,
+    /// where the trial impulses are those of the last step.
     #[inline(always)]
-    fn last_modes<const JOINTS: bool>(&self, last: &PerRow<L>) -> PerRow<L> {
-        let (floor, wheels) = self.grips(last);
-        if !JOINTS && !L::any(!(floor & wheels[0] & wheels[1] & wheels[2])) {
-            return *last;
-        }
-        let trial = self.trial_at::<JOINTS>(last);
-        let mut out = PerRow { joints: trial.joints, ..*last };
-        out.floor = select3(floor, last.floor, trial.floor);
-        for (drive, gripping) in out.drives.iter_mut().zip(wheels) {
-            // Beyond the bound of friction.
-            *drive = L::select(gripping, *drive, *drive + *drive);
-        }
-        out
-    }
-
-    /// Where ball and wheels gripped in the last step.
-    #[inline(always)]
-    fn grips(&self, last: &PerRow<L>) -> (L::Mask, [L::Mask; 3]) {
+    fn first_trial<const JOINTS: bool>(&self, last: &PerRow<L>) -> PerRow<L> {
         let friction = self.friction;
         let zero = friction.floor.zero();
         let [z, x, y] = last.floor;
         let limit = friction.floor * z * GRIP_SHARE;
-        let floor = zero.lt(z) & x.mul_add(x, y.squared()).le(limit.squared());
-        let mut wheels = [floor; 3];
-        for (i, grips) in wheels.iter_mut().enumerate() {
+        let mut grip = zero.lt(z) & x.mul_add(x, y.squared()).le(limit.squared());
+        for i in 0..3 {
             let limit = friction.wheels[i] * last.normals[i] * GRIP_SHARE;
-            *grips = zero.lt(last.normals[i]) & last.drives[i].abs().le(limit);
+            grip = grip & zero.lt(last.normals[i]) & last.drives[i].abs().le(limit);
         }
-        (floor, wheels)
-    }
-
-    /// Trial impulses at `impulses`.
-    #[inline(always)]
-    fn trial_at<const JOINTS: bool>(&self, impulses: &PerRow<L>) -> PerRow<L> {
+        if !JOINTS && !L::any(!grip) {
+            return *last;
+        }
         let mut residuals = *self.residuals;
-        self.delassus.add_effect::<JOINTS>(impulses, &mut residuals);
-        self.trial::<JOINTS>(impulses, &residuals)
+        self.delassus.add_effect::<JOINTS>(last, &mut residuals);
+        let trial = self.trial::<JOINTS>(last, &residuals);
+        PerRow { joints: trial.joints, ..PerRow::select(grip, last, &trial) }
     }
 
     /// Trial impulses after sweeps, from impulses whose modes cycle.
