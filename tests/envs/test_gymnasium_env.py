@@ -258,7 +258,16 @@ def test_reward_is_the_sum_of_its_terms():
     for action in np.random.default_rng(1).uniform(-1, 1, (20, 3)):
         _, reward, *_ = env.step(action)
         terms = env.reward_terms()
-        assert set(terms) == {"alive", "tilt", "position", "velocity", "rate", "action", "action_change"}
+        assert set(terms) == {
+            "alive",
+            "tilt",
+            "position",
+            "velocity",
+            "yaw_rate",
+            "rate",
+            "action",
+            "action_change",
+        }
         assert terms["alive"] == 2.0
         assert all(value <= 0.0 for name, value in terms.items() if name != "alive")
         assert terms["tilt"] == pytest.approx(-3.0 * (env.state.tilt / np.deg2rad(20)) ** 2, rel=1e-9)

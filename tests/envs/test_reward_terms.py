@@ -90,6 +90,7 @@ def standing(batch, states, options):
         "tilt": np.minimum((tilt / options["fall_tilt"]) ** 2, 1.0),
         "position": bounded(squares(away), scale),
         "velocity": np.minimum(squares(states[:, rows.BALL_VELOCITY][:, :2]), 1.0),
+        "yaw_rate": bounded(states[:, rows.BODY_RATE][:, 2] ** 2, 0.1),
     }
 
 
@@ -114,7 +115,9 @@ def test_every_task_is_here():
 
 @pytest.mark.parametrize("task", OF_TASKS)
 def test_terms_are_those_of_the_documentation(task):
-    batch = bb.Batch(N, task, autoreset="disabled", seed=3, max_wheel_torque=0.5)
+    # Terms that count for nothing by default count here.
+    reward = {term["name"]: term["scale"] or 0.2 for term in TASKS[task]["rewards"]}
+    batch = bb.Batch(N, task, autoreset="disabled", seed=3, max_wheel_torque=0.5, reward=reward)
     lqr = bb.Lqr(batch.params(0).replace(max_wheel_torque=0.5), batch.control_dt)
     batch.reset()
     names = [term["name"] for term in TASKS[task]["rewards"]]

@@ -2,9 +2,14 @@
 
 import re
 
+import numpy as np
 import pytest
 
 import ballbot_rs as bb
+from ballbot_rs._state_rows import BODY_RATE
+from ballbot_rs.analysis.rollout import rollout
+from ballbot_rs.control.resolve import find
+from ballbot_rs.envs._batch_env import new_batch
 from tests.support.paths import ROOT
 from validation.policies.judging import EPISODES, FIRST_SEED, episodes_of
 from validation.policies.shipped import SHIPPED
@@ -52,3 +57,17 @@ def test_every_task_on_level_ground_has_a_policy():
     assert {one.recipe.task for one in SHIPPED} == on_level_ground
     on_disk = {path.name for path in (ROOT / "assets" / "policies").glob("*.onnx")}
     assert on_disk == {one.file for one in SHIPPED}
+
+
+def test_the_policy_of_balance_does_not_turn():
+    """Stopped wheels are no reason to turn on: where it learned from robots that never turn, it did at 1.2 deg/s."""
+    policy = find(ROOT / "assets" / "policies" / "balance.onnx")
+    seconds, robots = 60, 32
+    options = {**policy.env_options, "max_episode_steps": None}
+    batch = new_batch(robots, task="balance", autoreset="disabled", num_threads=1, seed=FIRST_SEED, options=options)
+    turned = np.zeros(robots)
+    for chunk in rollout(batch, policy, int(seconds / batch.control_dt)):
+        assert not chunk.terminated.any()
+        if chunk.first * batch.control_dt >= 20.0:
+            turned += chunk.states[..., BODY_RATE][..., 2].sum(axis=0) * batch.control_dt
+    assert np.abs(np.rad2deg(turned)).max() < 0.1 * (seconds - 20)

@@ -32,6 +32,8 @@ macro_rules! task_fields {
                 pub reset_ball_speed: f64 = 0.1, "m/s", $crate::fields::Limit::from(0.0).to(10.0);
                 /// Largest first tilt rate; drawn evenly over the disc.
                 pub reset_tilt_rate: f64 = 0.2, "rad/s", $crate::fields::Limit::from(0.0).to(10.0);
+                /// The first rate about the mast is drawn evenly within ± this.
+                pub reset_yaw_rate: f64 = 0.0, "rad/s", $crate::fields::Limit::from(0.0).to(10.0);
                 /// Tilt from the equilibrium above which the episode is terminated.
                 pub fall_tilt: f64 = f64::to_radians($fall), "rad",
                     $crate::fields::Limit::above(0.0).to(::std::f64::consts::PI);
@@ -46,6 +48,7 @@ macro_rules! task_fields {
                     yaw: self.reset_yaw,
                     ball_speed: self.reset_ball_speed,
                     tilt_rate: self.reset_tilt_rate,
+                    yaw_rate: self.reset_yaw_rate,
                     fall_tilt: self.fall_tilt,
                 }
             }
@@ -61,6 +64,7 @@ pub(super) struct Starts {
     pub yaw: f64,
     pub ball_speed: f64,
     pub tilt_rate: f64,
+    pub yaw_rate: f64,
     pub fall_tilt: f64,
 }
 
@@ -69,9 +73,10 @@ impl Starts {
     pub(super) fn validate(&self, params: &Params) -> Result<()> {
         let fall = self.fall_tilt;
         check("reset_tilt", self.tilt, format_args!("from 0 to below fall_tilt = {fall}"), |t| t < fall)?;
-        let fastest = (self.ball_speed / params.ball_radius + self.tilt_rate) * params.gear_ratio().max(1.0);
+        let fastest =
+            (self.ball_speed / params.ball_radius + self.tilt_rate + self.yaw_rate) * params.gear_ratio().max(1.0);
         check(
-            "the fastest first wheel or ball rate, from reset_ball_speed and reset_tilt_rate,",
+            "the fastest first wheel or ball rate, from reset_ball_speed, reset_tilt_rate and reset_yaw_rate,",
             fastest,
             format_args!("at most {} rad/s", 0.5 * MAX_RATE),
             |rate| rate <= 0.5 * MAX_RATE,
@@ -105,7 +110,9 @@ impl Starts {
         let velocity = in_disc(rng, self.ball_speed);
         let rate = in_disc(rng, self.tilt_rate);
         let attitude = attitude(tilt, yaw) * params.to_balance_frame();
-        let rate = Vector3::new(rate.x, rate.y, 0.0);
+        // Without it, what is drawn after the start stays as it was before this option.
+        let spin = if self.yaw_rate > 0.0 { in_range(rng, [-self.yaw_rate, self.yaw_rate]) } else { 0.0 };
+        let rate = Vector3::new(rate.x, rate.y, spin);
         State::rolling_on(
             params,
             wheels,

@@ -71,6 +71,7 @@ impl Traverse {
             reset_yaw: self.reset_yaw,
             reset_ball_speed: self.reset_ball_speed,
             reset_tilt_rate: self.reset_tilt_rate,
+            reset_yaw_rate: self.reset_yaw_rate,
             fall_tilt: self.fall_tilt,
         }
     }

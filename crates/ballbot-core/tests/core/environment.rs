@@ -136,6 +136,33 @@ fn starts_are_uniform_over_their_discs() {
 }
 
 #[test]
+fn robots_that_start_turning_start_as_others_otherwise() {
+    let still = config(ModelKind::Spatial);
+    let mut turning = config(ModelKind::Spatial);
+    turning.task.reset_yaw_rate = 0.5;
+    let (mut a, mut b) = (Episode::new(&still, 3), Episode::new(&turning, 3));
+    let n = 2000;
+    let mut rates = Vec::with_capacity(n);
+    for seed in 0..n {
+        let [a, b] = [&mut a, &mut b].map(|episode| {
+            episode.env.seed(seed as u64);
+            episode.reset();
+            episode.env.robot().state()
+        });
+        assert_eq!((a.body_quaternion, a.ball_velocity), (b.body_quaternion, b.ball_velocity));
+        assert_eq!(a.ball_angular_velocity, b.ball_angular_velocity);
+        assert_eq!(a.body_angular_velocity.xy(), b.body_angular_velocity.xy());
+        rates.push(b.body_angular_velocity.z / 0.5);
+    }
+    assert!(rates.iter().all(|rate| rate.abs() <= 1.0));
+    // Four standard errors of an even distribution over ±1.
+    let mean = |f: &dyn Fn(f64) -> f64| rates.iter().map(|&rate| f(rate)).sum::<f64>() / n as f64;
+    let four_sigma = 4.0 / (n as f64).sqrt();
+    assert!(mean(&|rate| rate).abs() < 3.0_f64.sqrt().recip() * four_sigma);
+    assert!((mean(&|rate| rate * rate) - 1.0 / 3.0).abs() < 0.298 * four_sigma);
+}
+
+#[test]
 fn start_depends_on_the_seed_alone() {
     let start = |model, seed| Episode::new(&config(model), seed).seen;
     let expected = start(ModelKind::Spatial, 5);
@@ -252,6 +279,7 @@ fn reward_is_the_sum_of_its_terms() {
         ("tilt", 3.0),
         ("position", 5.0),
         ("velocity", 7.0),
+        ("yaw_rate", 19.0),
         ("rate", 0.11),
         ("action", 13.0),
         ("action_change", 17.0),
@@ -264,11 +292,13 @@ fn reward_is_the_sum_of_its_terms() {
     let outcome = episode.step([0.25, 1.0, -0.5]);
     let state = episode.env.robot().state();
     let distance = (state.ball_position.xy() - Vector2::new(0.1, 0.05)).norm_squared();
+    let yaw_rate = state.body_angular_velocity.z.powi(2);
     let expected = [
         2.0,
         -3.0 * (state.tilt() / config.task.fall_tilt).powi(2),
         -5.0 * distance / (distance + 0.01),
         -7.0 * state.ball_velocity.xy().norm_squared(),
+        -19.0 * yaw_rate / (yaw_rate + 0.01),
         -0.11 * state.body_angular_velocity.norm_squared(),
         -13.0 * (0.0625 + 1.0 + 0.25) / 3.0,
         -17.0 * (0.0625 + 1.0) / 3.0,
@@ -282,7 +312,7 @@ fn reward_is_the_sum_of_its_terms() {
     // A first action changes from rest.
     let mut episode = Episode::from(&config, &lively(0.0));
     episode.step([0.5, 0.0, -0.5]);
-    assert!((episode.env.reward_terms()[6].1 + 17.0 * 0.5 / 3.0).abs() < 1e-12);
+    assert!((episode.env.reward_terms()[7].1 + 17.0 * 0.5 / 3.0).abs() < 1e-12);
 }
 
 /// Asserts that a changed configuration is refused with a message that names the value.
@@ -315,6 +345,7 @@ fn invalid_configurations_are_refused() {
     assert_refused("reset_yaw = 3.2 ", |c| c.task.reset_yaw = 3.2);
     assert_refused("reset_ball_speed = 11 ", |c| c.task.reset_ball_speed = 11.0);
     assert_refused("reset_tilt_rate = NaN ", |c| c.task.reset_tilt_rate = f64::NAN);
+    assert_refused("reset_yaw_rate = 11 ", |c| c.task.reset_yaw_rate = 11.0);
     assert_refused("success_window = -1 ", |c| c.task.success_window = -1.0);
     assert_refused("success_tilt = 0 ", |c| c.task.success_tilt = 0.0);
     assert_refused("success_radius = -0.1 ", |c| c.task.success_radius = -0.1);
