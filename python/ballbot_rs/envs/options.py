@@ -209,6 +209,8 @@ class BalanceOptions(CommonOptions, total=False):
     reset_ball_speed: float
     #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
+    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
 
@@ -244,6 +246,8 @@ class VelocityOptions(CommonOptions, total=False):
     reset_ball_speed: float
     #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
+    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
 
@@ -273,6 +277,8 @@ class GoalOptions(CommonOptions, total=False):
     reset_ball_speed: float
     #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
+    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
 
@@ -304,6 +310,8 @@ class PathOptions(CommonOptions, total=False):
     reset_ball_speed: float
     #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
+    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
 
@@ -329,6 +337,8 @@ class PushOptions(CommonOptions, total=False):
     reset_ball_speed: float
     #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
+    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
 
@@ -361,6 +371,8 @@ class TerrainOptions(CommonOptions, total=False):
     reset_ball_speed: float
     #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
+    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
 
@@ -381,6 +393,8 @@ class OpenBallBotOptions(CommonOptions, total=False):
     reset_ball_speed: float
     #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
+    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
 

@@ -63,6 +63,7 @@ class BalanceEnv(BallbotEnv):
     | `tilt`          | -1    | (tilt / fall_tilt)², at most 1                                            |
     | `position`      | -0.5  | d² / (d² + success_radius²), d the distance of the ball from the setpoint |
     | `velocity`      | -0.2  | squared ball speed in m/s, at most 1                                      |
+    | `yaw_rate`      | -0    | w² / (w² + 0.1²), w the body rate about the mast in rad/s                 |
     | `rate`          | -0.01 | squared body rate in rad/s, at most 100                                   |
     | `action`        | -0.02 | mean squared action                                                       |
     | `action_change` | -0.02 | mean squared change of the action                                         |
@@ -123,6 +124,7 @@ class BalanceEnv(BallbotEnv):
     - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
     - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
     - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.349066 rad; > 0 and <=
       pi)
 
@@ -317,6 +319,7 @@ class VelocityEnv(BallbotEnv):
     - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
     - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
     - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -501,6 +504,7 @@ class GoalEnv(BallbotEnv):
     - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
     - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
     - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -704,6 +708,7 @@ class PathEnv(BallbotEnv):
     - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
     - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
     - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -805,6 +810,7 @@ class PushEnv(BallbotEnv):
     | `tilt`          | -1    | (tilt / fall_tilt)², at most 1                                            |
     | `position`      | -0.5  | d² / (d² + position_scale²), d the distance of the ball from the setpoint |
     | `velocity`      | -0.2  | squared ball speed in m/s, at most 1                                      |
+    | `yaw_rate`      | -0    | w² / (w² + 0.1²), w the body rate about the mast in rad/s                 |
     | `rate`          | -0.01 | squared body rate in rad/s, at most 100                                   |
     | `action`        | -0.02 | mean squared action                                                       |
     | `action_change` | -0.02 | mean squared change of the action                                         |
@@ -872,6 +878,7 @@ class PushEnv(BallbotEnv):
     - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
     - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
     - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.872665 rad; > 0 and <=
       pi)
 
@@ -1069,6 +1076,7 @@ class TerrainEnv(BallbotEnv):
     - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
     - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
     - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -1230,6 +1238,7 @@ class OpenBallBotEnv(BallbotEnv):
     - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
     - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
     - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.349066 rad; > 0 and <=
       pi)
 
