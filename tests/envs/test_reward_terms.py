@@ -90,7 +90,7 @@ def standing(batch, states, options):
         "tilt": np.minimum((tilt / options["fall_tilt"]) ** 2, 1.0),
         "position": bounded(squares(away), scale),
         "velocity": np.minimum(squares(states[:, rows.BALL_VELOCITY][:, :2]), 1.0),
-        "yaw_rate": bounded(states[:, rows.BODY_RATE][:, 2] ** 2, 0.1),
+        "yaw_rate": bounded(states[:, rows.BODY_RATE][:, 2] ** 2, 0.02),
     }
 
 

@@ -30,7 +30,7 @@ task_fields! {
 }
 
 /// Rate about the mast at which its cost is half of the largest, rad/s.
-const YAW_RATE_SCALE: f64 = 0.1;
+const YAW_RATE_SCALE: f64 = 0.02;
 
 /// Consecutive steps, up to now, within the bounds of success.
 const GOOD_STEPS: usize = 0;
@@ -123,7 +123,7 @@ impl Balance {
             squared_norm([velocity.x, velocity.y]).min(one),
         );
         terms.term(
-            Term::cost("yaw_rate", 0.0, "w² / (w² + 0.1²), w the body rate about the mast in rad/s"),
+            Term::cost("yaw_rate", 0.0, "w² / (w² + 0.02²), w the body rate about the mast in rad/s"),
             bounded_error(step.state.body_angular_velocity.z.squared(), YAW_RATE_SCALE),
         );
         effort(step, terms);

@@ -298,7 +298,7 @@ fn reward_is_the_sum_of_its_terms() {
         -3.0 * (state.tilt() / config.task.fall_tilt).powi(2),
         -5.0 * distance / (distance + 0.01),
         -7.0 * state.ball_velocity.xy().norm_squared(),
-        -19.0 * yaw_rate / (yaw_rate + 0.01),
+        -19.0 * yaw_rate / (yaw_rate + 4e-4),
         -0.11 * state.body_angular_velocity.norm_squared(),
         -13.0 * (0.0625 + 1.0 + 0.25) / 3.0,
         -17.0 * (0.0625 + 1.0) / 3.0,

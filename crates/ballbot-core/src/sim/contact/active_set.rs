@@ -16,7 +16,7 @@ mod search;
 
 pub use conditions::{Conditions, Solution};
 
-use super::types::PerRow;
+use super::types::{PerRow, select3};
 use crate::lanes::{Lane, Value};
 use modes::Modes;
 use search::search;
@@ -65,25 +65,40 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
     }
 
     /// Trial impulses at those of the last step. Robots that gripped in the last step are taken to grip in this one,
-    /// where the trial impulses are those of the last step.
+    /// where the trial impulses are those of the last step. Where friction is above 1 several modes may meet the
+    /// conditions; there each wheel keeps its mode, so that a robot does not change it without a cause.
     #[inline(always)]
     fn first_trial<const JOINTS: bool>(&self, last: &PerRow<L>) -> PerRow<L> {
         let friction = self.friction;
-        let zero = friction.floor.zero();
+        let (zero, one) = (friction.floor.zero(), friction.floor.splat(1.0));
         let [z, x, y] = last.floor;
         let limit = friction.floor * z * GRIP_SHARE;
-        let mut grip = zero.lt(z) & x.mul_add(x, y.squared()).le(limit.squared());
-        for i in 0..3 {
+        let grips_floor = zero.lt(z) & x.mul_add(x, y.squared()).le(limit.squared());
+        let mut grips = [grips_floor; 3];
+        let (mut all, mut several) = (grips_floor, one.lt(friction.floor));
+        for (i, grip) in grips.iter_mut().enumerate() {
             let limit = friction.wheels[i] * last.normals[i] * GRIP_SHARE;
-            grip = grip & zero.lt(last.normals[i]) & last.drives[i].abs().le(limit);
+            *grip = zero.lt(last.normals[i]) & last.drives[i].abs().le(limit);
+            all = all & *grip;
+            several = several | one.lt(friction.wheels[i]);
         }
-        if !JOINTS && !L::any(!grip) {
+        if !JOINTS && !L::any(!all) {
             return *last;
         }
         let mut residuals = *self.residuals;
         self.delassus.add_effect::<JOINTS>(last, &mut residuals);
         let trial = self.trial::<JOINTS>(last, &residuals);
-        PerRow { joints: trial.joints, ..PerRow::select(grip, last, &trial) }
+        let mut first = PerRow { joints: trial.joints, ..PerRow::select(all, last, &trial) };
+        if L::any(several) {
+            first.floor = select3(several & grips_floor, last.floor, first.floor);
+            first.normals = select3(several, last.normals, first.normals);
+            for i in 0..3 {
+                // Twice the bound of friction for a wheel that slipped.
+                let kept = L::select(grips[i], last.drives[i], last.drives[i] + last.drives[i]);
+                first.drives[i] = L::select(several, kept, first.drives[i]);
+            }
+        }
+        first
     }
 
     /// Trial impulses after sweeps, from impulses whose modes cycle.

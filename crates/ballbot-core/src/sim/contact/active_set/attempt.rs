@@ -193,7 +193,8 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         let along = limit - dx.mul_add(x, dy * y);
         let across = dx.mul_add(y, -(dy * x));
         let turned = (squared * (DIRECTION_TOLERANCE * DIRECTION_TOLERANCE)).lt(across.squared());
-        let slipping = L::select(turned, across.abs(), along);
+        // A ball that does not reach the limit has no direction of its own.
+        let slipping = L::select(turned, along.max(across.abs()), along);
         let tangent = L::select(mode.slips, slipping, over);
         L::select(mode.closed, closed.max(tangent), closed)
     }
