@@ -63,7 +63,7 @@ class BalanceEnv(BallbotEnv):
     | `tilt`          | -1    | (tilt / fall_tilt)², at most 1                                            |
     | `position`      | -0.5  | d² / (d² + success_radius²), d the distance of the ball from the setpoint |
     | `velocity`      | -0.2  | squared ball speed in m/s, at most 1                                      |
-    | `yaw_rate`      | -0    | w² / (w² + 0.1²), w the body rate about the mast in rad/s                 |
+    | `yaw_rate`      | -0    | w² / (w² + 0.02²), w the body rate about the mast in rad/s                |
     | `rate`          | -0.01 | squared body rate in rad/s, at most 100                                   |
     | `action`        | -0.02 | mean squared action                                                       |
     | `action_change` | -0.02 | mean squared change of the action                                         |
@@ -810,7 +810,7 @@ class PushEnv(BallbotEnv):
     | `tilt`          | -1    | (tilt / fall_tilt)², at most 1                                            |
     | `position`      | -0.5  | d² / (d² + position_scale²), d the distance of the ball from the setpoint |
     | `velocity`      | -0.2  | squared ball speed in m/s, at most 1                                      |
-    | `yaw_rate`      | -0    | w² / (w² + 0.1²), w the body rate about the mast in rad/s                 |
+    | `yaw_rate`      | -0    | w² / (w² + 0.02²), w the body rate about the mast in rad/s                |
     | `rate`          | -0.01 | squared body rate in rad/s, at most 100                                   |
     | `action`        | -0.02 | mean squared action                                                       |
     | `action_change` | -0.02 | mean squared change of the action                                         |
