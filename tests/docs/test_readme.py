@@ -57,11 +57,6 @@ def test_first_block_balances_the_robot(clone: Path, capsys: pytest.CaptureFixtu
     assert tilt < 0.005, printed
 
 
-@pytest.mark.parametrize("index", [i for i, block in enumerate(BLOCKS) if i > 0 and block != TRAINING])
-def test_block_runs(index: int, clone: Path) -> None:  # noqa: ARG001
-    run(BLOCKS[index])
-
-
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)])
 def test_the_blocks_of_a_page_run_one_after_another(page: str, clone: Path) -> None:  # noqa: ARG001
     namespace: dict[str, object] = {}
@@ -70,7 +65,7 @@ def test_the_blocks_of_a_page_run_one_after_another(page: str, clone: Path) -> N
 
 
 def test_the_controller_block_is_one_for_the_command_line(clone: Path) -> None:
-    (block,) = (block for block in BLOCKS if "class Damped" in block)
+    (block,) = blocks("docs/command_line.md")
     (clone / "mine.py").write_text(block, encoding="utf-8")
     result = bb.evaluate("mine.py:Damped", episodes=1)
     assert result.control_dt == 0.004
