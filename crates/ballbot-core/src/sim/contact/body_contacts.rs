@@ -14,7 +14,7 @@ use super::footing::{Footing, Relief};
 use super::friction::{Friction, JointFriction};
 use super::phases::{Start, finish, free_velocities};
 use super::state::ContactState;
-use super::types::{Actions, BotOnFloor, PerRow, Pose, Velocities, select3};
+use super::types::{Actions, PerRow, Pose, Velocities, select3};
 use crate::lanes::{Lane, Own, Value, Vec3};
 use ball_on_body::BallOnBody;
 use floor_point::{FloorPoint, POINTS, floor_points};
@@ -155,8 +155,17 @@ pub fn finish_near<L: Lane>(
             ] {
                 L::select(closing, L::load(token, cell), L::load(token, counted)).store(cell);
             }
-            let on_floor = contacts.on_floor(near.mask);
-            finish(c, token, state, &start, (&contacts.velocities, &contacts.impulses), &on_floor);
+            let touches = contacts.bot_touches(near.mask);
+            let zero = start.pose.body.x.zero();
+            let on_floor = L::select(touches, zero.splat(1.0), zero);
+            finish(c, token, state, &start, (&contacts.velocities, &contacts.impulses), on_floor);
+            let mut impulse = contacts.bot_impulse();
+            if let Some(footing) = near.footing {
+                impulse = footing.relief(token).inertial(impulse);
+            }
+            let sound = L::load(token, &state.diverged).le(zero);
+            let before = Vec3::load(token, &state.bot_floor_impulse);
+            Vec3::select(touches & sound, impulse, before).store(&mut state.bot_floor_impulse);
         },
     );
 }
@@ -332,16 +341,28 @@ impl<L: Lane> Contacts<L> {
         change
     }
 
+    /// Robots of the mask that touch the floor with the bot.
     #[inline(always)]
-    fn on_floor(&self, mask: L::Mask) -> BotOnFloor<L> {
+    fn bot_touches(&self, mask: L::Mask) -> L::Mask {
         let zero = self.ball.impulse.zero();
-        let mut out = BotOnFloor::none(zero);
+        let mut touches = zero.lt(zero);
         for (point, used) in self.points.iter().zip(self.used) {
             if used {
-                out.touches = L::select(mask & point.touches(), zero.splat(1.0), out.touches);
-                out.impulse += point.impulse();
+                touches = touches | point.touches();
             }
         }
-        out
+        touches & mask
+    }
+
+    /// Impulse of the floor on the bot.
+    #[inline(always)]
+    fn bot_impulse(&self) -> Vec3<L> {
+        let mut impulse = Vec3::zero(self.ball.impulse);
+        for (point, used) in self.points.iter().zip(self.used) {
+            if used {
+                impulse += point.impulse();
+            }
+        }
+        impulse
     }
 }

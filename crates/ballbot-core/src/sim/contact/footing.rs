@@ -97,9 +97,7 @@ fn turn<L: Lane>(token: L::Token, state: &mut ContactState<L::Cell>, quaternion:
     for attitude in [&mut state.ball_quaternion, &mut state.body_quaternion] {
         quaternion.times(Quat::load(token, attitude)).store(attitude);
     }
-    let vectors =
-        [&mut state.ball_velocity, &mut state.ball_rate, &mut state.body_velocity, &mut state.bot_floor_impulse];
-    for vector in vectors {
+    for vector in [&mut state.ball_velocity, &mut state.ball_rate, &mut state.body_velocity] {
         rotation.apply(Vec3::load(token, vector)).store(vector);
     }
     // Normal, x and y.
@@ -120,6 +118,12 @@ pub struct Relief<'a, L: Lane> {
 }
 
 impl<L: Lane> Relief<'_, L> {
+    /// A vector in the inertial frame.
+    #[inline(always)]
+    pub fn inertial(&self, vector: Vec3<L>) -> Vec3<L> {
+        self.frame.rotation.transposed().apply(vector)
+    }
+
     /// Distance of a point from the ground's tangent plane below it, m, and the normal of that plane.
     #[inline(always)]
     pub fn below(&self, point: Vec3<L>) -> (L, Vec3<L>) {

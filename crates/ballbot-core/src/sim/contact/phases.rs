@@ -5,7 +5,7 @@ use super::encoder::encoder_rate;
 use super::ripple::Ripple;
 use super::rows::Rows;
 use super::state::ContactState;
-use super::types::{Actions, BotOnFloor, PerRow, Pose, Velocities};
+use super::types::{Actions, PerRow, Pose, Velocities};
 use crate::lanes::{Lane, Rotation, Value, Vec3};
 
 /// The robot at the start of a step.
@@ -41,12 +41,12 @@ pub fn finish<L: Lane, V: Value<L>>(
     state: &mut ContactState<L::Cell>,
     start: &Start<L>,
     (velocities, impulses): (&Velocities<L>, &PerRow<L>),
-    on_floor: &BotOnFloor<L>,
+    on_floor: L,
 ) {
     let pose = moved(c, &start.pose, velocities);
     state.take(token, &pose, velocities, impulses, on_floor);
     (L::load(token, &state.steps) + 1.0).store(&mut state.steps);
-    let zero = on_floor.touches.zero();
+    let zero = on_floor.zero();
     for cell in &mut state.push {
         zero.store(cell);
     }

@@ -73,7 +73,11 @@ impl ContactState<f64> {
             wheel_tractions: self.drive_impulses.map(|impulse| -impulse * per_second),
             wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(c, i)),
             floor_force: Vector3::new(x, y, z) * per_second,
-            bot_floor_force: Vector3::from(self.bot_floor_impulse) * per_second,
+            bot_floor_force: if self.bot_on_floor > 0.0 {
+                Vector3::from(self.bot_floor_impulse) * per_second
+            } else {
+                Vector3::zeros()
+            },
             floor_slip_velocity: match ground {
                 Some(ground) => {
                     let (_, normal) = ground.gap(&self.ball_position.into(), r);

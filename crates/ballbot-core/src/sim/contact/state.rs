@@ -2,7 +2,7 @@
 
 use super::constants::Constants;
 use super::encoder::encoder_rate;
-use super::types::{BotOnFloor, PerRow, Pose, Velocities};
+use super::types::{PerRow, Pose, Velocities};
 use crate::lane_state::{LaneRobot, LaneState};
 use crate::lanes::{Cell, Lane, Quat, Value, Vec3, cells, load3, store3};
 use serde::{Deserialize, Serialize};
@@ -46,7 +46,7 @@ cells! {
         pub push: [T; 6],
         /// 1 while the bot touches the floor, else 0.
         pub bot_on_floor: T,
-        /// Impulse of the floor on the bot in the last step.
+        /// Impulse of the floor on the bot in the last step in which they touched.
         pub bot_floor_impulse: [T; 3],
         /// 1 once a step met numbers that are not finite, else 0.
         pub diverged: T,
@@ -184,22 +184,19 @@ impl<T: Cell> ContactState<T> {
         pose: &Pose<L>,
         velocities: &Velocities<L>,
         impulses: &PerRow<L>,
-        on_floor: &BotOnFloor<L>,
+        on_floor: L,
     ) {
         let sound = self.sound(token, velocities);
         if !L::any(!sound) {
             self.write(pose, velocities, impulses, on_floor);
             return;
         }
-        L::select(sound, L::load(token, &self.diverged), on_floor.touches.splat(1.0)).store(&mut self.diverged);
+        L::select(sound, L::load(token, &self.diverged), on_floor.splat(1.0)).store(&mut self.diverged);
         let pose = Pose::select(sound, pose, &self.pose(token));
         let velocities = Velocities::select(sound, velocities, &self.velocities(token));
         let impulses = PerRow::select(sound, impulses, &self.impulses(token));
-        let before = BotOnFloor {
-            touches: L::load(token, &self.bot_on_floor),
-            impulse: Vec3::load(token, &self.bot_floor_impulse),
-        };
-        self.write(&pose, &velocities, &impulses, &BotOnFloor::select(sound, on_floor, &before));
+        let on_floor = L::select(sound, on_floor, L::load(token, &self.bot_on_floor));
+        self.write(&pose, &velocities, &impulses, on_floor);
     }
 
     #[inline(always)]
@@ -208,7 +205,7 @@ impl<T: Cell> ContactState<T> {
         pose: &Pose<L>,
         velocities: &Velocities<L>,
         impulses: &PerRow<L>,
-        on_floor: &BotOnFloor<L>,
+        on_floor: L,
     ) {
         pose.ball.store(&mut self.ball_position);
         pose.ball_quaternion.store(&mut self.ball_quaternion);
@@ -217,7 +214,6 @@ impl<T: Cell> ContactState<T> {
         store3(pose.wheel_angles, &mut self.wheel_angles);
         self.set_velocities(velocities);
         self.set_impulses(impulses);
-        on_floor.touches.store(&mut self.bot_on_floor);
-        on_floor.impulse.store(&mut self.bot_floor_impulse);
+        on_floor.store(&mut self.bot_on_floor);
     }
 }

@@ -26,7 +26,7 @@ use super::friction::{Friction, JointFriction};
 use super::losses::brake;
 use super::phases::{Start, finish, free_velocities};
 use super::state::{ContactState, Torques};
-use super::types::{Actions, BotOnFloor, Velocities};
+use super::types::{Actions, Velocities};
 use crate::lanes::{Eight, Lane, Own, Scalar, Value, Vec3, Wide, run_one};
 use fearless_simd::Simd;
 
@@ -137,7 +137,7 @@ pub fn step<L: Lane, V: Value<L>, const RIPPLE: bool>(
         L::rarely(
             token,
             #[inline(always)]
-            || step_near::<L>(&c.stored(start.pose.body.x), token, state, footing, actions),
+            || step_near::<L>(&c.stored(L::load(token, &state.steps)), token, state, footing, actions),
         );
         return;
     }
@@ -161,8 +161,7 @@ fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const RIPPLE: bool>(
 ) {
     let (velocities, solution) = solve::<L, V, JOINTS, RIPPLE>(c, token, state, actions, start, joint_friction);
     count_searches(token, &solution, state);
-    let in_air = BotOnFloor::none(start.rows.floor_gap);
-    finish(c, token, state, start, (&velocities, &solution.impulses), &in_air);
+    finish(c, token, state, start, (&velocities, &solution.impulses), start.rows.floor_gap.zero());
 }
 
 /// A step of robots of which some are near a rare contact. It is compiled once for each kind of lanes, with the rows that

@@ -47,29 +47,6 @@ pub struct PerRow<L> {
     pub joints: [L; 3],
 }
 
-/// What the floor does to the bot in a step.
-#[derive(Clone, Copy)]
-pub struct BotOnFloor<L> {
-    /// 1 where the bot touches the floor, else 0.
-    pub touches: L,
-    /// Impulse of the floor on the bot, N·s.
-    pub impulse: Vec3<L>,
-}
-
-impl<L: Lane> BotOnFloor<L> {
-    /// A bot that does not touch the floor.
-    #[inline(always)]
-    pub fn none(like: L) -> Self {
-        Self { touches: like.zero(), impulse: Vec3::zero(like) }
-    }
-
-    /// Selection of `yes` where `mask` is true, of `no` elsewhere.
-    #[inline(always)]
-    pub fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
-        Self { touches: L::select(mask, yes.touches, no.touches), impulse: Vec3::select(mask, yes.impulse, no.impulse) }
-    }
-}
-
 impl<L: Copy> PerRow<L> {
     /// The numbers with `f` applied to each.
     #[inline(always)]
