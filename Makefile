@@ -164,7 +164,7 @@ fuzz:
 
 soak: $(INSTALLED)
 	BALLBOT_SOAK_CONTACT=$(SOAK_CONTACT) BALLBOT_SOAK_RIGID=$(SOAK_RIGID) cargo test --locked --release --test soak -- --nocapture
-	BALLBOT_CASES=$(SOAK_ROBOTS) cargo test --locked --release --test core properties::finite
+	BALLBOT_CASES=$(SOAK_ROBOTS) cargo test --locked --test core properties::finite
 	$(BIN)/python -m tests.support.page_load $(SOAK_MINUTES)
 
 cad: $(CAD_INSTALLED)
