@@ -4,12 +4,9 @@ Numbers are tried by themselves, at other values than the default. What is no nu
 keyword alone, is in a table. A keyword that is new and in no table fails its test.
 """
 
-import ast
-import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,12 +14,10 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs._core import ACTUATOR_OPTIONS, CONTROLLERS, SENSOR_OPTIONS, TASKS
-from ballbot_rs.cli import COMMANDS
+from tests.support.keywords import PAPER, START, Refused, With, changes
 from tests.support.paths import ASSETS
 
-PAPER = bb.Params.paper()
 STEEP = PAPER.replace(wheel_zenith=0.7)
-START = bb.State.at_rest(PAPER, tilt=(0.06, -0.03), yaw=0.4)
 
 
 #: Of what takes seconds a call: tests of their own have these.
@@ -32,77 +27,6 @@ SPEEDS = (0.3, 0.1, 0.3, 0.2, 0.9, 2.0)
 SLOPE = bb.Terrain.plane(0.1)
 BOWL = bb.Terrain.generate("bowl", size_x=3.0, size_y=3.0, cell=0.05)
 LEVELS = bb.Terrain.generate("levels", tile=6.0, levels=3, cell=0.1)
-
-
-class With:
-    """A value of a keyword that acts together with others, which are the same with and without it."""
-
-    def __init__(self, value: Any, **others: Any) -> None:
-        self.value, self.others = value, others
-
-
-@dataclasses.dataclass(frozen=True)
-class Refused:
-    """A value that is refused by name."""
-
-    value: Any
-
-
-def fingerprint(value: Any) -> Any:
-    """Something that is equal for equal results alone."""
-    if isinstance(value, np.ndarray):
-        return (value.shape, str(value.dtype), value.tobytes())
-    if isinstance(value, Mapping):
-        return tuple((key, fingerprint(part)) for key, part in value.items())
-    if isinstance(value, (list, tuple)):
-        return tuple(fingerprint(part) for part in value)
-    if isinstance(value, bb.State):
-        return fingerprint(value.to_array())
-    if isinstance(value, bb.Params):
-        return fingerprint(value.to_dict())
-    if isinstance(value, bb.Terrain):
-        x, y = np.meshgrid(np.linspace(-3.9, 3.9, 60), np.linspace(-3.8, 3.8, 61))
-        return fingerprint([value.height(x, y), value.size])
-    if isinstance(value, bb.Reference):
-        return fingerprint([value.sample(np.linspace(0.0, 9.0, 50)), value.demand])
-    if isinstance(value, bb.Controller):
-        setpoint = bb.Setpoint(position=(0.1, 0.2), yaw=0.1)
-        parts = {name: setpoint[name] for name in value.setpoint_parts if name in setpoint}
-        states = [START, bb.State.at_rest(PAPER, tilt=(0.3, 0.2))]
-        return fingerprint(
-            [value.control_dt, [np.asarray(value(state, **parts)) for state in states for _ in range(3)]]
-        )
-    if dataclasses.is_dataclass(value):
-        return fingerprint({field.name: getattr(value, field.name) for field in dataclasses.fields(value)})
-    return repr(value)
-
-
-def changes(
-    call: Callable[..., Any], name: str, candidates: list[Any], base: Mapping[str, Any], named: str | None = None
-) -> str | None:
-    """What is wrong with a keyword: None if one of the candidates changes the result, or all are refused by name.
-
-    `named` is the name in the refusal, if it is another one.
-    """
-    refused = 0
-    for candidate in candidates:
-        others = {**base, **candidate.others} if isinstance(candidate, With) else dict(base)
-        value = candidate.value if isinstance(candidate, (With, Refused)) else candidate
-        before = fingerprint(call(**others))
-        try:
-            after = fingerprint(call(**{**others, name: value}))
-        except (ValueError, TypeError) as error:
-            if (named or name) not in str(error):
-                return f"{name} = {value!r} is refused without its name: {error}"
-            refused += 1
-            continue
-        if isinstance(candidate, Refused):
-            return f"{name} = {value!r} is not refused"
-        if before != after:
-            return None
-    if refused == len(candidates):
-        return None
-    return f"{name} changes nothing, tried {[c.value if isinstance(c, With) else c for c in candidates]}"
 
 
 def numbers(option: Mapping[str, Any]) -> list[Any]:
@@ -751,28 +675,6 @@ def test_every_keyword_is_listed():
             missing[name] = new
     assert not missing
     assert set(CALLS) <= set(public)
-
-
-def test_options_of_commands_are_read():
-    """Each option of a command is an attribute that its module, or one that it calls, reads."""
-    import argparse
-
-    import ballbot_rs.cli as cli
-
-    read = set()
-    for file in Path(cli.__file__).parent.glob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "arguments":
-                read.add(node.attr)
-            if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                read.add(node.value)
-    parser = argparse.ArgumentParser()
-    commands = parser.add_subparsers()
-    for command in COMMANDS:
-        command.add_to(commands)
-    for name, one in commands.choices.items():
-        for action in one._actions:
-            assert action.dest in read or action.dest == "help", (name, action.dest)
 
 
 def test_a_dead_keyword_would_be_found():
