@@ -4,10 +4,9 @@ Numbers are tried by themselves, at other values than the default. What is no nu
 keyword alone, is in a table. A keyword that is new and in no table fails its test.
 """
 
-import ast
-import dataclasses
 import functools
 import inspect
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,92 +16,16 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs._core import ACTUATOR_OPTIONS, CONTROLLERS, SENSOR_OPTIONS, TASKS
-from ballbot_rs.cli import COMMANDS
+from tests.support.keywords import PAPER, START, Refused, Same, With, changes
 from tests.support.paths import ASSETS
 
-PAPER = bb.Params.paper()
 STEEP = PAPER.replace(wheel_zenith=0.7)
-START = bb.State.at_rest(PAPER, tilt=(0.06, -0.03), yaw=0.4)
 
 
-#: Of what takes seconds a call: tests of their own have these.
-SHARED = ("num_threads", "progress")
-IDENTIFY = ("noise", "rejection", *SHARED)
 SPEEDS = (0.3, 0.1, 0.3, 0.2, 0.9, 2.0)
 SLOPE = bb.Terrain.plane(0.1)
 BOWL = bb.Terrain.generate("bowl", size_x=3.0, size_y=3.0, cell=0.05)
 LEVELS = bb.Terrain.generate("levels", tile=6.0, levels=3, cell=0.1)
-
-
-class With:
-    """A value of a keyword that acts together with others, which are the same with and without it."""
-
-    def __init__(self, value: Any, **others: Any) -> None:
-        self.value, self.others = value, others
-
-
-@dataclasses.dataclass(frozen=True)
-class Refused:
-    """A value that is refused by name."""
-
-    value: Any
-
-
-def fingerprint(value: Any) -> Any:
-    """Something that is equal for equal results alone."""
-    if isinstance(value, np.ndarray):
-        return (value.shape, str(value.dtype), value.tobytes())
-    if isinstance(value, Mapping):
-        return tuple((key, fingerprint(part)) for key, part in value.items())
-    if isinstance(value, (list, tuple)):
-        return tuple(fingerprint(part) for part in value)
-    if isinstance(value, bb.State):
-        return fingerprint(value.to_array())
-    if isinstance(value, bb.Params):
-        return fingerprint(value.to_dict())
-    if isinstance(value, bb.Terrain):
-        x, y = np.meshgrid(np.linspace(-3.9, 3.9, 60), np.linspace(-3.8, 3.8, 61))
-        return fingerprint([value.height(x, y), value.size])
-    if isinstance(value, bb.Reference):
-        return fingerprint([value.sample(np.linspace(0.0, 9.0, 50)), value.demand])
-    if isinstance(value, bb.Controller):
-        setpoint = bb.Setpoint(position=(0.1, 0.2), yaw=0.1)
-        parts = {name: setpoint[name] for name in value.setpoint_parts if name in setpoint}
-        states = [START, bb.State.at_rest(PAPER, tilt=(0.3, 0.2))]
-        return fingerprint(
-            [value.control_dt, [np.asarray(value(state, **parts)) for state in states for _ in range(3)]]
-        )
-    if dataclasses.is_dataclass(value):
-        return fingerprint({field.name: getattr(value, field.name) for field in dataclasses.fields(value)})
-    return repr(value)
-
-
-def changes(
-    call: Callable[..., Any], name: str, candidates: list[Any], base: Mapping[str, Any], named: str | None = None
-) -> str | None:
-    """What is wrong with a keyword: None if one of the candidates changes the result, or all are refused by name.
-
-    `named` is the name in the refusal, if it is another one.
-    """
-    refused = 0
-    for candidate in candidates:
-        others = {**base, **candidate.others} if isinstance(candidate, With) else dict(base)
-        value = candidate.value if isinstance(candidate, (With, Refused)) else candidate
-        before = fingerprint(call(**others))
-        try:
-            after = fingerprint(call(**{**others, name: value}))
-        except (ValueError, TypeError) as error:
-            if (named or name) not in str(error):
-                return f"{name} = {value!r} is refused without its name: {error}"
-            refused += 1
-            continue
-        if isinstance(candidate, Refused):
-            return f"{name} = {value!r} is not refused"
-        if before != after:
-            return None
-    if refused == len(candidates):
-        return None
-    return f"{name} changes nothing, tried {[c.value if isinstance(c, With) else c for c in candidates]}"
 
 
 def numbers(option: Mapping[str, Any]) -> list[Any]:
@@ -384,7 +307,29 @@ def _progress(call: Callable[..., Any], **arguments: Any) -> Any:
     return [call(**arguments), bool(told)]
 
 
+def _written(terrain: bb.Terrain, path: str, **arguments: Any) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        return bb.write_terrain(terrain, Path(folder) / path, **arguments).read_bytes()
+
+
+def _read(path: bb.Terrain, **arguments: Any) -> Any:
+    """What is read of the picture of a terrain."""
+    with tempfile.TemporaryDirectory() as folder:
+        return bb.read_terrain(bb.write_terrain(path, Path(folder) / "a.png"), **arguments)
+
+
+@functools.cache
+def _log(seed: int) -> bb.SensorLog:
+    return bb.record_log(seconds=4.0, seed=seed)
+
+
+def _identify(call: Callable[..., Any], log: int, **arguments: Any) -> Any:
+    return _progress(call, log=_log(log), **arguments)
+
+
+GENTLE = bb.Terrain.generate("noise", size_x=3.0, size_y=3.0, cell=0.05)
 TILTED = bb.Scenario("tilted", "", seconds=0.5, tilt=4.0, score="rms_tilt")
+SHORTER = bb.Scenario("tilted", "", seconds=0.4, tilt=4.0, score="rms_tilt")
 #: Keywords with another value than the default by callable: how it is called, its other arguments, and the keywords.
 #: None is a keyword whose effect is elsewhere.
 CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
@@ -433,12 +378,12 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
         {},
         {
             "params": "kugle",
-            "urdf": None,
+            "urdf": (ASSETS / "bot.urdf", ASSETS / "ball.urdf"),
             "width": 20,
             "height": 20,
             "samples": 2,
             "camera": {"distance": 2.0},
-            "num_threads": None,
+            "num_threads": Same(2),
             "terrain": SLOPE,
         },
     ),
@@ -519,7 +464,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "task": "velocity",
             "episodes": 3,
             "seed": 1,
-            "num_threads": None,
+            "num_threads": Same(2),
             "env_options": {"max_episode_steps": 10},
             "engine": None,
             "progress": "told",
@@ -535,7 +480,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "robot": "kugle",
             "model": "rigid",
             "seed": With(1, scenarios=bb.Scenario("x", "", seconds=0.3, score="rms_tilt", events="mild", seeds=2)),
-            "num_threads": None,
+            "num_threads": Same(2),
             "progress": "told",
         },
     ),
@@ -579,7 +524,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
     "OnnxPolicy": (
         lambda **given: bb.OnnxPolicy(**given).act(np.zeros(16, np.float32)),
         {"path": ASSETS / "policies" / "balance.onnx"},
-        {"path": None, "task": None},
+        {"path": ASSETS / "policies" / "push.onnx", "task": Refused("velocity")},
     ),
     "BallbotEnv": (
         functools.partial(_front_end, lambda **given: bb.BallbotEnv(**{"model": "contact", **given})),
@@ -605,14 +550,14 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "camera": With({"distance": 2.0}, render_mode="rgb_array", width=16, height=16),
             "render_options": With({"samples": 2}, render_mode="rgb_array", width=16, height=16),
             "autoreset_mode": "same_step",
-            "num_threads": None,
+            "num_threads": Same(2),
             "seed": 5,
         },
     ),
     "Batch": (
         lambda num_envs=2, task="balance", **given: episodes_of(num_envs, task, **given),
         {},
-        {"num_envs": 3, "task": "velocity", "autoreset": "next_step", "num_threads": None, "seed": 4},
+        {"num_envs": 3, "task": "velocity", "autoreset": "next_step", "num_threads": Same(2), "seed": 4},
     ),
     "Reference.hold": (bb.Reference.hold, {"position": (0.1, 0.0)}, {"position": (0.2, 0.0)}),
     "Reference.line": (
@@ -667,18 +612,42 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
         {"kind": "noise"},
         {"kind": "mix", "seed": 3},
     ),
-    "read_terrain": (lambda **_: None, {}, {"path": None, "cell": None, "height": None}),
-    "write_terrain": (lambda **_: None, {}, {"terrain": None, "path": None, "cell": None}),
+    "read_terrain": (_read, {"path": BOWL, "cell": 0.05, "height": 0.1}, {"path": GENTLE, "cell": 0.06, "height": 0.2}),
+    "write_terrain": (_written, {"terrain": BOWL, "path": "a.png"}, {"terrain": GENTLE, "path": "a.stl", "cell": 0.02}),
     "register": (lambda **_: None, {}, {"env_id": None, "task": None}),
     "identify": (
-        lambda **_: None,
-        {},
-        dict.fromkeys(("log", "params", "fields", "actuators", "model", "sim_dt", "window", "imu_position", *IDENTIFY)),
+        functools.partial(_identify, bb.identify),
+        {"log": 0, "fields": ["body_mass"], "sim_dt": 0.005},
+        {
+            "log": 1,
+            "params": PAPER.replace(body_com_height=0.36),
+            "fields": ["body_com_height"],
+            "actuators": {"delay": 0.002},
+            "model": "spatial",
+            "sim_dt": 0.01,
+            "window": 0.4,
+            "imu_position": (0.0, 0.0, 0.01),
+            "noise": {"wheel_angle": 1e-3, "gyro": 0.02, "acceleration": 0.2},
+            "rejection": 1.0,
+            "num_threads": Same(2),
+            "progress": "told",
+        },
     ),
     "tune": (
-        lambda **_: None,
-        {},
-        dict.fromkeys(("controller", "scenario", "budget", "options", "baseline", "robot", "model", "seed", *SHARED)),
+        functools.partial(_progress, bb.tune),
+        {"controller": "lqr", "scenario": TILTED, "budget": 3},
+        {
+            "controller": "lqi",
+            "scenario": SHORTER,
+            "budget": 4,
+            "options": ["position"],
+            "baseline": "lqi",
+            "robot": "kugle",
+            "model": "rigid",
+            "seed": 1,
+            "num_threads": Same(2),
+            "progress": "told",
+        },
     ),
     "save": (lambda **_: None, {}, {"model": None, "path": None}),
 }
@@ -690,6 +659,8 @@ MOTION = {
     "yaw_rate": 0.2,
     "friction": With(0.01, yaw_rate=3.0),
 }
+#: What a refusal has in place of the keyword: the share of friction that a motion may take, the id of a task.
+NAMED = {"friction": "allowed is 0.01", "task": "ballbot/Velocity-v0"}
 #: Records, wrappers, exceptions and what is called like another: what they take is what they give, or in another test.
 NOT_CALLED = {
     *("ControllerInfo", "IdentifiedParams", "Metrics", "Outcome", "Result", "Robots", "Scale", "Scenario", "SensorLog"),
@@ -736,9 +707,7 @@ def test_keywords_of_functions_and_constructors(name):
     found = []
     for keyword, value in keywords.items():
         if value is not None:
-            # A motion is refused with the share that it may take.
-            named = "allowed is 0.01" if keyword == "friction" else None
-            found.append(changes(call, keyword, [value], base, named))
+            found.append(changes(call, keyword, [value], base, NAMED.get(keyword)))
     assert not [wrong for wrong in found if wrong]
 
 
@@ -751,28 +720,6 @@ def test_every_keyword_is_listed():
             missing[name] = new
     assert not missing
     assert set(CALLS) <= set(public)
-
-
-def test_options_of_commands_are_read():
-    """Each option of a command is an attribute that its module, or one that it calls, reads."""
-    import argparse
-
-    import ballbot_rs.cli as cli
-
-    read = set()
-    for file in Path(cli.__file__).parent.glob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "arguments":
-                read.add(node.attr)
-            if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                read.add(node.value)
-    parser = argparse.ArgumentParser()
-    commands = parser.add_subparsers()
-    for command in COMMANDS:
-        command.add_to(commands)
-    for name, one in commands.choices.items():
-        for action in one._actions:
-            assert action.dest in read or action.dest == "help", (name, action.dest)
 
 
 def test_a_dead_keyword_would_be_found():

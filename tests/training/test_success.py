@@ -118,3 +118,10 @@ def test_the_discount_follows_the_robot():
 @pytest.mark.parametrize("task", TASKS)
 def test_every_configuration_says_what_success_is(task):
     assert 0.5 <= config.load(task)[0].evaluation.success <= 1.0
+
+
+def test_a_robot_with_a_variant_is_trained_with_it():
+    own, text = config.load("balance", None, "rezero")
+    assert text == config.default_text("balance", "rezero")
+    assert own.env == {**config.load("balance")[0].env, "params": "rezero"}
+    assert config.load("balance", None, "kugle") == config.load("balance")

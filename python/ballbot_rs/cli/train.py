@@ -122,7 +122,7 @@ def run(arguments: argparse.Namespace) -> None:
         )
     else:
         task = arguments.task or DEFAULT_TASK
-        config, text = config_module.load(task, arguments.config)
+        config, text = config_module.load(task, arguments.config, arguments.robot)
         values = values_of(arguments, task, config.env)
         if arguments.timesteps is not None:
             values |= train.steps_alone(config, arguments.timesteps)

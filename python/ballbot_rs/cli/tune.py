@@ -98,7 +98,7 @@ def run(arguments: argparse.Namespace) -> None:
 def _search(arguments: argparse.Namespace, task: str, module: Any) -> "Search":
     from ballbot_rs.training import config as config_module
 
-    config, text = config_module.load(task, arguments.config)
+    config, text = config_module.load(task, arguments.config, arguments.robot)
     values = train_command.values_of(arguments, task, config.env)
     if arguments.timesteps is not None:
         values["total_timesteps"] = arguments.timesteps

@@ -246,12 +246,14 @@ def _variants(task: str) -> list[str]:
     return sorted(name.removeprefix(f"{task}-") for name in names if name.startswith(f"{task}-"))
 
 
-def load(task: str, path: Path | None = None) -> tuple[TrainConfig, str]:
+def load(task: str, path: Path | None = None, robot: str | None = None) -> tuple[TrainConfig, str]:
     """A task's configuration and its text, from `path` or one that comes with the package.
 
     Args:
         task: name of the task.
-        path: a file, or the name of a variant that comes with the package; None is the task's own configuration.
+        path: a file, or the name of a variant that comes with the package; None is the robot's variant where there is
+            one, else the task's own configuration.
+        robot: name of a robot.
 
     Raises:
         ValueError: as `parse`, or a configuration of another task.
@@ -262,6 +264,8 @@ def load(task: str, path: Path | None = None) -> tuple[TrainConfig, str]:
         text, source = default_text(task, str(path)), f"{task}-{path}.toml"
     elif path is not None:
         text, source = path.read_text(encoding="utf-8"), str(path)
+    elif robot in _variants(task):
+        text, source = default_text(task, robot), f"{task}-{robot}.toml"
     else:
         text, source = default_text(task), f"{task}.toml"
     config = parse(text, source)

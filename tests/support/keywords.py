@@ -1,0 +1,102 @@
+"""What a keyword or an option does: whether another value changes the result, or is refused by name."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+import ballbot_rs as bb
+
+PAPER = bb.Params.paper()
+START = bb.State.at_rest(PAPER, tilt=(0.06, -0.03), yaw=0.4)
+
+
+class With:
+    """A value of a keyword that acts together with others, which are the same with and without it."""
+
+    def __init__(self, value: Any, **others: Any) -> None:
+        self.value, self.others = value, others
+
+
+@dataclasses.dataclass(frozen=True)
+class Refused:
+    """A value that is refused by name."""
+
+    value: Any
+
+
+@dataclasses.dataclass(frozen=True)
+class Same:
+    """A value that must not change the result."""
+
+    value: Any
+
+
+def fingerprint(value: Any) -> Any:
+    """Something that is equal for equal results alone."""
+    if isinstance(value, np.ndarray):
+        return (value.shape, str(value.dtype), value.tobytes())
+    if isinstance(value, Mapping):
+        return tuple((key, fingerprint(part)) for key, part in value.items())
+    if isinstance(value, (list, tuple)):
+        return tuple(fingerprint(part) for part in value)
+    if isinstance(value, bb.State):
+        return fingerprint(value.to_array())
+    if isinstance(value, bb.Params):
+        return fingerprint(value.to_dict())
+    if isinstance(value, bb.Terrain):
+        x, y = np.meshgrid(np.linspace(-3.9, 3.9, 60), np.linspace(-3.8, 3.8, 61))
+        return fingerprint([value.height(x, y), value.size])
+    if isinstance(value, bb.Reference):
+        return fingerprint([value.sample(np.linspace(0.0, 9.0, 50)), value.demand])
+    if isinstance(value, bb.Controller):
+        setpoint = bb.Setpoint(position=(0.1, 0.2), yaw=0.1)
+        parts = {name: setpoint[name] for name in value.setpoint_parts if name in setpoint}
+        states = [START, bb.State.at_rest(PAPER, tilt=(0.3, 0.2))]
+        return fingerprint(
+            [value.control_dt, [np.asarray(value(state, **parts)) for state in states for _ in range(3)]]
+        )
+    if dataclasses.is_dataclass(value):
+        return fingerprint({field.name: getattr(value, field.name) for field in dataclasses.fields(value)})
+    return repr(value)
+
+
+def changes(
+    call: Callable[..., Any], name: str, candidates: list[Any], base: Mapping[str, Any], named: str | None = None
+) -> str | None:
+    """What is wrong with a keyword: None if one of the candidates changes the result, or all are refused by name.
+
+    `named` is the name in the refusal, if it is another one.
+    """
+    refused = 0
+    for candidate in candidates:
+        others = {**base, **candidate.others} if isinstance(candidate, With) else dict(base)
+        value = _value(candidate)
+        try:
+            before = fingerprint(call(**others))
+        except ValueError as error:
+            # What a keyword permits is refused without it.
+            if name not in str(error):
+                raise
+            before = None
+        try:
+            after = fingerprint(call(**{**others, name: value}))
+        except (ValueError, TypeError) as error:
+            if (named or name) not in str(error):
+                return f"{name} = {value!r} is refused without its name: {error}"
+            refused += 1
+            continue
+        if isinstance(candidate, Refused):
+            return f"{name} = {value!r} is not refused"
+        if isinstance(candidate, Same):
+            return None if before == after else f"{name} = {value!r} changes the result"
+        if before != after:
+            return None
+    if refused == len(candidates):
+        return None
+    return f"{name} changes nothing, tried {[_value(candidate) for candidate in candidates]}"
+
+
+def _value(candidate: Any) -> Any:
+    return candidate.value if isinstance(candidate, (With, Refused, Same)) else candidate
