@@ -65,7 +65,7 @@ pub enum Error {
     /// Text in a structured format (a preset, a saved simulation) cannot be decoded.
     #[error("cannot decode {what}: {reason}")]
     Decode {
-        /// What was being decoded.
+        /// The data being decoded.
         what: String,
         /// Why it failed.
         reason: String,

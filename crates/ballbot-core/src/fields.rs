@@ -161,6 +161,9 @@ pub trait Fields: Clone + Default {
 
     /// The defaults with some fields set by name. `kind` describes an unknown name in its error; other errors name the
     /// option of `stage`.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] or [`Error::Length`]. Limits are checked by [`Fields::check_limits`].
     fn with_fields<'n, 'v>(
         kind: &'static str,
         stage: &str,

@@ -1,5 +1,4 @@
-//! The attitude error relative to the attitude commanded by position loop and setpoint, and the torques that produce a
-//! desired change of it.
+//! The attitude error relative to the position loop and the setpoint, and the torques that correct it.
 
 use super::lean_planes::{Leaning, require_stable};
 use super::position_loop::{PositionLoop, PositionOptions, SecondOrder};

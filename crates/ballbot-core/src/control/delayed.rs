@@ -10,7 +10,7 @@ use crate::params::Params;
 use nalgebra::SMatrix;
 
 crate::fields! {
-    /// What a law may know of its robot's motors.
+    /// Properties of the motors known to a controller.
     #[derive(Copy)]
     pub struct DelayOptions {
         /// Time between a torque that is asked for and its effect: a multiple of the sampling time, at most ten samples. The

@@ -232,7 +232,8 @@ pub trait Controller: Send + Sync {
     /// Motor torques for the next `control_dt`, N·m.
     fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> [f64; 3];
 
-    /// Motor torques for a robot whose stored values the caller keeps. Applies no torque above `largest` (N·m).
+    /// [`Controller::wheel_torques`] of a robot whose stored values the caller keeps. Applies no torque above `largest`
+    /// (N·m).
     fn torques_one(
         &self,
         state: &StateCells<f64>,

@@ -19,7 +19,7 @@ pub trait Kernel {
 #[inline]
 pub fn run_eight<K: Kernel>(kernel: K) {
     let level = Level::new();
-    // Results are the same to the last bit without dispatch; debug builds save its compile time.
+    // Results are the same to the last bit without dispatch; debug builds skip it to save compile time.
     #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
     if let Some(simd) = level.as_avx512() {
         simd.vectorize(

@@ -17,11 +17,15 @@ const MOST_CURVED: f64 = 0.5;
 const MOST_STEPS: usize = 60;
 const FOUND: f64 = 1e-13;
 
-/// Bound on the rounding error of a gradient, times the height divided by the cell.
+/// Bound on the rounding error of a gradient, as a multiple of height / cell.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// A terrain with the surface on which the centers of balls in contact lie, one ball radius along the normal from the
 /// ground.
+///
+/// The normal of this surface equals the ground's normal at the contact point, so a robot needs one evaluation per
+/// step. The surface is for one radius. The center of a ball of another radius is higher by the difference along the
+/// normal; the normal then has an error of the curvature times the difference, in radians.
 #[derive(Debug)]
 pub struct Ground {
     terrain: Arc<Terrain>,

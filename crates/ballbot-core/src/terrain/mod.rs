@@ -44,7 +44,7 @@ const HIGHEST: f64 = 1000.0;
 /// Distances of neighboring heights, m.
 const CELLS: std::ops::RangeInclusive<f64> = 1e-4..=1e3;
 
-/// Largest number of heights of a terrain: 40 m by 40 m in steps of 2 cm, which takes seconds to generate.
+/// Largest number of heights of a terrain: 40 m by 40 m in steps of 2 cm, which takes seconds.
 pub const MOST_NODES: usize = 1 << 22;
 
 /// The ground's height over x and y.

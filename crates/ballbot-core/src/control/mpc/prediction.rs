@@ -55,7 +55,7 @@ impl Prediction {
         Ok(new)
     }
 
-    /// Largest curvatures by rows and torques: with all of them violated.
+    /// Largest curvatures that the rows and the torques can give: with all of them violated.
     fn largest_curvatures(&self) -> Result<[f64; 2]> {
         let (mut of_rows, mut of_torques) =
             (DMatrix::zeros(STAGES * ROWS, 2 * STAGES), DMatrix::zeros(STAGES * 3, 2 * STAGES));

@@ -65,8 +65,8 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
     }
 
     /// Trial impulses from the impulses of the last step. Robots that gripped in the last step are taken to grip in
-    /// this one, where the trial impulses are those of the last step. With friction above 1, several modes may meet the
-    /// conditions; then each wheel keeps its mode, so that a robot does not change mode without a cause.
+    /// this step: their trial impulses are the impulses of the last step. With friction above 1, several modes may meet
+    /// the conditions; then each wheel keeps its mode, so that a robot does not change mode without a cause.
     #[inline(always)]
     fn first_trial<const JOINTS: bool>(&self, last: &PerRow<L>) -> PerRow<L> {
         let friction = self.friction;

@@ -9,7 +9,7 @@ use crate::lanes::{Lane, Value, sin_cos};
 pub struct Ripple<L: Lane> {
     /// Robots whose wheels have a ripple. The others keep the bits of a batch of round wheels.
     pub on: L::Mask,
-    /// How far the rim of each wheel is below its nominal radius, m.
+    /// Depth of each wheel's rim below its nominal radius, m.
     pub depths: [L; 3],
     /// Change of the depth with the wheel angle, m/rad.
     pub slopes: [L; 3],

@@ -175,8 +175,8 @@ impl<T: Cell> ContactState<T> {
         store3(impulses.joints, &mut self.joint_impulses);
     }
 
-    /// Stores the result of a step. A robot with velocities non-finite or near overflow is marked as diverged and keeps
-    /// its state until it restarts.
+    /// Stores the result of a step. A robot with non-finite or nearly overflowing velocities is marked as diverged and
+    /// keeps its state until it restarts.
     #[inline(always)]
     pub fn take<L: Lane<Cell = T>>(
         &mut self,

@@ -22,7 +22,7 @@ pub fn wheel_transverse_inertia(params: &Params) -> f64 {
 }
 
 impl BodyLink {
-    /// Mass properties of the parameters minus those of the wheels.
+    /// Mass properties of the parameters minus the mass properties of the wheels.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] if the wheels have more inertia than the bot.

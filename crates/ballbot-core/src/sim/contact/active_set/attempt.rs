@@ -90,7 +90,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         Floor::new(self, wheels)
     }
 
-    /// Bounds the impulses and measures how far they violate the conditions.
+    /// Bounds the impulses and measures their violation of the conditions.
     #[inline(always)]
     fn judge<const JOINTS: bool>(
         &self,
