@@ -1,17 +1,17 @@
-//! The numbers of a law or of an estimator by name, from which another program can compute the same.
+//! Named numbers of a controller or an estimator, from which another program can reproduce its results.
 
 /// A number, a vector or a matrix.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constant {
     /// Its name.
     pub name: &'static str,
-    /// Its sizes: none of a number, one of a vector, rows and columns of a matrix.
+    /// Its sizes: none for a number, one for a vector, rows and columns for a matrix.
     pub shape: Vec<usize>,
     /// Its elements, row by row.
     pub values: Vec<f64>,
 }
 
-/// All that something computes with, besides what it is given and its memory.
+/// All constants of a computation, in addition to its inputs and its memory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Constants(Vec<Constant>);
 

@@ -1,8 +1,8 @@
-//! Times in whole control steps: how often something is sampled, and how late it is read.
+//! Times in whole control steps: sampling periods and read latencies.
 
 use crate::error::{Result, check};
 
-/// Most control steps of a latency.
+/// Largest latency in control steps.
 const MAX_LATENCY: f64 = 100.0;
 
 /// Control steps of `dt` (s) nearest to the period of `rate` (Hz; 0: every control step), at least one.
@@ -13,7 +13,7 @@ pub fn steps_of(rate: f64, dt: f64) -> f64 {
 /// Control steps of `control_dt` (s) in a latency, s.
 ///
 /// # Errors
-/// [`crate::Error::OutOfRange`] for one that is no whole number of at most 100.
+/// [`crate::Error::OutOfRange`] for a latency that is not a whole number of at most 100 steps.
 pub fn latency_steps(latency: f64, control_dt: f64) -> Result<usize> {
     let steps = latency / control_dt;
     let words =

@@ -6,7 +6,8 @@ use crate::state::State;
 use nalgebra::Vector3;
 
 /// Kinetic energy of ball, body and wheels (absolute wheel spin) plus potential energy, J. The potential energy is zero
-/// with the ball resting on the floor, at the origin if it is not level, and the body's CoM at the height of the ball center.
+/// with the ball resting on the floor (on a sloped floor, at the origin) and the body's CoM at the height of the ball
+/// center.
 pub fn mechanical_energy(params: &Params, wheels: &Omniwheels, state: &State) -> f64 {
     let arm = params.body_com();
     let rate = state.body_angular_velocity;

@@ -1,18 +1,18 @@
-//! The one error type of the crate: every message names the offending value and the limit it broke.
+//! The error type of the crate: every message names the offending value and the violated limit.
 
 use std::fmt;
 use std::path::PathBuf;
 
-/// What can go wrong, from a parameter out of range to a simulation that diverged.
+/// Possible errors, from a parameter out of range to a diverged simulation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A number is outside the range in which it has a meaning.
+    /// A number is outside its valid range.
     #[error("{name} = {} is out of range: it must be {limit}", Readable(*value))]
     OutOfRange {
-        /// What the number is, with its index where it is an element of an array.
+        /// Name of the number, with its index for an element of an array.
         name: String,
-        /// The number as it was given.
+        /// The given number.
         value: f64,
         /// The range, in words.
         limit: String,
@@ -20,19 +20,19 @@ pub enum Error {
     /// An array has the wrong number of elements.
     #[error("{name} has {found} values, expected {expected}")]
     Length {
-        /// What the array is.
+        /// Name of the array.
         name: String,
-        /// How many values were given.
+        /// Number of given values.
         found: usize,
-        /// How many are needed.
+        /// Number of expected values.
         expected: usize,
     },
-    /// A name that must be one of a known set is not.
+    /// A name is not in the set of known names.
     #[error("unknown {kind} '{name}': expected one of {known}")]
     UnknownName {
-        /// What the name stands for, as in "model".
+        /// Kind of the name, as in "model".
         kind: &'static str,
-        /// The name as it was given.
+        /// The given name.
         name: String,
         /// The accepted names.
         known: String,
@@ -43,7 +43,7 @@ pub enum Error {
         /// The parameter.
         name: &'static str,
     },
-    /// Values that are fine one by one contradict each other.
+    /// Values that are individually valid contradict each other.
     #[error("{0}")]
     Inconsistent(String),
     /// A URDF is malformed, or describes something that is not a ballbot.
@@ -65,38 +65,38 @@ pub enum Error {
     /// Text in a structured format (a preset, a saved simulation) cannot be decoded.
     #[error("cannot decode {what}: {reason}")]
     Decode {
-        /// What was being decoded.
+        /// The data being decoded.
         what: String,
         /// Why it failed.
         reason: String,
     },
-    /// The simulation left the range in which its numbers mean anything.
+    /// The simulation left the range of meaningful numbers.
     #[error("the simulation diverged at t = {time} s: {reason}")]
     Diverged {
         /// Simulated time, s.
         time: f64,
-        /// Which quantity broke which bound.
+        /// The quantity and the bound that it violated.
         reason: String,
     },
-    /// A part of the crate was left out when it was compiled.
+    /// A part of the crate was not compiled in.
     #[error("{what} needs the cargo feature '{feature}' of ballbot-core, which is off")]
     MissingFeature {
-        /// What was asked for.
+        /// The requested part.
         what: String,
-        /// The feature that has it.
+        /// The feature that contains it.
         feature: &'static str,
     },
-    /// There is not as much memory as something needs.
+    /// There is not enough memory.
     #[error("{what} needs {need} of memory: {limit}")]
     Memory {
-        /// What needs it.
+        /// Purpose of the memory.
         what: String,
-        /// How much, in words.
+        /// Required amount, in words.
         need: String,
-        /// How much there is, in words.
+        /// Available amount, in words.
         limit: String,
     },
-    /// The caller of [`crate::stoppable`] wanted its work stopped.
+    /// The caller of [`crate::stoppable`] stopped its work.
     #[error("interrupted")]
     Interrupted,
     /// The algebraic Riccati equation has no stabilizing solution for the given weights.
@@ -104,7 +104,7 @@ pub enum Error {
     Riccati(String),
 }
 
-/// A number without hundreds of zeros.
+/// A number printed without hundreds of zeros.
 struct Readable(f64);
 
 impl fmt::Display for Readable {
@@ -116,12 +116,12 @@ impl fmt::Display for Readable {
 }
 
 impl Error {
-    /// An [`Error::UnknownName`] that lists the `known` names, and asks for one that is much like `name`.
+    /// An [`Error::UnknownName`] that lists the `known` names and suggests a name similar to `name`.
     pub fn unknown(kind: &'static str, name: &str, known: &[&str]) -> Self {
         Self::UnknownName { kind, name: name.into(), known: one_of(name, known) }
     }
 
-    /// The same of an option of a stage: the stage stands before its name.
+    /// The error for an option of a stage: the stage precedes the option's name.
     pub(crate) fn of_option(self, stage: &str) -> Self {
         match self {
             Self::OutOfRange { name, value, limit } => {
@@ -133,10 +133,10 @@ impl Error {
     }
 }
 
-/// Similarity by Jaro and Winkler from which on two names are alike.
+/// Jaro-Winkler similarity from which on two names are similar.
 const ALIKE: f64 = 0.85;
 
-/// The `known` names, and a question where one of them is much like `name`.
+/// The `known` names, and a suggestion if a name is similar to `name`.
 pub fn one_of(name: &str, known: &[&str]) -> String {
     let listed = known.join(", ");
     let like = |known: &&str| strsim::jaro_winkler(name, known);
@@ -163,16 +163,16 @@ pub fn check(
     Err(Error::OutOfRange { name: name.to_string(), value, limit: limit.to_string() })
 }
 
-/// Passes `value` on if it is a finite number above zero.
+/// Returns `value` if it is a finite number above zero.
 pub fn positive(name: impl fmt::Display, value: f64) -> Result<f64> {
     check(name, value, "a finite number > 0", |v| v > 0.0)
 }
 
-/// Largest magnitude of a number of a state, a rate or a torque, in SI units: far beyond any robot's, and its square times
+/// Largest magnitude of a number of a state, a rate or a torque, in SI units: far beyond any robot. Its square times
 /// any parameter does not overflow.
 pub const MAX_MAGNITUDE: f64 = 1e9;
 
-/// Passes `values` on if all of them are finite and within ±[`MAX_MAGNITUDE`].
+/// Returns `values` if all are finite and within ±[`MAX_MAGNITUDE`].
 pub fn bounded(name: &str, values: &[f64]) -> Result<()> {
     finite(name, values)?;
     for (i, &value) in values.iter().enumerate() {
@@ -184,7 +184,7 @@ pub fn bounded(name: &str, values: &[f64]) -> Result<()> {
     Ok(())
 }
 
-/// Passes `values` on if all of them are finite.
+/// Returns `values` if all are finite.
 pub fn finite(name: &str, values: &[f64]) -> Result<()> {
     for (i, &v) in values.iter().enumerate() {
         if !v.is_finite() {

@@ -1,4 +1,4 @@
-//! Numbers that are described once: name, unit, default, limit and documentation beside each other.
+//! Numbers described in one place: name, unit, default, limit and documentation.
 
 use crate::error::{Error, Result};
 use std::f64::consts::{PI, TAU};
@@ -23,7 +23,7 @@ impl Limit {
     /// Zero or more.
     pub const NOT_NEGATIVE: Self = Self::from(0.0);
 
-    /// From `low` on.
+    /// At least `low`.
     pub const fn from(low: f64) -> Self {
         Self { low, low_included: true, ..Self::FINITE }
     }
@@ -33,17 +33,17 @@ impl Limit {
         Self { low, low_included: false, ..Self::FINITE }
     }
 
-    /// The same up to `high`.
+    /// With upper limit `high`, inclusive.
     pub const fn to(self, high: f64) -> Self {
         Self { high, high_included: true, ..self }
     }
 
-    /// The same below `high`.
+    /// With upper limit `high`, exclusive.
     pub const fn below(self, high: f64) -> Self {
         Self { high, high_included: false, ..self }
     }
 
-    /// Whether a number is finite and inside.
+    /// Whether a number is finite and in the interval.
     pub fn contains(&self, value: f64) -> bool {
         value.is_finite()
             && (value > self.low || (self.low_included && value == self.low))
@@ -93,21 +93,21 @@ pub struct Field {
     pub name: &'static str,
     /// Its unit; empty for a pure number.
     pub unit: &'static str,
-    /// What it is, as the lines of its doc comment.
+    /// Its description, as the lines of its doc comment.
     pub doc: &'static str,
-    /// How many numbers it has.
+    /// Number of values.
     pub len: usize,
-    /// Where each of them must lie.
+    /// Limit of each value.
     pub limit: Limit,
 }
 
 /// A number or an array of numbers as a slice.
 pub trait Numbers {
-    /// How many.
+    /// Number of values.
     const LEN: usize;
-    /// To read.
+    /// For reading.
     fn as_slice(&self) -> &[f64];
-    /// To write.
+    /// For writing.
     fn as_mut_slice(&mut self) -> &mut [f64];
 }
 
@@ -131,15 +131,15 @@ impl<const N: usize> Numbers for [f64; N] {
     }
 }
 
-/// A struct of numbers that [`crate::fields!`] defined.
+/// A struct of numbers defined by [`crate::fields!`].
 pub trait Fields: Clone + Default {
     /// Descriptions, in the order of the struct's fields.
     const FIELDS: &'static [Field];
 
-    /// Values of a field; `index` counts in [`Fields::FIELDS`].
+    /// Values of a field; `index` refers to [`Fields::FIELDS`].
     fn values(&self, index: usize) -> &[f64];
 
-    /// Values of a field, to change them.
+    /// Mutable values of a field.
     fn values_mut(&mut self, index: usize) -> &mut [f64];
 
     /// Sets a field by its name.
@@ -159,8 +159,8 @@ pub trait Fields: Clone + Default {
         Ok(())
     }
 
-    /// The defaults with some fields set by their names. An unknown one is one of that `kind`; other errors name the option of
-    /// that `stage`.
+    /// The defaults with some fields set by name. `kind` describes an unknown name in its error; other errors name the
+    /// option of `stage`.
     ///
     /// # Errors
     /// [`Error::UnknownName`] or [`Error::Length`]. Limits are checked by [`Fields::check_limits`].
@@ -183,7 +183,7 @@ pub trait Fields: Clone + Default {
     /// Checks every number against the limit of its field.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] naming the first that breaks it.
+    /// [`Error::OutOfRange`] naming the first number outside its limit.
     fn check_limits(&self) -> Result<()> {
         for (index, field) in Self::FIELDS.iter().enumerate() {
             for (i, &value) in self.values(index).iter().enumerate() {
@@ -205,11 +205,11 @@ pub struct OptionDescription {
     pub name: &'static str,
     /// Its unit; empty for a pure number.
     pub unit: &'static str,
-    /// Default values: one, or as many as an array has.
+    /// Default values: one, or one per array element.
     pub default: Vec<f64>,
-    /// Where the values must lie, in words.
+    /// Valid range of the values, in words.
     pub limit: String,
-    /// What it is.
+    /// Its description.
     pub doc: String,
 }
 

@@ -1,4 +1,4 @@
-//! Reading of files that a user, or a file of a user, names.
+//! Reading of files named by a user or by a user's file.
 
 use crate::error::{Error, Result};
 use std::fs::{self, File};
@@ -8,11 +8,11 @@ use std::path::Path;
 /// The contents of a regular file of at most `limit` bytes. A device or a pipe may block, or never end.
 ///
 /// # Errors
-/// [`Error::Io`] for a file that cannot be read, is not a regular file, or is larger.
+/// [`Error::Io`] for a file that cannot be read, is not a regular file, or is too large.
 pub(crate) fn read(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let refuse = |source| Error::Io { path: path.into(), source };
     let other = |reason: String| refuse(io::Error::other(reason));
-    // Before it is opened: opening a pipe waits for whoever writes to it.
+    // Before opening: opening a pipe waits for a writer.
     let found = fs::metadata(path).map_err(refuse)?;
     if !found.is_file() {
         let kind = if found.is_dir() { io::ErrorKind::IsADirectory } else { io::ErrorKind::Other };

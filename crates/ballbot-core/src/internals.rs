@@ -1,4 +1,4 @@
-//! What the tests of single parts look into: no part of the interface.
+//! Internals for unit tests; not part of the interface.
 
 pub use crate::control::common_lyapunov::common_lyapunov;
 pub use crate::interrupt::Watch;

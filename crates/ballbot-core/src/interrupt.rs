@@ -1,4 +1,4 @@
-//! Work that its caller may stop.
+//! Work that its caller can stop.
 
 use crate::error::{Error, Result};
 use std::cell::RefCell;
@@ -6,13 +6,13 @@ use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Least time between two questions to the caller.
+/// Least time between two queries of the caller.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// About how long is worked between two looks at the clock.
+/// Approximate duration of work between two clock readings.
 const WORK_PER_LOOK: Duration = Duration::from_millis(5);
 
-/// A caller that wants to be asked, and when it was last.
+/// A caller to query, and the time of its last query.
 struct Caller {
     stop: Rc<dyn Fn() -> bool>,
     asked: Instant,
@@ -22,7 +22,7 @@ thread_local! {
     static CALLER: RefCell<Option<Caller>> = const { RefCell::new(None) };
 }
 
-/// Runs `work`. Where it takes long, `stop` is asked on this thread, about every 50 ms, whether to end it; the work then
+/// Runs `work`. During long work, `stop` is called on this thread about every 50 ms; if it returns true, the work
 /// returns [`Error::Interrupted`].
 pub fn stoppable<T>(stop: impl Fn() -> bool + 'static, work: impl FnOnce() -> T) -> T {
     struct Restore(Option<Caller>);
@@ -35,7 +35,7 @@ pub fn stoppable<T>(stop: impl Fn() -> bool + 'static, work: impl FnOnce() -> T)
     work()
 }
 
-/// Asks the caller, if it wants to be asked and the time has come.
+/// Queries the caller if there is one and the time has come.
 fn stopped(now: Instant) -> bool {
     let stop = CALLER.with_borrow_mut(|caller| {
         let caller = caller.as_mut()?;
@@ -45,15 +45,15 @@ fn stopped(now: Instant) -> bool {
         caller.asked = now;
         Some(Rc::clone(&caller.stop))
     });
-    // Not while the caller is borrowed: what it does may come back here.
+    // Not while the caller is borrowed: its function may call this one again.
     stop.is_some_and(|stop| stop())
 }
 
-/// Looks now and then whether the caller wants its work stopped.
+/// Checks periodically whether the caller wants to stop the work.
 pub struct Watch {
-    /// The last look at the clock; None if nobody wants to stop the work.
+    /// Last clock reading; `None` without a caller that may stop the work.
     looked: Option<Instant>,
-    /// Calls of [`Watch::check`] between two looks at the clock; it follows how long they take.
+    /// Calls of [`Watch::check`] between two clock readings, adapted to their duration.
     every: u64,
     left: u64,
 }
@@ -65,14 +65,14 @@ impl Default for Watch {
 }
 
 impl Watch {
-    /// For work that begins now.
+    /// For work that starts now.
     pub fn new() -> Self {
         let watched = CALLER.with_borrow(Option::is_some);
         Self { looked: watched.then(Instant::now), every: 0, left: 0 }
     }
 
     /// # Errors
-    /// [`Error::Interrupted`] if the caller wants its work stopped.
+    /// [`Error::Interrupted`] if the caller stopped its work.
     #[inline]
     pub fn check(&mut self) -> Result<()> {
         if self.left > 0 {
@@ -100,14 +100,14 @@ impl Watch {
     }
 }
 
-/// Stops work on several threads: the calling thread looks, all threads end.
+/// Stops work on several threads: the calling thread checks, all threads stop.
 #[derive(Default)]
 pub(crate) struct Stop {
     set: AtomicBool,
 }
 
 impl Stop {
-    /// Whether this thread's work is to end.
+    /// Whether this thread must stop its work.
     #[inline]
     pub(crate) fn look(&self, watch: &mut Watch) -> bool {
         if watch.check().is_err() {

@@ -19,7 +19,7 @@ impl TorqueMap {
     /// Checks that the map is defined for the robot of `params`.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] for [`TorqueMap::AsPrinted`] with wheels that are not even; the parameter is named.
+    /// [`Error::Inconsistent`] for [`TorqueMap::AsPrinted`] for unevenly placed wheels, naming the parameter.
     pub fn require(self, params: &Params) -> Result<()> {
         match self {
             Self::Consistent => Ok(()),
@@ -83,22 +83,22 @@ impl Omniwheels {
         on_body(&self.u_inverse_transposed.tr_mul(wheel_speeds))
     }
 
-    /// Wheel speeds of given virtual rates, the inverse of [`Omniwheels::virtual_rates`], rad/s.
+    /// Wheel speeds for given virtual rates, the inverse of [`Omniwheels::virtual_rates`], rad/s.
     pub fn wheel_speeds_of_virtual(&self, virtual_rates: &Vector3<f64>) -> Vector3<f64> {
         self.u * on_body(virtual_rates)
     }
 
-    /// Virtual torques of given wheel torques (the inverse of the consistent map), N·m.
+    /// Virtual torques for given wheel torques (the inverse of the consistent map), N·m.
     pub fn virtual_torques(&self, wheel_torques: &Vector3<f64>) -> Vector3<f64> {
         on_body(&(self.u.transpose() * wheel_torques))
     }
 
-    /// Wheel torques of given virtual torques, N·m.
+    /// Wheel torques for given virtual torques, N·m.
     ///
-    /// Virtual torques are in the body frame, in the sign of eq. (8): positive τ_x and τ_y turn the *body* about +x and
-    /// +y, a positive τ_z turns the *ball* about +z (all wheels forward). With even wheels the consistent map is
-    /// τ_i = ⅓ (τ_z / sin α + (2 / cos α)(τ_x cos β_i + τ_y sin β_i)). [`TorqueMap::AsPrinted`] is that of the paper for
-    /// even wheels only ([`TorqueMap::require`]).
+    /// Virtual torques are in the body frame, with the sign of eq. (8): positive τ_x and τ_y turn the *body* about +x
+    /// and +y, a positive τ_z turns the *ball* about +z (all wheels forward). With even wheels the consistent map is
+    /// τ_i = ⅓ (τ_z / sin α + (2 / cos α)(τ_x cos β_i + τ_y sin β_i)). [`TorqueMap::AsPrinted`] is the map of the
+    /// paper, only for even wheels ([`TorqueMap::require`]).
     pub fn wheel_torques(&self, virtual_torques: &Vector3<f64>, map: TorqueMap) -> Vector3<f64> {
         match map {
             TorqueMap::Consistent => self.u_inverse_transposed * on_body(virtual_torques),
@@ -108,7 +108,7 @@ impl Omniwheels {
         }
     }
 
-    /// Wheel torques of a torque on the body, body frame, as a torque at the virtual wheels, N·m.
+    /// Wheel torques for a torque on the body, body frame, as a torque at the virtual wheels, N·m.
     pub fn torques_on_body(&self, torque: &Vector3<f64>, map: TorqueMap) -> Vector3<f64> {
         self.wheel_torques(&Vector3::new(torque.x, torque.y, -torque.z), map)
     }

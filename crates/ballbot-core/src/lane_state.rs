@@ -1,4 +1,4 @@
-//! [`State`] of one robot or of eight, for computations that are written over lanes.
+//! [`State`] of one robot or of eight, for computations over lanes.
 
 use crate::lanes::{Lane, Quat, Vec3, cells, load3, run_one, store3};
 use crate::state::State;
@@ -29,18 +29,18 @@ pub struct LaneState<L> {
     pub wheel_speeds: [L; 3],
 }
 
-/// A robot, or eight, as a task or a controller sees it after a step.
+/// A robot, or eight, after a step, as input of tasks and controllers.
 pub struct LaneRobot<L: Lane> {
     /// The state.
     pub state: LaneState<L>,
-    /// False once a step met numbers that are not finite.
+    /// False after a step with non-finite numbers.
     pub healthy: L::Mask,
     /// Whether the body or a wheel touches the floor.
     pub on_floor: L::Mask,
 }
 
 cells! {
-    /// [`LaneState`] as it lies in memory.
+    /// [`LaneState`] in memory.
     #[derive(Clone, Debug, Default, PartialEq)]
     pub struct StateCells {
         /// As in [`LaneState`].
@@ -67,7 +67,7 @@ cells! {
 }
 
 cells! {
-    /// What [`LaneRobot`] has besides its state, as it lies in memory: 1 for true, 0 for false.
+    /// Fields of [`LaneRobot`] except its state, in memory: 1 for true, 0 for false.
     #[derive(Clone, Debug, Default, PartialEq)]
     pub struct ConditionCells {
         /// As in [`LaneRobot`].
@@ -78,7 +78,7 @@ cells! {
 }
 
 impl<L: Lane> LaneRobot<L> {
-    /// Reads what [`LaneRobot::store`] wrote.
+    /// Reads the output of [`LaneRobot::store`].
     #[inline(always)]
     pub fn load(token: L::Token, state: &StateCells<L::Cell>, conditions: &ConditionCells<L::Cell>) -> Self {
         let (healthy, on_floor) = (L::load(token, &conditions.healthy), L::load(token, &conditions.on_floor));
@@ -155,7 +155,7 @@ pub const BOUNDS: [Bound; 8] = [
 ];
 
 impl<L: Lane> LaneState<L> {
-    /// Squares of the quantities that [`BOUNDS`] bound.
+    /// Squares of the quantities bounded by [`BOUNDS`].
     #[inline(always)]
     fn bounded(&self) -> [L; 8] {
         let [a, b, c] = self.wheel_speeds;
@@ -173,7 +173,7 @@ impl<L: Lane> LaneState<L> {
         ]
     }
 
-    /// Which robots are within the bounds; those that are not have diverged.
+    /// Robots within the bounds; the others have diverged.
     #[inline(always)]
     pub fn within_bounds(&self) -> L::Mask {
         let squares = self.bounded();
@@ -186,7 +186,7 @@ impl<L: Lane> LaneState<L> {
 }
 
 impl LaneState<f64> {
-    /// The first bound that the state breaks, NaN included.
+    /// The first bound that the state violates, including by NaN.
     pub fn out_of_bounds(&self) -> Option<String> {
         let within = run_one(
             #[inline(always)]

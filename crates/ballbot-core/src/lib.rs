@@ -1,23 +1,25 @@
-//! Physics, controllers and batched environments of a ballbot: a robot that balances on a ball driven by three omniwheels.
+//! Physics, controllers and batched environments for a ballbot: a robot that balances on a ball driven by three
+//! omniwheels.
 //!
-//! Layers, each depending only on those before it: parameters, state, kinematics and lanes; actuators and sensors
-//! ([`actuator`], [`sensor`]); models, from closed form ([`models`]) to rigid bodies with contacts ([`sim`]); controllers
-//! ([`control`]), and those that simulate ([`planning`]); tasks ([`task`]); environments ([`batch`]).
+//! Layers, each depending only on earlier layers: parameters, state, kinematics and lanes; actuators and sensors
+//! ([`actuator`], [`sensor`]); models, from closed form ([`models`]) to rigid bodies with contacts ([`sim`]);
+//! controllers ([`control`]) and simulation-based controllers ([`planning`]); tasks ([`task`]); environments
+//! ([`batch`]).
 //!
-//! Cargo builds dependencies without optimization unless it is given `--release`, and this crate is then many times
-//! slower. For debug builds of one's own code against an optimized crate, add to the workspace's `Cargo.toml`:
+//! Without `--release`, Cargo builds dependencies without optimization, and this crate is many times slower. To debug
+//! your code with an optimized crate, add to the workspace's `Cargo.toml`:
 //!
 //! ```toml
 //! [profile.dev.package."*"]
 //! opt-level = 3
 //! ```
 //!
-//! [`Batch`](batch::Batch) steps many robots at once, [`task::Task`] and [`control::Law`] are for tasks and controllers
-//! of one's own; each has an example. Types of [`nalgebra`] and [`rand_chacha`] are in signatures, so both crates are
+//! [`Batch`](batch::Batch) steps many robots at once, [`task::Task`] and [`control::Law`] are for custom tasks and
+//! controllers; each has an example. Signatures contain types of [`nalgebra`] and [`rand_chacha`], so both crates are
 //! re-exported.
 //!
-//! Cargo features, all on by default: `rigid` (the model of that name, by rapier3d), `urdf` (robots from URDFs),
-//! `render` (pictures).
+//! Cargo features, all on by default: `rigid` (the model `rigid`, by rapier3d), `urdf` (robots from URDFs), `render`
+//! (pictures).
 //!
 //! ```
 //! use ballbot_core::{Ballbot, ModelKind, Params, State, control::{Controller, Lqr, Setpoint}};

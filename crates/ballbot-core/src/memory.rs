@@ -1,4 +1,4 @@
-//! Memory is asked for before it is used: an allocation that fails ends the process.
+//! Memory checks before use: a failed allocation ends the process.
 
 use crate::error::{Error, Result};
 use std::fmt;
@@ -16,13 +16,13 @@ impl fmt::Display for Bytes {
     }
 }
 
-/// Need below which nobody is asked.
+/// Required bytes below which there is no check.
 const SMALL: u64 = 16 << 20;
 
-/// Checks that `items` of `bytes` each can be had; `what` they are for is the start of the message.
+/// Checks that `items` of `bytes` each can be allocated; the message starts with `what` they are for.
 ///
 /// # Errors
-/// [`Error::Memory`] with the need and the limit.
+/// [`Error::Memory`] with the required and the available amount.
 pub fn require_memory(what: impl fmt::Display, items: usize, bytes: usize) -> Result<()> {
     let need = (items as u64).saturating_mul(bytes as u64);
     if need < SMALL {
@@ -33,7 +33,7 @@ pub fn require_memory(what: impl fmt::Display, items: usize, bytes: usize) -> Re
     {
         return Err(refused(what, need, format!("{} are available", Bytes(free))));
     }
-    // What the system would refuse, as by a limit of the process.
+    // Amounts that the system would refuse, for example by a process limit.
     let reserved = usize::try_from(need).map(|need| Vec::<u8>::new().try_reserve_exact(need));
     if !matches!(reserved, Ok(Ok(()))) {
         return Err(refused(what, need, NOT_GIVEN.to_owned()));
@@ -57,7 +57,7 @@ pub fn try_zeros<T: Clone + Default>(what: impl fmt::Display, shape: &[usize]) -
     Ok(vec![T::default(); len])
 }
 
-/// Reserves room for `len` more items, if there is memory for them.
+/// Reserves space for `len` more items, if there is memory for them.
 ///
 /// # Errors
 /// As [`require_memory`].
@@ -69,7 +69,7 @@ pub fn try_reserve<T>(what: impl fmt::Display, items: &mut Vec<T>, len: usize) -
     items.try_reserve_exact(len).map_err(|_| refused(&what, (len * size_of::<T>()) as u64, NOT_GIVEN.to_owned()))
 }
 
-/// Memory that can be had without swapping, if the system says: the least of the machine's and the container's.
+/// Memory available without swapping, if the system reports it: the minimum of machine and container.
 fn available() -> Option<u64> {
     let read = |path: &str| std::fs::read_to_string(path).ok();
     let machine = read("/proc/meminfo").and_then(|text| {

@@ -1,4 +1,4 @@
-//! A model of the robot in motion: what every rung of the ladder of models can do.
+//! A model of the moving robot: the interface of every rung of the ladder of models.
 
 use crate::error::Result;
 use crate::params::Params;
@@ -12,23 +12,23 @@ pub trait Model: Send + Sync {
     /// The robot's parameters.
     fn params(&self) -> &Params;
 
-    /// Replaces the parameters (valid ones). The motion goes on if the geometry is the same; otherwise the robot is placed at
-    /// rest upright, at time zero.
+    /// Replaces the parameters (valid ones). The motion continues if the geometry is the same; otherwise the robot is
+    /// placed upright at rest, at time zero.
     ///
     /// # Errors
-    /// [`crate::Error::Inconsistent`] if the model cannot simulate such a robot; the old one is kept.
+    /// [`crate::Error::Inconsistent`] if the model cannot simulate such a robot; the old parameters are kept.
     fn set_params(&mut self, params: &Params) -> Result<()>;
 
-    /// Puts the robot on other ground, level without one, at rest upright at time zero.
+    /// Puts the robot upright at rest on another ground (level if `None`), at time zero.
     ///
     /// # Errors
-    /// [`crate::Error::Inconsistent`] if the model cannot simulate it; the old one is kept.
+    /// [`crate::Error::Inconsistent`] if the model cannot simulate it; the old ground is kept.
     fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()>;
 
     /// Time step, s.
     fn sim_dt(&self) -> f64;
 
-    /// Starts anew from an accepted `state` at time zero; a reset model is equal to a new one, to the last bit.
+    /// Restarts from an accepted `state` at time zero; a reset model is equal to a new one, to the last bit.
     fn place(&mut self, state: &State);
 
     /// Advances by `steps` time steps with constant motor torques, N·m.
@@ -41,7 +41,7 @@ pub trait Model: Send + Sync {
     fn state(&self) -> State;
 
     /// Contact forces of the last step. Right after a reset, `contact` and `rigid` return zeros; the closed-form models
-    /// return those of the present state without torque.
+    /// return the forces of the present state without torque.
     fn contacts(&self) -> Contacts;
 
     /// Whether the body or a wheel touches the floor; always false for `planar` and `spatial`, which have no such contact.
@@ -49,39 +49,39 @@ pub trait Model: Send + Sync {
         false
     }
 
-    /// Kinetic energy plus the body's potential energy above the ball center's resting height plus the ball's, J.
+    /// Kinetic energy plus potential energies of body and ball, the body's above the ball center's resting height, J.
     fn energy(&self) -> f64;
 
-    /// False once a step met numbers that are not finite; the state is then the last finite one, except in
-    /// `rigid`, whose engine keeps parts of the step that failed.
+    /// False after a step with non-finite numbers. The state is then the last finite state, except in `rigid`, whose
+    /// engine keeps parts of the failed step.
     fn healthy(&self) -> bool;
 
     /// Checks that the model can represent a state.
     ///
     /// # Errors
-    /// [`crate::Error::Inconsistent`] or [`crate::Error::OutOfRange`] if it cannot.
+    /// [`crate::Error::Inconsistent`] or [`crate::Error::OutOfRange`] otherwise.
     fn accepts(&self, state: &State) -> Result<()>;
 
     /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m), at once or over the next step.
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>);
 
-    /// What pushes have yet to do: an impulse on the body, N·s, and its moment about the center of mass, N·m·s, both in the
-    /// inertial frame. Zeros where they act at once.
+    /// Remaining effect of pushes: an impulse on the body, N·s, and its moment about the center of mass, N·m·s, both in
+    /// the inertial frame. Zero in models in which pushes act at once.
     fn pending_push(&self) -> [f64; 6] {
         [0.0; 6]
     }
 
-    /// Appends everything that the future depends on, for [`Model::load`].
+    /// Appends everything that determines the future motion, for [`Model::load`].
     fn save(&self) -> Vec<u8>;
 
-    /// Continues from bytes that [`Model::save`] gave, of a model of the same kind, parameters and time step.
+    /// Continues from bytes of [`Model::save`] from a model of the same kind, parameters and time step.
     ///
     /// # Errors
-    /// [`crate::Error::Decode`] if the bytes are not that.
+    /// [`crate::Error::Decode`] for any other bytes.
     fn load(&mut self, bytes: &[u8]) -> Result<()>;
 }
 
-/// Whether two robots have the same shape, so that a state of one is a state of the other.
+/// Whether two robots have the same shape, so that a state of either is valid for the other.
 pub fn same_geometry(a: &Params, b: &Params) -> bool {
     a.ball_radius == b.ball_radius
         && a.wheel_radius == b.wheel_radius

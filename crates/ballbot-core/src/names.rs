@@ -1,11 +1,11 @@
-//! Choices by their names.
+//! Selection by name.
 
 use crate::error::{Error, Result};
 
-/// The one of `all` that `name` names; `kind` says what they are in the error.
+/// The element of `all` named `name`; `kind` describes the elements in the error.
 ///
 /// # Errors
-/// [`Error::UnknownName`] with the names of all.
+/// [`Error::UnknownName`] with the names of all elements.
 pub fn find<T: Copy, const N: usize>(
     kind: &'static str,
     name: &str,

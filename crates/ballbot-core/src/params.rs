@@ -14,7 +14,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use std::fmt;
 use std::slice;
 
-/// Access to a parameter as a slice, for scalars and vectors alike.
+/// Access to a parameter as a slice, for scalars and vectors.
 trait Value: Copy {
     const UNSET: Self;
     fn as_slice(&self) -> &[f64];
@@ -50,10 +50,10 @@ macro_rules! parameters {
         /// Physical parameters of one robot on one floor. SI units and radians.
         ///
         /// `body_*` describe everything above the ball as one rigid body. They include the **mass** of the wheels and
-        /// exclude the inertia of the wheels about their own axles, which eq. (2) of the paper adds separately. The
-        /// body frame has its origin at the ball center and z along the mast. The defaults of the optional parameters are
-        /// a symmetric robot: the center of mass (CoM) of the body on the mast, the body axes its principal axes, the
-        /// wheels alike and 120 deg apart.
+        /// exclude the inertia of the wheels about their axles, which eq. (2) of the paper adds separately. The body
+        /// frame has its origin at the ball center and z along the mast. The defaults of the optional parameters define
+        /// a symmetric robot: the center of mass (CoM) of the body on the mast, the body axes its principal axes, equal
+        /// wheels 120 deg apart.
         #[derive(Clone, Debug, PartialEq)]
         pub struct Params {
             $($(#[$required_doc])* pub $required: $required_type,)*
@@ -64,11 +64,11 @@ macro_rules! parameters {
             /// Names of all parameters, in the order of the struct's fields.
             pub const NAMES: &'static [&'static str] = &[$(stringify!($required),)* $(stringify!($optional),)*];
 
-            /// Where the numbers of each parameter must lie, in the order of [`Params::NAMES`]: far beyond any robot's, and
-            /// far from where sums and products lose their meaning.
+            /// Limits of the numbers of each parameter, in the order of [`Params::NAMES`]: far beyond any robot, and
+            /// far from values at which sums and products lose accuracy.
             pub const LIMITS: &'static [Limit] = &[$($required_limit,)* $($optional_limit,)*];
 
-            /// How many numbers each parameter has, in the order of [`Params::NAMES`].
+            /// Number of values of each parameter, in the order of [`Params::NAMES`].
             pub(crate) const WIDTHS: &'static [usize] = &[
                 $(size_of::<$required_type>() / size_of::<f64>(),)*
                 $(size_of::<$optional_type>() / size_of::<f64>(),)*
@@ -90,7 +90,7 @@ macro_rules! parameters {
                 self.fields().flat_map(|(_, values)| values).copied().collect()
             }
 
-            /// The inverse of [`Params::numbers`], without validation; `None` for another number of values.
+            /// The inverse of [`Params::numbers`], without validation; `None` for a wrong number of values.
             pub(crate) fn from_numbers(numbers: &[f64]) -> Option<Self> {
                 let mut params = Self::unset();
                 let mut rest = numbers;
@@ -103,7 +103,7 @@ macro_rules! parameters {
                 rest.is_empty().then_some(params)
             }
 
-            /// Values of a parameter, to change them; `index` counts in [`Params::NAMES`].
+            /// Mutable values of a parameter; `index` refers to [`Params::NAMES`].
             pub(crate) fn values_mut(&mut self, index: usize) -> &mut [f64] {
                 let fields = [$(self.$required.as_mut_slice(),)* $(self.$optional.as_mut_slice(),)*];
                 fields.into_iter().nth(index).expect("an index of NAMES")
@@ -120,26 +120,26 @@ macro_rules! parameters {
     };
 }
 
-/// kg.
+/// Mass, kg.
 const MASS: Limit = Limit::from(1e-6).to(1e6);
-/// kg·m².
+/// Moment of inertia, kg·m².
 const INERTIA: Limit = Limit::from(1e-18).to(1e9);
-/// m.
+/// Length, m.
 const LENGTH: Limit = Limit::from(1e-6).to(1e3);
-/// rad.
+/// Zenith angle, rad.
 const ZENITH: Limit = Limit::from(1e-3).to(FRAC_PI_2 - 1e-3);
 /// Lever arm of a friction torque, m.
 const LEVER: Limit = Limit::from(0.0).to(1e3);
-/// Of a friction coefficient.
+/// Friction coefficient.
 const FRICTION: Limit = Limit::from(0.0).to(1e3);
 
-/// Least volume that the unit vectors along the axles of the wheels span; 0.92 for the wheels of the paper.
+/// Least volume spanned by the unit vectors along the wheel axles; 0.92 for the wheels of the paper.
 const LEAST_DRIVE_VOLUME: f64 = 1e-6;
 
-/// Least load of a wheel in equilibrium, as a share of the body's weight.
+/// Least load of a wheel in equilibrium, as a fraction of the body's weight.
 const LEAST_LOAD_SHARE: f64 = 1e-3;
 
-/// Most steps of the search for the principal moments of inertia; about six are needed.
+/// Largest number of steps of the search for the principal moments of inertia; it needs about six.
 const MAX_EIGENVALUE_STEPS: usize = 1000;
 
 /// Largest ratio of the wheels' inertia, as a mass at their rims, to the mass of the robot.
@@ -221,15 +221,15 @@ parameters! {
     }
 }
 
-/// Viscous friction B_vk of the simulations in the paper, N/(m/s) (section III-A, "arbitrary"). It is not in Table II
-/// and therefore not in the preset.
+/// Viscous friction B_vk in the paper's simulations, N/(m/s) (section III-A, "arbitrary"). It is not in Table II and
+/// therefore not in the preset.
 pub const PAPER_BALL_VISCOUS_FRICTION: f64 = 49.849;
 
 impl Params {
     /// Parameters from named values; a scalar is a slice of one.
     ///
     /// # Errors
-    /// [`Error::UnknownName`], [`Error::Length`] or [`Error::MissingParameter`]; those of [`Params::validate`].
+    /// [`Error::UnknownName`], [`Error::Length`] or [`Error::MissingParameter`]; errors of [`Params::validate`].
     pub fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         let mut given = Vec::new();
         let fields = fields.into_iter().inspect(|(name, _)| given.push(*name));
@@ -336,7 +336,7 @@ impl Params {
         for ((name, values), limit) in self.fields().zip(Self::LIMITS) {
             for (i, &value) in values.iter().enumerate() {
                 let inside = |v: f64| limit.contains(v);
-                // Nothing is formatted unless it is wrong: events make robots at each reset.
+                // Nothing is formatted unless a value is wrong: events create robots at each reset.
                 match values.len() {
                     1 => check(name, value, limit, inside)?,
                     _ => check(format_args!("{name}[{i}]"), value, limit, inside)?,
@@ -354,7 +354,7 @@ impl Params {
     }
 
     fn validate_masses(&self) -> Result<()> {
-        // Without products of inertia the principal moments have names of their own.
+        // Without products of inertia the principal moments have separate names.
         if self.body_products_of_inertia == [0.0; 3] {
             self.validate_moments(&self.body_inertia, "body_inertia")?;
         } else {
@@ -370,7 +370,7 @@ impl Params {
         Ok(())
     }
 
-    /// Checks that principal moments of inertia are those of a body; `name` is put before their index.
+    /// Checks that principal moments of inertia are physically possible; `name` precedes their index.
     fn validate_moments(&self, moments: &[f64; 3], name: &str) -> Result<()> {
         for (i, &moment) in moments.iter().enumerate() {
             positive(format_args!("{name}[{i}]"), moment)?;
@@ -460,7 +460,7 @@ impl Params {
         self.ball_radius / self.wheel_radius
     }
 
-    /// Load of one wheel of a symmetric robot at rest upright on a level floor, M_b g / (3 cos α), N.
+    /// Load of one wheel of a symmetric robot upright at rest on a level floor, M_b g / (3 cos α), N.
     pub fn static_wheel_load(&self) -> f64 {
         self.body_mass * self.gravity / (3.0 * self.wheel_zenith.cos())
     }

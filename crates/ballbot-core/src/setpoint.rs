@@ -1,14 +1,14 @@
-//! What a controller is to bring about.
+//! The goal of a controller.
 
 use crate::error::{Result, check};
 use crate::lanes::{Lane, cells};
 use nalgebra::Vector2;
 use std::slice;
 
-/// Where ball and body should be, and how they should move.
+/// Desired position and motion of ball and body.
 ///
-/// A robot that accelerates leans. Where the derivatives of the flat output of a motion
-/// are given ([`crate::control::Reference`]), lean and torques of the motion are fed forward; where they are zero, only the
+/// An accelerating robot leans. If the derivatives of the flat output of a motion are given
+/// ([`crate::control::Reference`]), lean and torques of the motion are fed forward; if they are zero, only the
 /// deviations from position, velocity and heading drive the robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
@@ -16,8 +16,8 @@ pub struct Setpoint {
     pub position: Vector2<f64>,
     /// Ball velocity, inertial frame, m/s.
     pub velocity: Vector2<f64>,
-    /// Acceleration of the flat output, inertial frame, m/s²: the robot leans in proportion to it. In slow motion it is that
-    /// of the ball.
+    /// Acceleration of the flat output, inertial frame, m/s²: the robot leans in proportion to it. In slow motion it is
+    /// the acceleration of the ball.
     pub acceleration: Vector2<f64>,
     /// Derivative of `acceleration`, m/s³.
     pub jerk: Vector2<f64>,
@@ -27,7 +27,7 @@ pub struct Setpoint {
     pub yaw: f64,
     /// Rate of the heading, rad/s.
     pub yaw_rate: f64,
-    /// Tilt components about the heading frame's x and y axes, rad; for controllers of tilt alone.
+    /// Tilt components about the heading frame's x and y axes, rad; only for tilt controllers.
     pub tilt: Vector2<f64>,
 }
 
@@ -38,7 +38,7 @@ impl Setpoint {
     /// Checks that every number is within ±1e4.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] naming the first that is not.
+    /// [`crate::Error::OutOfRange`] naming the first number outside.
     pub fn validate(&self) -> Result<()> {
         for name in SETPOINT_PARTS {
             for &value in self.part(name) {
@@ -49,7 +49,7 @@ impl Setpoint {
         Ok(())
     }
 
-    /// A part by its name, of [`SETPOINT_PARTS`]; empty for another name.
+    /// A part by its name, of [`SETPOINT_PARTS`]; empty for any other name.
     pub fn part(&self, name: &str) -> &[f64] {
         match name {
             "position" => self.position.as_slice(),
@@ -64,7 +64,7 @@ impl Setpoint {
         }
     }
 
-    /// [`Setpoint::part`], to change it.
+    /// Mutable [`Setpoint::part`].
     pub fn part_mut(&mut self, name: &str) -> &mut [f64] {
         match name {
             "position" => self.position.as_mut_slice(),
@@ -84,11 +84,11 @@ impl Setpoint {
 pub const SETPOINT_PARTS: [&str; 8] =
     ["position", "velocity", "acceleration", "jerk", "snap", "yaw", "yaw_rate", "tilt"];
 
-/// The parts that a law follows which holds a position.
+/// The setpoint parts followed by a controller that holds a position.
 pub const MOTION_PARTS: &[&str] = &["position", "velocity", "acceleration", "jerk", "snap", "yaw", "yaw_rate"];
 
 cells! {
-    /// [`Setpoint`] as it lies in memory.
+    /// [`Setpoint`] in memory.
     #[derive(Clone, Debug, Default, PartialEq)]
     pub struct SetpointCells {
         /// As in [`Setpoint`].

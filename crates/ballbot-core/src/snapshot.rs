@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 /// First bytes of all snapshots.
 pub const MAGIC: [u8; 4] = *b"BBOT";
 
-/// Version of the layout of all snapshots; raised whenever one changes.
+/// Version of the layout of all snapshots; incremented whenever a layout changes.
 pub const VERSION: u16 = 8;
 
 const HEADER_LEN: usize = MAGIC.len() + size_of::<u16>();
@@ -18,7 +18,7 @@ pub(crate) fn pack<T: Serialize>(value: &T) -> Vec<u8> {
     postcard::to_stdvec(value).expect("plain data in memory can be encoded")
 }
 
-/// The value that [`pack`] encoded; `what` names it in messages.
+/// Decodes the value from [`pack`]; `what` names it in messages.
 pub(crate) fn unpack<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T> {
     let refused = |reason: String| Error::Decode { what: what.to_owned(), reason };
     match postcard::take_from_bytes(bytes) {
@@ -38,7 +38,7 @@ pub fn encode<T: Serialize>(value: &T) -> Vec<u8> {
     bytes
 }
 
-/// The value that [`encode`] encoded; `what` names it in messages.
+/// Decodes the value from [`encode`]; `what` names it in messages.
 pub fn decode<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T> {
     let refused = |reason: String| Error::Decode { what: what.to_owned(), reason };
     if bytes.len() < HEADER_LEN + CHECKSUM_LEN {

@@ -42,7 +42,7 @@ impl State {
         Self::tilted(params, Vector2::zeros(), 0.0)
     }
 
-    /// State at rest with the ball on the floor at the origin: turned by `yaw` about the vertical, then tilted by the
+    /// State at rest with the ball on the floor at the origin: rotated by `yaw` about the vertical, then tilted by the
     /// rotation vector (`tilt` x, `tilt` y, 0) in the inertial frame, rad.
     pub fn tilted(params: &Params, tilt: Vector2<f64>, yaw: f64) -> Self {
         let ball_position = Vector3::new(0.0, 0.0, params.ball_radius);
@@ -66,9 +66,9 @@ impl State {
         Self { body_quaternion: params.equilibrium_attitude(yaw), ..Self::upright(params) }
     }
 
-    /// State at rest with the ball on the floor at the origin: in equilibrium, then turned by `yaw` about the vertical, then
-    /// tilted by the rotation vector (`tilt` x, `tilt` y, 0) in the inertial frame, rad. [`State::tilted`] for a robot
-    /// whose center of mass is on the mast.
+    /// State at rest with the ball on the floor at the origin: in equilibrium, then rotated by `yaw` about the
+    /// vertical, then tilted by the rotation vector (`tilt` x, `tilt` y, 0) in the inertial frame, rad.
+    /// [`State::tilted`] for a robot whose center of mass is on the mast.
     pub fn tilted_from_equilibrium(params: &Params, tilt: Vector2<f64>, yaw: f64) -> Self {
         Self { body_quaternion: attitude(tilt, yaw) * params.to_balance_frame(), ..Self::upright(params) }
     }
@@ -86,7 +86,7 @@ impl State {
         Self::rolling_on(params, &wheels, ball_velocity, ball_spin, body_quaternion, body_angular_velocity)
     }
 
-    /// [`State::rolling`] with the wheels of `params` given.
+    /// [`State::rolling`] with given wheels of `params`.
     pub(crate) fn rolling_on(
         params: &Params,
         wheels: &Omniwheels,
@@ -120,13 +120,13 @@ impl State {
         let mast = self.body_quaternion * Vector3::z();
         let sine = mast.xy().norm();
         if sine == 0.0 {
-            // Upside down the axis is arbitrary.
+            // The axis is arbitrary upside down.
             return Vector2::new(self.tilt(), 0.0);
         }
         Vector2::new(-mast.y, mast.x) * (self.tilt() / sine)
     }
 
-    /// Heading: the rotation about the vertical that remains once the tilt is undone, rad, in (−π, π].
+    /// Heading: the rotation about the vertical that remains after removing the tilt, rad, in (−π, π].
     pub fn yaw(&self) -> f64 {
         let q = self.body_quaternion.quaternion();
         let yaw = 2.0 * q.k.atan2(q.w);
@@ -139,7 +139,7 @@ impl State {
         }
     }
 
-    /// Components of a horizontal inertial vector in the heading frame, which is turned by the yaw.
+    /// Components of a horizontal inertial vector in the heading frame, which is rotated by the yaw.
     pub fn to_heading(&self, v: Vector2<f64>) -> Vector2<f64> {
         let (sin, cos) = self.yaw().sin_cos();
         Vector2::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x)
@@ -188,7 +188,7 @@ impl State {
         }
     }
 
-    /// Checks that all numbers are finite and within ±1e9, and both quaternions of unit length.
+    /// Checks that all numbers are finite and within ±1e9, and that both quaternions have unit length.
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] naming the number.
@@ -207,7 +207,7 @@ impl State {
     }
 }
 
-/// Attitude of a body turned by `yaw` about the vertical, then tilted by the rotation vector (`tilt` x, `tilt` y, 0).
+/// Attitude of a body rotated by `yaw` about the vertical, then tilted by the rotation vector (`tilt` x, `tilt` y, 0).
 pub fn attitude(tilt: Vector2<f64>, yaw: f64) -> UnitQuaternion<f64> {
     let swing = UnitQuaternion::from_scaled_axis(tilt.push(0.0));
     swing * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw)
@@ -223,8 +223,8 @@ pub fn wxyz(q: &UnitQuaternion<f64>) -> [f64; 4] {
     [q.w, q.i, q.j, q.k]
 }
 
-/// A unit quaternion from `[w, x, y, z]`, to the last bit if its length is 1 within rounding; refused if it is off by more
-/// than 1e-6.
+/// A unit quaternion from `[w, x, y, z]`, unchanged to the last bit if its length is 1 within rounding; an error if the
+/// length is off by more than 1e-6.
 ///
 /// # Errors
 /// [`crate::Error::OutOfRange`] naming the component or the length.
@@ -232,7 +232,7 @@ pub fn unit_quaternion(name: &str, [w, x, y, z]: [f64; 4]) -> Result<UnitQuatern
     finite(name, &[w, x, y, z])?;
     let q = Quaternion::new(w, x, y, z);
     check(format_args!("the length of {name}"), q.norm(), "1 within 1e-6", |n| (n - 1.0).abs() <= 1e-6)?;
-    // A simulated attitude is taken as it is: to normalize it again would change its last bits.
+    // A simulated attitude is kept: normalizing it again would change its last bits.
     let rounding = 8.0 * f64::EPSILON;
     if (q.norm_squared() - 1.0).abs() <= rounding {
         return Ok(UnitQuaternion::new_unchecked(q));
@@ -251,17 +251,18 @@ pub struct Contacts {
     pub wheel_slip_speeds: [f64; 3],
     /// Force of the floor on the ball, inertial frame, N.
     pub floor_force: Vector3<f64>,
-    /// Force of the floor on the bot, that is on body and wheels, inertial frame, N; zero for models without this contact.
+    /// Force of the floor on the bot, that is, on body and wheels, inertial frame, N; zero for models without this
+    /// contact.
     pub bot_floor_force: Vector3<f64>,
     /// Velocity of the ball's lowest point along the floor, m/s; zero without slip.
     pub floor_slip_velocity: Vector2<f64>,
     /// Whether the body or a wheel touches the floor.
     pub bot_on_floor: bool,
-    /// Steps since the reset in which sticking and slipping contacts were not found at the first attempt; zero for models
-    /// without slip.
+    /// Steps since the reset in which the sticking and slipping contacts were not found at the first attempt; zero for
+    /// models without slip.
     pub searched_steps: u64,
-    /// Those of them in which no impulses met the contact conditions, or those of wheels and bot did not settle with each
-    /// other in the model `rigid`.
+    /// Searched steps in which no impulses met the contact conditions, or in which, in the model `rigid`, the impulses
+    /// of wheels and bot did not converge.
     pub unsolved_steps: u64,
 }
 
@@ -279,8 +280,8 @@ impl Contacts {
         finite("floor_slip_velocity", self.floor_slip_velocity.as_slice())
     }
 
-    /// Share of the dynamic friction limit in use, |f| / (μ N), at the three wheels and the floor. The value is
-    /// infinite for a contact that would have to pull. Above 1 a model without slip is not valid.
+    /// Fraction of the dynamic friction limit in use, |f| / (μ N), at the three wheels and the floor. The value is
+    /// infinite for a contact under tension. Above 1 a model without slip is not valid.
     pub fn friction_utilization(&self, params: &Params) -> [f64; 4] {
         let share = |force: f64, limit: f64| match () {
             () if limit > 0.0 => force / limit,

@@ -1,11 +1,11 @@
-//! Worker threads beside the calling thread.
+//! Worker threads in addition to the calling thread.
 
 use crate::error::{Error, Result};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Arc;
 
-/// Worker threads, started on first use. A forked child process has no threads of its parent, so a pool is used only in
-/// the process that started it.
+/// Worker threads, started on first use. A forked child process does not have the threads of its parent, so a pool is
+/// used only in the process that started it.
 #[derive(Default)]
 pub struct WorkerThreads {
     count: usize,
@@ -13,7 +13,7 @@ pub struct WorkerThreads {
 }
 
 impl WorkerThreads {
-    /// A pool of `count` threads that are not started yet.
+    /// A pool of `count` threads that have not been started.
     pub fn new(count: usize) -> Self {
         Self { count, pool: None }
     }
@@ -26,7 +26,7 @@ impl WorkerThreads {
     /// Runs `work` on the calling thread and on each worker at the same time. Starts the workers if necessary.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] if the threads cannot be started; `work` is not run then.
+    /// [`Error::Inconsistent`] if the threads cannot be started; `work` then does not run.
     pub fn share(&mut self, work: impl Fn() + Sync) -> Result<()> {
         match self.pool()? {
             None => work(),
@@ -45,7 +45,7 @@ impl WorkerThreads {
         }
         let process = std::process::id();
         if self.pool.as_ref().is_some_and(|(owner, _)| *owner != process) {
-            // After a fork its threads do not exist, and dropping the pool could wait for them.
+            // After a fork the pool's threads do not exist, and dropping it could wait for them.
             std::mem::forget(self.pool.take());
         }
         if self.pool.is_none() {
@@ -70,7 +70,7 @@ pub fn share(pool: &ThreadPool, work: impl Fn() + Sync) {
     });
 }
 
-/// Most threads: more than machines have cores that a batch could use, few enough to be started at once.
+/// Largest number of threads: more than machines have cores that a batch could use, few enough to be started at once.
 const MAX_THREADS: usize = 256;
 
 /// Requested number of threads; by default the number of cores.

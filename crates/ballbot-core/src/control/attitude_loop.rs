@@ -1,4 +1,4 @@
-//! The attitude beside that which position and setpoint ask for, and the torques that change it as wanted.
+//! The attitude error relative to the position loop and the setpoint, and the torques that correct it.
 
 use super::lean_planes::{Leaning, require_stable};
 use super::position_loop::{PositionLoop, PositionOptions, SecondOrder};
@@ -12,15 +12,15 @@ use crate::models::{BodyMotion, InverseDynamics, LinearModel};
 use crate::params::Params;
 use nalgebra::DMatrix;
 
-/// The largest error of the heading that is brought to zero, rad: a greater one would take the attitudes so far apart
-/// that heading and tilt do not separate.
+/// Largest heading error that is brought to zero, rad: with a larger error the attitudes would be so far apart that
+/// heading and tilt do not separate.
 const MAX_YAW: f64 = 1.0;
 
-/// Least scalar part of the error's quaternion, where the error is half a turn and no angular acceleration has the
-/// wanted effect.
+/// Least scalar part of the error quaternion. At zero the error is half a turn, and no angular acceleration has the
+/// desired effect.
 const LEAST_SCALAR: f64 = 1e-3;
 
-/// Computed torque on the attitude below a PD of the position: what the laws of inverse dynamics share.
+/// Computed torque on the attitude below a PD of the position: the common part of the inverse dynamics controllers.
 #[derive(Clone, Debug)]
 pub(super) struct AttitudeLoop {
     tracking: Tracking,
@@ -30,20 +30,21 @@ pub(super) struct AttitudeLoop {
 
 /// The attitude error v = vec(q_e), q_e = q_ref* ∘ q, in the balance frame.
 pub(super) struct AttitudeError<L> {
-    /// v: half of the angle for small errors.
+    /// v: half the angle for small errors.
     pub(super) error: Vec3<L>,
     /// v̇, 1/s.
     pub(super) rate: Vec3<L>,
     scalar: L,
     /// Ω_e, the angular velocity relative to the reference.
     relative: Vec3<L>,
-    /// What the reference's motion adds to the angular acceleration.
+    /// Feedforward of the reference's motion to the angular acceleration.
     forward: Vec3<L>,
     motion: BodyMotion<L>,
 }
 
 impl AttitudeLoop {
-    /// The loop above an error with v̈ = −δ v̇ − σ v, `lean` about the horizontal axes and `yaw` about the vertical.
+    /// The outer loop for an error with v̈ = −δ v̇ − σ v, with dynamics `lean` about the horizontal axes and `yaw`
+    /// about the vertical.
     ///
     /// # Errors
     /// As [`check_control_dt`]; [`crate::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
@@ -70,7 +71,7 @@ impl AttitudeLoop {
         Ok(Self { tracking, position, dynamics: InverseDynamics::new(params) })
     }
 
-    /// The attitude beside its reference.
+    /// The attitude error relative to the reference.
     #[inline(always)]
     pub(super) fn error<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> AttitudeError<L> {
         let Deviation { x, .. } = self.tracking.deviation(state, setpoint);
@@ -79,7 +80,7 @@ impl AttitudeLoop {
         let forward = self.tracking.lean(&Heading::new(attitude), setpoint);
         let (zero, one) = (x[0].zero(), x[0].splat(1.0));
 
-        // Both attitudes as seen from the robot's heading; leaning towards y turns about −x.
+        // Both attitudes relative to the robot's heading; leaning towards y turns about −x.
         let half = Vec3::new((asked[1] + forward.lean[1]) * -0.5, (asked[0] + forward.lean[0]) * 0.5, zero);
         let yaw = x[4];
         let bound = L::select(yaw.lt(zero), one * -MAX_YAW, one * MAX_YAW);
@@ -119,7 +120,7 @@ impl AttitudeLoop {
         }
     }
 
-    /// Motor torques with which v̈ is `wanted`, N·m.
+    /// Motor torques that produce v̈ = `wanted`, N·m.
     #[inline(always)]
     pub(super) fn torques<L: Lane>(&self, error: &AttitudeError<L>, wanted: Vec3<L>) -> [L; 3] {
         let AttitudeError { error: v, scalar, relative, forward, ref motion, .. } = *error;
@@ -132,12 +133,12 @@ impl AttitudeLoop {
     }
 }
 
-/// The attitude of a body at the heading zero with the same tilt from there.
+/// The attitude of a body with heading zero and the same tilt.
 #[inline(always)]
 fn without_heading<L: Lane>(attitude: Quat<L>) -> Quat<L> {
     let Quat { w, v } = attitude;
     let length = w.mul_add(w, v.z.squared()).sqrt();
-    // Upside down the heading is undefined.
+    // The heading is undefined upside down.
     let turned = length.zero().lt(length);
     let (one, zero) = (length.splat(1.0), length.zero());
     let inverse = one / L::select(turned, length, one);

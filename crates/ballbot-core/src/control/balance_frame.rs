@@ -1,4 +1,4 @@
-//! The balance frame of a robot, in which controllers see its tilt.
+//! The balance frame of a robot, in which controllers measure its tilt.
 
 use super::Constants;
 use crate::lane_state::LaneState;
@@ -6,16 +6,16 @@ use crate::lanes::{Heading, Lane, Quat, Rotation, Vec3};
 use crate::params::Params;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// Rotation from the body frame to the balance frame ([`Params::to_balance_frame`]). The attitude of the balance frame has
-/// no tilt in equilibrium.
+/// Rotation from the body frame to the balance frame ([`Params::to_balance_frame`]). The attitude of the balance frame
+/// has zero tilt in equilibrium.
 #[derive(Clone, Debug)]
 pub(super) struct BalanceFrame {
     rotation: UnitQuaternion<f64>,
-    /// Whether both frames are one.
+    /// Whether balance frame and body frame are equal.
     is_body_frame: bool,
 }
 
-/// How a robot stands, which a law and its limits see alike.
+/// Attitude quantities of a robot, used by a controller and its limits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pose<L> {
     /// Attitude of the balance frame.
@@ -33,7 +33,7 @@ impl BalanceFrame {
         Self { rotation: params.to_balance_frame(), is_body_frame: params.body_com_offset == [0.0; 2] }
     }
 
-    /// Adds the quaternion (w, x, y, z) that takes vectors of the body frame to the balance frame.
+    /// Adds the quaternion (w, x, y, z) that rotates vectors of the body frame into the balance frame.
     pub(super) fn add_to(&self, constants: Constants) -> Constants {
         let q = &self.rotation;
         constants.vector("balance_frame", &[q.w, q.i, q.j, q.k])
@@ -63,7 +63,7 @@ impl BalanceFrame {
         rotation.apply(v)
     }
 
-    /// How a robot stands.
+    /// Attitude quantities of a robot.
     #[inline(always)]
     pub(super) fn pose<L: Lane>(&self, state: &LaneState<L>) -> Pose<L> {
         let attitude = self.attitude(state.body_quaternion);

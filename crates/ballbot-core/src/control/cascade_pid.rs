@@ -1,4 +1,4 @@
-//! A PD of the position that asks for a lean, above a PID of the lean.
+//! A PD of the position that commands a lean, with an inner PID of the lean.
 
 use super::lean_observer::{self, LeanObserver};
 use super::lean_planes::{LeanPlane, Leaning, require_stable};
@@ -15,8 +15,8 @@ use crate::params::Params;
 use nalgebra::DMatrix;
 
 crate::fields! {
-    /// The poles that [`CascadePid`] is designed for. Those of a plane are in units of λ, the rate at which the robot
-    /// topples, so that they suit robots of any size.
+    /// Poles of [`CascadePid`]. The poles of a plane are in units of λ, the rate at which the robot topples, so that
+    /// they suit robots of any size.
     #[derive(Copy)]
     pub struct CascadePidOptions {
         /// Natural frequency of the two poles of the lean, over λ.
@@ -56,7 +56,7 @@ struct Gains {
 }
 
 impl Gains {
-    /// The gains with which the plane has the five poles that are asked for, derived in `docs/laws.md`.
+    /// Gains that place the five poles of the options in the plane, derived in `docs/laws.md`.
     fn new(plane: &LeanPlane, options: &CascadePidOptions) -> Self {
         let LeanPlane { toppling, acceleration, lever } = *plane;
         let pair = |bandwidth: f64, damping: f64| {
@@ -87,12 +87,12 @@ impl Gains {
 }
 
 /// The cascade of Nagarajan, Kantor and Hollis (IJRR 33(6), 2014) in each vertical plane of the heading frame, with a
-/// PD of the heading: a PD of the position asks for a lean, a PID with its derivative on the measured tilt rate brings
-/// it about.
+/// PD of the heading: a PD of the position commands a lean, which a PID with its derivative on the measured tilt rate
+/// tracks.
 ///
 /// Its gains place the poles of the linear model. The proportional part weights the reference so that it does not
-/// excite the pole of the integral (derived in `docs/laws.md`). Speed and lean that the position asks for are cut as
-/// vectors; the integral is held while the torques are limited.
+/// excite the pole of the integral (derived in `docs/laws.md`). The speed and lean commands of the position are limited
+/// as vectors; the integral is held while the torques are limited.
 #[derive(Clone, Debug)]
 pub struct CascadePid {
     gains: [Gains; 2],
@@ -118,7 +118,7 @@ impl CascadePid {
     /// A controller for `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for an option out of range, those of [`TorqueLimits::new`],
+    /// [`crate::Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`],
     /// [`crate::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
     pub fn with_options(
         params: &Params,
@@ -149,7 +149,7 @@ impl CascadePid {
         Ok(law)
     }
 
-    /// The sampled linear model under the law: its states and, of the planes with an integral, that.
+    /// The sampled closed loop of the linear model: its states, and the integral of each plane that has an integral.
     fn closed_loop(&self, params: &Params) -> DMatrix<f64> {
         let dt = self.sampling.control_dt;
         let (a, b) = LinearModel::new(params).discretize(dt);
@@ -159,7 +159,7 @@ impl CascadePid {
         let mut closed = DMatrix::identity(size, size);
         closed.view_mut((0, 0), (STATES, STATES)).copy_from(&(a - b * gain));
         for (axis, g) in self.gains.iter().enumerate() {
-            // An integral that drives nothing is no pole of the loop.
+            // An integral that drives nothing is not a pole of the loop.
             if g.integral == 0.0 {
                 closed[(STATES + axis, STATES + axis)] = 0.0;
                 continue;
@@ -246,7 +246,7 @@ impl Law for CascadePid {
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
         let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
         let limited = self.limits.apply_at(wanted, state, &pose, largest);
-        // A torque that is limited cannot act on the integral: hold it.
+        // Limited torques cannot act on the integral: hold it.
         let held = limited.share.lt(less.splat(1.0));
         for (axis, error) in errors.into_iter().enumerate() {
             let integral = memory.get(axis);

@@ -5,17 +5,18 @@ use nalgebra::{Matrix4, SMatrix, SVector, SymmetricEigen, Vector4};
 /// Number of elements of a symmetric matrix of four rows.
 const ELEMENTS: usize = 10;
 
-/// Radius of the ball around the first guess, in units in which that is the identity.
+/// Radius of the ball around the initial guess, in units in which the guess is the identity.
 const RADIUS: f64 = 2.0;
 
-/// Most cuts: each takes at least 4 % of the volume, so that 3000 leave 1e-57 of it.
+/// Largest number of cuts: each removes at least 4 % of the volume, so 3000 cuts leave 1e-57 of it.
 const MAX_CUTS: usize = 3000;
 
-/// Most steps of the search for eigenvalues; about two each are needed.
+/// Largest number of steps of the eigenvalue search; each eigenvalue needs about two.
 const MAX_EIGENVALUE_STEPS: usize = 1000;
 
-/// P > 0 with GᵀPG − P < 0 for all of `steps`, which makes xᵀPx a Lyapunov function of all their blends. Returns P and the
-/// largest ratio xᵀGᵀPGx / xᵀPx; `None` if no such P is found. `guess` is tried first; it has to be positive definite.
+/// P > 0 with GᵀPG − P < 0 for all G in `steps`, which makes xᵀPx a Lyapunov function of all their blends. Returns P
+/// and the largest ratio xᵀGᵀPGx / xᵀPx; `None` if no such P is found. `guess` is tried first; it must be positive
+/// definite.
 ///
 /// The conditions are linear in P. The ellipsoid method (Boyd, El Ghaoui, Feron & Balakrishnan, Linear Matrix Inequalities
 /// in System and Control Theory, 1994, ch. 2) cuts off the half of the matrices for which an x of the worst G does not
@@ -44,7 +45,7 @@ pub fn common_lyapunov(steps: &[Matrix4<f64>], guess: &Matrix4<f64>) -> Option<(
             let ratio = largest_ratio(&steps, &p)?;
             return (ratio < 1.0).then(|| (root * p * root.transpose(), ratio));
         }
-        // The change of xᵀPx, linear in the elements of P; those off the diagonal count twice.
+        // The change of xᵀPx, linear in the elements of P; off-diagonal elements count twice.
         let per_element = next * next.transpose() - x * x.transpose();
         let cut = elements(&(per_element * 2.0 - Matrix4::from_diagonal(&per_element.diagonal())));
         let width = cut.dot(&(shape * cut)).sqrt();

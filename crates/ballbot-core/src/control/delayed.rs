@@ -1,4 +1,4 @@
-//! Prediction over the delay between a torque that is asked for and its effect.
+//! Prediction over the delay between a torque command and its effect.
 
 use super::lean_planes::product;
 use crate::error::{Error, Result, check};
@@ -10,7 +10,7 @@ use crate::params::Params;
 use nalgebra::SMatrix;
 
 crate::fields! {
-    /// What a law may know of its robot's motors.
+    /// Properties of the motors known to a controller.
     #[derive(Copy)]
     pub struct DelayOptions {
         /// Time between a torque that is asked for and its effect: a multiple of the sampling time, at most ten samples. The
@@ -19,21 +19,22 @@ crate::fields! {
     }
 }
 
-/// Most samples of delay.
+/// Largest delay in samples.
 const MAX_SAMPLES: f64 = 10.0;
 
-/// By how much of a sample a delay may differ from a multiple.
+/// Largest deviation of a delay from a multiple of a sample, in samples.
 const ROUNDING: f64 = 1e-6;
 
-/// The state after the delay, x̂ = Aᵈ x + Σ Aⁱ B τ₋₁₋ᵢ, from the torques of the last d samples: deviations from those of
-/// the setpoint's motion. The states are those of the linear model, or `N` with those that a law adds.
+/// The state after the delay, x̂ = Aᵈ x + Σ Aⁱ B τ₋₁₋ᵢ, from the torques of the last d samples: deviations from the
+/// torques of the setpoint's motion. The states are the states of the linear model, or `N` states with those that a
+/// controller adds.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Delayed<const N: usize = STATES> {
     /// −Aᵈ, row by row.
     free: Vec<[f64; N]>,
     /// −Aⁱ B for each sample, the oldest first.
     driven: Vec<[[f64; INPUTS]; N]>,
-    /// s.
+    /// Delay, s.
     delay: f64,
 }
 
@@ -52,8 +53,8 @@ impl<const N: usize> Delayed<N> {
     /// The prediction of x⁺ = A x + B τ.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for more than ten samples, [`Error::Inconsistent`] for a delay that is no
-    /// multiple of a sample.
+    /// [`Error::OutOfRange`] for more than ten samples, [`Error::Inconsistent`] for a delay that is not a multiple of a
+    /// sample.
     pub(super) fn of(a: &SMatrix<f64, N, N>, b: &SMatrix<f64, N, INPUTS>, control_dt: f64, delay: f64) -> Result<Self> {
         let limit = format_args!("from 0 to {MAX_SAMPLES} control_dt = {} s", MAX_SAMPLES * control_dt);
         check("delay", delay, limit, |delay| (0.0..=(MAX_SAMPLES + ROUNDING) * control_dt).contains(&delay))?;
@@ -79,7 +80,7 @@ impl<const N: usize> Delayed<N> {
         self.delay
     }
 
-    /// How many numbers of a robot are kept.
+    /// Number of stored values per robot.
     pub(super) fn kept(&self) -> usize {
         INPUTS * self.driven.len()
     }
@@ -103,8 +104,8 @@ impl<const N: usize> Delayed<N> {
         predicted
     }
 
-    /// The torques that act in this sample. `asked` for now are kept until they act, as deviations from those of the
-    /// setpoint's motion then.
+    /// The torques that act in this sample. `asked`, the torques commanded now, are stored until they act, as
+    /// deviations from the torques of the setpoint's motion at that time.
     #[inline(always)]
     pub(super) fn acting<L: Lane>(
         &self,
@@ -121,7 +122,7 @@ impl<const N: usize> Delayed<N> {
         std::array::from_fn(|wheel| motion_now[wheel] + before[wheel])
     }
 
-    /// Keeps the torques of this sample, deviations from those of the setpoint's motion.
+    /// Stores the torques of this sample as deviations from the torques of the setpoint's motion.
     #[inline(always)]
     pub(super) fn keep<L: Lane>(&self, torques: [L; 3], memory: &mut Memory<'_, L>) {
         let Some(last) = self.driven.len().checked_sub(1) else { return };

@@ -40,7 +40,7 @@ crate::fields! {
     }
 }
 
-/// Ranges of the rules in a plane.
+/// Scaling of the rules in a plane.
 #[derive(Clone, Copy, Debug)]
 struct Ranges {
     /// 1 / E and 1 / Ė.
@@ -50,7 +50,7 @@ struct Ranges {
 }
 
 impl Ranges {
-    /// The ranges with which the default rules have the slopes λ² + σ and δ in the middle.
+    /// Scaling that gives the default rules the slopes λ² + σ and δ in the middle.
     fn new(plane: &LeanPlane, lean: &SecondOrder, range: f64) -> Self {
         let output = (plane.toppling_squared() + lean.stiffness) * range;
         Self { inputs: [range.recip(), lean.damping / output], output }
@@ -60,9 +60,9 @@ impl Ranges {
 /// Mamdani's fuzzy control of the lean (for a ballbot Navabi et al., Advances in Fuzzy Systems 2017, 2651976) in each
 /// vertical plane of the heading frame, with a PD of the heading.
 ///
-/// With the error e = θ_ref − θ the motors accelerate the lean by U Φ(e/E, ė/Ė) − λ² θ_ref, Φ being a [`RuleTable`]. E is
-/// an option; Ė and U are such that the default rules have the slopes of a PD with cancelled gravity in the middle,
-/// (s² + 2ζω s + ω²) e = 0. Towards its ends the table gives less. The reference is that of
+/// With the error e = θ_ref − θ the motors accelerate the lean by U Φ(e/E, ė/Ė) − λ² θ_ref, where Φ is a [`RuleTable`].
+/// E is an option; Ė and U give the default rules the slopes of a PD with gravity compensation in the middle, (s² + 2ζω
+/// s + ω²) e = 0. Towards its ends the table gives less. The reference is the same as in
 /// [`PdInverseDynamics`](super::PdInverseDynamics). Derived in `docs/laws.md`.
 #[derive(Clone, Debug)]
 pub struct FuzzyMamdani {
@@ -97,12 +97,12 @@ impl FuzzyMamdani {
         Self::with_rules(params, control_dt, RuleTable::default(), options, limits)
     }
 
-    /// A controller with rules of one's own, scaled as the default ones.
+    /// A controller with custom rules, scaled like the default rules.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for an option out of range, those of [`TorqueLimits::new`],
-    /// [`crate::Error::Inconsistent`] if the sampled loop of the linear model with the rules' slopes in the middle is not
-    /// stable.
+    /// [`crate::Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`],
+    /// [`crate::Error::Inconsistent`] if the sampled loop of the linear model with the rules' slopes in the middle is
+    /// not stable.
     pub fn with_rules(
         params: &Params,
         control_dt: f64,
@@ -139,7 +139,7 @@ impl FuzzyMamdani {
         Ok(law)
     }
 
-    /// K of τ = −K x with the rules' slopes in the middle.
+    /// K of τ = −K x with the slopes of the rules in the middle.
     fn gain(&self) -> DMatrix<f64> {
         let slopes = self.rules.slopes();
         let mut planes = [[0.0; 4]; 2];

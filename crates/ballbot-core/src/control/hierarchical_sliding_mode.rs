@@ -18,8 +18,8 @@ use crate::params::Params;
 use nalgebra::DMatrix;
 
 crate::fields! {
-    /// The poles on the sliding surface of [`HierarchicalSlidingMode`], and how the surface is reached. The poles are
-    /// in units of λ, the rate at which the robot topples, so that they suit robots of any size.
+    /// The poles on the sliding surface of [`HierarchicalSlidingMode`], and the reaching law. The poles are in units of
+    /// λ, the rate at which the robot topples, so that they suit robots of any size.
     #[derive(Copy)]
     pub struct SlidingModeOptions {
         /// Natural frequency of a pair of poles, over λ.
@@ -55,7 +55,7 @@ crate::fields! {
 }
 
 impl SlidingModeOptions {
-    /// Checks that no option is without effect: those of the adaptation have none without it.
+    /// Checks that the adaptation options are set only with adaptation, without which they have no effect.
     fn check_adaptation(&self) -> Result<()> {
         let Self { switching, adaptation, leakage, max_switching, .. } = *self;
         let usual = Self::default();
@@ -99,8 +99,8 @@ impl SlidingSurface {
         Self { alpha, c1, c2: p2 * (1.0 - alpha * lever) + alpha * c1 * lever }
     }
 
-    /// Checks that the plane is stable on the surface: the criterion of Routh for
-    /// (1 − αℓ) s³ + (c₂ − α c₁ ℓ) s² + α g s + α c₁ g.
+    /// Checks that the plane is stable on the surface: Routh criterion for (1 − αℓ) s³ + (c₂ − α c₁ ℓ) s² + α g s + α
+    /// c₁ g.
     fn check(&self, plane: &LeanPlane) -> Result<()> {
         let Self { alpha, c1, c2 } = *self;
         let most = plane.lever.recip();
@@ -120,7 +120,7 @@ struct Gains {
     surface: SlidingSurface,
     /// k of the equivalent control, u = −k (θ, ẏ, θ̇).
     equivalent: [f64; 3],
-    /// 1 / (1 − αℓ): the acceleration by the motors that changes Ṡ by 1.
+    /// 1 / (1 − αℓ): the acceleration by the motors per unit of Ṡ.
     per_rate: f64,
 }
 
@@ -129,12 +129,12 @@ impl Gains {
         let SlidingSurface { alpha, c1, c2 } = surface;
         let per_rate = (1.0 - alpha * plane.lever).recip();
         let toppling = plane.toppling_squared();
-        // Of Ṡ without motors: ÿ = (g − ℓ λ²) θ, θ̈ = λ² θ.
+        // Terms of Ṡ without motors: ÿ = (g − ℓ λ²) θ, θ̈ = λ² θ.
         let of_lean = alpha * (plane.acceleration - plane.lever * toppling) + toppling;
         Self { surface, equivalent: [of_lean * per_rate, alpha * c1 * per_rate, c2 * per_rate], per_rate }
     }
 
-    /// k of u = −k (y, θ, ẏ, θ̇) where S decays by `rate`.
+    /// k of u = −k (y, θ, ẏ, θ̇) with S decaying at `rate`.
     fn feedback(&self, rate: f64) -> [f64; 4] {
         let (SlidingSurface { alpha, c1, c2 }, [lean, velocity, lean_rate]) = (self.surface, self.equivalent);
         let reaching = rate * self.per_rate;
@@ -145,11 +145,11 @@ impl Gains {
 /// Aggregated hierarchical sliding mode (Pham, Lee, Bui, Truong, IntechOpen 2022, doi 10.5772/intechopen.101855) in
 /// each vertical plane of the heading frame, with a PD of the heading.
 ///
-/// With y the deviation of the position and θ the lean towards it, S = α (c₁ y + ẏ) + c₂ θ + θ̇. The equivalent
-/// control of the linear model holds S; the rest makes Ṡ = −K_S S − η S / max(|S|, φ), S being the vector of both
-/// planes. That S decays says nothing of y and θ, which obey a cubic on S = 0: its poles are the options, and α, c₁,
-/// c₂ follow from them (derived in `docs/laws.md`). With `adaptation` η grows outside of the layer, up to
-/// `max_switching`, and leaks. Speed and lean that the position asks for are cut as vectors.
+/// With y the deviation of the position and θ the lean towards it, S = α (c₁ y + ẏ) + c₂ θ + θ̇. The equivalent control
+/// of the linear model holds S; the rest makes Ṡ = −K_S S − η S / max(|S|, φ), where S is the vector of both planes.
+/// The decay of S does not imply decay of y and θ, which obey a cubic on S = 0: its poles are the options, and α, c₁,
+/// c₂ follow from them (derived in `docs/laws.md`). With `adaptation` η grows outside the layer, up to `max_switching`,
+/// and leaks. The speed and lean commands of the position are limited as vectors.
 #[derive(Clone, Debug)]
 pub struct HierarchicalSlidingMode {
     tracking: Tracking,
@@ -178,8 +178,8 @@ impl HierarchicalSlidingMode {
     /// A controller for `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for an option out of range, those of [`TorqueLimits::new`], [`Error::Inconsistent`] if the
-    /// sampled loop of the linear model is not stable.
+    /// [`Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`], [`Error::Inconsistent`] if
+    /// the sampled loop of the linear model is not stable.
     pub fn with_options(
         params: &Params,
         control_dt: f64,
@@ -194,11 +194,11 @@ impl HierarchicalSlidingMode {
         Self::with_tracking(params, control_dt, tracking, surfaces, options, limits)
     }
 
-    /// A controller with surfaces of one's own in the planes of x and y; the poles of the options are not used.
+    /// A controller with custom surfaces in the planes of x and y; the poles of the options are not used.
     ///
     /// # Errors
     /// As [`HierarchicalSlidingMode::with_options`], and [`Error::Inconsistent`] for a surface on which the robot is
-    /// not stable, with its numbers and their limits.
+    /// unstable, with its numbers and their limits.
     pub fn with_surfaces(
         params: &Params,
         control_dt: f64,
@@ -242,7 +242,7 @@ impl HierarchicalSlidingMode {
             require_stable(DMatrix::from_column_slice(STATES, STATES, closed.as_slice()), control_dt)?;
         }
         Ok(Self {
-            // By the gains within the layer, where they are largest.
+            // Uses the gains within the layer, where they are largest.
             outer: Outer::new(&within_layer, [options.max_lean, options.max_speed]),
             gains,
             reaching,

@@ -1,6 +1,6 @@
-//! Options of a law that has those of others.
+//! Options of a controller that include the options of others.
 
-/// Makes a struct of structs of fields one: the fields of the first, then those of the next.
+/// Joins structs of fields into one: the fields of the first struct, then the fields of the next.
 macro_rules! joined_fields {
     ($joined:ty: $($part:ident $Part:ty),+) => {
         impl $crate::fields::Fields for $joined {

@@ -1,4 +1,4 @@
-//! Controllers by name: those of this crate, and those that other crates register.
+//! Controllers by name: the controllers of this crate and controllers registered by other crates.
 
 use super::{
     AttitudeSlidingOptions, CascadePid, CascadePidOptions, Controller, FuzzyMamdani, FuzzyOptions,
@@ -12,22 +12,22 @@ use crate::kinematics::TorqueMap;
 use crate::params::Params;
 use std::sync::{PoisonError, RwLock};
 
-/// A controller that is known by its name.
+/// A controller known by its name.
 #[derive(Clone, Debug)]
 pub struct ControllerKind {
     /// Its name, as in `lqr`.
     pub name: &'static str,
-    /// What it is, in one sentence.
+    /// Description in one sentence.
     pub summary: &'static str,
-    /// The sampling time that it is made for, s; `None` if it is designed for any.
+    /// The sampling time of its design, s; `None` for a controller designed for any sampling time.
     pub control_dt: Option<f64>,
     /// The parts of a setpoint that it follows.
     pub parts: &'static [&'static str],
-    /// How its torques are limited by default.
+    /// Default limits of its torques.
     pub limits: LimitOptions,
     /// Its options.
     pub options: fn() -> Vec<OptionDescription>,
-    /// Makes one.
+    /// Constructor.
     pub make: MakeController,
 }
 
@@ -183,10 +183,11 @@ static CONTROLLERS: [ControllerKind; 11] = [
 /// The controllers of other crates.
 static REGISTERED: RwLock<Vec<ControllerKind>> = RwLock::new(Vec::new());
 
-/// Makes a controller known by its name, as those of this crate are; the example of [`Law`] does.
+/// Registers a controller by its name, like the controllers of this crate; [`Law`] has an example.
 ///
 /// # Errors
-/// [`Error::Inconsistent`] if its name is taken; [`Error::UnknownName`] if it follows what is no part of a setpoint.
+/// [`Error::Inconsistent`] if its name is taken; [`Error::UnknownName`] if it follows a part that a setpoint does not
+/// have.
 pub fn register_controller(kind: ControllerKind) -> Result<()> {
     if controller_kinds().iter().any(|known| known.name == kind.name) {
         return Err(Error::Inconsistent(format!("there is a controller '{}' already", kind.name)));
@@ -207,7 +208,7 @@ pub fn controller_kinds() -> Vec<ControllerKind> {
 /// A controller by its name.
 ///
 /// # Errors
-/// [`Error::UnknownName`] if there is none.
+/// [`Error::UnknownName`] if it does not exist.
 pub fn controller_kind(name: &str) -> Result<ControllerKind> {
     let kinds = controller_kinds();
     let names: Vec<_> = kinds.iter().map(|kind| kind.name).collect();

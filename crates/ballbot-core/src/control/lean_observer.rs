@@ -1,5 +1,4 @@
-//! The lean and the torque at which a robot is in equilibrium, observed: on a slope, under a force, with a wrong
-//! center of mass.
+//! Observer of the lean and torque in equilibrium: on a slope, under a force, with a wrong center of mass.
 
 use super::balance_frame::Pose;
 use super::lean_planes::PLACES;
@@ -14,7 +13,7 @@ use crate::params::Params;
 use nalgebra::Matrix2;
 
 crate::fields! {
-    /// What a law estimates of constant disturbances.
+    /// Options of the estimate of constant disturbances.
     #[derive(Copy)]
     pub struct ObserverOptions {
         /// Rate at which the estimate of the lean in equilibrium converges; 0 for none, as on a level floor.
@@ -22,10 +21,10 @@ crate::fields! {
     }
 }
 
-/// Limit of the option `lean_observer` of all laws.
+/// Limit of the option `lean_observer` of all controllers.
 pub(super) const LIMIT: Limit = Limit::NOT_NEGATIVE.to(1e3);
 
-/// Where its numbers are: vectors of the inertial frame, and whether the prediction counts.
+/// Indices of its numbers: vectors of the inertial frame, and whether the prediction is valid.
 const LEAN: usize = 0;
 const ACCELERATION: usize = 2;
 const VELOCITY: usize = 4;
@@ -33,18 +32,18 @@ const RATE: usize = 6;
 const COUNTS: usize = 8;
 const MEMORY: usize = 9;
 
-/// Largest lean in equilibrium, and largest error of one, rad: what is larger is an impulse or a slip.
+/// Largest lean in equilibrium, and its largest error, rad: a larger value is an impulse or a slip.
 const MAX_LEAN: f64 = 0.3;
 
-/// An observer of the equilibrium (θ₀, u₀) in each vertical plane, the lean and what the motors add to its
-/// acceleration. A constant force, a slope and a center of mass off its place move the equilibrium of the linear model
-/// and change nothing else (Vaidya, Shomin, Hollis and Kantor, ICRA 2015): the sampled plane is x⁺ = A (x − x₀) +
-/// b (u − u₀), and the velocities ẏ and θ̇ after a sample are off their prediction by M (θ̂₀ − θ₀, û₀ − u₀). The errors of
-/// the estimates decay by e^(−L T) a sample (derived in `docs/laws.md`).
+/// An observer of the equilibrium (θ₀, u₀) in each vertical plane, the lean and the lean acceleration by the motors. A
+/// constant force, a slope and an offset center of mass move the equilibrium of the linear model and change nothing
+/// else (Vaidya, Shomin, Hollis and Kantor, ICRA 2015): the sampled plane is x⁺ = A (x − x₀) + b (u − u₀), and the
+/// velocities ẏ and θ̇ after a sample deviate from their prediction by M (θ̂₀ − θ₀, û₀ − u₀). The errors of the
+/// estimates decay by e^(−L T) per sample (derived in `docs/laws.md`).
 ///
-/// Nothing is corrected after a sample in which the torques were limited. The error of θ̂₀ is cut as a vector to 0.3
-/// rad, so that an impulse moves the estimate by little, and so is θ̂₀; error and û₀ are cut to what the motors can
-/// do.
+/// There is no correction after a sample with limited torques. θ̂₀ and its error are limited as vectors to 0.3 rad, so
+/// that an impulse moves the estimate only slightly; û₀ and its error are limited to the largest acceleration by the
+/// motors.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LeanObserver {
     observed: Option<Observed>,
@@ -69,7 +68,7 @@ struct Plane {
     driven: [f64; 3],
 }
 
-/// θ̂₀ and û₀ in the planes of the heading frame, if they are estimated.
+/// θ̂₀ and û₀ in the planes of the heading frame; `None` without an estimate.
 pub(super) struct Equilibrium<L>(Option<[[L; 2]; 2]>);
 
 impl<L: Lane> Equilibrium<L> {
@@ -84,7 +83,7 @@ impl<L: Lane> Equilibrium<L> {
         Deviation { x, forward: self.forward(forward), pose }
     }
 
-    /// What the motors add to the accelerations of the leans in a motion, with what they add in equilibrium.
+    /// Accelerations of the leans by the motors in a motion, including the equilibrium accelerations.
     #[inline(always)]
     pub(super) fn forward(&self, forward: [L; 2]) -> [L; 2] {
         match *self {
@@ -114,11 +113,11 @@ impl Plane {
 }
 
 impl LeanObserver {
-    /// An observer that converges at `rate` (1/s) under torques up to `max_torque` (N·m); none at the rate 0.
+    /// An observer that converges at `rate` (1/s) under torques up to `max_torque` (N·m); no estimate at rate 0.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a rate out of range; [`Error::Inconsistent`] if a sample is so long that
-    /// nothing can be observed.
+    /// [`Error::OutOfRange`] for a rate out of range; [`Error::Inconsistent`] if the samples are too long for
+    /// observation.
     pub(super) fn new(
         params: &Params,
         tracking: &Tracking,
@@ -141,8 +140,8 @@ impl LeanObserver {
         })
     }
 
-    /// How many numbers of a robot are kept: θ̂₀ and û₀ in the planes of the inertial frame's x and y, then what is
-    /// predicted.
+    /// Number of stored values per robot: θ̂₀ and û₀ in the planes of the inertial frame's x and y, then the
+    /// prediction.
     pub(super) fn kept(&self) -> usize {
         if self.observed.is_some() { MEMORY } else { 0 }
     }
@@ -161,7 +160,8 @@ impl LeanObserver {
         }
     }
 
-    /// Predicts the velocities after a sample under wheel torques (N·m), of which `share` is left by the limits.
+    /// Predicts the velocities after a sample under wheel torques (N·m), of which the limits leave the fraction
+    /// `share`.
     #[inline(always)]
     pub(super) fn predict<L: Lane>(
         &self,
@@ -245,8 +245,8 @@ fn predicted<L: Lane>(row: &[f64; 4], [lean, velocity, rate, u]: [L; 4]) -> L {
     u.mul_add_all(row[3], rate.mul_add_all(row[2], velocity.mul_add_all(row[1], lean * row[0])))
 }
 
-/// Moves the vector that is kept from `first` on by `part` of a correction, and cuts it to `longest`. Returns it in
-/// the heading frame.
+/// Changes the vector stored from index `first` by `part` of a correction, and limits its length to `longest`. Returns
+/// it in the heading frame.
 #[inline(always)]
 fn corrected<L: Lane>(
     heading: &Heading<L>,
@@ -264,7 +264,7 @@ fn corrected<L: Lane>(
     moved
 }
 
-/// Keeps a vector of the heading frame in the inertial frame.
+/// Stores a vector of the heading frame in the inertial frame.
 #[inline(always)]
 fn keep<L: Lane>(heading: &Heading<L>, memory: &mut Memory<'_, L>, first: usize, [x, y]: [L; 2]) {
     let [x, y] = heading.to_inertial(x, y);

@@ -8,15 +8,15 @@ use crate::models::linear::{INPUTS, STATES};
 use crate::params::Params;
 use nalgebra::{DMatrix, Matrix3, Schur};
 
-/// One vertical plane, with the lean θ towards positive positions y and what the motors add to its acceleration, u:
-/// θ̈ = λ² θ + u and ÿ = g θ − ℓ θ̈.
+/// One vertical plane, with the lean θ towards positive positions y and the lean acceleration u by the motors: θ̈ = λ²
+/// θ + u and ÿ = g θ − ℓ θ̈.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LeanPlane {
     /// λ, the rate at which the robot topples, 1/s.
     pub(super) toppling: f64,
     /// g, the acceleration per steady lean, m/(s²·rad).
     pub(super) acceleration: f64,
-    /// ℓ, by which the ball moves back as the robot leans, m.
+    /// ℓ, the backward motion of the ball per lean, m.
     pub(super) lever: f64,
 }
 
@@ -27,20 +27,21 @@ impl LeanPlane {
     }
 }
 
-/// Places of (y, θ, ẏ, θ̇) of the planes among the states of the linear model, and their signs: leaning towards y turns about −x.
+/// Indices of (y, θ, ẏ, θ̇) of the planes among the states of the linear model, and their signs: leaning towards y
+/// turns about −x.
 pub(super) const PLACES: [[usize; 4]; 2] = [[0, 3, 5, 8], [1, 2, 6, 7]];
 const SIGNS: [[f64; 4]; 2] = [[1.0; 4], [1.0, -1.0, 1.0, -1.0]];
 
-/// The two planes of a robot, and the wheel torques of angular accelerations.
+/// The two planes of a robot, and the wheel torques for angular accelerations.
 #[derive(Clone, Debug)]
 pub(super) struct LeanPlanes {
-    /// The plane of x (tilt about y), and that of y (tilt about −x).
+    /// The plane of x (tilt about y), and the plane of y (tilt about −x).
     pub(super) planes: [LeanPlane; 2],
     /// Wheel torques per angular acceleration of the body about the axes of the heading frame, N·m·s².
     torques: [[f64; 3]; INPUTS],
 }
 
-/// A deviation seen in the planes.
+/// A deviation in the planes.
 pub(super) struct Leaning<L> {
     pub(super) position: [L; 2],
     pub(super) velocity: [L; 2],
@@ -49,7 +50,7 @@ pub(super) struct Leaning<L> {
 }
 
 impl<L: Lane> Leaning<L> {
-    /// Of a deviation in the linear model's coordinates.
+    /// From a deviation in the linear model's coordinates.
     #[inline(always)]
     pub(super) fn new(x: &[L; STATES]) -> Self {
         Self { position: [x[0], x[1]], velocity: [x[5], x[6]], lean: [x[3], -x[2]], rate: [x[8], -x[7]] }
@@ -90,7 +91,7 @@ impl LeanPlanes {
         0.5 * (x + y)
     }
 
-    /// Wheel torques of the accelerations of the leans and of the yaw, N·m.
+    /// Wheel torques for the accelerations of the leans and of the yaw, N·m.
     #[inline(always)]
     pub(super) fn wheel_torques<L: Lane>(&self, [x, y]: [L; 2], yaw: L) -> [L; 3] {
         let turning = [y, -x, -yaw];
@@ -98,8 +99,8 @@ impl LeanPlanes {
         [product(a, &turning), product(b, &turning), product(c, &turning)]
     }
 
-    /// A and b of x⁺ = A x + b u with x = (y, θ, ẏ, θ̇) in the plane of x (`axis` 0) or y, sampled every `dt` seconds, viscous
-    /// friction included.
+    /// A and b of x⁺ = A x + b u with x = (y, θ, ẏ, θ̇) in the plane of x (`axis` 0) or y, sampled every `dt` seconds,
+    /// including viscous friction.
     pub(super) fn sampled(&self, axis: usize, params: &Params, dt: f64) -> (DMatrix<f64>, DMatrix<f64>) {
         let (a, b) = LinearModel::new(params).discretize(dt);
         let (places, signs) = (PLACES[axis], SIGNS[axis]);
@@ -118,14 +119,14 @@ impl LeanPlanes {
             accelerations[(1, place)] = k;
         }
         for (place, k) in [1, 2, 6, 7].into_iter().zip(planes[1]) {
-            // The acceleration about x is −u, and so are tilt and rate of the lean.
+            // The acceleration about x is −u; tilt and tilt rate also change sign.
             accelerations[(0, place)] = if matches!(place, 2 | 7) { k } else { -k };
         }
         (accelerations[(2, 4)], accelerations[(2, 9)]) = (yaw[0], yaw[1]);
         DMatrix::from_fn(INPUTS, 3, |i, j| self.torques[i][j]) * accelerations
     }
 
-    /// K of τ = −K x that leaves the body no angular acceleration in the linear model.
+    /// K of τ = −K x for zero angular acceleration of the body in the linear model.
     pub(super) fn cancelling(&self, linear: &LinearModel) -> DMatrix<f64> {
         let turning = DMatrix::from_fn(3, STATES, |i, j| linear.a[(7 + i, j)]);
         DMatrix::from_fn(INPUTS, 3, |i, j| self.torques[i][j]) * turning
@@ -142,7 +143,7 @@ pub(super) fn product<L: Lane, const N: usize>(row: &[f64; N], x: &[L; N]) -> L 
     sum
 }
 
-/// Most steps of the search for the poles; about two a pole are needed.
+/// Largest number of steps of the pole search; each pole needs about two.
 const MAX_POLE_STEPS: usize = 10_000;
 
 /// Checks that the poles of a sampled closed loop are within the unit circle.

@@ -1,4 +1,4 @@
-//! The last stage of every law: the torques that the wheels can pass on.
+//! The last stage of every controller: torques that the wheels can transmit.
 
 use super::balance_frame::{BalanceFrame, Pose};
 use super::lean_planes::LeanPlanes;
@@ -11,36 +11,38 @@ use crate::models::{LoadMap, WheelLoad};
 use crate::params::Params;
 use nalgebra::Vector3;
 
-/// Least load that a wheel keeps, as a share of its load in equilibrium: below, the body is about to lift off the ball.
+/// Least load that a wheel keeps, as a fraction of its load in equilibrium: below it the body is about to lift off the
+/// ball.
 const LEAST_LOAD: f64 = 0.3;
 
-/// Share of the friction limit that is used by default: the rest is for what the maps leave out.
+/// Default fraction of the friction limit: the rest is a margin for effects that the maps neglect.
 pub const DEFAULT_TRACTION: f64 = 0.9;
 
-/// Slip of a wheel from which the maps do not hold, m/s.
+/// Slip speed of a wheel above which the maps do not hold, m/s.
 const SLIPPING: f64 = 0.1;
 
-/// Least distance of a row from its bound, N. It keeps quotients finite; a row beyond its bound allows no torque that raises
-/// it.
+/// Least distance of a row from its bound, N. It keeps quotients finite; a row beyond its bound does not allow torques
+/// that raise it.
 const LEAST_MARGIN: f64 = 1e-9;
 
-/// How a law's torques are limited.
+/// Limits of a controller's torques.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LimitOptions {
-    /// Largest torque of a wheel, N·m. `None` is the motors' limit with traction scaling, [`default_max_torque`] without.
+    /// Largest torque of a wheel, N·m. `None` is the motors' limit with traction scaling, and [`default_max_torque`]
+    /// without it.
     pub max_torque: Option<f64>,
-    /// Share of the friction limit that the wheels may use, from 0.01 to 1; `None` for no traction scaling.
+    /// Fraction of the friction limit that the wheels may use, from 0.01 to 1; `None` for no traction scaling.
     pub traction: Option<f64>,
 }
 
 impl LimitOptions {
-    /// Traction scaling at nine tenths of the friction limit.
+    /// Traction scaling at 0.9 of the friction limit.
     pub const TRACTION: Self = Self { max_torque: None, traction: Some(DEFAULT_TRACTION) };
 
-    /// A largest torque alone.
+    /// Only a largest torque.
     pub const CAP: Self = Self { max_torque: None, traction: None };
 
-    /// A largest torque (N·m) alone.
+    /// Only a largest torque (N·m).
     pub const fn capped(max_torque: f64) -> Self {
         Self { max_torque: Some(max_torque), traction: None }
     }
@@ -49,21 +51,22 @@ impl LimitOptions {
 /// Torques within the limits.
 #[derive(Clone, Copy, Debug)]
 pub struct Limited<L> {
-    /// Of the wheels, N·m.
+    /// Wheel torques, N·m.
     pub torques: [L; 3],
-    /// Share of the wanted tilt torque in them, from 0 to 1; a law that integrates holds its integral below 1.
+    /// Fraction of the desired tilt torque in them, from 0 to 1; a controller with an integral holds it below 1.
     pub share: L,
-    /// Share of the wanted yaw torque in them, from 0 to 1.
+    /// Fraction of the desired yaw torque in them, from 0 to 1.
     pub yaw_share: L,
 }
 
 /// Limits of the wheel torques of one robot.
 ///
-/// Without traction scaling the torques are scaled down together to the largest torque. With it the largest share of the
-/// wanted torques is used with which no wheel slips (|f_i| ≤ ρ μ N_i) or lifts (N_i ≥ 0.3 of the load in equilibrium) and no
-/// motor is asked for more than it has; loads and tractions are those of [`LoadMap`]. The floor counts as having grip. The yaw torque is given up first: it
-/// balances nothing. The maps hold while all wheels grip: where one slips by more than 0.1 m/s, as after a push that lifts it,
-/// the torques are scaled down together to [`default_max_torque`]. Derived in `docs/controllers.md`.
+/// Without traction scaling the torques are scaled down together to the largest torque. Traction scaling applies the
+/// largest fraction of the desired torques for which no wheel slips (|f_i| ≤ ρ μ N_i) or lifts (N_i ≥ 0.3 of the load
+/// in equilibrium) and no motor exceeds its torque; loads and tractions are from [`LoadMap`]. The floor is assumed to
+/// grip. The yaw torque is reduced first, because it does not balance the robot. The maps hold while all wheels grip:
+/// if a wheel slips by more than 0.1 m/s, as after a push that lifts it, the torques are scaled down together to
+/// [`default_max_torque`]. Derived in `docs/controllers.md`.
 #[derive(Clone, Debug)]
 pub struct TorqueLimits {
     max_torque: f64,
@@ -77,24 +80,24 @@ struct Traction {
     /// Load of each wheel in equilibrium, N.
     loads: [f64; 3],
     frame: BalanceFrame,
-    /// The yaw torque of torques τ is `turning` (`yaw` · τ).
+    /// The yaw torque of wheel torques τ is `turning` (`yaw` · τ).
     yaw: [f64; 3],
     turning: [f64; 3],
-    /// Rows u_i r_k: what a wheel's contact moves by as the ball turns relative to the body.
+    /// Rows u_i r_k: displacement of a wheel's contact as the ball turns relative to the body.
     surface: [[f64; 3]; 3],
     wheel_radius: f64,
-    /// Largest torque where a wheel slips, N·m.
+    /// Largest torque while a wheel slips, N·m.
     slipping_torque: f64,
 }
 
-/// Two for slip and one for the load of each wheel.
+/// Two rows for slip and one row for the load of each wheel.
 pub(super) const ROWS: usize = 9;
 
 /// c = `at_rest` + `per_tilt` · ϑ + `per_rate_squared` |Ω|², g = `per_torque`.
 type Row = WheelLoad;
 
-/// A condition on leans and on what the motors add to their accelerations in the vertical planes, c + l·θ + g·u <= 0, as a
-/// share of a wheel's load in equilibrium.
+/// A condition on leans and their accelerations by the motors in the vertical planes, c + l·θ + g·u <= 0, as a fraction
+/// of a wheel's load in equilibrium.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LeanRow {
     pub(super) at_rest: f64,
@@ -152,7 +155,7 @@ impl Traction {
         }
     }
 
-    /// Adds the rows (at rest, per tilt x, y, per torque of each wheel, per squared rate) and the other numbers.
+    /// Adds the rows (at rest, per tilt x, y, per torque of each wheel, per squared rate) and the remaining numbers.
     fn add_to(&self, constants: Constants) -> Constants {
         let rows = self.rows.map(|row| {
             let ([x, y], [a, b, c]) = (row.per_tilt, row.per_torque);
@@ -194,7 +197,7 @@ impl Traction {
         constants
     }
 
-    /// The torques in two parts: those that turn the body about the vertical, and the others.
+    /// The torques in two parts: the part that turns the body about the vertical, and the rest.
     #[inline(always)]
     fn parts<L: Lane>(&self, [a, b, c]: [L; 3]) -> ([L; 3], [L; 3]) {
         let amount = dot(&self.yaw, [a, b, c]);
@@ -207,8 +210,8 @@ impl TorqueLimits {
     /// Limits of the robot of `params`.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a torque that is not positive or beyond the motors' limit, and for a share of the
-    /// friction limit out of range.
+    /// [`crate::Error::OutOfRange`] for a torque that is not positive or above the motors' limit, and for a fraction of
+    /// the friction limit out of range.
     pub fn new(params: &Params, options: &LimitOptions) -> Result<Self> {
         if let Some(share) = options.traction {
             check("traction", share, "from 0.01 to 1", |share| (0.01..=1.0).contains(&share))?;
@@ -233,7 +236,7 @@ impl TorqueLimits {
         self.traction.iter().fold(constants, |constants, traction| traction.add_to(constants))
     }
 
-    /// The conditions of the traction without yaw torque, which is given up first.
+    /// Traction conditions without yaw torque, which is reduced first.
     pub(super) fn lean_rows(&self, planes: &LeanPlanes) -> [LeanRow; ROWS] {
         let Some(traction) = &self.traction else { return [LeanRow::NONE; ROWS] };
         let driven = [planes.wheel_torques([1.0, 0.0], 0.0), planes.wheel_torques([0.0, 1.0], 0.0)];
@@ -251,8 +254,8 @@ impl TorqueLimits {
         })
     }
 
-    /// The torques that are applied in place of wanted ones, none of them above `largest` (N·m). Wanted torques that are within the limits stay as they are, to
-    /// the last bit; NaN passes through.
+    /// The applied torques for the desired torques, none above `largest` (N·m). Desired torques within the limits are
+    /// unchanged to the last bit; NaN passes through.
     #[inline(always)]
     pub fn apply<L: Lane>(&self, wanted: [L; 3], state: &LaneState<L>, largest_torque: f64) -> Limited<L> {
         match &self.traction {
@@ -261,7 +264,7 @@ impl TorqueLimits {
         }
     }
 
-    /// [`TorqueLimits::apply`] to a robot of which the pose is known.
+    /// [`TorqueLimits::apply`] for a robot with known pose.
     #[inline(always)]
     pub(super) fn apply_at<L: Lane>(
         &self,
@@ -308,8 +311,8 @@ impl TorqueLimits {
     }
 }
 
-/// By how much torques must be divided, at least 1, so that they may be added to others, at which the rows have the
-/// constants `constants`, without any above `max_torque`.
+/// Divisor of torques, at least 1, for which they may be added to other torques. The rows have the constants
+/// `constants` at the other torques; no torque may exceed `max_torque`.
 #[inline(always)]
 fn excess<L: Lane>(traction: &Traction, constants: &[L; ROWS], others: [L; 3], torques: [L; 3], max_torque: f64) -> L {
     let least = others[0].splat(LEAST_MARGIN);
@@ -318,7 +321,7 @@ fn excess<L: Lane>(traction: &Traction, constants: &[L; ROWS], others: [L; 3], t
         excess = (dot(&row.per_torque, torques) / (-*c).max(least)).max(excess);
     }
     for (torque, other) in torques.into_iter().zip(others) {
-        // Towards its bound.
+        // Rate towards its bound.
         let zero = torque.zero();
         let signed = L::select(torque.lt(zero), -other, other);
         excess = (torque.abs() / (least.splat(max_torque) - signed).max(least)).max(excess);
@@ -326,7 +329,7 @@ fn excess<L: Lane>(traction: &Traction, constants: &[L; ROWS], others: [L; 3], t
     excess
 }
 
-/// Scales torques down together to within ±`limit`, which keeps their direction; NaN passes through.
+/// Scales torques down together to ±`limit`, keeping their direction; NaN passes through.
 #[inline(always)]
 fn cap<L: Lane>(torques: [L; 3], limit: f64) -> Limited<L> {
     let [a, b, c] = torques;
@@ -337,7 +340,7 @@ fn cap<L: Lane>(torques: [L; 3], limit: f64) -> Limited<L> {
     Limited { torques, share: scale, yaw_share: scale }
 }
 
-/// Cut off at ±`bound`, above which a scaled torque may round; NaN passes through.
+/// Clamped to ±`bound`, which a scaled torque may exceed by rounding; NaN passes through.
 #[inline(always)]
 fn within<L: Lane>(torque: L, bound: L) -> L {
     L::select(bound.lt(torque.abs()), torque.min(bound).max(-bound), torque)

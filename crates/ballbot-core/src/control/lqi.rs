@@ -19,7 +19,7 @@ use crate::params::Params;
 use nalgebra::{DMatrix, SMatrix};
 
 crate::fields! {
-    /// What [`Lqi`] has beyond [`LqrWeights`].
+    /// Options of [`Lqi`] in addition to [`LqrWeights`].
     #[derive(Copy)]
     pub struct IntegralWeights {
         /// Integral of the deviation of the ball position.
@@ -32,9 +32,9 @@ crate::fields! {
 /// Deviations of equal cost, as in [`LqrWeights`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LqiWeights {
-    /// Of the states and inputs of [`super::Lqr`].
+    /// Weights of the states and inputs of [`super::Lqr`].
     pub lqr: LqrWeights,
-    /// Of the integral.
+    /// Weights of the integral.
     pub integral: IntegralWeights,
 }
 
@@ -45,7 +45,7 @@ joined_fields!(LqiWeights: lqr LqrWeights, integral IntegralWeights);
 pub struct LqiOptions {
     /// Deviations of equal cost.
     pub weights: LqiWeights,
-    /// The delay that is predicted over.
+    /// Delay of the prediction.
     pub delay: DelayOptions,
 }
 
@@ -56,14 +56,14 @@ const SIZE: usize = STATES + 2;
 
 /// τ = −K (x, z) with the integral z of the position's deviation, by the Riccati equation of the linear model with two
 /// more states, z⁺ = z + T (x, y) (derived in `docs/laws.md`). A constant force, a slope or a wrong center of mass
-/// that ask for no more lean than the integral may leave no offset; a larger one leaves that of [`super::Lqr`], less what the
-/// integral takes over.
+/// leaves no offset if it requires no more lean than the integral may command; a larger disturbance leaves the offset
+/// of [`super::Lqr`], reduced by the integral.
 ///
-/// z is kept in the inertial frame, so that a robot that turns does not wind it up, and turned into the heading frame.
-/// It is cut as a vector to what asks for the lean `max_integral_lean`. It is held while the torques are limited, while
-/// speed or lean are cut as in [`super::Lqr`], and while the deviation of the position asks for a larger lean than z
-/// may: no disturbance that z can take over leaves such an offset. With a delay ([`Lqi::with_delay`]) x and z are those
-/// predicted for when the torque acts; where z is held it is not predicted.
+/// z is stored in the inertial frame, so that a turning robot does not wind it up, and rotated into the heading frame.
+/// It is limited as a vector so that it commands at most the lean `max_integral_lean`. It is held while the torques are
+/// limited, while speed or lean are limited as in [`super::Lqr`], and while the position deviation commands a larger
+/// lean than z may: no disturbance that z can compensate leaves such an offset. With a delay ([`Lqi::with_delay`]) x
+/// and z are predicted for the time at which the torque acts; a held z is not predicted.
 #[derive(Clone, Debug)]
 pub struct Lqi {
     regulator: Regulator,
@@ -71,9 +71,9 @@ pub struct Lqi {
     gain: [[f64; STATES]; INPUTS],
     /// K of the integral.
     integral_gain: [[f64; 2]; INPUTS],
-    /// Lean about x and y that has the torques of an integral.
+    /// Lean about x and y with the same torques as an integral.
     lean: [[f64; 2]; 2],
-    /// Lean about x and y that has the torques of a deviation of the position.
+    /// Lean about x and y with the same torques as a position deviation.
     position_lean: [[f64; 2]; 2],
     max_integral_lean: f64,
     tracking: Tracking,
@@ -131,7 +131,7 @@ impl Lqi {
         })
     }
 
-    /// The same for motors whose torque acts `delay` seconds after it is asked for, as [`super::Lqr::with_delay`].
+    /// For motors whose torque acts `delay` seconds after its command, as [`super::Lqr::with_delay`].
     ///
     /// # Errors
     /// As [`super::Lqr::with_delay`].
@@ -143,7 +143,7 @@ impl Lqi {
         Ok(self)
     }
 
-    /// The Riccati solution behind the gains; the last two columns of K are those of the integral.
+    /// The Riccati solution behind the gains; the last two columns of K belong to the integral.
     pub fn regulator(&self) -> &Regulator {
         &self.regulator
     }
@@ -241,7 +241,7 @@ impl Law for Lqi {
             (p.x - setpoint.position[0]).mul_add_all(dt, integral[0]),
             (p.y - setpoint.position[1]).mul_add_all(dt, integral[1]),
         ];
-        // The length of the lean does not depend on the heading of a robot that is alike on all sides.
+        // The length of the lean does not depend on the heading for a robot that is symmetric in all directions.
         let lean = turned(&self.lean, heading.of(next[0], next[1]));
         let share = share_within(lean, self.max_integral_lean);
         for axis in 0..2 {

@@ -59,23 +59,24 @@ impl LqrWeights {
     }
 }
 
-/// Options of [`Lqr`]: the weights, the delay of the motors, and what is estimated.
+/// Options of [`Lqr`]: the weights, the delay of the motors, and the estimate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LqrOptions {
     /// Deviations of equal cost.
     pub weights: LqrWeights,
-    /// The delay that is predicted over.
+    /// Delay of the prediction.
     pub delay: DelayOptions,
-    /// The lean in equilibrium that is estimated.
+    /// Estimate of the lean in equilibrium.
     pub observer: ObserverOptions,
 }
 
 joined_fields!(LqrOptions: weights LqrWeights, delay DelayOptions, observer ObserverOptions);
 
-/// τ = τ_ref − K x in the heading frame, with the torques τ_ref of the setpoint's motion, scaled down together where a wheel would slip. The tilt is that from the equilibrium: of
-/// the line from the ball's center to the body's center of mass. It is made for a level floor: on a slope the ball comes to
-/// rest away from its setpoint, unless the lean in equilibrium is estimated ([`Lqr::with_lean_observer`]). With a delay
-/// ([`Lqr::with_delay`]) x is the state predicted for when the torque acts.
+/// τ = τ_ref − K x in the heading frame, with the torques τ_ref of the setpoint's motion, scaled down together where a
+/// wheel would slip. The tilt is relative to the equilibrium: the tilt of the line from the ball's center to the body's
+/// center of mass. The design is for a level floor: on a slope the ball comes to rest away from its setpoint, unless
+/// the lean in equilibrium is estimated ([`Lqr::with_lean_observer`]). With a delay ([`Lqr::with_delay`]) x is the
+/// state predicted for the time at which the torque acts.
 #[derive(Clone, Debug)]
 pub struct Lqr {
     regulator: Regulator,
@@ -101,7 +102,8 @@ impl Lqr {
     /// A regulator from the linear model of `params`, discretized at `control_dt` (s).
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a number that is not positive, those of [`TorqueLimits::new`], [`crate::Error::Riccati`] if there is no solution.
+    /// [`crate::Error::OutOfRange`] for a number that is not positive, errors of [`TorqueLimits::new`],
+    /// [`crate::Error::Riccati`] if there is no solution.
     pub fn with_weights(params: &Params, control_dt: f64, weights: &LqrWeights, limits: &LimitOptions) -> Result<Self> {
         weights.check_limits()?;
         let (q, r) = weights.matrices();
@@ -112,8 +114,8 @@ impl Lqr {
     /// speed (m/s) of [`LqrWeights`].
     ///
     /// # Errors
-    /// As [`Lqr::with_weights`]; [`crate::Error::Length`] for matrices of another size; [`crate::Error::Inconsistent`] if one
-    /// is not symmetric, or Q not positive semidefinite.
+    /// As [`Lqr::with_weights`]; [`crate::Error::Length`] for matrices of another size; [`crate::Error::Inconsistent`]
+    /// if a matrix is not symmetric, or Q not positive semidefinite.
     pub fn with_costs(
         params: &Params,
         control_dt: f64,
@@ -146,12 +148,12 @@ impl Lqr {
         })
     }
 
-    /// The same for motors whose torque acts `delay` seconds after it is asked for. The regulator of the model with the
-    /// torques on their way as further states is K of the state predicted for when the torque acts: a delay of the input
-    /// alone changes no gain. `params` are those of the regulator.
+    /// For motors whose torque acts `delay` seconds after its command. With the pending torques as additional states,
+    /// the regulator is K times the state predicted for the time at which the torque acts: an input delay does not
+    /// change the gain. `params` are the regulator's parameters.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for more than ten samples, [`crate::Error::Inconsistent`] for a delay that is no
+    /// [`crate::Error::OutOfRange`] for more than ten samples, [`crate::Error::Inconsistent`] for a delay that is not a
     /// multiple of the sampling time.
     pub fn with_delay(mut self, params: &Params, delay: f64) -> Result<Self> {
         let control_dt = self.sampling.control_dt;
@@ -160,12 +162,12 @@ impl Lqr {
         Ok(self)
     }
 
-    /// The same with the lean in equilibrium estimated, at a rate in 1/s, 0 for no estimate: a constant force, a slope
-    /// or a wrong center of mass then leave no offset. `params` are those of the regulator.
+    /// Estimates the lean in equilibrium at a rate in 1/s, 0 for no estimate: a constant force, a slope or a wrong
+    /// center of mass then leaves no offset. `params` are the regulator's parameters.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a rate out of range, [`crate::Error::Inconsistent`] if a sample is so
-    /// long that nothing can be observed.
+    /// [`crate::Error::OutOfRange`] for a rate out of range, [`crate::Error::Inconsistent`] if the samples are too long
+    /// for observation.
     pub fn with_lean_observer(mut self, params: &Params, rate: f64) -> Result<Self> {
         let control_dt = self.sampling.control_dt;
         let max_torque = self.limits.max_torque();
@@ -206,7 +208,7 @@ impl Lqr {
 /// Largest element of a cost matrix.
 const MAX_COST: f64 = 1e15;
 
-/// Most steps of the search for the eigenvalues of a cost matrix; about two an eigenvalue are needed.
+/// Largest number of steps of the search for the eigenvalues of a cost matrix; each eigenvalue needs about two.
 const MAX_EIGENVALUE_STEPS: usize = 1000;
 
 /// Checks the size and symmetry of a cost matrix, and that it is positive semidefinite.
@@ -281,7 +283,7 @@ impl Law for Lqr {
         let motion_now = self.tracking.planes.wheel_torques(forward, x[0].zero());
         let motion_then = match delays {
             0 => motion_now,
-            // A torque acts on the motion as it is after the delay.
+            // A torque acts on the motion after the delay.
             _ => {
                 let later = self.tracking.forward_after(&pose.heading, setpoint, self.delayed.seconds());
                 self.tracking.planes.wheel_torques(equilibrium.forward(later), x[0].zero())

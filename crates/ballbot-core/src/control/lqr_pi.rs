@@ -1,4 +1,4 @@
-//! The double loop: a regulator that asks for rates of the wheels, above a PI of the measured ones.
+//! The double loop: a regulator that commands wheel rates, above a PI of the measured rates.
 
 use super::balance_frame::BalanceFrame;
 use super::delayed::{DelayOptions, Delayed};
@@ -53,9 +53,9 @@ crate::fields! {
 /// Options of [`LqrPi`]: the loops, and the delay of the motors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LqrPiOptions {
-    /// Both loops, and what is estimated.
+    /// Both loops and the estimate.
     pub loops: LqrPiLoops,
-    /// The delay that is predicted over.
+    /// Delay of the prediction.
     pub delay: DelayOptions,
 }
 
@@ -66,12 +66,12 @@ joined_fields!(LqrPiOptions: loops LqrPiLoops, delay DelayOptions);
 struct Loops {
     /// Rate of the virtual wheel, per rates of the wheels.
     wheels: [f64; 3],
-    /// The same per (ẏ, θ̇): ẏ/r_w − (r_k/r_w) θ̇.
+    /// Rate of the virtual wheel per (ẏ, θ̇): ẏ/r_w − (r_k/r_w) θ̇.
     moving: [f64; 2],
-    /// Acceleration of the lean per error of the rate and per integral of it.
+    /// Acceleration of the lean per error of the rate and per integral of the error.
     proportional: f64,
     integral: f64,
-    /// Wheel rates that the outer loop asks for are −k (x, ξ).
+    /// Wheel rate commands of the outer loop are −k (x, ξ).
     k: [f64; 5],
 }
 
@@ -103,14 +103,14 @@ impl Loops {
     }
 }
 
-/// The double loop of Lauwers, Kantor and Hollis (ICRA 2006) and Pham, Kim and Lee (IEEE Control Systems 38(2), 2018) in
-/// each vertical plane of the heading frame, with a PD of the heading: a linear-quadratic regulator asks for the rate of a virtual
-/// wheel, a PI of the rates that the encoders measure brings it about.
+/// The double loop of Lauwers, Kantor and Hollis (ICRA 2006) and Pham, Kim and Lee (IEEE Control Systems 38(2), 2018)
+/// in each vertical plane of the heading frame, with a PD of the heading: a linear-quadratic regulator commands the
+/// rate of a virtual wheel, which a PI of the encoder rates tracks.
 ///
-/// The integral takes the torque that dry friction eats. The regulator is that of the sampled plane under the PI, the
-/// integral its fifth state. Speed and lean that the position asks for are cut as vectors; the integral is held while
-/// the torques are limited. With a delay the states, and with them the measured rates, are those predicted for when the
-/// torque acts. Derived in `docs/laws.md`.
+/// The integral compensates dry friction. The regulator is designed for the sampled plane under the PI, with the
+/// integral as fifth state. The speed and lean commands of the position are limited as vectors; the integral is held
+/// while the torques are limited. With a delay the states, including the measured rates, are predicted for the time at
+/// which the torque acts. Derived in `docs/laws.md`.
 #[derive(Clone, Debug)]
 pub struct LqrPi {
     loops: [Loops; 2],
@@ -151,7 +151,7 @@ impl LqrPi {
         let delayed = Delayed::new(params, control_dt, options.delay.delay)?;
         let options = &options.loops;
         let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
-        // The heading is a double integrator; the planes are stable by their regulators.
+        // The heading is a double integrator; the planes are stabilized by their regulators.
         let (dt, half) = (control_dt, 0.5 * control_dt * control_dt);
         let heading = [1.0 - half * yaw[0], dt - half * yaw[1], -dt * yaw[0], 1.0 - dt * yaw[1]];
         require_stable(DMatrix::from_row_slice(2, 2, &heading), control_dt)?;
@@ -175,13 +175,13 @@ impl LqrPi {
         })
     }
 
-    /// What the outer loop asks for, −k (y, θ, ẏ, θ̇, ξ) in the planes of x and y: k in rad/s per unit.
+    /// Gains of the outer loop's command −k (y, θ, ẏ, θ̇, ξ) in the planes of x and y: k in rad/s per unit.
     pub fn outer_gains(&self) -> [[f64; 5]; 2] {
         self.loops.map(|loops| loops.k)
     }
 
     /// Gains of the inner loop in the planes of x and y: acceleration of the lean per error of the rate of the virtual
-    /// wheel (1/s), and per integral of it (1/s²).
+    /// wheel (1/s), and per integral of the error (1/s²).
     pub fn inner_gains(&self) -> [[f64; 2]; 2] {
         self.loops.map(|loops| [loops.proportional, loops.integral])
     }
@@ -226,10 +226,10 @@ impl Law for LqrPi {
         let Leaning { velocity: later_velocity, rate: later_rate, .. } = Leaning::new(&x);
         let forward_then = match delays {
             0 => forward,
-            // A torque acts on the motion as it is after the delay.
+            // A torque acts on the motion after the delay.
             _ => equilibrium.forward(self.tracking.forward_after(&pose.heading, setpoint, self.delayed.seconds())),
         };
-        // The motion of the setpoint, of which the wheels have a part.
+        // The setpoint's motion accounts for part of the wheel rates.
         let moving = pose.heading.of(state.ball_velocity.x, state.ball_velocity.y);
         let leaning = [pose.rate.y, -pose.rate.x];
         self.outer.clip(&mut x);
@@ -258,7 +258,7 @@ impl Law for LqrPi {
         let planes = &self.tracking.planes;
         let wanted = planes.wheel_torques(accelerations, yaw);
         let limited = self.limits.apply_at(wanted, state, &pose, largest);
-        // A torque that is limited cannot act on the integral: hold it.
+        // Limited torques cannot act on the integral: hold it.
         let held = limited.share.lt(zero.splat(1.0));
         for (axis, error) in errors.into_iter().enumerate() {
             let integral = memory.get(axis);

@@ -152,10 +152,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// # Ok::<(), ballbot_core::Error>(())
 /// ```
 pub trait Law: Send + Sync {
-    /// How many numbers it keeps of a robot from one call to the next; zeros at first.
+    /// Number of values that it stores per robot from one call to the next; initially zero.
     const MEMORY: usize;
 
-    /// [`Law::MEMORY`] of a law with which it depends on the options.
+    /// [`Law::MEMORY`] for a law in which it depends on the options.
     fn kept(&self) -> usize {
         Self::MEMORY
     }
@@ -163,18 +163,18 @@ pub trait Law: Send + Sync {
     /// The parts of a setpoint that it follows, of [`SETPOINT_PARTS`].
     const PARTS: &'static [&'static str];
 
-    /// What all laws share.
+    /// Common data of all laws.
     fn sampling(&self) -> &Sampling;
 
-    /// What all laws share, to change it.
+    /// Common data of all laws, mutable.
     fn sampling_mut(&mut self) -> &mut Sampling;
 
-    /// The numbers that it computes torques with; `None` of a law that does not give them.
+    /// Numbers from which it computes torques; `None` for a law that does not provide them.
     fn constants(&self) -> Option<Constants> {
         None
     }
 
-    /// Motor torques for the next `control_dt`, N·m; none above `largest` is applied.
+    /// Motor torques for the next `control_dt`, N·m; torques above `largest` are not applied.
     fn torques<L: Lane>(
         &self,
         state: &LaneState<L>,
@@ -184,7 +184,7 @@ pub trait Law: Send + Sync {
     ) -> [L; 3];
 }
 
-/// What all laws share: the sampling time, and what a law keeps of the one robot of [`Controller::wheel_torques`].
+/// Common data of all laws: the sampling time, and the stored values of the robot of [`Controller::wheel_torques`].
 #[derive(Debug)]
 pub struct Sampling {
     id: u64,
@@ -193,14 +193,14 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// Of a law with `memory` numbers, sampled every `control_dt` seconds.
+    /// For a law with `memory` numbers, sampled every `control_dt` seconds.
     pub fn new(control_dt: f64, memory: usize) -> Self {
         static NEXT: AtomicU64 = AtomicU64::new(1);
         Self { id: NEXT.fetch_add(1, Ordering::Relaxed), control_dt, memory: vec![0.0; memory] }
     }
 }
 
-/// A clone is another controller: what is kept of a robot is not shared.
+/// A clone is another controller: stored values of a robot are not shared.
 impl Clone for Sampling {
     fn clone(&self) -> Self {
         Self::new(self.control_dt, self.memory.len())
@@ -209,7 +209,7 @@ impl Clone for Sampling {
 
 /// Any feedback law, sampled every `control_dt`.
 pub trait Controller: Send + Sync {
-    /// A number that no other controller has.
+    /// Unique number of this controller.
     fn id(&self) -> u64;
 
     /// Time between two calls of [`Controller::wheel_torques`], s.
@@ -218,10 +218,10 @@ pub trait Controller: Send + Sync {
     /// The parts of a setpoint that it follows.
     fn parts(&self) -> &'static [&'static str];
 
-    /// How many numbers it keeps of a robot.
+    /// Number of values that it stores per robot.
     fn memory_len(&self) -> usize;
 
-    /// The numbers that it computes torques with; `None` of a law that does not give them.
+    /// Numbers from which it computes torques; `None` for a law that does not provide them.
     fn constants(&self) -> Option<Constants> {
         None
     }
@@ -232,7 +232,8 @@ pub trait Controller: Send + Sync {
     /// Motor torques for the next `control_dt`, N·m.
     fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> [f64; 3];
 
-    /// The same for a robot of which the caller keeps the numbers, and applies no torque above `largest` (N·m).
+    /// [`Controller::wheel_torques`] of a robot whose stored values the caller keeps. Applies no torque above `largest`
+    /// (N·m).
     fn torques_one(
         &self,
         state: &StateCells<f64>,
@@ -241,7 +242,7 @@ pub trait Controller: Send + Sync {
         memory: &mut [f64],
     ) -> [f64; 3];
 
-    /// The same for eight robots.
+    /// [`Controller::torques_one`] for eight robots.
     fn torques_eight(
         &self,
         states: &StateCells<Eight>,
@@ -346,9 +347,9 @@ impl<T: Law> Kernel for Torques<'_, T> {
     }
 }
 
-/// Cells on which a controller can be run.
+/// Cells on which a controller can run.
 pub trait LaneWidth: Sized {
-    /// Torques of the robots in these cells, of which none above `largest` (N·m) is applied.
+    /// Torques of the robots in these cells, none applied above `largest` (N·m).
     fn torques(
         controller: &dyn Controller,
         states: &StateCells<Self>,
@@ -396,7 +397,7 @@ impl LaneWidth for Eight {
 /// Longest time between two calls of a controller, s.
 const MAX_CONTROL_DT: f64 = 1e3;
 
-/// A time between two calls of a controller, if it is above 0 and at most 1000 s.
+/// Returns the time between two calls of a controller if it is above 0 and at most 1000 s.
 ///
 /// # Errors
 /// [`crate::Error::OutOfRange`] otherwise.
@@ -405,7 +406,7 @@ pub fn check_control_dt(control_dt: f64) -> Result<f64> {
     check("control_dt", control_dt, limit, |dt| dt > 0.0 && dt <= MAX_CONTROL_DT)
 }
 
-/// A limit of wheel torques, if it is positive and within the motors'.
+/// Returns a limit of wheel torques if it is positive and within the motors' limit.
 ///
 /// # Errors
 /// [`crate::Error::OutOfRange`] otherwise.
@@ -414,11 +415,11 @@ pub fn check_max_torque(max_torque: f64, motor_torque: f64) -> Result<f64> {
     check("max_torque", max_torque, limit, |t| t > 0.0 && t <= motor_torque)
 }
 
-/// Share of the robot's traction that a controller uses by default: the rest is for tilts and rates that are not zero.
+/// Fraction of the robot's traction that a controller uses by default: the rest is for nonzero tilts and rates.
 const TRACTION_SHARE: f64 = 0.9;
 
-/// The limit of wheel torques that controllers keep by default: 0.9 of [`traction_torque`], N·m. Beyond it a wheel slips,
-/// and a controller that expects grip falls.
+/// Default limit of wheel torques of controllers: 0.9 of [`traction_torque`], N·m. Above it a wheel slips, and a
+/// controller that expects grip falls.
 pub fn default_max_torque(params: &Params) -> f64 {
     TRACTION_SHARE * traction_torque(params)
 }

@@ -1,23 +1,23 @@
-//! The largest speed and lean that deviations of position and velocity may ask for.
+//! Limits of the speed and lean commands from deviations of position and velocity.
 
 use super::Constants;
 use crate::lanes::Lane;
 use crate::models::linear::{INPUTS, STATES};
 use nalgebra::DMatrix;
 
-/// The outer loop of a gain: deviations of position ask for a speed, those of position and velocity for a lean. Both
-/// are cut as vectors.
+/// The outer loop of a gain: position deviations command a speed, position and velocity deviations command a lean. Both
+/// are limited as vectors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Outer {
-    /// Speed that has the torques of a deviation of the position.
+    /// Speed with the same torques as a position deviation.
     speed: [[f64; 2]; 2],
-    /// Lean about x and y that has the torques of deviations of position and velocity (x, y, v_x, v_y).
+    /// Lean about x and y with the same torques as deviations of position and velocity (x, y, v_x, v_y).
     lean: [[f64; 4]; 2],
     max_lean: f64,
     max_speed: f64,
 }
 
-/// Places of position and velocity among the states.
+/// Indices of position and velocity among the states.
 const MOVING: [usize; 4] = [0, 1, 5, 6];
 
 impl Outer {
@@ -39,8 +39,8 @@ impl Outer {
         constants.number("max_lean", self.max_lean).number("max_speed", self.max_speed)
     }
 
-    /// Cuts the deviations of position and velocity. Returns the share that is left of the position's, 1 if nothing is
-    /// cut.
+    /// Limits the deviations of position and velocity. Returns the remaining fraction of the position deviation, 1
+    /// without limiting.
     #[inline(always)]
     pub(super) fn clip<L: Lane>(&self, x: &mut [L; STATES]) -> L {
         let [[a, b], [c, d]] = self.speed;
@@ -56,21 +56,21 @@ impl Outer {
     }
 }
 
-/// The lean about an axis that deviations of position and velocity ask for.
+/// The lean command about an axis from deviations of position and velocity.
 #[inline(always)]
 fn lean<L: Lane>(row: &[f64; 4], x: &[L; STATES]) -> L {
     let [a, b, c, d] = MOVING;
     x[d].mul_add_all(row[3], x[c].mul_add_all(row[2], x[b].mul_add_all(row[1], x[a] * row[0])))
 }
 
-/// The deviations that have the torques of others: of `gain` those of `other`, in the sense of least squares.
+/// Deviations with the same torques as others: under `gain` the torques of `other`, in the least-squares sense.
 pub(super) fn equal_torques(gain: DMatrix<f64>, other: &DMatrix<f64>) -> DMatrix<f64> {
     let size = (gain.ncols(), other.ncols());
-    // A gain of zero asks for nothing.
+    // A zero gain commands nothing.
     gain.svd(true, true).solve(other, f64::MIN_POSITIVE).unwrap_or_else(|_| DMatrix::zeros(size.0, size.1))
 }
 
-/// The share of a vector that is of length `longest`, at most 1.
+/// The fraction of a vector that has length `longest`, at most 1.
 #[inline(always)]
 pub(super) fn share_within<L: Lane>([x, y]: [L; 2], longest: f64) -> L {
     let (bound, length) = (x.splat(longest), x.mul_add(x, y.squared()).sqrt());

@@ -1,4 +1,4 @@
-//! Computed torque on the attitude: a PD of its error, with the robot's dynamics cancelled.
+//! Computed torque on the attitude: a PD of its error, with cancellation of the robot's dynamics.
 
 use super::attitude_loop::AttitudeLoop;
 use super::position_loop::{PositionOptions, SecondOrder};
@@ -11,8 +11,8 @@ use crate::lanes::{Lane, Memory, Vec3};
 use crate::params::Params;
 
 crate::fields! {
-    /// The dynamics that [`PdInverseDynamics`] gives the attitude's error, and the poles of the position. Frequencies of
-    /// lean and position are in units of λ, the rate at which the robot topples, so that they suit robots of any size.
+    /// Error dynamics of the attitude under [`PdInverseDynamics`], and the poles of the position. Frequencies of lean
+    /// and position are in units of λ, the rate at which the robot topples, so that they suit robots of any size.
     #[derive(Copy)]
     pub struct InverseDynamicsOptions {
         /// Natural frequency of the lean's error, over λ.
@@ -35,12 +35,12 @@ crate::fields! {
 }
 
 /// PD with inverse dynamics (computed torque, partial feedback linearization; for a ballbot İnal, Morgül and Saranlı,
-/// IROS 2012) on tilt and heading at once.
+/// IROS 2012) for tilt and heading together.
 ///
-/// With v = vec(q_e), the vector part of the attitude's error q_e = q_ref* ∘ q, the wheels are driven so that
-/// v̈ + 2ζω v̇ + ω² v = 0 in the exact equations of the motion without slip ([`crate::models::InverseDynamics`]). The
-/// reference leans as the setpoint's motion does and as a PD of the position asks for, cut as a vector. Derived in
-/// `docs/laws.md`. It is made for a level floor.
+/// With v = vec(q_e), the vector part of the attitude's error q_e = q_ref* ∘ q, the wheels are driven so that v̈ + 2ζω
+/// v̇ + ω² v = 0 in the exact equations of the motion without slip ([`crate::models::InverseDynamics`]). The reference
+/// lean is the lean of the setpoint's motion plus the command of a PD of the position, limited as a vector. Derived in
+/// `docs/laws.md`. The design is for a level floor.
 #[derive(Clone, Debug)]
 pub struct PdInverseDynamics {
     attitude: AttitudeLoop,
@@ -62,7 +62,7 @@ impl PdInverseDynamics {
     /// A controller for `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for an option out of range, those of [`TorqueLimits::new`],
+    /// [`crate::Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`],
     /// [`crate::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
     pub fn with_options(
         params: &Params,

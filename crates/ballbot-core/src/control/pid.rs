@@ -11,7 +11,7 @@ use crate::params::Params;
 use nalgebra::Vector3;
 
 crate::fields! {
-    /// Gains of C(s) = k_p + k_i / s + k_d N s / (s + N), from tilt error to virtual torque. The default is the paper's
+    /// Gains of C(s) = k_p + k_i / s + k_d N s / (s + N), from tilt error to virtual torque. Defaults from the paper
     /// (section III-A).
     #[derive(Copy)]
     pub struct PidGains {
@@ -26,23 +26,23 @@ crate::fields! {
     }
 }
 
-/// Two PID controllers, about the x and y axes of the heading frame. It controls tilt alone: nothing holds the ball's
-/// position or the heading. The tilt is that from the equilibrium: of the line from the ball's center to the body's center
-/// of mass. It is made for a level floor: on a slope the ball rolls away.
+/// Two PID controllers, about the x and y axes of the heading frame. They control only the tilt: nothing holds the
+/// ball's position or the heading. The tilt is relative to the equilibrium: the tilt of the line from the ball's center
+/// to the body's center of mass. The design is for a level floor: on a slope the ball rolls away.
 #[derive(Clone, Debug)]
 pub struct Pid {
     /// Wheel torques per virtual torque about x and y.
     map: [[f64; 2]; 3],
     frame: BalanceFrame,
     gains: PidGains,
-    /// Share of the distance to the error that the derivative filter goes in a sample; exact for a held error.
+    /// Fraction of the distance to the error that the derivative filter covers in a sample; exact for a held error.
     filter_share: f64,
     sampling: Sampling,
     limits: TorqueLimits,
 }
 
-/// What is kept of a robot: integrals of the errors, states of the derivative filters, and whether these are set. A filter
-/// starts at the first error, so that a start away from the setpoint is no step.
+/// Stored values of a robot: integrals of the errors, states of the derivative filters, and whether the filters are
+/// initialized. A filter starts at the first error, so that a start away from the setpoint is not a step.
 const INTEGRAL: [usize; 2] = [0, 1];
 const FILTERED: [usize; 2] = [2, 3];
 const STARTED: usize = 4;
@@ -52,11 +52,11 @@ impl Pid {
     /// (docs/paper.md).
     pub const PAPER_CONTROL_DT: f64 = 0.002;
 
-    /// A PID for `params`, sampled every `control_dt` seconds, its wheel torques limited by [`LimitOptions::CAP`].
+    /// A PID for `params`, sampled every `control_dt` seconds, with wheel torques limited by [`LimitOptions::CAP`].
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for gains that are negative or not finite, or a `control_dt` that is not positive; those of
-    /// [`TorqueMap::require`].
+    /// [`crate::Error::OutOfRange`] for gains that are negative or not finite, or a `control_dt` that is not positive;
+    /// errors of [`TorqueMap::require`].
     pub fn new(params: &Params, control_dt: f64, gains: &PidGains, map: TorqueMap) -> Result<Self> {
         params.validate()?;
         check_control_dt(control_dt)?;
@@ -76,7 +76,7 @@ impl Pid {
         })
     }
 
-    /// The same with other limits of the wheel torques, on the robot of `params`.
+    /// Replaces the limits of the wheel torques, for the robot of `params`.
     ///
     /// # Errors
     /// As [`TorqueLimits::new`].
@@ -142,7 +142,7 @@ impl Law for Pid {
         let [m0, m1, m2] = self.map;
         let wanted = [x * m0[0] + y * m0[1], x * m1[0] + y * m1[1], x * m2[0] + y * m2[1]];
         let limited = self.limits.apply(wanted, state, largest);
-        // A torque that is limited cannot act on the integral: hold it.
+        // Limited torques cannot act on the integral: hold it.
         let saturated = limited.share.lt(zero.splat(1.0));
         for axis in 0..2 {
             let integral = memory.get(INTEGRAL[axis]);

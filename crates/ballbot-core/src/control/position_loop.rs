@@ -1,4 +1,4 @@
-//! A PD of the position that asks for a lean, above a lean of the second order.
+//! A PD of the position that commands a lean, above second-order lean dynamics.
 
 use super::lean_planes::{LeanPlane, LeanPlanes, Leaning};
 use super::outer::share_within;
@@ -14,13 +14,13 @@ pub(super) struct SecondOrder {
 }
 
 impl SecondOrder {
-    /// Of natural frequency `frequency` (rad/s) and damping ratio `ratio`.
+    /// With natural frequency `frequency` (rad/s) and damping ratio `ratio`.
     pub(super) fn new(frequency: f64, ratio: f64) -> Self {
         Self { damping: 2.0 * ratio * frequency, stiffness: frequency * frequency }
     }
 }
 
-/// What is asked of the position: natural frequency over λ, damping ratio, largest lean (rad) and speed (m/s).
+/// Options of the position loop: natural frequency over λ, damping ratio, largest lean (rad) and speed (m/s).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PositionOptions {
     pub(super) bandwidth: f64,
@@ -29,10 +29,10 @@ pub(super) struct PositionOptions {
     pub(super) max_speed: f64,
 }
 
-/// A PD of the flat output z = y + ℓ θ in each plane, which obeys z̈ = g θ: θ_ref = −(k_z z + k_v ż). Speed and lean that
-/// it asks for are cut as vectors.
+/// A PD of the flat output z = y + ℓ θ in each plane, which obeys z̈ = g θ: θ_ref = −(k_z z + k_v ż). Its speed and
+/// lean commands are limited as vectors.
 ///
-/// Above a lean with θ̈ = σ (θ_ref − θ) − δ θ̇ it has the two poles that are asked for (derived in `docs/laws.md`).
+/// With lean dynamics θ̈ = σ (θ_ref − θ) − δ θ̇ it has the two required poles (derived in `docs/laws.md`).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PositionLoop {
     /// k_z and k_v of each plane.
@@ -44,7 +44,7 @@ pub(super) struct PositionLoop {
 }
 
 impl PositionLoop {
-    /// The loop with the poles of the options above leans with the dynamics `lean`.
+    /// The loop with the poles of the options, above leans with the dynamics `lean`.
     pub(super) fn new(planes: &LeanPlanes, lean: SecondOrder, options: &PositionOptions) -> Self {
         let frequency = options.bandwidth * planes.toppling_rate();
         let SecondOrder { damping: c1, stiffness: c0 } = SecondOrder::new(frequency, options.damping);
@@ -64,7 +64,7 @@ impl PositionLoop {
         }
     }
 
-    /// θ_ref of each plane less the lean of the setpoint's motion, rad.
+    /// θ_ref of each plane minus the lean of the setpoint's motion, rad.
     #[inline(always)]
     pub(super) fn lean<L: Lane>(&self, deviation: &Leaning<L>) -> [L; 2] {
         let Leaning { position, velocity, lean, rate } = deviation;
@@ -81,7 +81,7 @@ impl PositionLoop {
         [asked[0] * less, asked[1] * less]
     }
 
-    /// k of θ_ref = −k (y, θ, ẏ, θ̇) where nothing is cut.
+    /// k of θ_ref = −k (y, θ, ẏ, θ̇) without limiting.
     pub(super) fn feedback(&self, axis: usize) -> [f64; 4] {
         let ([position, velocity], lever) = (self.gains[axis], self.levers[axis]);
         [position, position * lever, velocity, velocity * lever]

@@ -6,11 +6,11 @@ use nalgebra::{DMatrix, DVector};
 /// Relative residual above which a solution is refused.
 const MAX_RESIDUAL: f64 = 1e-9;
 
-/// Most doublings: they converge quadratically, and 2⁶⁰ steps are beyond the memory of any loop that can be told from an
-/// unstable one.
+/// Largest number of doublings: they converge quadratically, and 2⁶⁰ steps are beyond the memory of any loop that can
+/// be distinguished from an unstable loop.
 const MAX_DOUBLINGS: usize = 60;
 
-/// Most Newton steps after the doublings.
+/// Largest number of Newton steps after the doublings.
 const MAX_NEWTON_STEPS: usize = 8;
 
 /// The infinite-horizon linear-quadratic regulator of x⁺ = A x + B u with cost Σ xᵀQx + uᵀRu.
@@ -25,8 +25,8 @@ pub struct Regulator {
 }
 
 /// Solves P = AᵀPA − AᵀPB (R + BᵀPB)⁻¹ BᵀPA + Q by the structure-preserving doubling algorithm (Chu, Fan, Lin & Wang,
-/// Int. J. Control 77(8), 2004) and Newton's method (Hewer, IEEE Trans. Autom. Control 16(4), 1971) from its result. The
-/// solution is accepted by its residual, and if powers of the closed loop vanish.
+/// Int. J. Control 77(8), 2004) and Newton's method (Hewer, IEEE Trans. Autom. Control 16(4), 1971) from its result.
+/// The solution is accepted if its residual is small and powers of the closed loop vanish.
 ///
 /// # Errors
 /// [`Error::Riccati`] if no stabilizing solution is found.
@@ -34,7 +34,7 @@ pub fn solve(a: &DMatrix<f64>, b: &DMatrix<f64>, q: &DMatrix<f64>, r: &DMatrix<f
     if q.amax() == 0.0 {
         return Err(failed("Q is zero: there is nothing to regulate"));
     }
-    // In units of equal cost, weights of different magnitude cost no digits.
+    // In units of equal cost, weights of different magnitude do not cost digits.
     let (x, u) = (equal_cost(q), equal_cost(r));
     let problem = Problem {
         a: scaled(a, &x.map(f64::recip), &x),
@@ -55,7 +55,7 @@ fn failed(reason: impl Into<String>) -> Error {
     Error::Riccati(reason.into())
 }
 
-/// The values that cost 1 each; 1 where there is no cost.
+/// The values that cost 1 each; 1 for zero cost.
 fn equal_cost(cost: &DMatrix<f64>) -> DVector<f64> {
     cost.diagonal().map(|cost| if cost > 0.0 { cost.sqrt().recip() } else { 1.0 })
 }
@@ -84,7 +84,7 @@ struct Solution {
 }
 
 impl Problem {
-    /// P by doubling the number of steps that are looked ahead.
+    /// P by doubling the number of steps of the horizon.
     fn double(&self) -> Result<DMatrix<f64>> {
         let identity = DMatrix::identity(self.a.nrows(), self.a.nrows());
         let r_inverse = self.r.clone().cholesky().ok_or_else(|| failed("R is not positive definite"))?.inverse();
@@ -111,7 +111,7 @@ impl Problem {
         Ok(p)
     }
 
-    /// The solution of which `cost` is an approximation.
+    /// Refines the approximate solution `cost`.
     fn refine(&self, mut cost: DMatrix<f64>) -> Result<Solution> {
         let mut best: Option<Solution> = None;
         for _ in 0..=MAX_NEWTON_STEPS {
@@ -150,7 +150,7 @@ impl Problem {
         Ok(Solution { cost, gain, residual })
     }
 
-    /// A power of the closed loop that is shorter than 1 shows that all its poles are within the unit circle.
+    /// A power of the closed loop with norm below 1 shows that all its poles are within the unit circle.
     fn require_stable(&self, gain: &DMatrix<f64>) -> Result<()> {
         let mut power = &self.a - &self.b * gain;
         let mut pole = f64::NAN;

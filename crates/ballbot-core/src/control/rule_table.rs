@@ -1,4 +1,4 @@
-//! Fuzzy rules of two inputs.
+//! Fuzzy rules with two inputs.
 
 use crate::error::{Result, check};
 use crate::lanes::Lane;
@@ -11,9 +11,9 @@ const MIDDLE: usize = SETS / 2;
 
 /// Rules "if the error is in set i and its rate in set j, then the output is c_ij", with inputs and outputs from −1 to 1.
 ///
-/// The sets are triangles centered at −1, −2/3, ..., 1 that overlap so that the memberships of an input add up to 1;
-/// beyond ±1 an input belongs to the last set. With the product as the conjunction, sums as the aggregation and singletons
-/// as the consequents, the output Σ μ_i μ_j c_ij is the bilinear interpolation of the table.
+/// The sets are triangles centered at −1, −2/3, ..., 1 that overlap, with memberships of an input that add up to 1;
+/// beyond ±1 an input belongs to the last set. With the product as the conjunction, sums as the aggregation and
+/// singletons as the consequents, the output Σ μ_i μ_j c_ij is the bilinear interpolation of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RuleTable {
     consequents: [[f64; SETS]; SETS],
@@ -29,10 +29,10 @@ impl Default for RuleTable {
 }
 
 impl RuleTable {
-    /// A table of one's own, c_ij with the sets of the error as rows.
+    /// A custom table, c_ij with the sets of the error as rows.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a number that is not from −1 to 1.
+    /// [`crate::Error::OutOfRange`] for a number outside −1 to 1.
     pub fn new(consequents: [[f64; SETS]; SETS]) -> Result<Self> {
         for (i, row) in consequents.iter().enumerate() {
             for (j, value) in row.iter().enumerate() {
@@ -42,7 +42,7 @@ impl RuleTable {
         Ok(Self { consequents })
     }
 
-    /// Derivatives of the output by the error and its rate where both are zero, mean of both sides.
+    /// Derivatives of the output with respect to the error and its rate where both are zero, mean of both sides.
     pub fn slopes(&self) -> [f64; 2] {
         let c = &self.consequents;
         let per_set = 0.5 * MIDDLE as f64;
@@ -52,7 +52,7 @@ impl RuleTable {
         ]
     }
 
-    /// The output at an error and its rate.
+    /// The output for an error and its rate.
     #[inline(always)]
     pub fn output<L: Lane>(&self, error: L, rate: L) -> L {
         let (of_error, of_rate) = (memberships(error), memberships(rate));

@@ -11,8 +11,8 @@ use crate::lanes::{Lane, Memory, Vec3};
 use crate::params::Params;
 
 crate::fields! {
-    /// Surface, switching and boundary layer of [`SlidingMode`], and the poles of the position. Those of the lean are in
-    /// units of λ, the rate at which the robot topples, so that they suit robots of any size.
+    /// Surface, switching and boundary layer of [`SlidingMode`], and the poles of the position. Quantities of the lean
+    /// are in units of λ, the rate at which the robot topples, so that they suit robots of any size.
     #[derive(Copy)]
     pub struct AttitudeSlidingOptions {
         /// K, the rate at which the lean's error decays on the surface, over λ.
@@ -57,10 +57,10 @@ impl Sliding {
 /// Sliding mode of the attitude (Jespersen, Aalborg University 2019: the robot Kugle).
 ///
 /// With v = vec(q_e), the vector part of the attitude's error q_e = q_ref* ∘ q, the surface is S = v̇ + K v. The
-/// equivalent control holds S in the exact equations of the motion without slip
-/// ([`crate::models::InverseDynamics`]), the rest makes Ṡ = −η S / max(|S|, ε), with the horizontal axes as one vector.
-/// Within the layer that is [`PdInverseDynamics`](super::PdInverseDynamics) with ω² = K η/ε and 2ζω = K + η/ε; outside
-/// it asks for no more than 2η of angular acceleration to reach the surface. The reference is that of
+/// equivalent control holds S in the exact equations of motion without slip ([`crate::models::InverseDynamics`]), the
+/// rest makes Ṡ = −η S / max(|S|, ε), with the horizontal axes as one vector. Within the layer this is
+/// [`PdInverseDynamics`](super::PdInverseDynamics) with ω² = K η/ε and 2ζω = K + η/ε; outside it commands at most 2η of
+/// angular acceleration to reach the surface. The reference is the same as in
 /// [`PdInverseDynamics`](super::PdInverseDynamics).
 #[derive(Clone, Debug)]
 pub struct SlidingMode {
@@ -83,7 +83,7 @@ impl SlidingMode {
     /// A controller for `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for an option out of range, those of [`TorqueLimits::new`],
+    /// [`crate::Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`],
     /// [`crate::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
     pub fn with_options(
         params: &Params,
@@ -147,7 +147,7 @@ impl Law for SlidingMode {
         let z = v.z.mul_add_all(yaw.surface, rate.z);
         let tilting = decay(x.mul_add(x, y.squared()).sqrt(), lean);
         let turning = decay(z.abs(), yaw);
-        // v̈ with which Ṡ = v̈ + K v̇ is −S times the decay.
+        // v̈ for which Ṡ = v̈ + K v̇ is −S times the decay.
         let wanted = Vec3::new(
             x.neg_mul_add(tilting, rate.x * -lean.surface),
             y.neg_mul_add(tilting, rate.y * -lean.surface),

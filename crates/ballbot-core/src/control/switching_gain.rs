@@ -2,14 +2,14 @@
 
 use crate::lanes::{Lane, Memory};
 
-/// η + η̂, outside of a boundary layer what a surface S is reached by. η̂ grows outside of the layer (Plestan,
+/// η + η̂, the rate at which a surface S is reached outside a boundary layer. η̂ grows outside the layer (Plestan,
 /// Shtessel, Brégeault and Poznyak, Int. J. Control 83(9), 2010) and leaks (Ioannou and Kokotovic, Automatica 20(5),
-/// 1984): dη̂/dt = γ max(0, |S| − φ) − σ η̂, cut to what is allowed; it is zero at first.
+/// 1984): dη̂/dt = γ max(0, |S| − φ) − σ η̂, limited to its maximum; initially zero.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SwitchingGain {
     /// η.
     fixed: f64,
-    /// e^(−σ T), of a sample, and what it adds to η̂ per distance. `None` if η̂ stays zero.
+    /// e^(−σ T) for a sample, and the increase of η̂ per distance. `None` if η̂ stays zero.
     adapted: Option<[f64; 2]>,
     /// Largest η̂.
     most: f64,
@@ -25,7 +25,7 @@ impl SwitchingGain {
         Self { fixed, adapted, most: (largest - fixed).max(0.0) }
     }
 
-    /// The gain where it is not adapted.
+    /// The gain without adaptation.
     pub(super) fn fixed(&self) -> f64 {
         self.fixed
     }
@@ -35,19 +35,19 @@ impl SwitchingGain {
         self.fixed + if self.adapted.is_some() { self.most } else { 0.0 }
     }
 
-    /// How many numbers of a robot are kept.
+    /// Number of stored values per robot.
     pub(super) fn kept(&self) -> usize {
         usize::from(self.adapted.is_some())
     }
 
-    /// The gain now.
+    /// The present gain.
     #[inline(always)]
     pub(super) fn now<L: Lane>(&self, like: L, memory: &Memory<'_, L>) -> L {
         let fixed = like.splat(self.fixed);
         if self.adapted.is_some() { memory.get(0) + fixed } else { fixed }
     }
 
-    /// Adapts the gain to a sample at the distance `distance` from the layer. Torques that are limited, of which
+    /// Adapts the gain to a sample at distance `distance` from the layer. Limited torques, of which the fraction
     /// `share` is left, do not raise it: they cannot act.
     #[inline(always)]
     pub(super) fn adapt<L: Lane>(&self, distance: L, share: L, memory: &mut Memory<'_, L>) {

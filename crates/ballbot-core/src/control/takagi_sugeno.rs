@@ -22,8 +22,8 @@ const RULES: usize = 3;
 /// Lean between two rules, rad: they are at 0, 15 and 30 deg.
 const LEAN_STEP: f64 = std::f64::consts::PI / 12.0;
 
-/// A plane at a rule's lean, sampled, with one input: the acceleration of the lean that the motors would bring about in
-/// an upright robot.
+/// A sampled plane at a rule's lean, with one input: the acceleration of the lean that the motors would produce in an
+/// upright robot.
 #[derive(Clone, Debug)]
 struct Rule {
     a: Matrix4<f64>,
@@ -34,11 +34,11 @@ struct Rule {
 /// Parallel distributed compensation of a Takagi-Sugeno model (for a ballbot Chiu and Peng, Sustainability 11(14), 2019)
 /// in each vertical plane of the heading frame, with a regulator of the heading.
 ///
-/// The rules are regulators with the weights of [`LqrWeights`] for the robot at leans of 0, 15 and 30 deg; each counts by
-/// its membership, a triangle over the angle of the tilt, and the last one beyond. The fuzzy model is proved to be stable on
-/// construction, by a common Lyapunov function of all its blends: the cost of rule 0 where that is one, else one found by
-/// the ellipsoid method. In the upright robot the law is [`Lqr`](super::Lqr). Speed and lean that the position asks for are
-/// cut as vectors.
+/// The rules are regulators with the weights of [`LqrWeights`] for the robot at leans of 0, 15 and 30 deg. Each is
+/// weighted by its membership, a triangle over the tilt angle; beyond 30 deg only the last applies. The constructor
+/// proves the fuzzy model stable with a common Lyapunov function of all its blends: the cost of rule 0 if it qualifies,
+/// else a function found by the ellipsoid method. For the upright robot the controller equals [`Lqr`](super::Lqr). The
+/// speed and lean commands of the position are limited as vectors.
 #[derive(Clone, Debug)]
 pub struct TakagiSugeno {
     /// k of u = −k (y, θ, ẏ, θ̇) of each rule in each plane.
@@ -64,9 +64,9 @@ impl TakagiSugeno {
     /// A controller for `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a weight out of range, those of [`TorqueLimits::new`], [`Error::Riccati`] if a rule has
-    /// no regulator, [`Error::Inconsistent`] if no common Lyapunov function of the rules is found, or if the sampled
-    /// loop of the upright robot is not stable.
+    /// [`Error::OutOfRange`] for a weight out of range, errors of [`TorqueLimits::new`], [`Error::Riccati`] if a rule
+    /// has no regulator, [`Error::Inconsistent`] if no common Lyapunov function of the rules is found, or if the
+    /// sampled loop of the upright robot is not stable.
     pub fn with_weights(params: &Params, control_dt: f64, weights: &LqrWeights, limits: &LimitOptions) -> Result<Self> {
         params.validate()?;
         check_control_dt(control_dt)?;
@@ -109,13 +109,13 @@ impl TakagiSugeno {
         })
     }
 
-    /// k of u = −k (y, θ, ẏ, θ̇) of the rules at 0, 15 and 30 deg in the planes of x and y; u is the acceleration of the
-    /// lean that the motors would bring about in the upright robot.
+    /// k of u = −k (y, θ, ẏ, θ̇) of the rules at 0, 15 and 30 deg in the planes of x and y; u is the acceleration of
+    /// the lean that the motors would produce in the upright robot.
     pub fn gains(&self) -> &[[[f64; 4]; 3]; 2] {
         &self.gains
     }
 
-    /// The largest ratio by which xᵀPx changes in a step of the fuzzy model, in the planes of x and y; below 1.
+    /// The largest ratio by which xᵀPx changes per step of the fuzzy model, in the planes of x and y; below 1.
     pub fn decay(&self) -> [f64; 2] {
         self.decay
     }
@@ -125,7 +125,7 @@ impl TakagiSugeno {
 fn torques_of(planes: &LeanPlanes, axis: usize) -> Vector3<f64> {
     let mut unit = [[0.0; 4]; 2];
     unit[axis][3] = 1.0;
-    // In the plane of y the rate is that about −x.
+    // In the plane of y the rate is about −x.
     let gain = planes.gain(unit, [0.0; 2]);
     let (place, sign) = if axis == 0 { (8, 1.0) } else { (7, -1.0) };
     Vector3::from_fn(|i, _| sign * gain[(i, place)])
@@ -140,8 +140,7 @@ fn sampled(a: &Matrix4<f64>, b: &Vector4<f64>, dt: f64) -> (Matrix4<f64>, Vector
     (exponential.fixed_view::<4, 4>(0, 0).into_owned(), exponential.fixed_view::<4, 1>(0, 4).into_owned())
 }
 
-/// The regulator with deviations of equal cost (Bryson's rule), the input being a number of times the wheel torques
-/// `torques`.
+/// The regulator with deviations of equal cost (Bryson's rule), where the input multiplies the wheel torques `torques`.
 fn regulated<const N: usize>(
     a: &SMatrix<f64, N, N>,
     b: &SMatrix<f64, N, 1>,
@@ -169,9 +168,9 @@ fn yaw_gains(params: &Params, planes: &LeanPlanes, weights: &LqrWeights, dt: f64
     Ok([regulator.gain[(0, 0)], regulator.gain[(0, 1)]])
 }
 
-/// The largest ratio xᵀGᵀPGx / xᵀPx, with a P for which it is below 1 for all G = ½ (A_i − B_i k_j + A_j − B_j k_i) of one
-/// rule or of two neighbors, the only ones that count at once. That makes xᵀPx a Lyapunov function of the blended model
-/// (Tanaka & Wang, Fuzzy Control Systems Design and Analysis, 2001, ch. 2).
+/// The largest ratio xᵀGᵀPGx / xᵀPx, with a P for which it is below 1 for all G = ½ (A_i − B_i k_j + A_j − B_j k_i) of
+/// one rule or of two neighbors; only neighbors are active together. This makes xᵀPx a Lyapunov function of the blended
+/// model (Tanaka & Wang, Fuzzy Control Systems Design and Analysis, 2001, ch. 2).
 fn certified(rules: &[Rule], cost: &Matrix4<f64>) -> Result<f64> {
     let blends = (0..rules.len()).flat_map(|i| [i, i + 1].map(|j| (i, j))).filter(|(_, j)| *j < rules.len());
     let steps: Vec<_> = blends

@@ -1,4 +1,4 @@
-//! What is wrong with a robot that follows a setpoint, in the coordinates of the linear model.
+//! Deviation of a robot from its setpoint, in the coordinates of the linear model.
 
 use super::balance_frame::{BalanceFrame, Pose};
 use super::lean_planes::LeanPlanes;
@@ -8,28 +8,28 @@ use crate::lanes::{Heading, Lane, wrapped_angle};
 use crate::models::linear::STATES;
 use crate::params::Params;
 
-/// The frame and the vertical planes in which laws see a robot.
+/// Frame and vertical planes of the controllers.
 #[derive(Clone, Debug)]
 pub(super) struct Tracking {
     pub(super) frame: BalanceFrame,
     pub(super) planes: LeanPlanes,
 }
 
-/// Lean of the motion that a setpoint asks for, in the planes of x and y.
+/// Lean of the setpoint's motion, in the planes of x and y.
 pub(super) struct LeanReference<L> {
-    /// rad.
+    /// Lean, rad.
     pub(super) lean: [L; 2],
-    /// rad/s.
+    /// Rate, rad/s.
     pub(super) rate: [L; 2],
-    /// rad/s².
+    /// Acceleration, rad/s².
     pub(super) acceleration: [L; 2],
 }
 
-/// A robot beside its setpoint.
+/// Deviation of a robot from its setpoint.
 pub(super) struct Deviation<L> {
-    /// From the motion of the setpoint, in the linear model's coordinates.
+    /// Deviation from the motion of the setpoint, in the linear model's coordinates.
     pub(super) x: [L; STATES],
-    /// What the motors add to the angular accelerations of the leans in that motion, rad/s².
+    /// Angular accelerations of the leans by the motors in that motion, rad/s².
     pub(super) forward: [L; 2],
     pub(super) pose: Pose<L>,
 }
@@ -39,7 +39,8 @@ impl Tracking {
         Self { frame: BalanceFrame::new(params), planes: LeanPlanes::new(params) }
     }
 
-    /// Adds the balance frame, what leads from the setpoint's motion to lean and torques, and torques per acceleration.
+    /// Adds the balance frame, the factors from the setpoint's motion to lean and torques, and torques per
+    /// acceleration.
     pub(super) fn add_to(&self, constants: Constants) -> Constants {
         let [x, y] = &self.planes.planes;
         let constants = self.frame.add_to(constants);
@@ -49,7 +50,7 @@ impl Tracking {
         self.planes.add_to(constants)
     }
 
-    /// The lean that the setpoint asks for of a robot with this heading.
+    /// The setpoint's lean for a robot with this heading.
     #[inline(always)]
     pub(super) fn lean<L: Lane>(&self, heading: &Heading<L>, setpoint: &LaneSetpoint<L>) -> LeanReference<L> {
         let [x, y] = &self.planes.planes;
@@ -61,7 +62,7 @@ impl Tracking {
         }
     }
 
-    /// [`Deviation::forward`] of a lean.
+    /// [`Deviation::forward`] for a lean.
     #[inline(always)]
     fn forward<L: Lane>(&self, reference: &LeanReference<L>) -> [L; 2] {
         let mut forward = reference.acceleration;
@@ -71,7 +72,7 @@ impl Tracking {
         forward
     }
 
-    /// What is between a robot and its setpoint.
+    /// Deviation of a robot from its setpoint.
     #[inline(always)]
     pub(super) fn deviation<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> Deviation<L> {
         let pose = self.frame.pose(state);
@@ -93,7 +94,7 @@ impl Tracking {
         }
     }
 
-    /// [`Deviation::forward`] of the motion `delay` seconds later.
+    /// [`Deviation::forward`] for the motion `delay` seconds later.
     #[inline(always)]
     pub(super) fn forward_after<L: Lane>(
         &self,

@@ -1,6 +1,6 @@
 //! Dispatch to the best instruction set of the processor at run time.
 //!
-//! Dispatched code is compiled once per instruction set. All of it, closures included, must be `#[inline(always)]`; a
+//! Dispatched code is compiled once per instruction set. All of it, including closures, must be `#[inline(always)]`; a
 //! function that is not inlined is compiled for the baseline instruction set.
 
 use fearless_simd::{Level, Simd};
@@ -15,11 +15,11 @@ pub trait Kernel {
 }
 
 /// Runs a computation on eight robots.
-// Inlined, or all kernels would be compiled in this module, which is one unit of code generation.
+// Inlined; otherwise all kernels would be compiled in this module, which is one code generation unit.
 #[inline]
 pub fn run_eight<K: Kernel>(kernel: K) {
     let level = Level::new();
-    // Results are the same to the last bit without; builds for debugging save the time to compile it.
+    // Results are the same to the last bit without dispatch; debug builds skip it to save compile time.
     #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
     if let Some(simd) = level.as_avx512() {
         simd.vectorize(

@@ -17,7 +17,7 @@ impl<L: Lane> Heading<L> {
     pub fn new(q: Quat<L>) -> Self {
         let (ww, zz) = (q.w.squared(), q.v.z.squared());
         let norm = ww + zz;
-        // Upside down the yaw is undefined.
+        // The yaw is undefined upside down.
         let turned = norm.zero().lt(norm);
         let one = norm.splat(1.0);
         let inverse = one / L::select(turned, norm, one);

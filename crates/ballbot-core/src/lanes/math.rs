@@ -54,7 +54,7 @@ pub fn wrapped_angle<L: Lane>(angle: L) -> L {
     turns.mul_add_all(-TAU, angle)
 }
 
-/// Sine and cosine of an angle that is limited to ±1 rad, error 1e-12: of the turning in one step.
+/// Sine and cosine of an angle limited to ±1 rad, the rotation in one step; error 1e-12.
 #[inline(always)]
 pub fn sin_cos_of_step<L: Lane>(angle: L) -> (L, L) {
     let angle = angle.min(angle.splat(1.0)).max(angle.splat(-1.0));

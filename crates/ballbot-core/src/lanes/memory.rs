@@ -78,7 +78,7 @@ impl<'a, L: Lane> Memory<'a, L> {
         self.token
     }
 
-    /// Numbers from elsewhere.
+    /// Loads numbers from other storage.
     #[inline(always)]
     pub fn load(&self, cell: &L::Cell) -> L {
         L::load(self.token, cell)

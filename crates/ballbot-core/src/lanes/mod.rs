@@ -1,8 +1,8 @@
 //! Arithmetic on one robot or on eight side by side, with the same code and results equal to the last bit.
 //!
 //! A computation is written once over [`Lane`] and instantiated for `f64` (one robot) and for eight `f64` in a vector
-//! register. All operations, fused multiply-adds included, round as specified by IEEE 754, and none mixes lanes. The
-//! result for a robot therefore depends neither on its neighbors nor on the vector width of the processor.
+//! register. All operations, including fused multiply-adds, round as specified by IEEE 754, and none mixes lanes. The
+//! result for a robot therefore does not depend on its neighbors or on the vector width of the processor.
 
 mod cells;
 mod dispatch;
@@ -98,7 +98,7 @@ pub trait Lane:
     /// Whether the mask is true for any robot.
     fn any(mask: Self::Mask) -> bool;
 
-    /// Runs what is rarely needed, with the same instructions but apart from the code around it, which so keeps its
+    /// Runs rarely needed code with the same instructions but separate from the surrounding code, which thus keeps its
     /// registers.
     fn rarely<R>(token: Self::Token, rare: impl FnOnce() -> R) -> R;
 
@@ -141,14 +141,14 @@ pub fn store3<L: Lane>([a, b, c]: [L; 3], cells: &mut [L::Cell; 3]) {
     c.store(&mut cells[2]);
 }
 
-/// Applies a function to three values. `map` of an array may not be inlined, and the function with it is then compiled for
-/// the baseline instruction set.
+/// Applies a function to three values. `map` of an array may not be inlined, and then the function is compiled for the
+/// baseline instruction set.
 #[inline(always)]
 pub fn map3<T, U>([a, b, c]: [T; 3], f: impl Fn(T) -> U) -> [U; 3] {
     [f(a), f(b), f(c)]
 }
 
-/// Marks the branch that calls it as rare: the compiler does not inline what else is called there.
+/// Marks the branch that calls it as rare: the compiler does not inline other calls there.
 #[cold]
 #[inline(never)]
 fn rare_branch() {}

@@ -1,4 +1,4 @@
-//! Standard normal numbers in lanes, each by its key and counter.
+//! Standard normal numbers in lanes, each determined by key and counter.
 
 use super::{Cell, Lane, philox};
 use std::f64::consts::{FRAC_PI_2, LN_2, SQRT_2};
@@ -16,14 +16,14 @@ pub struct Draws<L: Lane> {
 }
 
 impl<L: Lane> Draws<L> {
-    /// Of reading `reading` in episode `episode`, whole numbers, under a key of two 32-bit words.
+    /// For reading `reading` in episode `episode`, whole numbers, with a key of two 32-bit words.
     #[inline(always)]
     pub fn new(token: L::Token, key: [L; 2], episode: L, reading: L) -> Self {
         Self { token, key, episode, reading }
     }
 
-    /// Four independent standard normal numbers, by Box and Muller; the same ones for the same `block`. Numbers from IEEE
-    /// operations only: error 1e-15, magnitudes up to 6.8.
+    /// Four independent standard normal numbers, by Box and Muller; equal for equal `block`. Only IEEE operations:
+    /// error 1e-15, magnitudes up to 6.8.
     #[inline(always)]
     pub fn normals(&self, block: u32) -> [L; 4] {
         let cell = |value: L| {
@@ -105,7 +105,7 @@ pub fn logarithm<L: Lane>(mantissa: L, exponent: L) -> L {
     exponent.mul_add_all(LN_2, series * s)
 }
 
-/// Cosine and sine of an angle in [0, π/2], by Taylor's series.
+/// Cosine and sine of an angle in [0, π/2], by Taylor series.
 #[inline(always)]
 pub fn cosine_and_sine<L: Lane>(angle: L) -> [L; 2] {
     let minus = -angle.squared();

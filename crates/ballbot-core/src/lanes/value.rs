@@ -1,9 +1,9 @@
-//! Constants of robots in lanes: one number for all of them, or one of each.
+//! Constants of robots in lanes: one number for all robots, or one per robot.
 
 use super::{Eight, Lane, Wide};
 use fearless_simd::Simd;
 
-/// A constant of the robots in lanes: one number for all of them (`f64`), or one of each (`L`).
+/// A constant of the robots in lanes: one number for all robots (`f64`), or one per robot (`L`).
 pub trait Value<L: Lane>: Copy {
     /// The constant of each robot, in the lanes of `like`.
     fn at(self, like: L) -> L;
@@ -23,7 +23,7 @@ impl<S: Simd> Value<Wide<S>> for Wide<S> {
     }
 }
 
-/// A constant of each robot, in lanes of any kind.
+/// A constant per robot, in lanes of any kind.
 #[derive(Clone, Copy, Debug)]
 pub struct Own<L>(pub L);
 
@@ -34,7 +34,7 @@ impl<L: Lane> Value<L> for Own<L> {
     }
 }
 
-/// A constant of eight robots as it lies in memory: one number for all of them (`f64`), or one of each ([`Eight`]).
+/// A constant of eight robots in memory: one number for all robots (`f64`), or one per robot ([`Eight`]).
 pub trait LaneValue: Copy + Send + Sync {
     /// The constant in the lanes of a vector register.
     type Wide<S: Simd>: Value<Wide<S>>;

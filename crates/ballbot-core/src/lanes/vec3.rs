@@ -28,7 +28,7 @@ impl<L: Lane> Vec3<L> {
         Self::new(L::load(token, &cells[0]), L::load(token, &cells[1]), L::load(token, &cells[2]))
     }
 
-    /// Loads three cells that are not in one array.
+    /// Loads three cells that are not in an array.
     #[inline(always)]
     pub fn load_parts(token: L::Token, [x, y, z]: [&L::Cell; 3]) -> Self {
         Self::new(L::load(token, x), L::load(token, y), L::load(token, z))
@@ -70,7 +70,7 @@ impl<L: Lane> Vec3<L> {
         )
     }
 
-    /// Product by component.
+    /// Componentwise product.
     #[inline(always)]
     pub fn scaled_by(self, [x, y, z]: [L; 3]) -> Self {
         Self::new(self.x * x, self.y * y, self.z * z)
@@ -185,7 +185,7 @@ impl<L: Lane> Quat<L> {
     }
 
     /// Components of the tilt about the inertial x and y axes, rad: the rotation vector that takes the vertical to the
-    /// body's z axis. Upside down, it is about x.
+    /// body's z axis. Upside down, the rotation is about x.
     #[inline(always)]
     pub fn tilt_components(self) -> [L; 2] {
         let rows = self.rotation().rows;
@@ -226,7 +226,7 @@ impl<L: Lane> Quat<L> {
         step_rotation(half).times(self).normalized()
     }
 
-    /// The rotation halfway to another one, on the shorter way.
+    /// The rotation halfway to another rotation, along the shorter way.
     #[inline(always)]
     pub fn halfway(self, other: Self) -> Self {
         let product = self.w.mul_add(other.w, self.v.dot(other.v));
@@ -261,7 +261,8 @@ impl<L: Lane> Quat<L> {
 }
 
 /// A quaternion, not of unit length, of the rotation vector 2 · `half`: (1, half · tan|half|/|half|). The series of the
-/// tangent is exact to rounding for steps up to 0.1 rad; far beyond, the angle is too small, with the right sign.
+/// tangent is exact to rounding for steps up to 0.1 rad; for much larger steps, the angle is too small but has the
+/// right sign.
 #[inline(always)]
 fn step_rotation<L: Lane>(half: Vec3<L>) -> Quat<L> {
     let squared = half.norm_squared();

@@ -50,7 +50,7 @@ impl<S: Simd> Lane for Wide<S> {
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        // The minimum and maximum of other processors differ from x86 in NaN and signed zeros.
+        // Minimum and maximum on other processors differ from x86 for NaN and signed zeros.
         if cfg!(target_arch = "x86_64") {
             SimdBase::max(self, other)
         } else {

@@ -1,16 +1,16 @@
-//! The hardest push that traction lets a robot bear.
+//! The hardest push that a robot withstands by its traction.
 
 use super::{BallSpin, LinearModel, LoadMap, SpatialModel, WheelLoad, WheelSpin};
 use crate::params::Params;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
-/// Directions in which the traction is examined.
+/// Number of directions in which traction is tested.
 const DIRECTIONS: usize = 72;
 
-/// Largest horizontal impulse at the body's center of mass, N·s, after which the capture point ϑ + ϑ̇/λ of the robot upright
-/// is within the lean that it can hold in the worst direction: at which no wheel slips, loads as upright, and no motor
-/// exceeds its limit. Derived in `docs/scenarios.md`.
+/// Largest horizontal impulse at the body's center of mass, N·s, after which the capture point ϑ + ϑ̇/λ of the upright
+/// robot is within the lean that it can hold in the worst direction. At this lean no wheel slips, with the loads of the
+/// upright robot, and no motor exceeds its limit. Derived in `docs/scenarios.md`.
 pub fn capture_impulse(params: &Params) -> f64 {
     let level = params.on_level_floor();
     let LinearModel { a, b } = LinearModel::new(&level);

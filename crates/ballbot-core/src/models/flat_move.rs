@@ -5,12 +5,12 @@ use super::friction_limit::traction_torque;
 use crate::params::Params;
 use nalgebra::Matrix3;
 
-/// Samples of a move.
+/// Number of samples of a move.
 const SAMPLES: usize = 64;
 
-/// Duration, s, of the fastest move over `distance` (m) from rest to rest whose flat output follows the polynomial of ninth
-/// degree with four derivatives zero at both ends, at wheel torques at which a wheel of the upright robot slips;
-/// zero for no distance.
+/// Duration, s, of the fastest move over `distance` (m) from rest to rest whose flat output follows the polynomial of
+/// ninth degree with four derivatives zero at both ends, at the wheel torques at which a wheel of the upright robot
+/// slips; zero for zero distance.
 pub fn fastest_move(params: &Params, distance: f64) -> f64 {
     if distance <= 0.0 {
         return 0.0;
@@ -22,7 +22,7 @@ pub fn fastest_move(params: &Params, distance: f64) -> f64 {
     let lever = -(b.fixed_view::<2, 3>(5, 0) * torques)[(0, 1)];
     let toppling_squared = a[(8, 3)];
     let acceleration = a[(5, 3)] + lever * toppling_squared;
-    // Each of three wheels at equal angles drives the hardest in one direction, in which its torque is sqrt(2/3 Σ τ²).
+    // Each of three wheels at equal angles drives hardest in one direction, with the torque sqrt(2/3 Σ τ²).
     let per_acceleration = (2.0 / 3.0 * torques.column(1).norm_squared()).sqrt();
     let most = traction_torque(params) / per_acceleration;
     let needed = |seconds: f64| {
@@ -34,7 +34,7 @@ pub fn fastest_move(params: &Params, distance: f64) -> f64 {
         };
         (0..=SAMPLES).fold(0.0, peak)
     };
-    // Slower moves need less.
+    // Slower moves need less torque.
     let (mut short, mut long) = (0.0, toppling_squared.sqrt().recip());
     while needed(long) > most && long < 1e6 {
         short = long;

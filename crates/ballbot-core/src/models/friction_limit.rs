@@ -1,4 +1,4 @@
-//! Limit of the motor torques from the friction between wheels and ball.
+//! Limit of the motor torques by the friction between wheels and ball.
 
 use super::{BallSpin, SpatialModel, WheelSpin};
 use crate::kinematics::TorqueMap;
@@ -10,9 +10,9 @@ use std::f64::consts::TAU;
 /// Number of tested directions of a tilt torque on a symmetric robot. The limit changes by less than 2 % between neighbors.
 const DIRECTIONS: u32 = 48;
 
-/// Largest torque of any wheel for a tilt torque in the worst direction, N·m, at which no wheel of the robot in
-/// equilibrium on a level floor slips; at most the limit of the motors. The reaction of the motors unloads some wheels, so the result is well
-/// below μ N r_w with the loads N at rest. Derived in `docs/derivations.md`, "Largest torque".
+/// Largest torque of any wheel for a tilt torque in the worst direction, N·m, at which no wheel slips, for a robot in
+/// equilibrium on a level floor; at most the motors' limit. The reaction of the motors unloads some wheels, so the
+/// result is well below μ N r_w with the loads N at rest. Derived in `docs/derivations.md`, "Largest torque".
 pub fn traction_torque(params: &Params) -> f64 {
     let model = SpatialModel::new(&params.on_level_floor(), WheelSpin::Absolute, BallSpin::Free);
     let attitude = params.to_balance_frame();
@@ -38,7 +38,7 @@ pub fn traction_torque(params: &Params) -> f64 {
         .fold(params.max_wheel_torque, f64::min)
 }
 
-/// The corners of the set of torques x s + y t of which none exceeds 1: two of the wheels are at ±1 there. Slip is a linear
+/// The corners of the set of torques x s + y t with no torque above 1: two wheels are at ±1 there. Slip is a linear
 /// condition on the torques, so the first wheel slips at a corner.
 fn extreme_torques(x: &Vector3<f64>, y: &Vector3<f64>) -> [Option<Vector3<f64>>; 12] {
     std::array::from_fn(|k| {
@@ -46,7 +46,7 @@ fn extreme_torques(x: &Vector3<f64>, y: &Vector3<f64>) -> [Option<Vector3<f64>>;
         let at = Vector2::new(if k & 1 == 0 { 1.0 } else { -1.0 }, if k & 2 == 0 { 1.0 } else { -1.0 });
         let shares = Matrix2::new(x[i], y[i], x[j], y[j]).lu().solve(&at)?;
         let torques = x * shares[0] + y * shares[1];
-        // A third wheel above 1 is a corner of another pair; the margin is for rounding.
+        // If a third wheel is above 1, the corner belongs to another pair; the margin is for rounding.
         (torques.amax() <= 1.0 + 1e-9).then_some(torques)
     })
 }

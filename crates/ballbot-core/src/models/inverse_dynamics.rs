@@ -1,12 +1,12 @@
-//! Wheel torques that turn the body as wanted: the equations of [`SpatialModel`](super::SpatialModel) solved for the
-//! torques, over lanes.
+//! Wheel torques for a desired angular acceleration of the body: the equations of [`SpatialModel`](super::SpatialModel)
+//! solved for the torques, over lanes.
 
 use crate::kinematics::Omniwheels;
 use crate::lanes::{Lane, Mat3, Rotation, Vec3};
 use crate::params::Params;
 use nalgebra::Matrix3;
 
-/// How a robot moves, as the inverse dynamics see it.
+/// Motion of a robot, as input of the inverse dynamics.
 #[derive(Clone, Copy, Debug)]
 pub struct BodyMotion<L> {
     /// Attitude of the balance frame ([`Params::to_balance_frame`]).
@@ -21,8 +21,8 @@ pub struct BodyMotion<L> {
 
 /// Inverse dynamics of the motion without slip: from the angular acceleration of the body to the wheel torques.
 ///
-/// Exact mechanics with the ball free to spin and viscous friction of ball and wheels. Dry friction and the losses at the
-/// ball ([`Params::has_losses`]) are left out. Derived in `docs/laws.md`.
+/// Exact mechanics with free ball spin and viscous friction of ball and wheels. Dry friction and the losses at the ball
+/// ([`Params::has_losses`]) are neglected. Derived in `docs/laws.md`.
 #[derive(Clone, Debug)]
 pub struct InverseDynamics {
     ball_radius: f64,
@@ -31,7 +31,7 @@ pub struct InverseDynamics {
     mass: f64,
     body_mass: f64,
     gravity: f64,
-    /// Unit vector against gravity, inertial frame.
+    /// Unit vector opposite to gravity, inertial frame.
     up: [f64; 3],
     /// Distance of the CoM from the ball's center, along the z axis of the balance frame.
     com: f64,
@@ -45,7 +45,7 @@ pub struct InverseDynamics {
     momentum: [[f64; 3]; 3],
     /// D = I_O + (k + 1)² W.
     inertia: [[f64; 3]; 3],
-    /// U⁻ᵀ / k: from the torque on the ball to that of the wheels.
+    /// U⁻ᵀ / k: from the torque on the ball to the wheel torques.
     torques: [[f64; 3]; 3],
 }
 
@@ -78,14 +78,14 @@ impl InverseDynamics {
         }
     }
 
-    /// Motor torques with which the body has the angular acceleration `acceleration`, the derivative of
-    /// [`BodyMotion::body_rate`] (balance frame, rad/s²), N·m. Not finite in the attitudes in which the wheels cannot
-    /// turn the body about every axis, far from upright.
+    /// Motor torques, N·m, that give the body the angular acceleration `acceleration`, the derivative of
+    /// [`BodyMotion::body_rate`] (balance frame, rad/s²). Not finite at attitudes, far from upright, at which the
+    /// wheels cannot turn the body about every axis.
     #[inline(always)]
     pub fn torques<L: Lane>(&self, motion: &BodyMotion<L>, acceleration: Vec3<L>) -> [L; 3] {
         let like = acceleration.x;
         let BodyMotion { rotation, body_rate: rate, ball_rate, wheel_speeds } = *motion;
-        // In the balance frame: the vertical n, the direction against gravity, the ball's rate, the CoM.
+        // In the balance frame: the vertical n, the direction opposite to gravity, the ball's rate, the CoM.
         let vertical = rotation.rows[2];
         let [x, y, z] = self.up;
         let up = rotation.apply_transposed(Vec3::new(like.splat(x), like.splat(y), like.splat(z)));
@@ -94,7 +94,7 @@ impl InverseDynamics {
         let drift = rate.cross(ball);
         let radius = like.splat(self.ball_radius);
 
-        // What the body's motion takes, without the wheels' inertia as seen by the ball.
+        // Contribution of the body's motion, without the wheels' inertia as seen by the ball.
         let angular_momentum = times(&self.momentum, rate) - times(&self.spin, ball) * like.splat(self.gear_ratio);
         let moment = rate.cross(angular_momentum) + com.cross(up) * like.splat(self.body_mass * self.gravity);
         let com_acceleration = acceleration.cross(com) + rate.cross(rate.cross(com));
@@ -102,7 +102,7 @@ impl InverseDynamics {
         let force = (com_acceleration * like.splat(self.body_mass))
             .plus(up, like.splat(self.mass * self.gravity))
             .plus(velocity, like.splat(self.ball_viscous_friction));
-        // About the floor contact the wheels' torques cancel: what is left determines the ball's acceleration.
+        // About the floor contact the wheel torques cancel: the remaining terms determine the ball's acceleration.
         let contact = times(&self.momentum, acceleration)
             + moment
             + times(&self.spin, drift) * like.splat(self.gear_ratio)
@@ -121,7 +121,7 @@ impl InverseDynamics {
         [a.mul_add_all(friction, shaft.x), b.mul_add_all(friction, shaft.y), c.mul_add_all(friction, shaft.z)]
     }
 
-    /// K of the ball's acceleration K x = −(what the body's motion takes about the floor contact).
+    /// K of the ball's acceleration K x = −(contribution of the body's motion about the floor contact).
     #[inline(always)]
     fn ball_matrix<L: Lane>(&self, vertical: Vec3<L>) -> Mat3<L> {
         let (translation, lean) =

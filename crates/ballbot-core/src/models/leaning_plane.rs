@@ -1,4 +1,4 @@
-//! The spatial model in one vertical plane at a lean that is not small.
+//! The spatial model in one vertical plane at a large lean.
 
 use super::linear::INPUTS;
 use super::{BallSpin, LinearModel, SpatialModel, WheelSpin};
@@ -7,8 +7,8 @@ use nalgebra::{Matrix4, Matrix4x3, UnitQuaternion, Vector3, Vector6};
 
 /// ẋ = A x + B τ of x = (y, θ, ẏ, θ̇), θ leaning towards positive y, in one vertical plane of the heading frame.
 ///
-/// At the lean θ and at rest it is exact: the column of θ in A is the acceleration without torque over θ, B is that per
-/// torque there. At θ = 0 it is the plane's part of the [`LinearModel`].
+/// It is exact at rest at the lean θ: the column of θ in A is the acceleration without torque divided by θ, and B is
+/// the acceleration per torque there. At θ = 0 it is the plane's part of the [`LinearModel`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeaningPlane {
     /// State matrix A.
@@ -56,7 +56,7 @@ impl LeaningPlane {
 
     fn upright(params: &Params, axis: usize) -> Self {
         let linear = LinearModel::new(params);
-        // Places of the plane's states in the linear model, with the sign of the lean.
+        // Indices of the plane's states in the linear model, with the sign of the lean.
         let (places, sign) = if axis == 0 { ([0, 3, 5, 8], 1.0) } else { ([1, 2, 6, 7], -1.0) };
         let signs = [1.0, sign, 1.0, sign];
         Self {

@@ -9,11 +9,11 @@ pub const STATES: usize = 10;
 /// Number of inputs: the three wheel torques.
 pub const INPUTS: usize = 3;
 
-/// Linear model ẋ = A x + B τ with x = (x, y, tilt_x, tilt_y, yaw, v_x, v_y, Ω_x, Ω_y, Ω_z) in the heading frame. Tilt, yaw
-/// and Ω are those of the balance frame ([`Params::to_balance_frame`]), which is upright in equilibrium and the body frame
-/// of a robot whose center of mass is on the mast. The ball is free to spin about the vertical, as in eq. (7) of the
-/// paper. Its spin is no state: it follows from zero angular momentum of the robot about the vertical, as in motion from
-/// rest under motor torques.
+/// Linear model ẋ = A x + B τ with x = (x, y, tilt_x, tilt_y, yaw, v_x, v_y, Ω_x, Ω_y, Ω_z) in the heading frame. Tilt,
+/// yaw and Ω belong to the balance frame ([`Params::to_balance_frame`]), which is upright in equilibrium and equals the
+/// body frame if the center of mass is on the mast. The ball is free to spin about the vertical, as in eq. (7) of the
+/// paper. Its spin is not a state: it follows from zero angular momentum of the robot about the vertical, as in motion
+/// from rest under motor torques.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearModel {
     /// State matrix A.
@@ -23,8 +23,9 @@ pub struct LinearModel {
 }
 
 impl LinearModel {
-    /// Linear model of `params`. The accelerations of the spatial model at rest are linear in torques; their odd part
-    /// is linear in rates. The floor is taken for level. Gravity is the torque M_b g l times a small tilt, l the distance of the center of mass.
+    /// Linear model of `params`. The accelerations of the spatial model at rest are linear in the torques; their odd
+    /// part is linear in the rates. The floor is assumed level. Gravity is the torque M_b g l times a small tilt, with
+    /// the distance l of the center of mass.
     pub fn new(params: &Params) -> Self {
         // Dry friction has no derivative at rest.
         let model = SpatialModel::new(
@@ -72,10 +73,10 @@ impl LinearModel {
     }
 }
 
-/// A spatial model in equilibrium at the heading 0, with the body's rates and torques in the balance frame.
+/// A spatial model in equilibrium at heading 0, with the body's rates and torques in the balance frame.
 struct Balanced<'a> {
     model: &'a SpatialModel,
-    /// From the body frame to the balance frame, which is the inertial one here.
+    /// From the body frame to the balance frame, here the inertial frame.
     attitude: UnitQuaternion<f64>,
 }
 
@@ -84,12 +85,12 @@ impl<'a> Balanced<'a> {
         Self { model, attitude: model.params().to_balance_frame() }
     }
 
-    /// A generalized velocity or force in the model's terms.
+    /// A generalized velocity or force in the coordinates of the model.
     fn in_body(&self, v: &Vector6<f64>) -> Vector6<f64> {
         with_turning(v, &self.attitude.inverse_transform_vector(&turning(v)))
     }
 
-    /// The same in terms of the balance frame; the inverse of [`Balanced::in_body`].
+    /// A generalized velocity or force in the balance frame; the inverse of [`Balanced::in_body`].
     fn in_balance(&self, v: &Vector6<f64>) -> Vector6<f64> {
         with_turning(v, &(self.attitude * turning(v)))
     }
@@ -102,7 +103,8 @@ impl<'a> Balanced<'a> {
         self.in_balance(&self.model.response(&self.attitude, &self.in_body(force)))
     }
 
-    /// Spin of the ball about the vertical per rate of the other five, at zero angular momentum about the vertical.
+    /// Spin of the ball about the vertical per each of the other five rates, at zero angular momentum about the
+    /// vertical.
     fn ball_spin(&self) -> SVector<f64, 5> {
         if self.model.params().is_symmetric() {
             // Motors turn ball and body in opposite directions; nothing else turns them.

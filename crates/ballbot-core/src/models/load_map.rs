@@ -5,11 +5,12 @@ use crate::params::Params;
 use crate::state::Contacts;
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 
-/// Step of the differences with respect to the tilt, rad. Loads at rest are trigonometric in it: an error of 1e-8.
+/// Step of the differences with respect to the tilt, rad. Loads at rest are trigonometric functions of the tilt: the
+/// error is 1e-8.
 const TILT_STEP: f64 = 1e-4;
 
-/// Load N and traction f of a wheel that does not slip: constants and derivatives at rest in equilibrium, and the part that
-/// is quadratic in the tilt rate.
+/// Load N and traction f of a wheel without slip: constants and derivatives at rest in equilibrium, and the part
+/// quadratic in the tilt rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WheelLoad {
     /// In equilibrium without torque, N.
@@ -18,15 +19,15 @@ pub struct WheelLoad {
     pub per_tilt: [f64; 2],
     /// Per torque of each wheel, N/(N·m).
     pub per_torque: [f64; 3],
-    /// Per square of the tilt rate, mean of rates about x and y, N/(rad/s)²: the body turns about the ball's center.
+    /// Per square of the tilt rate, mean of rates about x and y, N/(rad/s)²: the body rotates about the ball's center.
     pub per_rate_squared: f64,
 }
 
-/// Loads N_i and tractions f_i of the three wheels in the motion without slip, linear in tilt and torques.
+/// Loads N_i and tractions f_i of the three wheels for motion without slip, linear in tilt and torques.
 ///
-/// N = N⁰ + N_ϑ ϑ + N_τ τ + N_Ω |Ω|², and f alike. The maps are those of [`SpatialModel::contacts`] without joint friction and
-/// losses: exact in the torques, first order in the tilt from equilibrium. At 25 deg of the paper's robot the torque at which
-/// a wheel slips is right within 3 %.
+/// N = N⁰ + N_ϑ ϑ + N_τ τ + N_Ω |Ω|², and f likewise. The maps linearize [`SpatialModel::contacts`] without joint
+/// friction and losses: exact in the torques, first order in the tilt from equilibrium. At a tilt of 25 deg of the
+/// paper's robot, the torque at which a wheel slips is accurate within 3 %.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoadMap {
     /// N_i, N.
@@ -48,7 +49,7 @@ impl LoadMap {
         let contacts = |tilt: [f64; 2], rate: [f64; 2], torques: Vector3<f64>| {
             let attitude = UnitQuaternion::from_scaled_axis(Vector3::new(tilt[0], tilt[1], 0.0)) * equilibrium;
             let rate = equilibrium.inverse_transform_vector(&Vector3::new(rate[0], rate[1], 0.0));
-            // The ball stands still.
+            // The ball is at rest.
             model.contacts(&attitude, &Vector6::new(0.0, 0.0, rate.x, rate.y, rate.z, 0.0), &torques)
         };
         let at_rest = contacts([0.0; 2], [0.0; 2], Vector3::zeros());
@@ -59,7 +60,7 @@ impl LoadMap {
             let [ahead, behind] = [1.0, -1.0].map(|sign| contacts(unit(sign * TILT_STEP), [0.0; 2], Vector3::zeros()));
             map.fill(&ahead, |wheel, value, _| wheel.per_tilt[axis] += value / (2.0 * TILT_STEP));
             map.fill(&behind, |wheel, value, _| wheel.per_tilt[axis] -= value / (2.0 * TILT_STEP));
-            // Even in the rate.
+            // Even function of the rate.
             let turning = contacts([0.0; 2], unit(1.0), Vector3::zeros());
             map.fill(&turning, |wheel, value, at_rest| wheel.per_rate_squared += 0.5 * (value - at_rest));
         }

@@ -1,13 +1,13 @@
-//! Forces of rolling, spinning and roller friction in the motion without slip.
+//! Forces of rolling, spinning and roller friction for motion without slip.
 //!
-//! They are proportional to loads, which depend on the accelerations and so on the friction: a linear system of four
+//! They are proportional to loads, which depend on the accelerations and thus on the friction: a linear system of four
 //! loads, of the floor and the wheels.
 
 use super::DRY_FRICTION_WIDTH;
 use crate::params::Params;
 use nalgebra::{Matrix3x6, Matrix4, Matrix6x4, Vector3, Vector4, Vector6};
 
-/// What the accelerations are solved with: generalized forces per load, of the floor and the wheels, and the loads.
+/// Inputs for solving for the accelerations and loads: generalized forces per load of the floor and the wheels.
 pub struct Friction {
     /// Generalized force per load of the floor and of each wheel.
     pub per_load: Matrix6x4<f64>,
@@ -26,7 +26,7 @@ impl Friction {
     ) -> Self {
         let rate = ball_rate * velocity;
         let rolling = rate.xy().norm();
-        // tanh(x) / x, so that a ball at rest has no direction to find.
+        // tanh(x) / x, which needs no direction for a ball at rest.
         let share = if rolling > 0.0 { (rolling / DRY_FRICTION_WIDTH).tanh() / rolling } else { 0.0 };
         let torque = Vector3::new(
             -params.floor_rolling_friction * share * rate.x,
@@ -46,14 +46,14 @@ impl Friction {
         Self { per_load, along_free }
     }
 
-    /// Forces of the rollers on the bot along u_i with loads of the floor and the wheels, N.
+    /// Forces of the rollers on the bot along u_i for given loads of the floor and the wheels, N.
     pub fn rollers(&self, loads: &Vector4<f64>) -> Vector3<f64> {
         self.along_free.component_mul(&loads.fixed_rows::<3>(1))
     }
 }
 
-/// Loads of the floor and the wheels, N: the fixed point of an affine function. A load that would have to pull has no
-/// friction. NaN without a fixed point.
+/// Loads of the floor and the wheels, N: the fixed point of an affine function. A negative load has no friction. NaN
+/// without a fixed point.
 pub fn consistent(loads: impl Fn(&Vector4<f64>) -> Vector4<f64>) -> Vector4<f64> {
     let alone = loads(&Vector4::zeros());
     let mut matrix = Matrix4::identity();

@@ -1,4 +1,4 @@
-//! Closed-form models without slip of wheels and ball, and without contact solver.
+//! Closed-form models without slip of wheels and ball, and without a contact solver.
 
 mod capture;
 mod flat_move;
@@ -49,7 +49,7 @@ fn sound(coordinates: &[f64]) -> bool {
     coordinates.iter().all(|v| v.abs() < MAX_COORDINATE)
 }
 
-/// Motor torques less the friction of the wheel joints, N·m.
+/// Motor torques minus the friction of the wheel joints, N·m.
 fn shaft_torques(params: &Params, torques: &Vector3<f64>, wheel_speeds: &Vector3<f64>) -> Vector3<f64> {
     torques.zip_map(wheel_speeds, |torque, speed| {
         torque
@@ -58,7 +58,7 @@ fn shaft_torques(params: &Params, torques: &Vector3<f64>, wheel_speeds: &Vector3
     })
 }
 
-/// Motion of a robot without slip, from which the contact forces follow.
+/// Motion of a robot without slip, from which the contact forces are computed.
 struct Motion {
     body_quaternion: UnitQuaternion<f64>,
     ball_velocity: Vector3<f64>,
@@ -97,8 +97,8 @@ fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Conta
     }
 }
 
-/// Refuses a state that slips or is off the floor; the error names the first wrong quantity. The wheels turn as they do
-/// in space.
+/// Refuses a state that slips or is off the floor; the error names the first wrong quantity. The wheels turn as in 3D
+/// motion.
 fn require_rolling(params: &Params, wheels: &Omniwheels, state: &State) -> Result<()> {
     let in_space =
         wheels.wheel_speeds(&state.body_quaternion, &state.ball_angular_velocity, &state.body_angular_velocity);

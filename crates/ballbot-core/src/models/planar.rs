@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::params::Params;
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 
-/// Wheel inertia in the place of J_w in eq. (2).
+/// Wheel inertia in place of J_w in eq. (2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WheelInertia {
     /// J_w of a single wheel, as the paper prints it.
@@ -49,8 +49,8 @@ impl PlanarModel {
     /// Model of either vertical plane.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] unless the robot is symmetric about its mast ([`Params::is_symmetric`]): the planes of
-    /// another are coupled; if it has rolling, spinning or roller friction ([`Params::has_losses`]); or if the floor is
+    /// [`Error::Inconsistent`] unless the robot is symmetric about its mast ([`Params::is_symmetric`]): otherwise its
+    /// planes are coupled; if it has rolling, spinning or roller friction ([`Params::has_losses`]); or if the floor is
     /// tilted.
     pub fn in_plane(params: &Params, wheel_inertia: WheelInertia, plane: Plane) -> Result<Self> {
         params.require_symmetric(

@@ -28,8 +28,8 @@ const BALL_QUATERNION: usize = 15;
 
 /// A robot with decoupled xz, yz and yaw motion (assumption 2 of the paper).
 ///
-/// The wheel inertia is [`WheelInertia::ThreeWheels`], so motion in one plane equals that of the spatial model with
-/// relative wheel spin. Tilts in both planes are the components of one rotation vector.
+/// The wheel inertia is [`WheelInertia::ThreeWheels`], so motion in one plane equals the motion of the spatial model
+/// with relative wheel spin. Tilts in both planes are the components of one rotation vector.
 #[derive(Clone, Debug)]
 pub struct PlanarMotion {
     params: Params,
@@ -44,10 +44,10 @@ pub struct PlanarMotion {
 }
 
 impl PlanarMotion {
-    /// A robot at rest upright.
+    /// A robot upright at rest.
     ///
     /// # Errors
-    /// [`crate::Error::Inconsistent`] unless the robot is symmetric about its mast, and without rolling, spinning and
+    /// [`crate::Error::Inconsistent`] unless the robot is symmetric about its mast and has no rolling, spinning or
     /// roller friction.
     pub fn new(params: &Params, sim_dt: f64) -> Result<Self> {
         Ok(Self {
@@ -63,7 +63,7 @@ impl PlanarMotion {
         })
     }
 
-    /// Encoder rates: virtual wheel rates of the three planes, turned into the heading frame.
+    /// Encoder rates: virtual wheel rates of the three planes, rotated into the heading frame.
     fn wheel_speeds(&self, y: &Coordinates) -> Vector3<f64> {
         let rates = y.fixed_rows::<RATES>(RATES);
         let planar = self.xz.input_map();
@@ -75,8 +75,7 @@ impl PlanarMotion {
         self.wheels.wheel_speeds_of_virtual(&heading.push(about_z))
     }
 
-    /// Virtual torques of the xz-plane, the yz-plane and the yaw equation under the motors' torques less joint
-    /// friction.
+    /// Virtual torques of the xz-plane, the yz-plane and the yaw equation from the motor torques minus joint friction.
     fn virtual_torques(&self, y: &Coordinates) -> Vector3<f64> {
         let shaft = shaft_torques(&self.params, &self.wheel_torques, &self.wheel_speeds(y));
         let in_heading = self.wheels.virtual_torques(&shaft);
@@ -187,8 +186,8 @@ impl Model for PlanarMotion {
         self.healthy
     }
 
-    /// A state that rolls in space or, as the states of this model do, in the planes: at a tilt the two differ in the
-    /// wheels' speeds, of which motion in the planes has no need.
+    /// A state that rolls in space, or in the planes like the states of this model. At a tilt the two differ in the
+    /// wheel speeds, which motion in the planes does not need.
     fn accepts(&self, state: &State) -> Result<()> {
         let in_planes = self.wheel_speeds(&coordinates_of(state));
         require_rolling_with(&self.params, state, &in_planes)
@@ -219,7 +218,7 @@ impl Model for PlanarMotion {
         let y = &self.coordinates;
         let derivative = self.derivative(y);
         let rates = self.rate_derivatives(y);
-        // Wheel accelerations by a central difference, whose error is far below that of the model.
+        // Wheel accelerations by a central difference, whose error is far below the model error.
         let h = 1e-6;
         let wheel_acceleration =
             (self.wheel_speeds(&(y + derivative * h)) - self.wheel_speeds(&(y - derivative * h))) / (2.0 * h);

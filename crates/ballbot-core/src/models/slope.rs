@@ -1,4 +1,4 @@
-//! A plane that is not level, as the floor of a model whose floor is the plane z = 0.
+//! A sloped plane as the floor of a model whose floor is the plane z = 0.
 
 use crate::error::{Error, Result};
 use crate::params::Params;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct Slope {
     pub ground: Arc<Ground>,
-    /// From the inertial frame to that of the plane, the smallest rotation that takes its normal to z.
+    /// The smallest rotation from the inertial frame to the frame of the plane that takes its normal to z.
     pub rotation: UnitQuaternion<f64>,
 }
 
@@ -19,7 +19,7 @@ impl Slope {
     /// The slope of a ground.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] for a ground that is no plane, and for a robot with a `floor_tilt` of its own.
+    /// [`Error::Inconsistent`] for a ground that is not a plane, and for a robot that has a `floor_tilt`.
     pub fn new(ground: &Arc<Ground>, params: &Params) -> Result<Self> {
         let Some([x, y]) = ground.terrain().as_plane() else {
             return Err(Error::Inconsistent("the model 'spatial' simulates planes alone, not this terrain".into()));
@@ -33,7 +33,7 @@ impl Slope {
 
     /// The robot with the direction of gravity in the frame of the plane.
     pub fn params_of(&self, params: &Params) -> Params {
-        // The turn of the floor is the one from its frame to the inertial one.
+        // The floor's rotation is from its frame to the inertial frame.
         let tilt = self.rotation.inverse().scaled_axis();
         Params { floor_tilt: [tilt.x, tilt.y], ..params.clone() }
     }

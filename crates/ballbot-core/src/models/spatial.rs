@@ -2,8 +2,8 @@
 //!
 //! Generalized velocity ν = (v_x, v_y, Ω_x, Ω_y, Ω_z, s): the ball's velocity on the floor (inertial frame), the body's
 //! angular velocity (body frame), the ball's spin about the vertical. The wheel constraints are nonholonomic. Inserting
-//! them into a Lagrangian gives wrong equations outside of a plane. Kane's method projects the Newton-Euler equations
-//! on the partial velocities (Kane & Levinson, Dynamics: Theory and Applications, 1985, ch. 6). See
+//! them into a Lagrangian gives wrong equations except in a plane. Kane's method projects the Newton-Euler equations
+//! onto the partial velocities (Kane & Levinson, Dynamics: Theory and Applications, 1985, ch. 6). See
 //! `docs/derivations.md`.
 
 use super::losses::{Friction, consistent};
@@ -14,7 +14,7 @@ use crate::params::Params;
 use crate::state::Contacts;
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector3, Vector4, Vector6};
 
-/// Wheel spin of which the kinetic energy counts.
+/// Wheel spin in the kinetic energy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WheelSpin {
     /// Spin in the inertial frame: exact mechanics.
@@ -258,7 +258,7 @@ impl SpatialModel {
         self.terms(body_quaternion).mass * velocity
     }
 
-    /// Contact forces of floor and wheels in the motion without slip. The model is valid only while
+    /// Contact forces of floor and wheels for motion without slip. The model is valid only while
     /// [`Contacts::friction_utilization`] is between 0 and 1.
     pub fn contacts(
         &self,
@@ -313,7 +313,7 @@ impl SpatialModel {
     }
 }
 
-/// Solution of M ν' = force; NaN for a mass matrix of a diverged state, which is reported as divergence.
+/// Solution of M ν' = force; NaN for the mass matrix of a diverged state, which is reported as divergence.
 fn solve_mass(terms: &Terms, force: &Vector6<f64>) -> Vector6<f64> {
     terms.mass.cholesky().map_or_else(|| Vector6::repeat(f64::NAN), |mass| mass.solve(force))
 }

@@ -18,7 +18,7 @@ type Coordinates = SVector<f64, 19>;
 /// A robot with the equations of [`SpatialModel`], absolute wheel spin and free ball spin.
 #[derive(Clone, Debug)]
 pub struct SpatialMotion {
-    /// On the plane of `slope`, in its frame.
+    /// Model on the plane of `slope`, in its frame.
     model: SpatialModel,
     params: Params,
     slope: Option<Slope>,
@@ -30,7 +30,7 @@ pub struct SpatialMotion {
 }
 
 impl SpatialMotion {
-    /// A robot at rest upright.
+    /// A robot upright at rest.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
         Self::on(params, None, sim_dt)
     }
@@ -189,7 +189,7 @@ impl Model for SpatialMotion {
 
     fn energy(&self) -> f64 {
         let (p, y) = (self.model.params(), &self.coordinates);
-        // Of the ball's place on the slope.
+        // Potential energy of the ball's position on the slope.
         let place = (p.ball_mass + p.body_mass) * p.gravity * p.up().xy().dot(&Vector2::new(y[0], y[1]));
         // On a slope the ball's center is lower by the cosine of the slope than on level ground.
         let lower = match self.slope {

@@ -1,4 +1,4 @@
-//! A floor that is not level: the direction of gravity in its frame, and how a robot stands still on it.
+//! A sloped floor: the direction of gravity in its frame, and the static equilibrium of a robot on it.
 
 use super::Params;
 use crate::error::{Error, Result, check};
@@ -14,8 +14,8 @@ impl Params {
         x.hypot(y)
     }
 
-    /// Unit vector against gravity in the frame of the floor, whose z axis is the floor's normal: with the rotation R by the
-    /// vector ω = `floor_tilt` of the angle θ it is Rᵀ e3 = (−ω_y sin θ / θ, ω_x sin θ / θ, cos θ).
+    /// Unit vector opposite to gravity in the frame of the floor, whose z axis is the floor's normal: with the rotation
+    /// R by the vector ω = `floor_tilt` of angle θ, it is Rᵀ e3 = (−ω_y sin θ / θ, ω_x sin θ / θ, cos θ).
     pub fn up(&self) -> Vector3<f64> {
         let angle = self.slope();
         if angle == 0.0 {
@@ -28,7 +28,7 @@ impl Params {
 
     /// Acceleration of gravity in the frame of the floor, −g [`Params::up`], m/s²: (0, 0, −g) on a level floor.
     pub fn gravity_vector(&self) -> Vector3<f64> {
-        // A difference, so that no zero is negative: such a one changes the bits of what it is added to.
+        // A difference, so that no zero is negative: adding a negative zero would change bits.
         Vector3::zeros() - self.up() * self.gravity
     }
 
@@ -55,8 +55,8 @@ impl Params {
         Ok(())
     }
 
-    /// Tilt from the floor's normal in which a robot stands still on the slope, rad: the rotation vector (x, y) that
-    /// [`State::tilted_from_equilibrium`](crate::State::tilted_from_equilibrium) takes, at any heading.
+    /// Tilt from the floor's normal at which a robot stands still on the slope, rad: the rotation vector (x, y) for
+    /// [`State::tilted_from_equilibrium`](crate::State::tilted_from_equilibrium), at any heading.
     ///
     /// The common center of mass of ball and body is then above the floor contact. With the mass M = M_k + M_b and the
     /// distance l of the body's center of mass from the ball's center this is θ + asin(M r_k sin θ / (M_b l)), uphill. The
@@ -82,9 +82,9 @@ impl Params {
         Ok(Vector2::zeros() - Vector2::from(self.floor_tilt) * (lean / angle))
     }
 
-    /// Motor torques that hold a robot at the heading `yaw` (rad) still in [`Params::slope_lean`], N·m. With u the vector
-    /// [`Params::up`] in the frame of the floor, R the attitude of the body and U the matrix of the axles they are
-    /// τ = r_w M g U⁻ᵀ Rᵀ (e3 × u), zeros on a level floor.
+    /// Motor torques that hold a robot at the heading `yaw` (rad) still in [`Params::slope_lean`], N·m. With the vector
+    /// u = [`Params::up`] in the frame of the floor, the body attitude R and the matrix U of the axles, τ = r_w M g U⁻ᵀ
+    /// Rᵀ (e3 × u), zero on a level floor.
     ///
     /// # Errors
     /// As [`Params::slope_lean`].

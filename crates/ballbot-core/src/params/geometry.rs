@@ -1,11 +1,11 @@
-//! Where the wheels and the center of mass of a body are, and the equilibrium that follows.
+//! Positions of the wheels and the center of mass of a body, and the resulting equilibrium.
 
 use super::Params;
 use crate::error::{Error, Result};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use std::f64::consts::TAU;
 
-/// Largest deviation of wheels from 120 deg that counts as rounding, rad.
+/// Largest deviation of the wheel spacing from 120 deg that counts as rounding, rad.
 const EVEN: f64 = 1e-6;
 
 impl Params {
@@ -19,7 +19,7 @@ impl Params {
     /// across the mast, m. The parameters have no outline; the body is drawn, and touches the floor, as tall as this.
     pub fn slender_half_length(&self) -> f64 {
         let ([x, y, _], [xy, _, _]) = (self.body_inertia, self.body_products_of_inertia);
-        // The closed form rounds; without a product the axes have the moments themselves.
+        // The closed form has rounding errors; without a product of inertia the moments about the axes are exact.
         let largest = if xy == 0.0 { x.max(y) } else { 0.5 * (x + y) + (0.5 * (x - y)).hypot(xy) };
         (3.0 * largest / self.body_mass).sqrt()
     }
@@ -29,13 +29,13 @@ impl Params {
         self.wheel_zenith_offsets.map(|offset| self.wheel_zenith + offset)
     }
 
-    /// Whether the wheels have one zenith and are 120 deg apart, within 1e-6 rad.
+    /// Whether the wheels have equal zenith angles and are 120 deg apart, within 1e-6 rad.
     pub fn has_even_wheels(&self) -> bool {
         self.uneven_wheels().is_none()
     }
 
-    /// Whether the center of mass is on the mast, the body axes are principal axes, and the wheels have one zenith and are
-    /// 120 deg apart: the robot of the paper's planar equations.
+    /// Whether the center of mass is on the mast, the body axes are principal axes, and the wheels have equal zenith
+    /// angles and are 120 deg apart: the robot of the paper's planar equations.
     pub fn is_symmetric(&self) -> bool {
         self.asymmetry().is_none()
     }
@@ -48,7 +48,7 @@ impl Params {
         refuse(what, self.asymmetry())
     }
 
-    /// Checks that the wheels have one zenith and are 120 deg apart, as `what` requires.
+    /// Checks that the wheels have equal zenith angles and are 120 deg apart, as `what` requires.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] naming the parameter that is not even.
@@ -81,15 +81,15 @@ impl Params {
         })
     }
 
-    /// Attitude in which a robot at the heading `yaw` (rad) is in equilibrium without torque on a level floor: the body's
-    /// center of mass is above the center of the ball. The mast then leans by the angle between it and
-    /// [`Params::body_com`]. On a slope nothing stands without torque: see [`Params::slope_lean`].
+    /// Attitude in which a robot at the heading `yaw` (rad) is in equilibrium without torque on a level floor: the
+    /// body's center of mass is above the center of the ball. The mast then leans by the angle between it and
+    /// [`Params::body_com`]. On a slope a robot needs torque to stand: see [`Params::slope_lean`].
     pub fn equilibrium_attitude(&self, yaw: f64) -> UnitQuaternion<f64> {
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * self.to_balance_frame()
     }
 
     /// Rotation from the body frame to the balance frame, whose z axis is along the line from the ball's center to the
-    /// body's center of mass: the shortest one, the identity for a center of mass on the mast.
+    /// body's center of mass: the shortest rotation, the identity for a center of mass on the mast.
     pub fn to_balance_frame(&self) -> UnitQuaternion<f64> {
         let com = self.com_direction();
         // (1 + c·e3, c × e3) is twice the cosine of half the angle times the rotation from c to e3; c is above the ball.
@@ -102,14 +102,14 @@ impl Params {
         com / com.norm()
     }
 
-    /// Load of each wheel on the ball in equilibrium on a level floor, where no motor drives, N.
+    /// Load of each wheel on the ball in equilibrium on a level floor, without motor torques, N.
     pub fn equilibrium_wheel_loads(&self) -> [f64; 3] {
         if self.is_symmetric() {
             return [self.static_wheel_load(); 3];
         }
         let directions = Matrix3::from_columns(&self.contact_directions());
         let weight = self.com_direction() * (self.body_mass * self.gravity);
-        // Coplanar directions carry no load; validation refuses them.
+        // Coplanar directions do not carry load; validation refuses them.
         directions.lu().solve(&weight).unwrap_or_else(Vector3::zeros).into()
     }
 
@@ -135,7 +135,7 @@ impl Params {
     }
 }
 
-/// The error of `what` about a parameter, if there is one.
+/// The error of `what` about a parameter, if any.
 fn refuse(what: &str, reason: Option<String>) -> Result<()> {
     reason.map_or(Ok(()), |reason| Err(Error::Inconsistent(format!("{what}: {reason}"))))
 }

@@ -17,15 +17,15 @@ impl Params {
         self.losses() != [0.0; 4]
     }
 
-    /// Largest share of the speed of each of these losses that it takes in a step: none adds energy if their number times
-    /// it is at most 1. Those of the ball's three rates do not couple and count as one.
+    /// Largest fraction of the speed of each loss that it removes in a step: none adds energy if their number times the
+    /// fraction is at most 1. The losses of the ball's three rates do not couple and count as one.
     pub(crate) fn loss_share(&self) -> f64 {
         let [rolling, spinning, rollers, slope] = self.losses().map(|value| value > 0.0);
         let count = if rolling || spinning { 1.0 } else { 0.0 } + if rollers || slope { 3.0 } else { 0.0 };
         if count > 0.0 { 1.0 / count } else { 0.0 }
     }
 
-    /// The same robot without the losses of [`Params::has_losses`].
+    /// The robot without the losses of [`Params::has_losses`].
     #[must_use]
     pub fn without_losses(&self) -> Self {
         Self {
@@ -37,7 +37,7 @@ impl Params {
         }
     }
 
-    /// Checks that the robot has none of these losses, as `what` requires.
+    /// Checks that the robot has none of the losses, as `what` requires.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] naming the first parameter that is not zero.

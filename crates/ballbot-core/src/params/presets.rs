@@ -28,20 +28,20 @@ impl Params {
         RobotFile::preset_names()
     }
 
-    /// Parameters from a TOML file, one key a field.
+    /// Parameters from a TOML file, one key per field.
     ///
     /// # Errors
-    /// [`Error::Io`] for a file that cannot be read; [`Error::Decode`] with the file and the reason that
-    /// [`Params::from_toml`] gives.
+    /// [`Error::Io`] for a file that cannot be read; [`Error::Decode`] with the file and the reason from
+    /// [`Params::from_toml`].
     pub fn from_toml_file(path: &Path) -> Result<Self> {
         RobotFile::read(path, Self::from_toml)
     }
 
-    /// Parameters from TOML text, one key a field. Tables `[actuators]` and `[sensors]` beside them are left to
+    /// Parameters from TOML text, one key per field. Tables `[actuators]` and `[sensors]` are read by
     /// [`crate::actuator::MotorOptions::from_toml`] and [`crate::sensor::SensorOptions::from_toml`].
     ///
     /// # Errors
-    /// [`Error::Decode`] for malformed text or values that are not numbers; those of [`Params::from_fields`].
+    /// [`Error::Decode`] for malformed text or values that are not numbers; errors of [`Params::from_fields`].
     pub fn from_toml(text: &str) -> Result<Self> {
         Self::from_file(&RobotFile::parse(text)?)
     }

@@ -7,7 +7,7 @@ use std::path::Path;
 /// Name and text of each file in `robots/`, listed by the build script.
 const PRESETS: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/presets.rs"));
 
-/// Largest file of a robot, bytes. Presets have some thousand.
+/// Largest robot file, bytes. Presets have some thousand.
 const MAX_SIZE: u64 = 1 << 20;
 
 const NAMES: [&str; PRESETS.len()] = {
@@ -26,10 +26,10 @@ const ACTUATORS: &str = "actuators";
 /// The table of the sensors.
 const SENSORS: &str = "sensors";
 
-/// Numbers by name, one or several each.
+/// Numbers by name, one or several per name.
 pub(crate) type NamedNumbers = Vec<(String, Vec<f64>)>;
 
-/// What the file of a robot has, unchecked but for its types.
+/// Content of a robot's file, with only the types checked.
 pub(crate) struct RobotFile {
     /// Parameters.
     pub params: NamedNumbers,
@@ -40,7 +40,7 @@ pub(crate) struct RobotFile {
 }
 
 impl RobotFile {
-    /// A published robot by name; `None` if there is none.
+    /// A published robot by name; `None` if it does not exist.
     pub(crate) fn preset(name: &str) -> Option<Result<Self>> {
         PRESETS.iter().find(|(known, _)| *known == name).map(|(_, text)| Self::parse(text))
     }
@@ -50,10 +50,10 @@ impl RobotFile {
         &NAMES
     }
 
-    /// What `read` makes of the text of a file.
+    /// Result of `read` for the text of a file.
     ///
     /// # Errors
-    /// [`Error::Io`] for a file that cannot be read; [`Error::Decode`] with the file and the reason that `read` gives.
+    /// [`Error::Io`] for a file that cannot be read; [`Error::Decode`] with the file and the reason from `read`.
     pub(crate) fn read<T>(path: &Path, read: impl FnOnce(&str) -> Result<T>) -> Result<T> {
         let text = files::read_text(path, MAX_SIZE)?;
         read(&text).map_err(|error| {

@@ -1,4 +1,4 @@
-//! The rim of an omniwheel, which its rollers make up.
+//! The rim of an omniwheel, which consists of its rollers.
 
 use super::Params;
 use crate::error::{Error, Result, check};

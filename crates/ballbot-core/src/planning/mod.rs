@@ -1,7 +1,7 @@
 //! Controllers that simulate: they sample motions of the contact model itself.
 //!
-//! They are not among the controllers known by name until [`register`] has been called: the laws of [`crate::control`]
-//! depend on no simulation.
+//! They are known by name only after [`register`] has been called: the laws of [`crate::control`] do not depend on a
+//! simulation.
 
 mod mppi;
 mod rollouts;
@@ -12,10 +12,10 @@ use crate::control::{ControllerKind, LimitOptions, MOTION_PARTS, controller_kind
 use crate::error::Result;
 use crate::fields::describe_options;
 
-/// Makes the controllers of this module known by their names; does nothing where they are.
+/// Registers the controllers of this module by name; does nothing if they are registered.
 ///
 /// # Errors
-/// [`crate::Error::Inconsistent`] if another controller has taken the name meanwhile.
+/// [`crate::Error::Inconsistent`] if another controller has already taken the name.
 pub fn register() -> Result<()> {
     if controller_kinds().iter().any(|kind| kind.name == "mppi") {
         return Ok(());

@@ -14,7 +14,7 @@ use crate::state::State;
 use std::sync::{Mutex, PoisonError};
 
 crate::fields! {
-    /// How [`Mppi`] samples.
+    /// Sampling options of [`Mppi`].
     #[derive(Copy)]
     pub struct MppiOptions {
         /// Number of sampled motions; rounded up to a multiple of eight.
@@ -34,19 +34,19 @@ crate::fields! {
     }
 }
 
-/// Most decisions within the horizon.
+/// Largest number of decisions within the horizon.
 const MAX_DECISIONS: usize = 500;
 
-/// Most samples times decisions: 24 bytes each are kept.
+/// Largest number of samples times decisions: 24 bytes each are stored.
 const MAX_ALL: f64 = 1e6;
 
 /// Model predictive path integral control (Williams, Drews, Goldfain, Rehg, Theodorou, "Information-theoretic model
-/// predictive control", IEEE T-RO 34(6), 2018) on the model `contact`, slip and lift-off included.
+/// predictive control", IEEE T-RO 34(6), 2018) on the model `contact`, including slip and lift-off.
 ///
-/// Torques are those of [`Lqr`] plus a sequence δ. In each call all sampled motions start from the state of the robot,
-/// under the regulator and δ + ε with noise ε; δ becomes the mean of δ + ε with the weights exp(−J / T), J the cost of
-/// the regulator along the motion and its cost to go at the end. The samples depend on the seed, the number of the
-/// call and nothing else. The setpoint moves on in the horizon by its derivatives.
+/// Torques are the torques of [`Lqr`] plus a sequence δ. In each call all sampled motions start from the robot's state,
+/// under the regulator and δ + ε with noise ε; δ becomes the mean of δ + ε with the weights exp(−J / T), where J is the
+/// cost of the regulator along the motion plus its cost-to-go at the end. The samples depend only on the seed and the
+/// call number. The setpoint is extrapolated over the horizon by its derivatives.
 #[derive(Debug)]
 pub struct Mppi {
     base: Lqr,
@@ -57,19 +57,19 @@ pub struct Mppi {
     control_dt: f64,
     decisions: usize,
     memory: Vec<f64>,
-    /// Room of the calls that are under way.
+    /// Workspaces for concurrent calls.
     room: Mutex<Vec<Rollouts>>,
 }
 
 impl Mppi {
-    /// Time between two calls by default, s.
+    /// Default time between two calls, s.
     pub const CONTROL_DT: f64 = 0.02;
 
     /// A controller for `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for an option out of range, a horizon that is shorter than `control_dt` or has more
-    /// than 500 decisions; those of [`Lqr::with_weights`].
+    /// than 500 decisions; errors of [`Lqr::with_weights`].
     pub fn with_options(
         params: &Params,
         control_dt: f64,
@@ -110,10 +110,10 @@ impl Mppi {
         })
     }
 
-    /// The setpoint, moved on by `time` seconds.
+    /// The setpoint extrapolated by `time` seconds.
     fn ahead(&self, setpoint: &Setpoint, time: f64) -> Setpoint {
         let (v, j, s) = (setpoint.velocity, setpoint.jerk, setpoint.snap);
-        // The ball's: ÿ = z̈ − (ℓ/g) z⁗.
+        // Motion of the ball: ÿ = z̈ − (ℓ/g) z⁗.
         let a = setpoint.acceleration - s * self.base.lag();
         Setpoint {
             position: setpoint.position + (v + (a + (j + s * (time / 4.0)) * (time / 3.0)) * (time / 2.0)) * time,
@@ -198,7 +198,7 @@ impl Controller for Mppi {
     ) -> [f64; 3] {
         let base = self.base.torques_one(state, setpoint, largest, &mut []);
         let lane: LaneState<f64> = state.load(Scalar);
-        // What has diverged is not simulated on.
+        // Diverged samples are not simulated further.
         if !run_one(
             #[inline(always)]
             || lane.within_bounds(),

@@ -22,20 +22,20 @@ pub(super) struct Objective {
     pub(super) to_go: [[f64; STATES]; STATES],
 }
 
-/// What is added to the torques.
+/// Noise added to the torques.
 pub(super) struct Noise {
     /// Seed, and number of the call.
     pub(super) key: [f64; 2],
-    /// N·m.
+    /// Standard deviation, N·m.
     pub(super) deviation: f64,
     pub(super) correlation: f64,
-    /// No torque is above it, N·m.
+    /// Largest torque, N·m.
     pub(super) largest: f64,
 }
 
-/// Room for the samples of one call.
+/// Workspace for the samples of one call.
 pub(super) struct Rollouts {
-    /// At each decision, and at the end.
+    /// Setpoints at each decision and at the end.
     pub(super) setpoints: Vec<SetpointCells<Eight>>,
     robots: ContactLanes,
     /// Time steps of the simulation from one decision to the next.
@@ -66,8 +66,8 @@ impl Rollouts {
         }
     }
 
-    /// Simulates all samples from a state under a regulator and a plan with noise. The first sample has no noise, the second
-    /// no plan.
+    /// Simulates all samples from a state under a regulator and a plan with noise. The first sample has no noise, the
+    /// second has no plan.
     pub(super) fn run(
         &mut self,
         base: &Lqr,
@@ -148,7 +148,7 @@ impl Rollouts {
     }
 }
 
-/// One decision of eight samples: what is added to the torques, and the cost.
+/// One decision of eight samples: torques added to the regulator's torques, and the cost.
 struct Decide<'a> {
     base: &'a Lqr,
     limits: &'a TorqueLimits,
@@ -159,7 +159,7 @@ struct Decide<'a> {
     decision: usize,
     states: &'a StateCells<Eight>,
     setpoint: &'a SetpointCells<Eight>,
-    /// Noise of the decision before, then of this one.
+    /// Noise of the previous decision, then of this decision.
     last: &'a mut [Eight; 3],
     torques: &'a mut [Eight; 3],
     cost: &'a mut Eight,
@@ -168,7 +168,7 @@ struct Decide<'a> {
 /// Number of each sample within its group.
 const LANES: Eight = Eight([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
 
-/// What [`Decide`] has of its samples.
+/// Quantities of the samples in [`Decide`].
 struct Sampled<L> {
     state: LaneState<L>,
     setpoint: LaneSetpoint<L>,
@@ -259,7 +259,7 @@ impl Kernel for Decide<'_> {
     }
 }
 
-/// The end of eight samples: their cost to go.
+/// The end of eight samples: their cost-to-go.
 struct End<'a> {
     base: &'a Lqr,
     objective: &'a Objective,

@@ -30,9 +30,8 @@ pub struct BodyShape {
 }
 
 impl BodyShape {
-    /// Cylinder from the mass properties, as the parameters contain no outline. Its radius is that of the circle of the
-    /// outermost wheel center. It extends from just above the ball to the top of a slender mast with the inertia of the
-    /// body.
+    /// Cylinder from the mass properties, because the parameters contain no outline. Its radius reaches the outermost
+    /// wheel center. It extends from just above the ball to the top of a slender mast with the inertia of the body.
     pub fn new(params: &Params) -> Self {
         let bottom = 1.05 * params.ball_radius;
         let outermost = params.wheel_zeniths().into_iter().fold(0.0, f64::max);
@@ -70,8 +69,8 @@ impl CollisionShape {
         if wheel < body { ("wheels", wheel) } else { ("body", body) }
     }
 
-    /// The same above the ground: distances from its tangent planes below the wheels, and below points around both ends of
-    /// the body.
+    /// Lowest part of the bot and its height above uneven ground: the least distance of wheels and of points around
+    /// both ends of the body from the tangent plane below each.
     fn lowest_above(
         &self,
         ground: &Ground,
@@ -92,7 +91,7 @@ impl CollisionShape {
         if wheel < body { ("wheels", wheel) } else { ("body", body) }
     }
 
-    /// Lowest part of the bot, and its distance from the ground, a level floor without one, m.
+    /// Lowest part of the bot, and its distance from the ground (a level floor if `None`), m.
     pub fn lowest(
         &self,
         ground: Option<&Ground>,
@@ -105,7 +104,7 @@ impl CollisionShape {
         }
     }
 
-    /// Refuses a state in which the bot overlaps the ground, a level floor without one.
+    /// Refuses a state in which the bot overlaps the ground (a level floor if `None`).
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] naming the part and its height.

@@ -1,4 +1,4 @@
-//! Friction law of `contact` and `rigid`.
+//! Friction model of `contact` and `rigid`.
 
 use crate::lanes::{Lane, exp_of_negative};
 

@@ -1,7 +1,7 @@
 //! Simulation of the robot as bodies in contact.
 
 mod collision_shape;
-// What is public in it is so for tests alone, except for the motion.
+// It is public only for tests, except for the motion.
 #[allow(missing_docs)]
 pub(crate) mod contact;
 mod friction;

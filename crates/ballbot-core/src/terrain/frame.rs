@@ -2,17 +2,17 @@
 
 use crate::lanes::{Lane, Quat, Rotation, Vec3};
 
-/// The rotation from the inertial frame to that of the ground, the smallest that takes the normal to z.
+/// The smallest rotation from the inertial frame to the ground frame that takes the normal to z.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<L> {
-    /// Upward unit vector across the ground, inertial frame.
+    /// Upward unit normal of the ground, inertial frame.
     pub normal: Vec3<L>,
-    /// From the inertial frame to that of the ground.
+    /// From the inertial frame to the ground frame.
     pub rotation: Rotation<L>,
 }
 
 impl<L: Lane> Frame<L> {
-    /// The frame of a ground with the gradient of its height.
+    /// The frame of ground with a given gradient of its height.
     #[inline(always)]
     pub fn of_gradient([gx, gy]: [L; 2]) -> Self {
         let one = gx.splat(1.0);
@@ -20,7 +20,7 @@ impl<L: Lane> Frame<L> {
         Self::of_normal(Vec3::new(-gx * up, -gy * up, up))
     }
 
-    /// The frame of a ground with this normal, which points upwards.
+    /// The frame of ground with this upward normal.
     #[inline(always)]
     pub fn of_normal(normal: Vec3<L>) -> Self {
         let Vec3 { x, y, z } = normal;

@@ -1,4 +1,4 @@
-//! A terrain as the ground of balls of one radius.
+//! A terrain as ground for balls of one radius.
 
 use super::frame::Frame;
 use super::patch::Patch;
@@ -10,21 +10,22 @@ use crate::params::Params;
 use nalgebra::{Matrix2, Vector2, Vector3};
 use std::sync::Arc;
 
-/// Largest curvature of a valley as a share of that of the ball.
+/// Largest curvature of a valley as a fraction of the curvature of the ball.
 const MOST_CURVED: f64 = 0.5;
 
-/// Steps of Newton's method to a point of contact, and where they end, m.
+/// Largest number of Newton steps to a point of contact, and the tolerance at which they end, m.
 const MOST_STEPS: usize = 60;
 const FOUND: f64 = 1e-13;
 
-/// Bound on the rounding error of a gradient, in heights by the cell.
+/// Bound on the rounding error of a gradient, as a multiple of height / cell.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// A terrain with the surface of the centers of balls that touch it, at the distance of the ball's radius along the normal.
+/// A terrain with the surface on which the centers of balls in contact lie, one ball radius along the normal from the
+/// ground.
 ///
-/// The normal of that surface is the ground's in the point of contact, so a robot needs one evaluation a step. It is made
-/// for one radius. A ball of another radius r has its center higher by the difference along the normal; the normal is then
-/// off by the curvature times the difference, in radians.
+/// The normal of this surface equals the ground's normal at the contact point, so a robot needs one evaluation per
+/// step. The surface is for one radius. The center of a ball of another radius is higher by the difference along the
+/// normal; the normal then has an error of the curvature times the difference, in radians.
 #[derive(Debug)]
 pub struct Ground {
     terrain: Arc<Terrain>,
@@ -33,16 +34,16 @@ pub struct Ground {
 }
 
 impl Ground {
-    /// The ground of balls of a radius, m.
+    /// The ground for balls of a radius, m.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] if the ball does not reach into the narrowest valley: its curvature is at most half of the
-    /// ball's.
+    /// [`Error::Inconsistent`] if the ball does not fit the narrowest valley, whose curvature may be at most half the
+    /// curvature of the ball.
     pub fn new(terrain: &Arc<Terrain>, ball_radius: f64) -> Result<Self> {
         Self::check_radius(terrain, ball_radius)?;
         let surface = terrain.surface();
         let nodes = surface.nodes();
-        // Heights far above zero have steep rounding errors.
+        // Heights far from zero have rounding errors with steep slopes.
         let [lowest, highest] = terrain.heights();
         let grain = ROUNDING * lowest.abs().max(highest.abs()) * ball_radius / surface.cell();
         let mut heights = crate::memory::try_zeros::<f64>("heights of ball centers", &nodes)?;
@@ -55,7 +56,7 @@ impl Ground {
         Ok(Self { terrain: Arc::clone(terrain), centers, ball_radius })
     }
 
-    /// Checks that a ball reaches into the narrowest valley of a terrain.
+    /// Checks that a ball fits the narrowest valley of a terrain.
     ///
     /// # Errors
     /// As [`Ground::new`].
@@ -76,12 +77,12 @@ impl Ground {
         &self.terrain
     }
 
-    /// Radius of the balls that it is made for, m.
+    /// Ball radius of its design, m.
     pub fn ball_radius(&self) -> f64 {
         self.ball_radius
     }
 
-    /// Gap of balls of `radius` with their centers at `ball`, m, and the frame of the ground under them.
+    /// Gap of balls of `radius` centered at `ball`, m, and the frame of the ground below.
     #[inline(always)]
     pub fn under<L: Lane>(
         &self,
@@ -96,7 +97,7 @@ impl Ground {
         (gap, frame)
     }
 
-    /// Gap of one ball, m, and the ground's normal in the point of contact.
+    /// Gap of one ball, m, and the ground's normal at the point of contact.
     pub fn gap(&self, center: &Vector3<f64>, radius: f64) -> (f64, Vector3<f64>) {
         let (gap, frame) = run_one(
             #[inline(always)]
@@ -105,7 +106,7 @@ impl Ground {
         (gap, Vector3::new(frame.normal.x, frame.normal.y, frame.normal.z))
     }
 
-    /// Center of the ball of a robot that touches the ground above x and y, and the normal there.
+    /// Center of the robot's ball in contact with the ground, above x and y, and the normal at the contact.
     pub fn ball_center(&self, params: &Params, x: f64, y: f64) -> (Vector3<f64>, Vector3<f64>) {
         let jet = self.centers.jet(x, y);
         let normal = normal_of(jet.gradient);
@@ -113,8 +114,8 @@ impl Ground {
     }
 }
 
-/// Height of the center of a ball of radius `r` that touches the surface, above the place of the center: the point of
-/// contact p is where p − r ∇h / √(1 + |∇h|²) is that place. `grain`, m, is how well rounding errors let it be known.
+/// Height of the center of a ball of radius `r` in contact with the surface, centered above `place`: the contact point
+/// p solves p − r ∇h / √(1 + |∇h|²) = `place`. `grain`, m, is the accuracy that rounding errors permit.
 fn center_height(surface: &Spline, place: [f64; 2], r: f64, grain: f64) -> Result<f64> {
     let place = Vector2::from(place);
     let found = grain.max(FOUND * (1.0 + place.norm()));
@@ -131,7 +132,7 @@ fn center_height(surface: &Spline, place: [f64; 2], r: f64, grain: f64) -> Resul
         if miss.norm() <= found {
             return Ok(jet.z + r / length);
         }
-        // A step too far over a crest is halved.
+        // A step too far across a crest is halved.
         if miss.norm() > least {
             step *= 0.5;
             p += step;

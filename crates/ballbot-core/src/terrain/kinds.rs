@@ -7,17 +7,17 @@ use crate::error::{Error, Result, check};
 use crate::fields::Limit;
 use std::f64::consts::TAU;
 
-/// Largest slope of (1 − q²)³ and of the quintic step, each of height and width 1.
+/// Largest slope of (1 − q²)³ and of the quintic step, each with height and width 1.
 const BUMP_SLOPE: f64 = 1.717_300_206_719_834;
 const STEP_SLOPE: f64 = 1.875;
 
-/// Cells that the shortest wave has at least: with fewer its slope is lost.
+/// Minimum number of cells of the shortest wave: with fewer its slope is lost.
 const FINEST: f64 = 5.0;
 
-/// Most bumps of a terrain.
+/// Largest number of bumps of a terrain.
 const MOST_BUMPS: f64 = 1e5;
 
-/// What all generators take.
+/// Common parameters of all generators.
 const COMMON: [Parameter; 5] = [
     parameter("size_x", "m", 8.0, LENGTHS, "length along x"),
     parameter("size_y", "m", 8.0, LENGTHS, "length along y"),
@@ -37,24 +37,24 @@ const COMMON: [Parameter; 5] = [
 pub struct TerrainKind {
     /// Its name.
     pub name: &'static str,
-    /// What it makes.
+    /// Description of the terrain.
     pub doc: &'static str,
-    /// Its own parameters, besides those of all kinds.
+    /// Parameters of this kind, in addition to the common parameters.
     pub parameters: &'static [Parameter],
     make: Make,
 }
 
-/// How a kind makes a terrain.
+/// How a kind generates a terrain.
 #[derive(Clone, Copy)]
 enum Make {
-    /// By [`Terrain::plane`].
+    /// With [`Terrain::plane`].
     Plane,
-    /// By [`tiled`], which makes each tile by the height of a kind.
+    /// With [`tiled`], which generates each tile from the height of a kind.
     Tiles(fn(&Values, u64, tiled::OfKind) -> Result<Terrain>),
-    /// By its height.
+    /// From its height.
     Heights {
         height: fn(&Values, u64) -> Result<Height>,
-        /// Length of the shortest waves, or of what is as sharp, m; 0 or infinite for none.
+        /// Length of the shortest waves or similarly sharp features, m; 0 or infinite for none.
         shortest: fn(&Values) -> f64,
     },
 }
@@ -63,7 +63,7 @@ impl TerrainKind {
     /// All kinds.
     pub const ALL: [Self; 10] = [PLANE, WAVE, BOWL, NOISE, BUMPS, CURB, COBBLES, MIX, LEVELS, HILLS];
 
-    /// All parameters; a plane has no edges and no grid, and tiles follow from their own.
+    /// All parameters; a plane has no edges and no grid, and tiles determine theirs.
     pub fn all_parameters(&self) -> impl Iterator<Item = &'static Parameter> {
         let common = if matches!(self.make, Make::Heights { .. }) { &COMMON[..] } else { &[] };
         self.parameters.iter().chain(common)
@@ -72,7 +72,7 @@ impl TerrainKind {
     /// A kind by its name.
     ///
     /// # Errors
-    /// [`Error::UnknownName`] if there is none.
+    /// [`Error::UnknownName`] if it does not exist.
     pub fn named(name: &str) -> Result<Self> {
         crate::names::find("kind of terrain", name, Self::ALL, |kind| kind.name)
     }
@@ -95,12 +95,12 @@ impl TerrainKind {
 }
 
 impl Terrain {
-    /// A terrain of a kind, the same for the same seed and parameters on every machine; a parameter that is not given has its
-    /// default.
+    /// A terrain of a kind. Equal seeds and parameters give equal terrains on every machine; an omitted parameter has
+    /// its default.
     ///
     /// # Errors
-    /// [`Error::UnknownName`] for a kind or a parameter that is not known; [`Error::OutOfRange`] for a value beyond its
-    /// limit; [`Error::Inconsistent`] for a surface steeper than [`super::STEEPEST`].
+    /// [`Error::UnknownName`] for an unknown kind or parameter; [`Error::OutOfRange`] for a value outside its limit;
+    /// [`Error::Inconsistent`] for a surface steeper than [`super::STEEPEST`].
     pub fn generate(kind: &str, seed: u64, parameters: &[(&str, f64)]) -> Result<Self> {
         let kind = TerrainKind::named(kind)?;
         let values = kind.values(parameters)?;
@@ -118,10 +118,10 @@ impl Terrain {
 }
 
 impl TerrainKind {
-    /// The height of a kind that is made by one, with the apron.
+    /// The height of a kind that is generated from a height, with the apron.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] for waves that are too short for the grid; what the kind finds in its parameters.
+    /// [`Error::Inconsistent`] for waves that are too short for the grid; errors of the kind about its parameters.
     fn raised(&self, values: &Values, seed: u64) -> Result<Height> {
         let Make::Heights { height, shortest } = self.make else { unreachable!("it has a height") };
         let (shortest, cell) = (shortest(values), values.get("cell"));
@@ -141,7 +141,7 @@ impl TerrainKind {
         Ok(Box::new(move |x: f64, y: f64| (height(x, y) - middle) * smooth_step((x.hypot(y) - apron) / blend)))
     }
 
-    /// The height of one of the kinds of a tile.
+    /// The height of a kind for a tile.
     ///
     /// # Errors
     /// As [`Terrain::generate`].
@@ -256,7 +256,7 @@ const BUMPS: TerrainKind = TerrainKind {
                 n <= MOST_BUMPS
             })?;
             let mut random = Uniform::new(seed, 1);
-            // Strips along y, as wide as the largest bump: a place is reached from its own and the two beside it.
+            // Strips along y, as wide as the largest bump: a point is reached from its strip and the two neighbors.
             let largest = 1.3 * radius;
             let strip = move |x: f64| ((x + half[0]) / largest).max(0.0) as usize;
             let mut strips = vec![Vec::new(); strip(half[0]) + 3];

@@ -6,19 +6,19 @@ use crate::params::Params;
 use nalgebra::Matrix3;
 use std::f64::consts::FRAC_PI_2;
 
-/// Slopes at which a robot that stands still meets a limit, rad; π/2 where none is met.
+/// Slopes at which a robot at rest reaches a limit, rad; π/2 if it does not reach the limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlopeLimits {
-    /// The lean that holds it is the tilt at which it counts as fallen.
+    /// The lean that holds the robot equals the tilt at which it counts as fallen.
     pub fall: f64,
-    /// A wheel slips on the ball, or the ball on the ground; a wheel without load has slipped before.
+    /// A wheel slips on the ball, or the ball on the ground; a wheel slips before it loses its load.
     pub traction: f64,
     /// A motor gives its largest torque.
     pub motor: f64,
 }
 
 impl SlopeLimits {
-    /// The smallest of them, rad.
+    /// The smallest of the slopes, rad.
     pub fn smallest(&self) -> f64 {
         self.fall.min(self.traction).min(self.motor)
     }
@@ -27,8 +27,9 @@ impl SlopeLimits {
 impl Params {
     /// Slopes that the robot can stand on in its worst heading; it counts as fallen at the tilt `fall_tilt`, rad.
     ///
-    /// It leans by [`Params::slope_lean`] and is held by [`Params::holding_torques`]. Loads are those in the lean with the
-    /// drive's reaction. What stands still grips, so friction is static. Derived in `docs/derivations.md`, "Slope".
+    /// It leans by [`Params::slope_lean`] and is held by [`Params::holding_torques`]. Loads are computed at this lean
+    /// with the reaction of the drive. At rest the contacts grip, so friction is static. Derived in
+    /// `docs/derivations.md`, "Slope".
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] unless `fall_tilt` is above 0 and at most π/2.
@@ -42,8 +43,8 @@ impl Params {
         let wheels = Omniwheels::new(self);
         let spans = "axles and contacts of a validated robot span space";
         let body = self.to_balance_frame().inverse().to_rotation_matrix().into_inner();
-        // Per sine of the slope, of the unit vector h of the moment that holds the robot, heading frame, N: tractions, and
-        // what the loads gain, from the body's weight in the lean, h × e3, and from the reaction to the tractions.
+        // Per sine of the slope, for the unit vector h of the moment that holds the robot, heading frame, N: tractions,
+        // and changes of the loads by the body's weight at the lean, h × e3, and by the reaction to the tractions.
         let tractions = wheels.u.transpose().try_inverse().expect(spans) * body * weight;
         let across =
             Matrix3::new(0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0) * (lean * self.body_mass * self.gravity);
@@ -53,7 +54,7 @@ impl Params {
         let (mut traction, mut motor) = (self.floor_static_friction.atan().sin(), f64::INFINITY);
         for (i, load) in self.equilibrium_wheel_loads().into_iter().enumerate() {
             let (pull, gain) = (tractions.fixed_view::<1, 2>(i, 0), gains.fixed_view::<1, 2>(i, 0) * friction);
-            // sin γ (±pull - gain)·h = μ N cos(lean), in the worst direction of h.
+            // sin γ (±pull - gain)·h = μ N cos(lean), for the worst direction of h.
             let worst = (pull - gain).norm().max((pull + gain).norm());
             traction = traction.min(friction * load / worst.hypot(lean * friction * load));
             motor = motor.min(self.max_wheel_torque / (self.wheel_radius * pull.norm()));

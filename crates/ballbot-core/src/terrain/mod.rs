@@ -1,8 +1,8 @@
 //! The ground: one smooth surface for models, sensors, pictures and export.
 //!
-//! A [`Terrain`] is the height of the ground over x and y, a spline with continuous second derivatives. A [`Ground`] is a
-//! terrain with the surface on which the centers of balls of one radius move. Both are immutable and shared by all robots
-//! that stand on them.
+//! A [`Terrain`] is the height of the ground over x and y, a spline with continuous second derivatives. A [`Ground`] is
+//! a terrain with the surface on which the centers of balls of one radius move. Both are immutable and shared by all
+//! robots on them.
 
 mod frame;
 mod ground;
@@ -44,14 +44,14 @@ const HIGHEST: f64 = 1000.0;
 /// Distances of neighboring heights, m.
 const CELLS: std::ops::RangeInclusive<f64> = 1e-4..=1e3;
 
-/// Most heights of a terrain: 40 m by 40 m in steps of 2 cm, which take seconds.
+/// Largest number of heights of a terrain: 40 m by 40 m in steps of 2 cm, which takes seconds.
 pub const MOST_NODES: usize = 1 << 22;
 
 /// The ground's height over x and y.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Terrain {
     surface: Spline,
-    /// Half of its lengths along x and y, m; infinite for a plane.
+    /// Half lengths along x and y, m; infinite for a plane.
     half_size: [f64; 2],
     /// Gradient of a plane.
     plane: Option<[f64; 2]>,
@@ -61,7 +61,7 @@ pub struct Terrain {
     tiles: Option<Tiles>,
 }
 
-/// What a generator makes a terrain of.
+/// Inputs from which a generator creates a terrain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recipe {
     /// Name of its [`TerrainKind`].
@@ -82,14 +82,15 @@ struct Steepness {
     valley: f64,
     /// Largest curvature of crests, 1/m.
     crest: f64,
-    /// Largest second derivative in any direction, 1/m; zero at least.
+    /// Largest second derivative in any direction, 1/m; at least zero.
     bend: f64,
     lowest: f64,
     highest: f64,
 }
 
 impl Terrain {
-    /// A plane through the origin of the angle `slope`, rad, that rises towards `direction`, an angle from the x axis, rad.
+    /// A plane through the origin with the angle `slope`, rad, that rises towards `direction`, an angle from the x
+    /// axis, rad.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a slope that is not between 0 and [`STEEPEST`], and a direction that is not finite.
@@ -113,8 +114,8 @@ impl Terrain {
     /// neighbors and the origin in the middle.
     ///
     /// # Errors
-    /// [`Error::Length`] or [`Error::OutOfRange`] for sizes that cannot be and heights beyond ±1000 m;
-    /// [`Error::Inconsistent`] for a surface steeper than [`STEEPEST`], with the place.
+    /// [`Error::Length`] or [`Error::OutOfRange`] for invalid sizes and heights beyond ±1000 m; [`Error::Inconsistent`]
+    /// for a surface steeper than [`STEEPEST`], with its location.
     pub fn from_heights(heights: &[f64], nodes: [usize; 2], cell: f64) -> Result<Self> {
         let [nx, ny] = check_nodes(nodes, cell)?;
         let count = nx * ny;
@@ -130,7 +131,7 @@ impl Terrain {
         Self::of(Spline::through(heights, nodes, corner_of(nodes, cell), cell))
     }
 
-    /// The terrain whose surface has these coefficients ([`Spline::coefficients`]): a copy to the last bit.
+    /// The terrain with these surface coefficients ([`Spline::coefficients`]): an exact copy.
     ///
     /// # Errors
     /// As [`Terrain::from_heights`].
@@ -147,8 +148,8 @@ impl Terrain {
         Self::of(Spline::of_coefficients(coefficients.to_vec(), nodes, corner_of(nodes, cell), cell))
     }
 
-    /// The surface of a function of x and y, m, over a rectangle of the given lengths along x and y around the origin, from
-    /// its values in steps of at most `cell`.
+    /// The surface of a function of x and y, m, over a rectangle of the given lengths along x and y around the origin,
+    /// sampled in steps of at most `cell`.
     ///
     /// # Errors
     /// As [`Terrain::from_heights`]; [`Error::OutOfRange`] for lengths that are not above zero.
@@ -164,17 +165,18 @@ impl Terrain {
         Self::from_heights(&heights, nodes, cell)
     }
 
-    /// Nodes along x and y, and their distance, m, of [`Terrain::from_function`].
+    /// Nodes along x and y and their distance, m, for [`Terrain::from_function`].
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for lengths or a cell that cannot be, and for more nodes than a terrain has.
+    /// [`Error::OutOfRange`] for invalid lengths or an invalid cell, and for more nodes than a terrain may have.
     pub fn grid(size: [f64; 2], cell: f64) -> Result<([usize; 2], f64)> {
         check_cell(cell)?;
         for (name, length) in [("size along x", size[0]), ("size along y", size[1])] {
             check(name, length, format_args!("at least 3 cells of {cell} m"), |s| s >= 3.0 * cell)?;
             check(name, length, format_args!("at most {MOST_NODES} cells"), |s| s / cell <= MOST_NODES as f64)?;
         }
-        // The lengths are a whole number of cells: the one along x exactly, the other up to one cell more.
+        // The lengths are a whole number of cells: the length along x exactly, the other rounded up by less than a
+        // cell.
         let along = (size[0] / cell - 1e-9).ceil();
         let cell = size[0] / along;
         let nodes = [along as usize + 1, (size[1] / cell - 1e-9).ceil() as usize + 1];
@@ -182,7 +184,7 @@ impl Terrain {
         Ok((nodes, cell))
     }
 
-    /// Coordinate along an axis of node `i` of such a grid, whose middle is the origin.
+    /// Coordinate along an axis of node `i` of such a grid, centered at the origin.
     pub fn node(nodes: [usize; 2], cell: f64, i: usize, axis: usize) -> f64 {
         i as f64 * cell - half_of(nodes, cell)[axis]
     }
@@ -200,7 +202,7 @@ impl Terrain {
         })
     }
 
-    /// Height at x and y, m. Beyond its edges the terrain goes on straight across them, with the slope there.
+    /// Height at x and y, m. Beyond its edges the terrain continues straight with the slope at the edge.
     pub fn height(&self, x: f64, y: f64) -> f64 {
         self.surface.jet(x, y).z
     }
@@ -219,12 +221,12 @@ impl Terrain {
         self.surface.heights_at(x, y)
     }
 
-    /// Unit vector across the ground at x and y, upwards.
+    /// Upward unit normal of the ground at x and y.
     pub fn normal(&self, x: f64, y: f64) -> Vector3<f64> {
         normal_of(self.surface.jet(x, y).gradient)
     }
 
-    /// Derivatives of the height by x and y.
+    /// Derivatives of the height with respect to x and y.
     pub fn gradient(&self, x: f64, y: f64) -> [f64; 2] {
         self.surface.jet(x, y).gradient
     }
@@ -250,12 +252,12 @@ impl Terrain {
         [self.steepness.valley, self.steepness.crest]
     }
 
-    /// Least and largest height on the grid, m; of a plane those within 1 m of the origin along x and y.
+    /// Least and largest height on the grid, m; for a plane, the heights within 1 m of the origin along x and y.
     pub fn heights(&self) -> [f64; 2] {
         [self.steepness.lowest, self.steepness.highest]
     }
 
-    /// Half of its lengths along x and y, m; infinite for a plane.
+    /// Half lengths along x and y, m; infinite for a plane.
     pub fn half_size(&self) -> [f64; 2] {
         self.half_size
     }
@@ -275,7 +277,7 @@ impl Terrain {
         &self.surface
     }
 
-    /// What it was generated from; `None` for heights and functions.
+    /// Its generator inputs; `None` for heights and functions.
     pub fn recipe(&self) -> Option<&Recipe> {
         self.recipe.as_ref()
     }
@@ -285,18 +287,18 @@ impl Terrain {
         self.tiles.as_ref()
     }
 
-    /// A number that differs for terrains that differ, with a probability of 1 - 2⁻⁶⁴.
+    /// A number that differs between different terrains with a probability of 1 - 2⁻⁶⁴.
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint
     }
 
-    /// Largest second derivative of the height in any direction, 1/m; zero at least.
+    /// Largest second derivative of the height in any direction, 1/m; at least zero.
     pub(crate) fn bend(&self) -> f64 {
         self.steepness.bend
     }
 }
 
-/// Checks the nodes along x and y of a terrain and their distance.
+/// Checks the node counts along x and y of a terrain and the node distance.
 fn check_nodes(nodes: [usize; 2], cell: f64) -> Result<[usize; 2]> {
     check_cell(cell)?;
     for (name, count) in [("heights along x", nodes[0]), ("heights along y", nodes[1])] {
@@ -321,12 +323,12 @@ fn half_of(nodes: [usize; 2], cell: f64) -> [f64; 2] {
     nodes.map(|count| 0.5 * cell * (count - 1) as f64)
 }
 
-/// Where the first node of a terrain is, whose middle is the origin.
+/// Position of the first node of a terrain centered at the origin.
 fn corner_of(nodes: [usize; 2], cell: f64) -> [f64; 2] {
     half_of(nodes, cell).map(|half| -half)
 }
 
-/// Upward unit vector across a surface with this gradient.
+/// Upward unit normal of a surface with this gradient.
 pub(crate) fn normal_of([gx, gy]: [f64; 2]) -> Vector3<f64> {
     Vector3::new(-gx, -gy, 1.0).normalize()
 }

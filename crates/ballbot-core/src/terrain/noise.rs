@@ -3,11 +3,11 @@
 use crate::lanes::philox;
 use std::f64::consts::TAU;
 
-/// Waves in each octave of a noise. Slopes of a sum of so many are nearly normally distributed.
+/// Waves in each octave of a noise. With this number of waves, slopes of the sum are nearly normally distributed.
 const WAVES: usize = 24;
 
 /// Quotient of the 95th percentile of the slope of a noise and the standard deviation of the slope in one direction:
-/// √(2 ln 20), of the Rayleigh distribution.
+/// √(2 ln 20), from the Rayleigh distribution.
 const PERCENTILE: f64 = 2.447_746_830_680_816;
 
 /// Random numbers by seed and stream.
@@ -48,9 +48,9 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Noise whose slope has `percentile_slope`, the tangent of an angle, as the 95th percentile of all seeds. The first
-    /// octave has waves of `wavelength`, m; each next one `lacunarity` times shorter ones with `persistence` times the
-    /// amplitude.
+    /// Noise with `percentile_slope`, the tangent of an angle, as 95th percentile of its slope over all seeds. The
+    /// first octave has waves of `wavelength`, m; each next octave has `lacunarity` times shorter waves with
+    /// `persistence` times the amplitude.
     pub fn new(
         seed: u64,
         percentile_slope: f64,
@@ -68,7 +68,7 @@ impl Noise {
             let amplitude = persistence.powi(octave as i32) * (2.0 / WAVES as f64).sqrt();
             variance += WAVES as f64 * (amplitude * number).powi(2) / 4.0;
             for wave in 0..WAVES {
-                // Evenly spread directions with a random turn within each share.
+                // Evenly spread directions with a random rotation within each sector.
                 let angle = TAU * (wave as f64 + random.draw()) / WAVES as f64;
                 let phase = TAU * random.draw();
                 waves.push(Wave { amplitude, number: [number * angle.cos(), number * angle.sin()], phase });

@@ -1,19 +1,19 @@
-//! What generators of terrains take, and make.
+//! Parameters and results of terrain generators.
 
 use super::STEEPEST;
 use crate::fields::Limit;
 
-/// A number that a generator takes.
+/// A parameter of a generator.
 pub struct Parameter {
     /// Its name.
     pub name: &'static str,
     /// Its unit; empty for a pure number.
     pub unit: &'static str,
-    /// Its value if none is given.
+    /// Its default value.
     pub default: f64,
-    /// What it may be.
+    /// Its permitted values.
     pub limit: Limit,
-    /// What it is.
+    /// Its description.
     pub doc: &'static str,
 }
 
@@ -37,13 +37,13 @@ pub(super) type Height = Box<dyn Fn(f64, f64) -> f64>;
 pub(super) struct Values(pub(super) Vec<(&'static str, f64)>);
 
 impl Values {
-    /// The value of a parameter that the kind has.
+    /// The value of a parameter of the kind.
     pub(super) fn get(&self, name: &str) -> f64 {
         self.0.iter().find(|(known, _)| *known == name).expect("a parameter of the kind").1
     }
 }
 
-/// From 0 at 0 to 1 at 1, with two derivatives that are zero at both.
+/// From 0 at 0 to 1 at 1, with two zero derivatives at both ends.
 pub(super) fn smooth_step(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * t * (t * (6.0 * t - 15.0) + 10.0)

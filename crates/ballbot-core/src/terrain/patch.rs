@@ -1,14 +1,14 @@
-//! The coefficients of a spline about one place or eight, kept from one evaluation to the next: a robot stays in a cell for
-//! many steps.
+//! The coefficients of a spline near one place or eight, kept from one evaluation to the next: a robot stays in a cell
+//! for many steps.
 
 use crate::lanes::{Cell, Lane};
 
-/// Coefficients of a cell of each robot. They follow from the cell alone, so that no result depends on what was kept.
+/// Coefficients of the cell of each robot. They depend only on the cell, so no result depends on what was kept.
 #[derive(Clone, Debug)]
 pub struct Patch<T> {
     /// Index of the first coefficient; NaN for none.
     pub(super) index: T,
-    /// Rows of four.
+    /// Rows of four coefficients.
     pub(super) coefficients: [[T; 4]; 4],
 }
 
@@ -21,7 +21,7 @@ impl<T: Cell> Default for Patch<T> {
 }
 
 impl<T: Cell> Patch<T> {
-    /// Takes the coefficients of the cells whose first coefficient is at `index` of `all`, rows of `columns`.
+    /// Loads the coefficients of the cells whose first coefficient is at `index` of `all`, with rows of `columns`.
     #[inline(always)]
     pub(super) fn move_to<L: Lane<Cell = T>>(&mut self, token: L::Token, index: L, all: &[f64], columns: usize) {
         let kept = L::load(token, &self.index);

@@ -8,9 +8,9 @@ use crate::state::{State, attitude};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 impl Ground {
-    /// A robot at rest with its ball on the ground, the ball's center above x and y, m, turned to the heading `yaw`, rad.
-    /// `tilt` is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; `None` is the lean in which
-    /// it stands still: uphill by asin(M r_k sin γ / (M_b l)) on a slope γ.
+    /// A robot at rest with its ball on the ground, the ball's center above x and y, m, turned to the heading `yaw`,
+    /// rad. `tilt` is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; `None` is the
+    /// static lean: uphill by asin(M r_k sin γ / (M_b l)) on a slope γ.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] for a slope on which no lean holds the robot.
@@ -21,8 +21,9 @@ impl Ground {
         Ok(State { ball_position: center, body_position: center, body_quaternion, ..State::upright(params) })
     }
 
-    /// A start on level ground at the same place of this ground: the ball touches it and rolls with the same horizontal
-    /// velocity, and the static lean there is added to the tilt. Where no lean holds the robot, none is added.
+    /// A start on level ground moved to the same place on this ground: the ball touches the ground and rolls with the
+    /// same horizontal velocity, and the local static lean is added to the tilt. If no lean holds the robot, none is
+    /// added.
     pub fn adapted(&self, params: &Params, wheels: &Omniwheels, start: &State) -> State {
         let [x, y, _] = start.ball_position.into();
         let (center, normal) = self.ball_center(params, x, y);
@@ -48,7 +49,7 @@ impl Ground {
     }
 }
 
-/// A robot at rest upright with its ball on the ground above the origin; on level ground without one.
+/// A robot upright at rest with its ball on the ground above the origin; on level ground if `None`.
 pub fn upright_on(ground: Option<&Ground>, params: &Params) -> State {
     let upright = State::upright(params);
     let Some(ground) = ground else { return upright };
@@ -56,10 +57,10 @@ pub fn upright_on(ground: Option<&Ground>, params: &Params) -> State {
     State { ball_position: center, body_position: center, ..upright }
 }
 
-/// Rotation vector of the lean in which a robot stands still on ground with this normal.
+/// Rotation vector of the static lean of a robot on ground with this normal.
 ///
 /// # Errors
-/// [`Error::Inconsistent`] for a slope on which no lean holds it.
+/// [`Error::Inconsistent`] for a slope on which no lean holds the robot.
 pub(crate) fn static_lean(params: &Params, normal: &Vector3<f64>, [x, y]: [f64; 2]) -> Result<Vector2<f64>> {
     let sine = normal.xy().norm();
     if sine == 0.0 {

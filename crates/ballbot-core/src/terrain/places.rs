@@ -1,23 +1,23 @@
 //! A spline at several places of one robot at once: the points of a scan, or the rays of a picture.
 //!
-//! Shares are computed side by side, and the coefficients of each place are vectors along x. All is inlined into code that is
-//! dispatched by [`crate::lanes::run_one`].
+//! Weights are computed side by side, and the coefficients of each place are vectors along x. All code is inlined into
+//! code dispatched by [`crate::lanes::run_one`].
 
 use super::spline::{Spline, slopes, weights};
 
-/// How many places fill the registers of a processor.
+/// Number of places that fill the registers of a processor.
 pub const PLACES: usize = 8;
 
-/// The shares of four coefficients, or their derivatives.
+/// The weights of four coefficients, or their derivatives.
 type Shares<const N: usize> = [[f64; N]; 4];
 
 /// Heights and gradients.
 pub struct Slopes<const N: usize> {
     /// Heights, m.
     pub z: [f64; N],
-    /// Derivatives by x.
+    /// Derivatives with respect to x.
     pub gx: [f64; N],
-    /// Derivatives by y.
+    /// Derivatives with respect to y.
     pub gy: [f64; N],
 }
 
@@ -31,7 +31,7 @@ pub fn each<const N: usize>(mut number: impl FnMut(usize) -> f64) -> [f64; N] {
     out
 }
 
-/// Cells of the grid, and shares of the cells.
+/// Cells of the grid, and fractions of the cells.
 struct Cells<const N: usize> {
     cell: [f64; N],
     share: [f64; N],
@@ -48,7 +48,7 @@ fn cells<const N: usize>(at: &[f64; N], corner: f64, inverse: f64, count: f64) -
     out
 }
 
-/// The shares of each place, side by side.
+/// The weights of each place, side by side.
 #[inline(always)]
 fn side_by_side<const N: usize>(shares: impl Fn(f64) -> [f64; 4], t: &[f64; N]) -> Shares<N> {
     let mut out = [[0.0; N]; 4];
@@ -59,7 +59,7 @@ fn side_by_side<const N: usize>(shares: impl Fn(f64) -> [f64; 4], t: &[f64; N]) 
     out
 }
 
-/// Shares of one place.
+/// Weights of one place.
 #[inline(always)]
 fn at<const N: usize>(shares: &Shares<N>, i: usize) -> [f64; 4] {
     [shares[0][i], shares[1][i], shares[2][i], shares[3][i]]
@@ -71,7 +71,7 @@ fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
 }
 
 impl Spline {
-    /// Heights at places on the grid; those beyond it are moved to its edge.
+    /// Heights at places on the grid; places beyond it are moved to its edge.
     #[inline(always)]
     pub fn heights_at<const N: usize>(&self, x: &[f64; N], y: &[f64; N]) -> [f64; N] {
         let ([cx, cy], [nx, ny], inverse) = self.grid();
@@ -85,7 +85,7 @@ impl Spline {
         z
     }
 
-    /// The same with gradients.
+    /// Heights and gradients at places on the grid.
     #[inline(always)]
     pub fn slopes_at<const N: usize>(&self, x: &[f64; N], y: &[f64; N]) -> Slopes<N> {
         let ([cx, cy], [nx, ny], inverse) = self.grid();

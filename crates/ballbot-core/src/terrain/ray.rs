@@ -1,29 +1,29 @@
-//! Where rays meet the ground.
+//! Intersection of rays with the ground.
 
 use super::Terrain;
 use super::places::each;
 use crate::lanes::run_one;
 use nalgebra::Vector3;
 
-/// Most steps along a ray. One that grazes the ground longer than that has met it.
+/// Largest number of steps along a ray. A ray that grazes the ground for longer has hit it.
 const MOST_STEPS: usize = 400;
 
-/// Height over the ground at which a ray of a picture follows the tangent there, m.
+/// Height above the ground below which a ray of a picture follows the local tangent, m.
 const MET: f64 = 1e-7;
 
 /// Rays from one origin.
 pub struct Rays<const N: usize> {
     /// Components of their directions.
     pub direction: [[f64; N]; 3],
-    /// Shares of the directions before which no ray meets the ground.
+    /// Fractions of the directions before which no ray hits the ground.
     pub from: [f64; N],
-    /// Shares at which they end.
+    /// Fractions at which the rays end.
     pub limit: [f64; N],
 }
 
 impl Terrain {
-    /// The first share of `direction`, up to `limit`, at which a ray from `origin` meets the ground from above, and the
-    /// ground's normal there; `None` if it does not, or meets it beyond the edges of the terrain.
+    /// The first fraction of `direction`, up to `limit`, at which a ray from `origin` hits the ground from above, and
+    /// the normal there; `None` if it does not, or hits it beyond the edges of the terrain.
     pub fn cast(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<(f64, Vector3<f64>)> {
         let rays = Rays { direction: [[direction.x], [direction.y], [direction.z]], from: [0.0], limit: [limit] };
         let [share] = run_one(
@@ -36,11 +36,11 @@ impl Terrain {
         (share < limit && !entered && share.is_finite()).then(|| (share, self.normal(at.x, at.y)))
     }
 
-    /// The first share of each ray at which it is within `met` of the ground, along the vertical, or below it; infinite if there
-    /// is none up to its limit, on the terrain.
+    /// The first fraction of each ray at which it is within `met` of the ground, along the vertical, or below it;
+    /// infinite if there is none up to its limit on the terrain.
     ///
-    /// A step is the longest of two that cannot pass through the ground: that of the steepest slope, and that of the slope
-    /// here with the largest curvature, which near the ground is one of Newton's method.
+    /// A step is the longer of two steps that cannot pass through the ground: from the steepest slope, and from the
+    /// local slope with the largest curvature, which near the ground is a Newton step.
     #[inline(always)]
     pub fn meet<const N: usize>(&self, origin: &Vector3<f64>, rays: &Rays<N>, met: f64) -> [f64; N] {
         let Rays { direction: [dx, dy, dz], from, limit } = rays;
@@ -93,7 +93,7 @@ impl Terrain {
                 let above = dz[i].mul_add(share[i], origin.z) - ground.z[i];
                 let falling = ground.gx[i].mul_add(dx[i], ground.gy[i].mul_add(dy[i], -dz[i]));
                 if above < met {
-                    // Along the tangent: the rest of the way.
+                    // Along the tangent: the remaining distance.
                     let rest = if above > 0.0 && falling > 0.0 { above / falling } else { 0.0 };
                     hit[i] = (share[i] + rest).min(end[i]);
                     active[i] = false;
@@ -124,7 +124,7 @@ impl Terrain {
     }
 }
 
-/// Limits a part of a ray to where a coordinate is in a range.
+/// Limits a part of a ray to the range of a coordinate.
 #[inline(always)]
 fn clip(from: &mut f64, to: &mut f64, origin: f64, direction: f64, [low, high]: [f64; 2]) {
     if direction == 0.0 {

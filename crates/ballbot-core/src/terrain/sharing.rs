@@ -1,10 +1,10 @@
-//! Terrains and grounds that are in use already are made once.
+//! Reuse of terrains and grounds that are already in use.
 
 use super::{Ground, Recipe, Terrain};
 use crate::error::Result;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-/// What is in use, by what it was made of.
+/// Objects in use, by their inputs.
 type Used<K, V> = Mutex<Vec<(K, Weak<V>)>>;
 
 static TERRAINS: Used<Recipe, Terrain> = Mutex::new(Vec::new());
@@ -25,7 +25,7 @@ fn shared<K: PartialEq, V>(used: &Used<K, V>, key: K, make: impl FnOnce() -> Res
 }
 
 impl Terrain {
-    /// [`Terrain::generate`], made only if no such terrain is in use.
+    /// [`Terrain::generate`], created only if no such terrain is in use.
     ///
     /// # Errors
     /// As [`Terrain::generate`].
@@ -36,7 +36,7 @@ impl Terrain {
 }
 
 impl Ground {
-    /// [`Ground::new`], made only if no such ground is in use.
+    /// [`Ground::new`], created only if no such ground is in use.
     ///
     /// # Errors
     /// As [`Ground::new`].

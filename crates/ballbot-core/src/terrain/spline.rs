@@ -1,8 +1,8 @@
 //! Uniform bicubic B-splines: functions of x and y with continuous second derivatives.
 //!
-//! A spline goes through the heights on its grid, whose rows are along y. On the edges of the grid its second derivative
-//! across the edge is zero. Beyond an edge it goes on straight across it, with the slope of the nearest point of the edge, so
-//! that its gradient is continuous everywhere.
+//! A spline goes through the heights on its grid, whose rows are along y. On the edges of the grid its second
+//! derivative across the edge is zero. Beyond an edge it continues straight with the slope at the nearest point of the
+//! edge, so its gradient is continuous everywhere.
 
 use super::patch::Patch;
 use crate::lanes::{Lane, floor, run_one};
@@ -26,7 +26,7 @@ pub struct Spline {
 pub struct Height<L> {
     /// Height, m.
     pub z: L,
-    /// Derivatives by x and y.
+    /// Derivatives with respect to x and y.
     pub gradient: [L; 2],
 }
 
@@ -35,25 +35,25 @@ pub struct Height<L> {
 pub struct Jet {
     /// Height, m.
     pub z: f64,
-    /// Derivatives by x and y.
+    /// Derivatives with respect to x and y.
     pub gradient: [f64; 2],
     /// Second derivatives, 1/m: xx, xy, yy.
     pub hessian: [f64; 3],
 }
 
-/// Where a coordinate is in the grid.
+/// Position of a coordinate in the grid.
 struct Place<L> {
-    /// Number of the cell.
+    /// Index of the cell.
     cell: L,
-    /// Share of the cell.
+    /// Fraction of the cell.
     share: L,
-    /// Distance beyond the grid, m, with its sign.
+    /// Signed distance beyond the grid, m.
     beyond: L,
 }
 
 impl Spline {
-    /// The spline through `heights`: rows of `nodes[0]` numbers along x, `nodes[1]` of them along y, at least two each.
-    /// `corner` is where the first number is, `cell` the distance of neighbors.
+    /// The spline through `heights`: `nodes[1]` rows along y of `nodes[0]` numbers along x, at least two each. `corner`
+    /// is the position of the first number, `cell` the distance between neighbors.
     pub fn through(heights: &[f64], nodes: [usize; 2], corner: [f64; 2], cell: f64) -> Self {
         let [nx, ny] = nodes;
         debug_assert!(nx >= 2 && ny >= 2 && heights.len() == nx * ny);
@@ -78,26 +78,26 @@ impl Spline {
         Self::of_coefficients(coefficients, nodes, corner, cell)
     }
 
-    /// A spline of the coefficients that another one has.
+    /// A spline from the coefficients of another spline.
     pub fn of_coefficients(coefficients: Vec<f64>, nodes: [usize; 2], corner: [f64; 2], cell: f64) -> Self {
         let [nx, ny] = nodes;
         debug_assert!(nx >= 2 && ny >= 2 && coefficients.len() == (nx + 2) * (ny + 2));
         Self { coefficients, columns: nx + 2, cells: [nx - 1, ny - 1], corner, cell, cell_inverse: cell.recip() }
     }
 
-    /// Coefficients: rows along y, each with two numbers more than the nodes along x, and two rows more.
+    /// Coefficients in rows along y, with two more per row than nodes along x, and two more rows than nodes along y.
     pub fn coefficients(&self) -> &[f64] {
         &self.coefficients
     }
 
-    /// FNV-1a of the numbers that make it.
+    /// FNV-1a hash of the numbers that define it.
     pub(super) fn fingerprint(&self) -> u64 {
         let own = [self.columns as f64, self.corner[0], self.corner[1], self.cell];
         let bits = own.iter().chain(&self.coefficients).map(|value| value.to_bits());
         bits.fold(0xcbf2_9ce4_8422_2325, |hash, bits| (hash ^ bits).wrapping_mul(0x0000_0100_0000_01b3))
     }
 
-    /// Distance of neighboring nodes, m.
+    /// Distance between neighboring nodes, m.
     pub fn cell(&self) -> f64 {
         self.cell
     }
@@ -147,13 +147,13 @@ impl Spline {
         height
     }
 
-    /// Coordinates of the first node, cells along x and y, and the inverse of the distance of nodes.
+    /// Coordinates of the first node, cells along x and y, and the inverse of the node distance.
     #[inline(always)]
     pub(super) fn grid(&self) -> ([f64; 2], [f64; 2], f64) {
         (self.corner, self.cells.map(|cells| cells as f64), self.cell_inverse)
     }
 
-    /// Sums of the coefficients of a cell along y: four columns side by side, which are vectors to the processor.
+    /// Sums of the coefficients of a cell along y: four columns side by side, as vectors of the processor.
     #[inline(always)]
     pub(super) fn sums(&self, column: f64, row: f64, weights: &[f64; 4]) -> [f64; 4] {
         let first = (row as usize) * self.columns + column as usize;
@@ -191,7 +191,7 @@ impl Spline {
         let twist = product(&slants, &dy) * scale * scale;
         let [gx, gy] = [product(&slants, &wy) * scale, product(&values, &dy) * scale];
         let (bx, by) = (across.beyond, along.beyond);
-        // Beyond one edge the second derivative along it changes with the distance from it.
+        // Beyond an edge, the second derivative along the edge changes with the distance from it.
         let bend = |beyond: f64, bend: f64, other: f64, change: f64| {
             if beyond == 0.0 { (change * scale).mul_add(other, bend) * scale * scale } else { 0.0 }
         };
@@ -209,7 +209,7 @@ impl Spline {
     }
 }
 
-/// Coefficients of the cubic spline through `values` with zero curvature at its ends; `room` is as long as they are.
+/// Coefficients of the cubic spline through `values` with zero curvature at its ends; `room` has the same length.
 fn interpolate(values: &[f64], coefficients: &mut [f64], room: &mut [f64]) {
     let last = values.len() - 1;
     let inner = &mut coefficients[1..=last + 1];
@@ -232,7 +232,7 @@ fn interpolate(values: &[f64], coefficients: &mut [f64], room: &mut [f64]) {
     coefficients[end] = 2.0f64.mul_add(values[last], -coefficients[end - 2]);
 }
 
-/// Shares of four coefficients in the height.
+/// Weights of four coefficients in the height.
 #[inline(always)]
 pub(super) fn weights<L: Lane>(t: L) -> [L; 4] {
     let (sixth, one) = (1.0 / 6.0, t.splat(1.0));
@@ -243,7 +243,7 @@ pub(super) fn weights<L: Lane>(t: L) -> [L; 4] {
     [rest_square * rest * sixth, middle, other, square * t * sixth]
 }
 
-/// Derivatives of the shares by the place in the cell.
+/// Derivatives of the weights with respect to the position in the cell.
 #[inline(always)]
 pub(super) fn slopes<L: Lane>(t: L) -> [L; 4] {
     let rest = t.splat(1.0) - t;
@@ -252,7 +252,7 @@ pub(super) fn slopes<L: Lane>(t: L) -> [L; 4] {
     [-(rest.squared() * 0.5), middle, -other, t.squared() * 0.5]
 }
 
-/// Second derivatives of the shares.
+/// Second derivatives of the weights.
 fn bends(t: f64) -> [f64; 4] {
     [1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t]
 }

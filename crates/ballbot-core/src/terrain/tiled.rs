@@ -5,13 +5,13 @@ use super::{Terrain, Tiles};
 use crate::error::{Result, check};
 use crate::fields::Limit;
 
-/// The height of a kind, by its name, of a seed and parameters.
+/// The height of a kind by name, seed and parameters.
 pub(super) type OfKind = fn(&str, u64, &[(&str, f64)]) -> Result<Height>;
 
-/// What a tile is made of.
+/// The surface of a tile.
 struct Surface {
     kind: &'static str,
-    /// The parameter that is its length, as a share of the wavelength.
+    /// The parameter for its length, as a fraction of the wavelength.
     length: (&'static str, f64),
     own: &'static [(&'static str, f64)],
 }
@@ -40,7 +40,7 @@ const BLEND: Parameter = parameter(
     "width of the ring around it, and of the edges, in which the ground rises",
 );
 
-/// What the kind with levels takes.
+/// Parameters of the kind with levels.
 pub(super) const LEVELS: [Parameter; 7] = [
     parameter("slope", "rad", 0.15, SLOPES, "slope of the tiles of the highest level, as their kinds take it"),
     parameter(
@@ -63,7 +63,7 @@ pub(super) const LEVELS: [Parameter; 7] = [
     BLEND,
 ];
 
-/// What the kind of hills takes.
+/// Parameters of the kind of hills.
 pub(super) const HILLS: [Parameter; 7] = [
     parameter("slope", "rad", 0.15, SLOPES, "the 95th percentile of its slope over all seeds"),
     parameter("tiles", "", 4.0, Limit::from(1.0).to(100.0), "how many, a whole number"),
@@ -74,7 +74,7 @@ pub(super) const HILLS: [Parameter; 7] = [
     BLEND,
 ];
 
-/// Tiles of all kinds in rows of rising difficulty.
+/// Tiles of all kinds in rows of increasing difficulty.
 ///
 /// # Errors
 /// As [`Terrain::generate`].
@@ -107,7 +107,7 @@ fn made(
     let least = 2.0 * (apron + 2.0 * blend);
     check("tile", side, format_args!("at least 2 (apron + 2 blend) = {least} m"), |side| side >= least)?;
     let size = [side * tiles.columns as f64, side * tiles.levels as f64];
-    // Before anything is made of them.
+    // Before tiles are generated.
     Terrain::grid(size, cell)?;
     let mut heights = Vec::<Height>::with_capacity(tiles.columns * tiles.levels);
     for level in 0..tiles.levels {

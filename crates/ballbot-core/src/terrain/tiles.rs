@@ -1,11 +1,11 @@
-//! Where the tiles of a terrain are.
+//! Positions of the tiles of a terrain.
 
 /// Equal squares of a terrain: columns along x, levels along y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tiles {
-    /// How many there are in a row.
+    /// Number of tiles per row.
     pub columns: usize,
-    /// How many levels there are; level 0 is the easiest.
+    /// Number of levels; level 0 is the easiest.
     pub levels: usize,
     /// Side of a tile, m.
     pub side: f64,

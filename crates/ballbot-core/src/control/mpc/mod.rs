@@ -1,4 +1,4 @@
-//! Linear model predictive control: the regulator with what keeps its predicted torques within the limits.
+//! Linear model predictive control: the regulator plus inputs that keep its predicted torques within the limits.
 
 mod plane;
 mod prediction;
@@ -27,7 +27,7 @@ use plane::Plane;
 use prediction::{Prediction, STAGES, Start, load, store};
 
 crate::fields! {
-    /// Deviations of equal cost, as in [`LqrWeights`], and how far and how well [`Mpc`] looks ahead.
+    /// Deviations of equal cost, as in [`LqrWeights`], and the horizon and iterations of [`Mpc`].
     #[derive(Copy)]
     pub struct MpcOptions {
         /// Deviation of the ball position.
@@ -70,13 +70,14 @@ impl MpcOptions {
     }
 }
 
-/// τ = τ_ref − K x + v₀ in the heading frame, with the gain of [`super::Lqr`] sampled once a stage, and the first of the
-/// inputs v that cost least over the next stages. With the cost of the regulator's infinite horizon, Σ xᵀQx + uᵀRu is
-/// xᵀPx + Σ |v|² in suitable units, so that v is zero where the regulator keeps the limits; elsewhere their violations at each stage
-/// cost their squares. The limits are those of [`TorqueLimits`] at the predicted lean: linear in lean and torques.
+/// τ = τ_ref − K x + v₀ in the heading frame, with the gain of [`super::Lqr`] sampled once per stage, and the first of
+/// the inputs v of least cost over the next stages. With the cost of the regulator's infinite horizon, Σ xᵀQx + uᵀRu is
+/// xᵀPx + Σ |v|² in suitable units, so v is zero where the regulator keeps the limits; elsewhere the squared violations
+/// at each stage are added to the cost. The limits are the limits of [`TorqueLimits`] at the predicted lean, linear in
+/// lean and torques.
 ///
-/// Both planes are predicted together, for a wheel's limits depend on both. The problem is solved by a fixed number of
-/// accelerated gradient steps from the plan of the last call. Derived in `docs/laws.md`.
+/// Both planes are predicted together, because a wheel's limits depend on both. The problem is solved by a fixed number
+/// of accelerated gradient steps from the plan of the last call. Derived in `docs/laws.md`.
 #[derive(Clone, Debug)]
 pub struct Mpc {
     /// K, row by row.
@@ -147,7 +148,7 @@ impl Mpc {
         self.stage
     }
 
-    /// The wheel torques that a robot without a past is asked for now, before the last stage of the law, N·m.
+    /// The desired wheel torques of a robot without history, before the limits, N·m.
     pub fn wanted(&self, state: &State, setpoint: &Setpoint) -> [f64; 3] {
         let mut cells = StateCells::default();
         LaneState::from(state).store(&mut cells);
@@ -197,7 +198,7 @@ impl Mpc {
         ([wanted[0] + added[0], wanted[1] + added[1], wanted[2] + added[2]], pose)
     }
 
-    /// What the prediction starts from; the lean of the setpoint is held and so is the tilt rate of the rows.
+    /// Initial values of the prediction. The setpoint's lean and the tilt rate of the rows are held constant.
     #[inline(always)]
     fn start<L: Lane>(
         &self,

@@ -1,4 +1,4 @@
-//! One vertical plane of the predictive controller: the sampled model under the regulator.
+//! One vertical plane of the predictive controller: the sampled model with the regulator.
 
 use super::super::lean_planes::{LeanPlanes, PLACES};
 use super::super::riccati;
@@ -7,15 +7,15 @@ use crate::lanes::Lane;
 use crate::params::Params;
 use nalgebra::DMatrix;
 
-/// x⁺ = A x + b u of one vertical plane with x = (y, θ, ẏ, θ̇), and u = −k x + v / √s. The position does not act on
-/// the others: the first column of A is that of the identity.
+/// x⁺ = A x + b u of one vertical plane with x = (y, θ, ẏ, θ̇), and u = −k x + v / √s. The position does not affect the
+/// other states: the first column of A is a column of the identity.
 #[derive(Clone, Debug)]
 pub(super) struct Plane {
     /// A without its first column.
     a: [[f64; 3]; 4],
     b: [f64; 4],
     k: [f64; 4],
-    /// 1/√s, rad/s²: s v² is what v adds to the cost of the regulator.
+    /// 1/√s, rad/s²: v adds s v² to the cost of the regulator.
     pub(super) scale: f64,
 }
 
@@ -44,7 +44,7 @@ impl Plane {
         })
     }
 
-    /// u of a state and an input v.
+    /// u for a state and an input v.
     #[inline(always)]
     pub(super) fn input<L: Lane>(&self, [y, lean, velocity, rate]: [L; 4], v: L) -> L {
         let [ky, kl, kv, kr] = self.k;
@@ -53,7 +53,7 @@ impl Plane {
         v.mul_add_all(self.scale, moving + leaning)
     }
 
-    /// The state a stage later.
+    /// The state one stage later.
     #[inline(always)]
     pub(super) fn next<L: Lane>(&self, [y, lean, velocity, rate]: [L; 4], u: L) -> [L; 4] {
         let mut next = [y, y.zero(), y.zero(), y.zero()];
@@ -64,14 +64,16 @@ impl Plane {
         next
     }
 
-    /// The derivative of a function with respect to the input of a stage, from that with respect to the state after it.
+    /// The derivative of a function with respect to the input of a stage, from the derivative with respect to the next
+    /// state.
     #[inline(always)]
     pub(super) fn by_input<L: Lane>(&self, [y, lean, velocity, rate]: [L; 4]) -> L {
         let [by, bl, bv, br] = self.b;
         rate.mul_add_all(br, velocity.mul_add_all(bv, lean.mul_add_all(bl, y * by)))
     }
 
-    /// The derivative with respect to the state of a stage, from that with respect to the state after it and to u.
+    /// The derivative with respect to the state of a stage, from the derivatives with respect to the next state and to
+    /// u.
     #[inline(always)]
     pub(super) fn by_state<L: Lane>(&self, after: [L; 4], by_input: L) -> [L; 4] {
         let mut by_state = [after[0], by_input.zero(), by_input.zero(), by_input.zero()];

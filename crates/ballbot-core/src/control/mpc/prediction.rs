@@ -6,22 +6,23 @@ use crate::error::{Error, Result};
 use crate::lanes::{Lane, Memory};
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// Stages that are looked ahead.
+/// Stages of the horizon.
 pub(super) const STAGES: usize = 25;
 
 /// The inputs v of both planes at all stages.
 pub(super) type Plan<L> = [[L; 2]; STAGES];
 
-/// What does not change over the stages of one call.
+/// Quantities that are constant over the stages of one call.
 #[derive(Clone, Copy)]
 pub(super) struct Start<L> {
     /// (y, θ, ẏ, θ̇) of both planes, from the motion of the setpoint.
     pub(super) x: [[L; 4]; 2],
     /// Constant of each row.
     pub(super) rows: [L; ROWS],
-    /// Torque of each wheel in the motion of the setpoint, as a share of the largest.
+    /// Torque of each wheel in the motion of the setpoint, as a fraction of the largest torque.
     pub(super) torques: [L; 3],
-    /// Torque of each wheel per acceleration of a lean, as a share of the largest: this factor times that of the motors'.
+    /// Torque of each wheel per acceleration of a lean, as a fraction of the largest torque: this factor times the
+    /// motors' torque per acceleration.
     pub(super) per_acceleration: L,
 }
 
@@ -35,7 +36,7 @@ pub(super) struct Prediction {
     /// ρ, the cost of a violation.
     pub(super) penalty: f64,
     pub(super) iterations: usize,
-    /// The largest curvature that the rows give the cost, and the torques, per square of `per_acceleration`.
+    /// Largest curvature of the cost by the rows, and by the torques, per square of `per_acceleration`.
     curvature: [f64; 2],
 }
 
@@ -54,7 +55,7 @@ impl Prediction {
         Ok(new)
     }
 
-    /// The largest curvatures that the rows and the torques can give: those with all of them violated.
+    /// Largest curvatures that the rows and the torques can give: with all of them violated.
     fn largest_curvatures(&self) -> Result<[f64; 2]> {
         let (mut of_rows, mut of_torques) =
             (DMatrix::zeros(STAGES * ROWS, 2 * STAGES), DMatrix::zeros(STAGES * 3, 2 * STAGES));
@@ -91,7 +92,7 @@ impl Prediction {
         for (torque, constant) in self.torques.iter().zip(start.torques) {
             let driven = u[1].mul_add_all(torque[1], u[0] * torque[0]);
             let share = driven.mul_add(start.per_acceleration, constant);
-            // What is beyond ±1.
+            // The part beyond ±1.
             let over = (share - one.min(share).max(-one)) * start.per_acceleration;
             for axis in 0..2 {
                 by_input[axis] = over.mul_add_all(torque[axis], by_input[axis]);
@@ -125,10 +126,10 @@ impl Prediction {
     #[inline(always)]
     pub(super) fn improve<L: Lane>(&self, start: &Start<L>, plan: &mut Plan<L>) {
         let zero = start.per_acceleration.zero();
-        // Where the gradient is taken: the plan and its momentum.
+        // Point at which the gradient is taken: the plan and its momentum.
         let mut ahead = *plan;
-        // 1/L with a bound L of the largest curvature, and Nesterov's momentum for the smallest, 1. The largest torque, and
-        // with it the curvature, is that of the call.
+        // 1/L with a bound L of the largest curvature, and Nesterov's momentum for the smallest curvature, 1. The
+        // largest torque, and with it the curvature, depends on the call.
         let [of_rows, of_torques] = self.curvature.map(|curvature| self.penalty * curvature);
         let one = zero.splat(1.0);
         let largest = start.per_acceleration.squared().mul_add_all(of_torques, one.splat(1.0 + of_rows));
@@ -136,7 +137,7 @@ impl Prediction {
         let of_many = (root - 1.0) / (root + 1.0);
         let (mut by_lean, mut by_input) = ([[zero; 2]; STAGES], [[zero; 2]; STAGES]);
         for iteration in 0..self.iterations {
-            // Few iterations have no use for the momentum of many.
+            // The momentum of many iterations does not help few iterations.
             let momentum = of_many.min(one.splat(iteration as f64 / (iteration + 3) as f64));
             let mut x = start.x;
             for stage in 0..STAGES {
@@ -163,7 +164,7 @@ impl Prediction {
     }
 }
 
-/// Most steps of the search for eigenvalues; about two an eigenvalue are needed.
+/// Largest number of steps of the search for eigenvalues; each eigenvalue needs about two.
 const MAX_EIGENVALUE_STEPS: usize = 10_000;
 
 fn largest_eigenvalue(g: &DMatrix<f64>) -> Result<f64> {
@@ -174,7 +175,7 @@ fn largest_eigenvalue(g: &DMatrix<f64>) -> Result<f64> {
         .ok_or_else(|| Error::Inconsistent("the curvatures of the predictive controller were not found".into()))
 }
 
-/// The plan in a robot's memory, made a call ago: later by `share` of a stage.
+/// The stored plan of the previous call, shifted by `share` of a stage.
 #[inline(always)]
 pub(super) fn load<L: Lane>(memory: &Memory<'_, L>, share: f64) -> Plan<L> {
     let zero = memory.splat(0.0);
@@ -190,7 +191,7 @@ pub(super) fn load<L: Lane>(memory: &Memory<'_, L>, share: f64) -> Plan<L> {
     plan
 }
 
-/// Keeps a plan.
+/// Stores a plan.
 #[inline(always)]
 pub(super) fn store<L: Lane>(plan: &Plan<L>, memory: &mut Memory<'_, L>) {
     for (stage, [x, y]) in plan.iter().enumerate() {

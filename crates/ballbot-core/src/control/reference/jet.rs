@@ -1,4 +1,4 @@
-//! Truncated Taylor series in time: a value with its first four derivatives.
+//! Truncated Taylor series in time: a value and its first four derivatives.
 
 use std::ops::{Add, Mul, Sub};
 

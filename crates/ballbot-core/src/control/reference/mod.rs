@@ -1,4 +1,4 @@
-//! References: motions with the lean and the torques that they take.
+//! References: motions with the lean and the torques that they require.
 //!
 //! In each vertical plane z = y + ℓ θ is a flat output of the linear model (Shomin & Hollis, ICRA 2013): position,
 //! lean and torque follow from z and its derivatives, y = z − (ℓ/g) z̈, θ = z̈ / g, u = z⁗ / g − λ² z̈ / g.
@@ -23,11 +23,11 @@ use traction::Traction;
 /// The heading during a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turning {
-    /// At the time 0, rad.
+    /// Heading at time 0, rad.
     pub yaw: f64,
-    /// Rate to which the heading comes, rad/s.
+    /// Final rate of the heading, rad/s.
     pub rate: f64,
-    /// How long it takes to come to that rate, s.
+    /// Time to reach that rate, s.
     pub start: f64,
 }
 
@@ -47,16 +47,16 @@ pub struct Reference {
     traction: Traction,
 }
 
-/// Most that a motion is slowed down in the search for one that is feasible.
+/// Largest slowdown in the search for a feasible motion.
 const MAX_SLOWDOWN: f64 = 1e3;
 
 impl Reference {
-    /// The motion of the robot of `params`. `friction` is the share of the friction limit of the wheels that it may take;
+    /// The motion of the robot of `params`. `friction` is the fraction of the wheels' friction limit that it may use;
     /// `None` allows any motion.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] and [`Error::Length`] for numbers that make no motion; [`Error::Inconsistent`] for one that
-    /// takes more traction or torque than there is, with the time that would do.
+    /// [`Error::OutOfRange`] and [`Error::Length`] for numbers that do not define a motion; [`Error::Inconsistent`] for
+    /// a motion that requires more traction or torque than available, with a sufficient time.
     pub fn new(params: &Params, motion: Motion, turning: Turning, friction: Option<f64>) -> Result<Self> {
         params.validate()?;
         for (name, value) in [("yaw", turning.yaw), ("yaw_rate", turning.rate)] {
@@ -77,7 +77,7 @@ impl Reference {
         let z = self.flat.at(t);
         let turned = ramped(t, self.turning.start);
         let yaw = self.turning.rate.mul_add(turned.value(), self.turning.yaw);
-        // Within ±π, however long the robot turns.
+        // Within ±π for any number of turns.
         let yaw = yaw - TAU * (yaw / TAU).round();
         let derivative = |k: usize| Vector2::new(z[0].derivative(k), z[1].derivative(k));
         let lag = self.planes.lag();
@@ -93,17 +93,17 @@ impl Reference {
         }
     }
 
-    /// Whether its setpoints are those of a robot with `params`, too: both lean alike in the motion.
+    /// Whether its setpoints also apply to a robot with `params`: both require the same lean in the motion.
     pub fn suits(&self, params: &Params) -> bool {
         LeanPlanes::new(params).planes == self.planes.planes
     }
 
-    /// The motion that it was made of.
+    /// The motion of the ball.
     pub fn motion(&self) -> &Motion {
         &self.motion
     }
 
-    /// The heading during it.
+    /// The heading during the motion.
     pub fn turning(&self) -> Turning {
         self.turning
     }
@@ -113,10 +113,10 @@ impl Reference {
         self.motion.duration()
     }
 
-    /// Largest share of what the robot has that the motion takes: of the friction limit of a wheel, of its load (which is to
-    /// stay above 0) or of the motors' torque.
+    /// Largest fraction of an available quantity that the motion uses: the friction limit of a wheel, its load (which
+    /// must stay above 0) or the motors' torque.
     pub fn demand(&self) -> f64 {
-        /// Times at which the demand is taken, and the least number in each piece of the motion.
+        /// Number of times at which the demand is computed, and the least number in each piece of the motion.
         const SAMPLES: usize = 1000;
         const LEAST: usize = 40;
         let mut pieces = self.motion.pieces();
@@ -133,11 +133,11 @@ impl Reference {
         self.traction.demand(&self.planes, &self.at(t), turning)
     }
 
-    /// The least factor by which the motion must be slowed down so that its demand is `friction`; `None` if none below
-    /// 1000 does.
+    /// The least factor by which the motion must be slowed down to reduce its demand to `friction`; `None` if no factor
+    /// below 1000 suffices.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a share that is not from 0.01 to 1.
+    /// [`Error::OutOfRange`] for a fraction outside 0.01 to 1.
     pub fn slowdown(&self, friction: f64) -> Result<Option<f64>> {
         check_share(friction).map(|share| self.least_slowdown(share))
     }

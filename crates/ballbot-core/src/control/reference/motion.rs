@@ -6,68 +6,68 @@ use crate::error::{Error, Result, check};
 use nalgebra::Vector2;
 use std::f64::consts::TAU;
 
-/// Where the ball is to go, from rest at the time 0.
+/// Motion of the ball, from rest at time 0.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Motion {
     /// It stays.
     Hold {
-        /// m.
+        /// Position, m.
         position: [f64; 2],
     },
-    /// Smoothly through points, at rest at the first and the last: between two of them the polynomial of degree 9 that
-    /// begins and ends without velocity, acceleration, jerk and snap.
+    /// Smoothly through points, at rest at the first and the last: between two points the polynomial of degree 9 that
+    /// starts and ends with zero velocity, acceleration, jerk and snap.
     Path {
-        /// m; the first is where it begins.
+        /// Points, m; the motion starts at the first.
         points: Vec<[f64; 2]>,
-        /// When it is at each, increasing from 0, s.
+        /// Time at each point, increasing from 0, s.
         times: Vec<f64>,
     },
-    /// From point to point on straight lines, at rest at each.
+    /// From point to point on straight lines, at rest at each point.
     Stops {
-        /// m; the first is where it begins.
+        /// Points, m; the motion starts at the first.
         points: Vec<[f64; 2]>,
-        /// When it is at each, increasing from 0, s.
+        /// Time at each point, increasing from 0, s.
         times: Vec<f64>,
     },
-    /// At velocities that change smoothly, from rest at the origin.
+    /// With velocities that change smoothly, from rest at the origin.
     Velocities {
-        /// m/s.
+        /// Velocities, m/s.
         velocities: Vec<[f64; 2]>,
-        /// When each change begins, not decreasing, s.
+        /// Start of each change, not decreasing, s.
         times: Vec<f64>,
-        /// How long a change takes, s.
+        /// Duration of a change, s.
         change: f64,
     },
-    /// Around (0, radius) from the origin, at first towards x.
+    /// Around (0, radius) from the origin, initially towards x.
     Circle {
-        /// m.
+        /// Radius, m.
         radius: f64,
-        /// Time of a turn, s.
+        /// Period, s.
         period: f64,
-        /// How long it takes to come to speed, s.
+        /// Time to reach full speed, s.
         start: f64,
     },
     /// x = a sin ωt, y = a sin ωt cos ωt.
     Lemniscate {
         /// a, m.
         size: f64,
-        /// Time of a turn, s.
+        /// Period, s.
         period: f64,
-        /// How long it takes to come to speed, s.
+        /// Time to reach full speed, s.
         start: f64,
     },
-    /// Back and forth along x, so that the lean is a sine.
+    /// Back and forth along x, with a sinusoidal lean.
     Attitude {
         /// Amplitude of the lean, rad.
         lean: f64,
-        /// Hz.
+        /// Frequency, Hz.
         frequency: f64,
-        /// How long it takes to come to the frequency, s.
+        /// Time to reach the frequency, s.
         start: f64,
     },
 }
 
-/// Largest number of points or velocities; the spline takes the cube of it.
+/// Largest number of points or velocities; the cost of the spline grows with its cube.
 const MAX_POINTS: usize = 200;
 
 /// Largest time, s.
@@ -82,7 +82,7 @@ pub(super) enum FlatOutput {
         changes: Vec<(f64, Vector2<f64>)>,
         duration: f64,
     },
-    /// x of the first, y of the second harmonic with its offset and phase.
+    /// x of the first harmonic, y of the second with its offset and phase.
     Periodic {
         sines: [Harmonic; 2],
         rate: f64,
@@ -105,7 +105,7 @@ impl Harmonic {
     }
 }
 
-/// ∫ of the step 35 u⁴ − 84 u⁵ + 70 u⁶ − 20 u⁷ over the time, of which three derivatives are zero at both ends.
+/// Time integral of the step 35 u⁴ − 84 u⁵ + 70 u⁶ − 20 u⁷, three derivatives of which are zero at both ends.
 pub(super) fn ramped(t: f64, duration: f64) -> Jet {
     if t <= 0.0 {
         return Jet::default();
@@ -118,7 +118,7 @@ pub(super) fn ramped(t: f64, duration: f64) -> Jet {
 }
 
 impl Motion {
-    /// The same, slower by a factor.
+    /// The motion slowed down by a factor.
     pub(super) fn slowed(&self, factor: f64) -> Self {
         let mut slow = self.clone();
         match &mut slow {
@@ -133,13 +133,13 @@ impl Motion {
                 *period *= factor;
                 *start *= factor;
             }
-            // A lean at a lower frequency is no slower motion: the lean itself is less.
+            // A lean at a lower frequency is not a slower motion: the lean itself is reduced.
             Self::Attitude { lean, .. } => *lean /= factor * factor,
         }
         slow
     }
 
-    /// When it ends, s; `None` if it does not.
+    /// End of the motion, s; `None` if it does not end.
     pub fn duration(&self) -> Option<f64> {
         match self {
             Self::Path { times, .. } | Self::Stops { times, .. } => times.last().copied(),
@@ -148,7 +148,8 @@ impl Motion {
         }
     }
 
-    /// The times, first and last, between which the ball accelerates, s; of a periodic motion the start and a period.
+    /// The times, first and last, between which the ball accelerates, s; for a periodic motion, the start and one
+    /// period.
     pub(super) fn pieces(&self) -> Vec<[f64; 2]> {
         match self {
             Self::Hold { .. } => Vec::new(),
@@ -163,8 +164,8 @@ impl Motion {
         }
     }
 
-    /// The flat output of which the ball is at z − `lag` z̈ (s²), for a robot that accelerates by `acceleration` (m/(s²·rad))
-    /// per lean.
+    /// The flat output z whose ball position is z − `lag` z̈ (s²), for a robot that accelerates by `acceleration`
+    /// (m/(s²·rad)) per lean.
     pub(super) fn flat_output(&self, lag: f64, acceleration: f64) -> Result<FlatOutput> {
         Ok(match self {
             Self::Hold { position } => {

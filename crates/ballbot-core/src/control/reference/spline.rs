@@ -1,17 +1,18 @@
-//! The smoothest interpolating splines that begin and end at rest.
+//! The smoothest interpolating splines that start and end at rest.
 
 use super::jet::Jet;
 use crate::error::{Error, Result};
 use nalgebra::{DMatrix, Vector2};
 
-/// Degree of the polynomials: with one knot a point there are as many coefficients as points and conditions of rest.
+/// Degree of the polynomials: with one knot per point, the number of coefficients equals the number of points and rest
+/// conditions.
 const DEGREE: usize = 9;
 
 /// Derivatives that are zero at both ends.
 const AT_REST: usize = 4;
 
-/// A B-spline of degree 9 with knots at given times, through given points, with four derivatives zero at both ends. Through
-/// two points it is 126 u⁵ − 420 u⁶ + 540 u⁷ − 315 u⁸ + 70 u⁹ of the way.
+/// A B-spline of degree 9 with knots at given times, through given points, with four derivatives zero at both ends.
+/// Through two points it covers the fraction 126 u⁵ − 420 u⁶ + 540 u⁷ − 315 u⁸ + 70 u⁹ of the distance.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Spline {
     knots: Vec<f64>,
@@ -19,7 +20,7 @@ pub(super) struct Spline {
 }
 
 impl Spline {
-    /// The spline z of which z − `lag` z̈ is at `points` at `times`, which increase.
+    /// The spline z for which z − `lag` z̈ passes `points` at `times`, which increase.
     pub(super) fn new(points: &[Vector2<f64>], times: &[f64], lag: f64) -> Result<Self> {
         let (first, last) = (times[0], times[times.len() - 1]);
         let mut knots = vec![first; DEGREE];
@@ -54,7 +55,7 @@ impl Spline {
         Ok(spline)
     }
 
-    /// The place at time t, at rest before the first knot and after the last.
+    /// Position at time t, at rest before the first knot and after the last.
     pub(super) fn at(&self, t: f64) -> [Jet; 2] {
         let (first, last) = (self.knots[0], self.knots[self.knots.len() - 1]);
         let ends = [self.coefficients[0], self.coefficients[self.coefficients.len() - 1]];
@@ -70,7 +71,7 @@ impl Spline {
         sum
     }
 
-    /// The basis functions that are not zero at time t, by the recursion of Cox and de Boor, and the number of the first.
+    /// The basis functions that are nonzero at time t, by the Cox-de Boor recursion, and the index of the first.
     fn basis(&self, t: f64) -> (usize, [Jet; DEGREE + 1]) {
         let inner = &self.knots[DEGREE..self.knots.len() - DEGREE];
         // The last interval is closed.

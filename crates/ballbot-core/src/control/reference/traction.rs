@@ -1,4 +1,4 @@
-//! What a motion takes of the traction and the motors of a robot.
+//! Traction and motor torque that a motion requires of a robot.
 
 use crate::control::Setpoint;
 use crate::control::lean_planes::LeanPlanes;
@@ -20,8 +20,8 @@ impl Traction {
         Self { map: LoadMap::new(params), friction, max_torque: params.max_wheel_torque }
     }
 
-    /// The largest share of the friction limit, of the load or of the torque of a wheel in the motion of a setpoint.
-    /// `turning` is the acceleration of the heading, rad/s².
+    /// Largest fraction of the friction limit, load or torque of a wheel in the motion of a setpoint. `turning` is the
+    /// acceleration of the heading, rad/s².
     pub(super) fn demand(&self, planes: &LeanPlanes, setpoint: &Setpoint, turning: f64) -> f64 {
         let into_heading = Rotation2::new(-setpoint.yaw);
         let per_lean = planes.planes.map(|plane| plane.acceleration);

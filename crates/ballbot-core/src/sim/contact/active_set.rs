@@ -1,8 +1,8 @@
 //! The impulses that meet the contact conditions: a primal-dual active set, which is a semismooth Newton method.
 //!
-//! Each contact has a mode: open or closed, and sticking or slipping. With the modes given, the conditions are linear.
-//! The floor's rows do not couple with each other, so the floor is eliminated in closed form, and the wheel joints by a
-//! 3 × 3 matrix. Six equations for the wheels remain. A solution whose modes repeat is exact. The slip direction of the
+//! Each contact has a mode: open or closed, and sticking or slipping. For given modes the conditions are linear. The
+//! floor's rows do not couple with each other, so the floor is eliminated in closed form, and the wheel joints by a 3 ×
+//! 3 matrix. Six equations for the wheels remain. A solution whose modes repeat is exact. The slip direction of the
 //! floor is linearized, so it converges quadratically. Derivation: `docs/derivations.md`, "Active set".
 //!
 //! Newton's method for complementarity as an active set: M. Hintermüller, K. Ito, K. Kunisch, SIAM J. Optim. 13 (2002),
@@ -21,10 +21,10 @@ use crate::lanes::{Lane, Value};
 use modes::Modes;
 use search::search;
 
-/// Largest share of the bound of friction in a step after which a robot is taken to grip again.
+/// Largest fraction of the friction bound in a step after which a robot is taken to grip again.
 const GRIP_SHARE: f64 = 1.0 - 1e-9;
 
-/// Largest number of changes of the modes in a round. Chosen by experiment.
+/// Largest number of changes of the modes per round. Chosen by experiment.
 const MOST_STEPS: usize = 5;
 
 /// Changes of the modes with full weight of the slip speeds. Chosen by experiment.
@@ -64,9 +64,9 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         search::<JOINTS, L, V>(self, open, impulses, token)
     }
 
-    /// Trial impulses at those of the last step. Robots that gripped in the last step are taken to grip in this one,
-    /// where the trial impulses are those of the last step. Where friction is above 1 several modes may meet the
-    /// conditions; there each wheel keeps its mode, so that a robot does not change it without a cause.
+    /// Trial impulses from the impulses of the last step. Robots that gripped in the last step are taken to grip in
+    /// this step: their trial impulses are the impulses of the last step. With friction above 1, several modes may meet
+    /// the conditions; then each wheel keeps its mode, so that a robot does not change mode without a cause.
     #[inline(always)]
     fn first_trial<const JOINTS: bool>(&self, last: &PerRow<L>) -> PerRow<L> {
         let friction = self.friction;
@@ -101,7 +101,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         first
     }
 
-    /// Trial impulses after sweeps, from impulses whose modes cycle.
+    /// Trial impulses after sweeps, for impulses whose modes cycle.
     #[inline(always)]
     fn swept<const JOINTS: bool>(&self, open: L::Mask, impulses: &mut PerRow<L>) -> PerRow<L> {
         let mut residuals = *self.residuals;

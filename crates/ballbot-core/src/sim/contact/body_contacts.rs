@@ -1,8 +1,8 @@
 //! Rare contacts: bot on the floor, and ball against the body.
 //!
-//! They are not part of the rows. A step is solved without them first. Robots that would close such a contact have their
-//! impulses from Gauss-Seidel sweeps over these contacts and the rows together; the others keep the exact solution. So
-//! does a robot that may touch nothing but is taken for near, which changes no bit of its motion.
+//! They are not part of the rows. A step is solved without them first. Robots that would close such a contact get their
+//! impulses from Gauss-Seidel sweeps over these contacts and the rows together. The others keep the exact solution, and
+//! so do robots that are marked near but touch nothing: their motion keeps every bit.
 
 mod ball_on_body;
 mod floor_point;
@@ -26,17 +26,17 @@ const SWEEPS: usize = 3;
 /// Largest number of sweeps. Chosen by experiment.
 const MOST_SWEEPS: usize = 20;
 
-/// Root of the squared changes of the impulses in a sweep above which the sweeps continue, as a share of the impulse of a
-/// wheel's static load. Chosen by experiment.
+/// Root of the squared changes of the impulses in a sweep above which the sweeps continue, as a fraction of the impulse
+/// of a wheel's static load. Chosen by experiment.
 const SETTLED_SHARE: f64 = 1e-4;
 
 /// Distance in addition to the motion within a step at which a contact of bot and floor is considered, m.
 const FLOOR_MARGIN: f64 = 2e-3;
 
-/// The same of ball and body, in ball radii.
+/// Distance in addition to the motion within a step at which a contact of ball and body is considered, in ball radii.
 const BALL_MARGIN: f64 = 5e-3;
 
-/// Offset of the ball's center from the origin of the body frame, in ball radii, from which on the distance of ball and
+/// Offset of the ball's center from the origin of the body frame, in ball radii, above which the distance of ball and
 /// cylinder is computed. The distance at rest is more than twice this.
 const MAX_CENTER_OFFSET: f64 = 0.02;
 
@@ -44,9 +44,9 @@ const MAX_CENTER_OFFSET: f64 = 0.02;
 pub struct Near<'a, L: Lane> {
     /// Robots that need the contacts of this module.
     pub mask: L::Mask,
-    /// Those of them whose ball may touch wheels or body, so that all contacts are solved together.
+    /// Robots of `mask` whose ball may touch wheels or body, so that all contacts are solved together.
     pub coupled: L::Mask,
-    /// Those whose ball may touch the body's cylinder.
+    /// Robots of `mask` whose ball may touch the body's cylinder.
     ball_on_body: L::Mask,
     /// Height below which a point of the bot may touch the floor, m.
     floor_limit: L,
@@ -82,7 +82,7 @@ impl<'a, L: Lane> Near<'a, L> {
         let cylinder = up.dot(bottom.into()).min(up.dot(top.into())) - rim;
         let lowest = match footing {
             None => pose.body.z + (wheels - c.wheel_radius.at(zero)).min(cylinder),
-            // Nothing but references to memory, so that the step on level ground keeps its numbers in registers.
+            // Only references to memory, so that the step on level ground keeps its numbers in registers.
             Some(footing) => L::rarely(
                 token,
                 #[inline(always)]
@@ -118,8 +118,8 @@ impl<'a, L: Lane> Near<'a, L> {
     }
 }
 
-/// Finishes a step of robots of which some are near rare contacts. `without` has the velocities and impulses of a step
-/// without these contacts, which are exact for the robots that close none of them.
+/// Finishes a step of robots, some of which are near rare contacts. `without` has the velocities and impulses of a step
+/// without these contacts. They are exact for robots that close none of them.
 #[inline(never)]
 pub fn finish_near<L: Lane>(
     constants: &Constants<L::Cell>,
@@ -170,7 +170,7 @@ pub fn finish_near<L: Lane>(
     );
 }
 
-/// Least height of a part of the bot above what the ground at most rises to there.
+/// Lower bound of the height of a part of the bot above the highest possible ground below it.
 #[inline(always)]
 fn lowest_over<L: Lane, V: Value<L>>(
     c: &Constants<V>,
@@ -192,20 +192,20 @@ fn lowest_over<L: Lane, V: Value<L>>(
     lowest.min(clearance(&relief, body + rotation.apply(top.into()), [radius, sine * radius]))
 }
 
-/// The same of a part that reaches `beside` and `below` its center.
+/// Lower bound of the height of a part that extends `beside` and `below` its center.
 #[inline(always)]
 fn clearance<L: Lane>(relief: &Relief<'_, L>, center: Vec3<L>, [beside, below]: [L; 2]) -> L {
     let along = center.x.mul_add(center.x, center.y.squared()).sqrt() + beside;
     center.z - below - relief.rise(along, center.z.abs() + below)
 }
 
-/// Sum of the sizes of the components, an upper bound of the length.
+/// Sum of the absolute components, an upper bound of the length.
 #[inline(always)]
 fn sum_of_sizes<L: Lane>(v: Vec3<L>) -> L {
     v.x.abs() + v.y.abs() + v.z.abs()
 }
 
-/// What the sweeps over the rows need.
+/// Inputs of the sweeps over the rows.
 struct System<L, V> {
     delassus: Delassus<L, V>,
     friction: Friction<L>,
@@ -243,7 +243,7 @@ impl<L: Lane> Contacts<L> {
         Self { points, used, ball, normal_estimate: impulses.normals, impulses, velocities }
     }
 
-    /// Robots near rare contacts that close one of them with the present velocities.
+    /// Robots near rare contacts that close a rare contact at the present velocities.
     #[inline(always)]
     fn closing<V: Value<L>>(&self, c: &Constants<V>, near: &Near<'_, L>) -> L::Mask {
         let mut closing = near.ball_on_body & self.ball.closes(c, &self.velocities);
@@ -255,8 +255,8 @@ impl<L: Lane> Contacts<L> {
         closing & near.mask
     }
 
-    /// Solves for the impulses of the robots in the mask of `near`: with those of the rows where the ball may touch wheels
-    /// or body, from the impulses of the last step.
+    /// Solves for the impulses of the robots in the mask of `near`, from the impulses of the last step. Includes the
+    /// impulses of the rows where the ball may touch wheels or body.
     #[inline(always)]
     fn solve<V: Value<L>>(
         &mut self,
@@ -291,7 +291,8 @@ impl<L: Lane> Contacts<L> {
                 }
             }
         }
-        // A contact that is skipped adds nothing, one beside a neighbor's adds zero, which changes the sign of −0 only.
+        // A skipped contact adds nothing; a contact used only by a neighbor adds zero, which changes only the sign of
+        // −0.
         self.impulses = PerRow::select(near.mask, &self.impulses.with_positive_zeros(), &self.impulses);
         self.velocities = Velocities::select(near.mask, &self.velocities.with_positive_zeros(), &self.velocities);
     }
@@ -341,7 +342,7 @@ impl<L: Lane> Contacts<L> {
         change
     }
 
-    /// Robots of the mask that touch the floor with the bot.
+    /// Robots of the mask whose bot touches the floor.
     #[inline(always)]
     fn bot_touches(&self, mask: L::Mask) -> L::Mask {
         let zero = self.ball.impulse.zero();

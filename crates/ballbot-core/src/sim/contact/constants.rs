@@ -12,7 +12,7 @@ use std::borrow::Cow;
 
 /// Recovery rate of an overlap (Baumgarte), 1/s. Chosen by experiment.
 const RECOVERY_RATE: f64 = 100.0;
-/// Largest share of an overlap that is removed in one step. Chosen by experiment.
+/// Largest fraction of an overlap that is removed in one step. Chosen by experiment.
 const LARGEST_RECOVERY: f64 = 0.2;
 
 cells! {
@@ -22,17 +22,17 @@ cells! {
         pub sim_dt: T,
         pub sim_dt_inverse: T,
         pub half_dt: T,
-        /// What gravity takes from a velocity in a step. Zeros are positive: subtracted, they leave all bits.
+        /// Decrease of a velocity by gravity in a step. Zeros are positive: subtracting them keeps all bits.
         pub gravity_dt: [T; 3],
         pub ball_radius: T,
         pub ball_mass_inverse: T,
-        /// Factor on the horizontal velocity of the ball in a step by viscous friction.
+        /// Factor of viscous friction on the ball's horizontal velocity in a step.
         pub ball_drag: T,
         pub body_mass_inverse: T,
         /// Principal moments of inertia of the body.
         pub body_inertia: [T; 3],
         pub body_inertia_inverse: [T; 3],
-        /// 1 for a body whose principal axes are not its body axes or whose CoM is off the mast, else 0.
+        /// 1 if the principal axes of the body are not its body axes or its CoM is off the mast, else 0.
         pub general: T,
         /// Rotation from the principal frame to the body frame, `[w, x, y, z]`.
         pub principal_axes: [T; 4],
@@ -78,7 +78,7 @@ cells! {
         pub body_ends: [[T; 3]; 2],
         /// Height of the lower end of the body cylinder along the mast, from the CoM.
         pub body_bottom: T,
-        /// Height of its upper end.
+        /// Height of the upper end of the body cylinder along the mast, from the CoM.
         pub body_top: T,
         /// Radius of a sphere about the CoM that contains the bot.
         pub reach: T,
@@ -92,13 +92,13 @@ cells! {
         pub wheel_surface_compliance: T,
         /// Load of each wheel in equilibrium.
         pub wheel_loads: [T; 3],
-        /// The largest of them.
+        /// The largest wheel load.
         pub static_wheel_load: T,
         /// Load of the floor at rest.
         pub static_floor_load: T,
-        /// Load of the floor below a ball alone at rest.
+        /// Load of the floor below a ball at rest without the bot.
         pub static_ball_load: T,
-        /// Largest share of the speed of each loss that it takes in a step; 0 for a robot without losses.
+        /// Largest fraction of a speed that its loss removes in a step; 0 for a robot without losses.
         pub loss_share: T,
         /// c_r / J_k: change of the ball's rolling rate per impulse of the floor.
         pub rolling_loss: T,
@@ -110,7 +110,7 @@ cells! {
         pub unusual: T,
         /// Half the ripple of the wheels' rims.
         pub ripple_amplitude: T,
-        /// Ripples a turn of a wheel.
+        /// Ripples per turn of a wheel.
         pub roller_count: T,
         pub roller_phases: [T; 3],
     }
@@ -122,7 +122,7 @@ impl Constants<f64> {
         Self::in_axes(params, sim_dt, &PrincipalAxes::new(params))
     }
 
-    /// [`Constants::new`] with principal axes given.
+    /// [`Constants::new`] with given principal axes.
     pub fn in_axes(params: &Params, sim_dt: f64, principal: &PrincipalAxes) -> Self {
         let wheels = Omniwheels::new(params);
         let shape = BodyShape::new(params);
@@ -275,7 +275,7 @@ impl<V> Constants<V> {
 }
 
 impl<V> Constants<V> {
-    /// The constants in memory, one of each robot.
+    /// The constants in memory, one set per robot.
     #[inline(always)]
     pub fn stored<L: Lane>(&self, like: L) -> Constants<L::Cell>
     where
@@ -376,7 +376,7 @@ pub fn at3<L: Lane, V: Value<L>>([a, b, c]: [V; 3], like: L) -> [L; 3] {
 pub enum LaneConstants {
     /// One set for all.
     Shared(Box<Constants<f64>>),
-    /// One set a lane.
+    /// One set per lane.
     PerLane(Box<Constants<Eight>>),
 }
 

@@ -7,8 +7,8 @@ use crate::lanes::{Lane, Value, Vec3};
 
 /// Delassus matrix: change of the velocity of each row per impulse of each row, in blocks of three rows.
 ///
-/// The rows of the floor share only the ball, whose inertia is isotropic, so they do not couple with each other. Joints
-/// do not couple with the floor.
+/// The rows of the floor act only on the ball, whose inertia is isotropic, so they do not couple with each other.
+/// Joints do not couple with the floor.
 pub struct Delassus<L, V> {
     pub normal_normal: [[L; 3]; 3],
     pub normal_drive: [[L; 3]; 3],

@@ -1,4 +1,4 @@
-//! What the encoders of the wheels measure.
+//! Encoder rates of the wheels.
 
 use super::constants::Constants;
 use super::types::Velocities;

@@ -1,4 +1,4 @@
-//! The ground under robots: a step on a terrain is one on a level floor in the frame of the ground under the ball.
+//! The ground under robots: a step on terrain is a step on a level floor in the frame of the ground under the ball.
 
 use super::constants::{Constants, at3};
 use super::state::ContactState;
@@ -6,8 +6,8 @@ use crate::lanes::{Cell, Lane, Quat, Rotation, Value, Vec3};
 use crate::terrain::{Frame, Ground, Patch};
 use std::sync::Arc;
 
-/// The ground of one robot or of eight, and the frame of it in which their step is computed. All but the ground follows from
-/// where the balls are.
+/// The ground of one robot or of eight, and the frame in which their step is computed. Everything except the ground
+/// follows from the ball positions.
 pub struct Footing<T> {
     pub ground: Arc<Ground>,
     patch: Patch<T>,
@@ -30,8 +30,8 @@ impl<T: Cell> Footing<T> {
         }
     }
 
-    /// Takes robots to the frame of the ground, with its origin on the tangent plane below the ball; `gravity_dt` is gravity
-    /// there.
+    /// Transforms robots to the frame of the ground, whose origin is on the tangent plane below the ball; `gravity_dt`
+    /// is gravity in this frame.
     #[inline(always)]
     pub fn enter<L: Lane<Cell = T>, V: Value<L>>(
         &mut self,
@@ -64,7 +64,7 @@ impl<T: Cell> Footing<T> {
         }
     }
 
-    /// Takes robots back to the inertial frame after a step.
+    /// Transforms robots back to the inertial frame after a step.
     #[inline(always)]
     pub fn leave<L: Lane<Cell = T>>(&self, token: L::Token, state: &mut ContactState<T>) {
         let frame = Frame::of_normal(Vec3::<L>::load(token, &self.normal));
@@ -78,7 +78,7 @@ impl<T: Cell> Footing<T> {
         turn(token, state, &frame.quaternion().conjugated(), &back);
     }
 
-    /// The ground near the robots, in the frame that [`Footing::enter`] took them to.
+    /// The ground near the robots, in the frame of [`Footing::enter`].
     #[inline(always)]
     pub fn relief<L: Lane<Cell = T>>(&self, token: L::Token) -> Relief<'_, L> {
         Relief {
@@ -91,7 +91,7 @@ impl<T: Cell> Footing<T> {
     }
 }
 
-/// Turns what a state has besides positions.
+/// Rotates the vectors of a state other than positions.
 #[inline(always)]
 fn turn<L: Lane>(token: L::Token, state: &mut ContactState<L::Cell>, quaternion: &Quat<L>, rotation: &Rotation<L>) {
     for attitude in [&mut state.ball_quaternion, &mut state.body_quaternion] {
@@ -124,7 +124,7 @@ impl<L: Lane> Relief<'_, L> {
         self.frame.rotation.transposed().apply(vector)
     }
 
-    /// Distance of a point from the ground's tangent plane below it, m, and the normal of that plane.
+    /// Distance of a point from the ground's tangent plane below it, m, and the plane's normal.
     #[inline(always)]
     pub fn below(&self, point: Vec3<L>) -> (L, Vec3<L>) {
         let center = Vec3::new(point.x.zero(), point.x.zero(), self.height);
@@ -135,12 +135,12 @@ impl<L: Lane> Relief<'_, L> {
         ((there.z - height.z) * normal.z, self.frame.rotation.apply(normal))
     }
 
-    /// How far the ground may rise at most above its tangent plane at the contact, at a point's distance from it along the
-    /// plane and across, m.
+    /// Largest possible rise of the ground above its tangent plane at the contact, m, at a point's distance along the
+    /// plane and across it.
     #[inline(always)]
     pub fn rise(&self, along: L, across: L) -> L {
         let terrain = self.ground.terrain();
-        // A step along the normal is one of its sine along the horizontal.
+        // A step along the normal changes the horizontal position by its sine.
         let distance = across.abs().mul_add_all(terrain.slope().sin(), along);
         distance.squared() * (0.5 * terrain.bend())
     }

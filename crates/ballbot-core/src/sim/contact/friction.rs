@@ -22,7 +22,8 @@ impl<L: Lane> Friction<L> {
         let (floor_static, floor_dynamic) = (c.floor_static_friction.at(like), c.floor_dynamic_friction.at(like));
         let mut out = Self { wheels: [wheel_dynamic; 3], floor: floor_dynamic };
         let scale = c.critical_velocity_inverse_squared.at(like);
-        // The law gives exactly the dynamic coefficient where the static one is equal, so lanes without it keep their bits.
+        // Where static and dynamic coefficients are equal, the law gives exactly this value, so those lanes keep their
+        // bits.
         if L::any(wheel_dynamic.lt(wheel_static)) {
             for i in 0..3 {
                 let slip = rows.slip_speed(c, v, i).squared() * scale;

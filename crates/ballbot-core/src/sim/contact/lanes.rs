@@ -26,7 +26,7 @@ pub struct ContactLanes {
 }
 
 impl ContactLanes {
-    /// Eight robots at rest upright.
+    /// Eight robots upright at rest.
     pub fn new(params: &Arc<Params>, sim_dt: f64) -> Self {
         let wheels = Arc::new(Omniwheels::new(params));
         let mut lanes = Self {
@@ -51,7 +51,7 @@ impl ContactLanes {
         &self.wheels[i]
     }
 
-    /// Puts all robots on other ground, level without one, at rest upright.
+    /// Puts all robots upright at rest on another ground (level if `None`).
     pub fn set_ground(&mut self, ground: Option<&Arc<Ground>>) {
         self.footing = ground.map(|ground| Box::new(Footing::new(ground)));
         (0..EIGHT).for_each(|i| self.place_upright(i));
@@ -67,8 +67,8 @@ impl ContactLanes {
         self.constants.lane(i)
     }
 
-    /// Replaces the parameters of robot `i`; its motion is not changed, except that impulses of joint friction start
-    /// anew, and for rounding where the principal axes change.
+    /// Replaces the parameters of robot `i`. Its motion does not change, except that impulses of joint friction restart
+    /// from zero, and for rounding where the principal axes change.
     pub fn set_lane_params(&mut self, i: usize, params: &Params) {
         replace(&mut self.params[i], params.clone());
         replace(&mut self.wheels[i], Omniwheels::new(params));
@@ -80,13 +80,13 @@ impl ContactLanes {
         self.state.set_lane(i, &state);
     }
 
-    /// Starts robot `i` anew from an accepted state.
+    /// Restarts robot `i` from an accepted state.
     pub fn place_lane(&mut self, i: usize, state: &State) {
         let placed = ContactState::at(&self.constants.lane(i), &self.wheels[i], self.ground(), state);
         self.state.set_lane(i, &placed);
     }
 
-    /// Starts robot `i` anew at rest upright.
+    /// Restarts robot `i` upright at rest.
     pub fn place_upright(&mut self, i: usize) {
         self.place_lane(i, &upright_on(self.ground(), &self.params[i]));
     }
@@ -101,8 +101,8 @@ impl ContactLanes {
         self.state.set_lane(i, state);
     }
 
-    /// Advances all by `steps` time steps under commands in [-1, 1]; `one` is workspace for the actuator memory of one
-    /// robot.
+    /// Advances all robots by `steps` time steps under commands in [-1, 1]; `one` is workspace for the actuator memory
+    /// of one robot.
     pub fn drive_lanes<A: Actuator>(
         &mut self,
         actuator: &A,
@@ -127,8 +127,8 @@ impl ContactLanes {
         }
     }
 
-    /// Advances all by `steps` time steps under constant torques. Not generic, so that it is compiled once for all
-    /// actuators.
+    /// Advances all robots by `steps` time steps under constant torques. Not generic, so that it is compiled once for
+    /// all actuators.
     fn advance(&mut self, torques: &Torques<Eight>, steps: usize) {
         let (state, footing) = (&mut self.state, self.footing.as_deref_mut());
         match &self.constants {
@@ -137,7 +137,7 @@ impl ContactLanes {
         }
     }
 
-    /// Writes the present states. Not generic, so that what follows is compiled once for equal and individual parameters.
+    /// Writes the present states. Not generic, so that it is compiled once for equal and individual parameters.
     pub fn read(&self, states: &mut StateCells<Eight>, conditions: &mut ConditionCells<Eight>) {
         let state = &self.state;
         match &self.constants {
@@ -147,7 +147,7 @@ impl ContactLanes {
     }
 }
 
-/// Replaces a value; in place, without an allocation, where no other robot shares it.
+/// Replaces a value, in place without an allocation if no other robot uses it.
 fn replace<T>(shared: &mut Arc<T>, value: T) {
     match Arc::get_mut(shared) {
         Some(own) => *own = value,

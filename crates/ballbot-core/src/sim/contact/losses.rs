@@ -1,7 +1,7 @@
 //! Rolling and spinning friction of the ball on the floor, and friction of the rollers.
 //!
-//! Their impulses act before the rest of the step, with the loads of the step before. Each takes at most the share of its
-//! speed that all together can take without a gain of energy: see `docs/derivations.md`.
+//! Their impulses act before the rest of the step, with the loads of the previous step. Each removes at most the
+//! fraction of its speed that all together can remove without adding energy: see `docs/derivations.md`.
 
 use super::constants::{Constants, at3};
 use super::phases::Start;
@@ -23,7 +23,7 @@ pub fn brake<L: Lane, V: Value<L>>(c: &Constants<V>, token: L::Token, state: &mu
     let loads = state.impulses::<L>(token);
     let mut after = before;
 
-    // Shares of the ball's rates.
+    // Fractions of the ball's rates.
     let floor_load = loads.floor[0].max(zero);
     let Vec3 { x, y, z } = before.ball_rate;
     let rolling = x.mul_add(x, y.squared()).sqrt();

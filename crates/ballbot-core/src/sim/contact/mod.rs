@@ -1,10 +1,10 @@
 //! The robot in maximal coordinates with a specialized contact solver, for one robot and in lanes.
 //!
-//! The coordinates are those of ball, body and the absolute spins of three wheels. Nine contact rows couple them: the
-//! normal force of each wheel and of the floor, the floor friction (in a disc) and the drive friction of each wheel (in
-//! an interval along its drive direction). A step evaluates the rows, finds the impulses that meet the conditions of
-//! these contacts (`active_set`), and integrates with the new velocities (semi-implicit Euler). `step` has the
-//! algorithm. Contacts of bot and floor and of ball and body are solved by sweeps (`body_contacts`).
+//! The coordinates are the poses of ball and body and the absolute spins of three wheels. Nine contact rows couple
+//! them: the normal force of each wheel and of the floor, the floor friction (in a disc) and the drive friction of each
+//! wheel (in an interval along its drive direction). A step evaluates the rows, finds the impulses that meet the
+//! contact conditions (`active_set`), and integrates with the new velocities (semi-implicit Euler). `step` documents
+//! the algorithm. Contacts of bot and floor and of ball and body are solved by sweeps (`body_contacts`).
 
 mod active_set;
 mod body_contacts;

@@ -26,7 +26,7 @@ pub struct ContactMotion {
 }
 
 impl ContactMotion {
-    /// A robot at rest upright.
+    /// A robot upright at rest.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
         let mut motion = Self {
             wheels: Omniwheels::new(params),
@@ -72,7 +72,7 @@ impl Model for ContactMotion {
         self.memory.change_body(&self.constants, &constants);
         self.constants = constants;
         if keeps_moving {
-            // Impulses of joint friction are reset: without friction no row would remove them.
+            // Reset impulses of joint friction: without friction no row would remove them.
             self.memory.joint_impulses = [0.0; 3];
         } else {
             self.place(&upright_on(self.ground(), params));
@@ -123,7 +123,7 @@ impl Model for ContactMotion {
         CollisionShape::new(&self.params, &self.wheels).require_above(self.ground(), state)
     }
 
-    /// Acts during the next time step, so that the contact forces of that step include the reaction.
+    /// Acts during the next time step, so that the contact forces of the step include the reaction.
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
         self.memory.push(&self.constants, impulse, point);
     }

@@ -33,7 +33,7 @@ impl<L: Lane> Start<L> {
     }
 }
 
-/// Moves the robot with the velocities at the end of the step and writes where it is.
+/// Moves the robot with the velocities at the end of the step and writes its pose.
 #[inline(always)]
 pub fn finish<L: Lane, V: Value<L>>(
     c: &Constants<V>,
@@ -52,7 +52,7 @@ pub fn finish<L: Lane, V: Value<L>>(
     }
 }
 
-/// Velocities at the end of the step if nothing touched.
+/// Velocities at the end of the step without contacts.
 #[inline(always)]
 pub fn free_velocities<L: Lane, V: Value<L>>(
     c: &Constants<V>,
@@ -76,7 +76,7 @@ pub fn free_velocities<L: Lane, V: Value<L>>(
         reaction = reaction.plus(u, torque);
         spin_momentum = spin_momentum.plus(u, before.spins[i] * c.wheel_inertia.at(like));
     }
-    // Euler's equations at the midpoint of the step: an explicit step would pump energy into a tumbling body.
+    // Euler's equations at the midpoint of the step: an explicit step would add energy to a tumbling body.
     let explicit = gyroscopic(c, spin_momentum, before.body_rate).scaled_by(at3(c.body_inertia_inverse, like));
     let midpoint = gyroscopic(c, spin_momentum, before.body_rate.plus(explicit, c.half_dt.at(like)));
     let body_angular_impulse =
@@ -98,7 +98,7 @@ pub fn free_velocities<L: Lane, V: Value<L>>(
     }
 }
 
-/// Torque of the body's own rotation and the wheels' spins on it, principal frame.
+/// Torque of the body's own rotation and of the wheels' spins on the body, principal frame.
 #[inline(always)]
 fn gyroscopic<L: Lane, V: Value<L>>(c: &Constants<V>, spin_momentum: Vec3<L>, rate: Vec3<L>) -> Vec3<L> {
     (rate.scaled_by(at3(c.body_inertia, rate.x)) - spin_momentum).cross(rate)

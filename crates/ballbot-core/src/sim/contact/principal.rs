@@ -1,14 +1,14 @@
-//! The frame in which the solver describes the body: its principal axes at its CoM.
+//! Body frame of the solver: the principal axes at the CoM.
 //!
-//! There the inertia is diagonal for every body, so that a general body costs the solver nothing. All that depends on the
-//! body axes, the wheels and the collision cylinder, is constant in the principal frame too.
+//! In this frame the inertia of every body is diagonal, so a general body costs the solver nothing. Wheels and
+//! collision cylinder, which are fixed in body axes, are constant in the principal frame too.
 
 use crate::params::Params;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// Principal axes of a body.
 pub struct PrincipalAxes {
-    /// Rotation from the principal frame to the body frame; none where the body axes are principal axes, whose vectors
+    /// Rotation from the principal frame to the body frame; `None` if the body axes are principal axes, so that vectors
     /// keep every bit.
     pub rotation: Option<UnitQuaternion<f64>>,
     /// Principal moments of inertia, kg·m².
@@ -27,7 +27,7 @@ impl PrincipalAxes {
             axes.neg_mut();
         }
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-        // Of the rotation itself, so that rounding in it changes the moments in second order only.
+        // Computed from the rotation itself, so that its rounding changes the moments only to second order.
         let axes: Matrix3<f64> = rotation.to_rotation_matrix().into_inner();
         let moments = [0, 1, 2].map(|i| axes.column(i).dot(&(inertia * axes.column(i))));
         Self { rotation: Some(rotation), moments }

@@ -1,4 +1,4 @@
-//! Conversion of the solver state of one robot from and to [`State`] and [`Contacts`], and pushes.
+//! Conversion of one robot's solver state from and to [`State`] and [`Contacts`], and pushes.
 
 use super::constants::Constants;
 use super::state::ContactState;
@@ -33,7 +33,7 @@ impl ContactState<f64> {
             None => (state.ball_position.z - c.ball_radius, Vector3::z()),
         };
         let touching = [touches(0), touches(1), touches(2)];
-        // The floor carries the bot through the ball alone.
+        // The floor carries the bot only through the ball.
         let carried = if touching.contains(&true) { c.static_floor_load } else { c.static_ball_load };
         let across = Vector3::from(c.gravity_dt).dot(&normal) / c.gravity_dt[2];
         let load = if gap <= CONTACT_TOLERANCE { carried * across * c.sim_dt } else { 0.0 };
@@ -110,7 +110,7 @@ impl ContactState<f64> {
         }
     }
 
-    /// The same motion in the principal frame of the changed body of `after`, in place of that of `before`.
+    /// Keeps the motion when the body changes from `before` to `after`, with its new principal frame.
     pub fn change_body(&mut self, before: &Constants<f64>, after: &Constants<f64>) {
         if before.principal_axes == after.principal_axes {
             return;

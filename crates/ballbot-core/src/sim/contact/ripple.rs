@@ -1,4 +1,4 @@
-//! Ripple of the wheels' rims, which rollers make up: `docs/rollers.md`.
+//! Ripple of the wheel rims, which consist of rollers: `docs/rollers.md`.
 
 use super::constants::{Constants, at3};
 use super::encoder::encoder_rate;
@@ -7,13 +7,13 @@ use crate::lanes::{Lane, Value, sin_cos};
 
 /// The rims at the start of a step.
 pub struct Ripple<L: Lane> {
-    /// Robots whose wheels have a ripple. The others keep the bits that they have beside round wheels.
+    /// Robots whose wheels have a ripple. The others keep the bits of a batch of round wheels.
     pub on: L::Mask,
-    /// How far the rim of each wheel is below its nominal radius, m.
+    /// Depth of each wheel's rim below its nominal radius, m.
     pub depths: [L; 3],
-    /// Change of that with the angle of the wheel, m/rad.
+    /// Change of the depth with the wheel angle, m/rad.
     pub slopes: [L; 3],
-    /// What the change of the slopes within the step adds to the mean speeds of the gaps, m/s.
+    /// Contribution of the change of the slopes within the step to the mean speeds of the gaps, m/s.
     pub bends: [L; 3],
 }
 
@@ -39,7 +39,7 @@ impl<L: Lane> Ripple<L> {
             ripple.depths[i] = cos.neg_mul_add(amplitude, amplitude);
             ripple.slopes[i] = L::select(ripple.on, sin * amplitude * count, zero);
             let bend = cos * amplitude * rate.squared() * c.half_dt.at(zero);
-            // However far a wheel turns in a step, its rim ends within the depths that it has.
+            // However far a wheel turns in a step, its rim ends within its range of depths.
             let turning = ripple.slopes[i] * speed;
             let to_crest = -(ripple.depths[i] * c.sim_dt_inverse.at(zero) + turning);
             let to_notch = (amplitude + amplitude - ripple.depths[i]).mul_add(c.sim_dt_inverse.at(zero), -turning);

@@ -35,9 +35,9 @@ pub struct Rows<L: Lane> {
     pub normal_arms: [Vec3<L>; 3],
     /// Factors of the body rate in the drive rows, principal frame, m.
     pub drive_arms: [Vec3<L>; 3],
-    /// Sine of the angle between axle and normal: the share of a wheel's spin along its drive direction.
+    /// Sine of the angle between axle and normal: the component of a wheel's spin along its drive direction.
     pub spin_shares: [L; 3],
-    /// The rims of the wheels. What is generic over `RIPPLE` has terms of it if that is true.
+    /// The rims of the wheels. Code generic over `RIPPLE` includes rim terms if it is true.
     pub ripple: Ripple<L>,
 }
 
@@ -64,8 +64,8 @@ impl<L: Lane> Rows<L> {
         }
     }
 
-    /// The rows with the rims of the wheels. A gap changes with the angle of its wheel, so the normal force acts on the
-    /// joint: the constraint is one of positions and does no work.
+    /// The rows with the rims of the wheels. A gap changes with the wheel angle, so the normal force acts on the joint:
+    /// the constraint is a position constraint and does no work.
     #[inline(always)]
     pub fn with_ripple<V: Value<L>>(self, c: &Constants<V>, ripple: Ripple<L>) -> Self {
         let (mut gaps, mut normal_arms) = (self.gaps, self.normal_arms);
@@ -102,7 +102,7 @@ impl<L: Lane> Rows<L> {
         speed + allowance(c, self.gaps[i])
     }
 
-    /// Residuals that the impulses bring to zero: slip, and approach faster than the gap allows.
+    /// Residuals that the impulses bring to zero: slip, and approach speed beyond the allowed speed.
     #[inline(always)]
     pub fn residuals<const RIPPLE: bool, V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> PerRow<L> {
         let [x, y] = self.floor_slip(c, v);
@@ -156,7 +156,7 @@ impl<L: Lane> Rows<L> {
     }
 }
 
-/// Largest speed at which a gap may close in one step; for an overlap minus the recovery speed.
+/// Largest speed at which a gap may close in one step; for an overlap, minus the recovery speed.
 #[inline(always)]
 pub fn allowance<L: Lane, V: Value<L>>(c: &Constants<V>, gap: L) -> L {
     let rate = L::select(gap.zero().lt(gap), c.sim_dt_inverse.at(gap), c.recovery.at(gap));
@@ -190,7 +190,7 @@ impl<L: Lane> Wheel<L> {
         let share_inverse = one / spin_share;
         let drive = u.cross(normal) * share_inverse;
         // The spin of the wheel replaces the body rate about the axle. This is the remaining effect of the body rate on
-        // the velocity of the rim.
+        // the rim velocity.
         let lost = (normal - u * along) * (along * share_inverse * c.wheel_radius.at(like));
         Self {
             gap: distance - c.contact_distance.at(like),

@@ -14,7 +14,7 @@ const MAX_SPEED_SQUARED: f64 = 1e30;
 pub type Torques<T> = [T; 3];
 
 cells! {
-    /// State and contact impulses of one robot or of eight. Inertial frame and SI units unless said.
+    /// State and contact impulses of one robot or of eight. Inertial frame and SI units unless stated.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct ContactState {
         /// Steps since the reset.
@@ -32,7 +32,7 @@ cells! {
         /// Angular velocity of the body, principal frame.
         pub body_rate: [T; 3],
         pub wheel_angles: [T; 3],
-        /// Absolute spins about the axles: encoder rate less u_i · Ω.
+        /// Absolute spins about the axles: encoder rate minus u_i · Ω.
         pub wheel_spins: [T; 3],
         /// Impulse of the floor on the ball in the last step: normal, x, y.
         pub floor_impulse: [T; 3],
@@ -48,7 +48,7 @@ cells! {
         pub bot_on_floor: T,
         /// Impulse of the floor on the bot in the last step in which they touched.
         pub bot_floor_impulse: [T; 3],
-        /// 1 once a step met numbers that are not finite, else 0.
+        /// 1 after a step with non-finite numbers, else 0.
         pub diverged: T,
         /// Steps since the reset in which all modes of the contacts were tried.
         pub searched_steps: T,
@@ -58,7 +58,7 @@ cells! {
 }
 
 impl<T: Cell> ContactState<T> {
-    /// The state of tasks and controllers, with the origin of the body frame in place of the CoM and encoder rates in
+    /// State for tasks and controllers, with the origin of the body frame in place of the CoM and encoder rates in
     /// place of absolute spins.
     #[inline(always)]
     pub fn lane_state<L: Lane<Cell = T>, V: Value<L>>(&self, token: L::Token, c: &Constants<V>) -> LaneState<L> {
@@ -81,7 +81,7 @@ impl<T: Cell> ContactState<T> {
             wheel_speeds: [encoder_rate(c, &v, 0), encoder_rate(c, &v, 1), encoder_rate(c, &v, 2)],
         };
         let general = com.z.zero().lt(c.general.at(com.z));
-        // The branch skips work only: lanes of other bodies keep their bits.
+        // The branch only skips work: lanes of other bodies keep their bits.
         if L::any(general) {
             let axes = c.principal_axes(com.z);
             let select = Vec3::select;
@@ -148,7 +148,7 @@ impl<T: Cell> ContactState<T> {
         }
     }
 
-    /// Mask of the robots that have not diverged and do not with these velocities.
+    /// Mask of the robots that have not diverged and do not diverge with these velocities.
     #[inline(always)]
     pub fn sound<L: Lane<Cell = T>>(&self, token: L::Token, velocities: &Velocities<L>) -> L::Mask {
         let size = velocities.norm_squared();
@@ -175,8 +175,8 @@ impl<T: Cell> ContactState<T> {
         store3(impulses.joints, &mut self.joint_impulses);
     }
 
-    /// Stores the result of a step. A robot with velocities that are not finite or near overflow is marked as diverged,
-    /// and keeps its state until it starts anew.
+    /// Stores the result of a step. A robot with non-finite or nearly overflowing velocities is marked as diverged and
+    /// keeps its state until it restarts.
     #[inline(always)]
     pub fn take<L: Lane<Cell = T>>(
         &mut self,

@@ -44,7 +44,7 @@ pub fn advance(
     );
 }
 
-/// Advances eight robots. The result for each is that of [`advance`] to the last bit.
+/// Advances eight robots. Each result equals the result of [`advance`] to the last bit.
 #[inline(always)]
 pub fn advance_wide<S: Simd, V: InLanes>(
     simd: S,
@@ -76,7 +76,7 @@ fn several<L: Lane, V: Value<L>>(
     Vec3::from(at3(c.gravity_dt, like)).store(&mut actions.gravity_dt);
     let unusual = L::any(like.zero().lt(c.unusual.at(like)));
     for _ in 0..steps {
-        // Apart from the step, which so keeps its registers on level ground.
+        // Separate from the step, so that the step keeps its registers on level ground.
         if let Some(footing) = &mut footing {
             L::rarely(
                 token,
@@ -103,7 +103,7 @@ fn several<L: Lane, V: Value<L>>(
     }
 }
 
-/// Brakes robots with losses. If some have wheels with a ripple, it makes the step of all, and returns true.
+/// Brakes robots with losses. If some have wheels with a ripple, it also runs the step of all robots and returns true.
 #[inline(always)]
 fn brake_or_roll<L: Lane, V: Value<L>>(
     c: &Constants<V>,
@@ -121,7 +121,7 @@ fn brake_or_roll<L: Lane, V: Value<L>>(
     any
 }
 
-/// One step of all robots of the lanes, in the frame of the floor; with `RIPPLE` the wheels of some of them are not round.
+/// One step of all robots of the lanes, in the floor frame; with `RIPPLE` the wheels of some robots are not round.
 #[inline(always)]
 pub fn step<L: Lane, V: Value<L>, const RIPPLE: bool>(
     c: &Constants<V>,
@@ -133,7 +133,7 @@ pub fn step<L: Lane, V: Value<L>, const RIPPLE: bool>(
     let start = Start::new::<RIPPLE, V>(c, token, state);
     let near = Near::new(c, &start, token, state, footing);
     if L::any(near.mask) {
-        // Nothing but references to memory goes there, so that the usual step keeps its numbers in registers.
+        // Only references to memory are passed, so that the usual step keeps its numbers in registers.
         L::rarely(
             token,
             #[inline(always)]
@@ -142,7 +142,7 @@ pub fn step<L: Lane, V: Value<L>, const RIPPLE: bool>(
         return;
     }
     let joints = JointFriction::new(c, start.rows.floor_gap);
-    // Rows of joints without friction change no bits; so ripple needs no step of its own without them.
+    // Joint rows without friction change no bits, so ripple needs no separate step without joint friction.
     if RIPPLE || joints.any() {
         step_with::<L, V, true, RIPPLE>(c, token, state, actions, &start, &joints);
     } else {
@@ -164,8 +164,8 @@ fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const RIPPLE: bool>(
     finish(c, token, state, start, (&velocities, &solution.impulses), start.rows.floor_gap.zero());
 }
 
-/// A step of robots of which some are near a rare contact. It is compiled once for each kind of lanes, with the rows that
-/// any of the robots may have: for the others those rows change no bits.
+/// A step of robots, some of which are near a rare contact. It is compiled once for each kind of lanes, with all rows
+/// that any of the robots may have: for the other robots these rows change no bits.
 #[cold]
 #[inline(never)]
 fn step_near<L: Lane>(

@@ -1,5 +1,5 @@
-//! Projected Gauss-Seidel on the rows. It runs beside the contacts of [`super::body_contacts`], which the active set
-//! does not contain.
+//! Projected Gauss-Seidel on the rows. It runs together with the contacts of [`super::body_contacts`], which the active
+//! set does not contain.
 
 use super::delassus::Delassus;
 use super::friction::{Friction, JointFriction, in_disc};
@@ -7,12 +7,12 @@ use super::types::PerRow;
 use crate::lanes::{Lane, Value};
 
 /// Gain per sweep of the low-pass filter from normal impulse to friction bound. Friction of slipping wheels changes the
-/// loads of the other wheels by more than itself; with the unfiltered load as bound the sweeps diverge. Chosen by
-/// experiment.
+/// loads of the other wheels by more than the friction itself; with the unfiltered load as bound the sweeps diverge.
+/// Chosen by experiment.
 const LOAD_FILTER: f64 = 0.33;
 
 impl<L: Lane, V: Value<L>> Delassus<L, V> {
-    /// One Gauss-Seidel sweep: updates the impulse of each row, projected on its bounds, and the residuals.
+    /// One Gauss-Seidel sweep: updates the impulse of each row, projected onto its bounds, and the residuals.
     #[inline(always)]
     pub fn sweep<const JOINTS: bool>(
         &self,
@@ -45,7 +45,7 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
                 let stick = impulses.joints[k] - r.joints[k] / own;
                 let dry = stick.min(joint_friction.dry).max(-joint_friction.dry);
                 let softness = joint_friction.viscous * own;
-                // Adding zero turns −0 into +0, so lanes without friction have the bits of a robot alone.
+                // Adding zero turns −0 into +0, so lanes without friction have the bits of a single robot.
                 let new = (softness / (softness + 1.0)).mul_add(stick - dry, dry) + 0.0;
                 let change = new - impulses.joints[k];
                 impulses.joints[k] = new;

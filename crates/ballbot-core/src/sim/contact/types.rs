@@ -2,11 +2,11 @@
 
 use crate::lanes::{Lane, Quat, Vec3};
 
-/// What acts on robots in a step besides contacts.
+/// External actions on robots in a step.
 pub struct Actions<T> {
     /// Torques of the motors, N·m.
     pub torques: [T; 3],
-    /// What gravity takes from a velocity in a step, in the frame of the floor.
+    /// Decrease of a velocity by gravity in a step, in the floor frame.
     pub gravity_dt: [T; 3],
 }
 
@@ -27,7 +27,7 @@ pub struct Pose<L> {
     pub wheel_angles: [L; 3],
 }
 
-/// Velocities of everything that moves; see [`super::state::ContactState`] for the frames.
+/// Velocities of all moving parts; see [`super::state::ContactState`] for the frames.
 #[derive(Clone, Copy)]
 pub struct Velocities<L> {
     pub ball: Vec3<L>,
@@ -62,7 +62,7 @@ impl<L: Copy> PerRow<L> {
 }
 
 impl<L: Lane> PerRow<L> {
-    /// Difference of two.
+    /// Difference.
     #[inline(always)]
     pub fn minus(&self, other: &Self) -> Self {
         let less = |a: [L; 3], b: [L; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];

@@ -16,14 +16,13 @@ pub struct BodyLink {
     pub inertia: Matrix3<f64>,
 }
 
-/// Inertia of a wheel across its axle, kg·m²: that of a thin disc. Its value only shifts inertia between body and wheel
-/// links.
+/// Inertia of a wheel across its axle, kg·m², as a thin disc. It only shifts inertia between body and wheel links.
 pub fn wheel_transverse_inertia(params: &Params) -> f64 {
     0.5 * params.wheel_inertia
 }
 
 impl BodyLink {
-    /// Mass properties of the parameters minus those of the wheels.
+    /// Mass properties of the parameters minus the mass properties of the wheels.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] if the wheels have more inertia than the bot.

@@ -1,10 +1,12 @@
-//! Free motion of the bot: mass matrix, gyroscopic terms, and the forces with which rapier moves it so.
+//! Free motion of the bot: mass matrix, gyroscopic terms, and the forces that make rapier reproduce it.
 //!
-//! Generalized velocities are those of the multibody, with vectors in body axes: velocity of the root, angular velocity,
-//! joint rates. In body axes the mass matrix is constant, because the wheels are axisymmetric. It is taken from rapier.
+//! Generalized velocities are the velocities of the multibody, with vectors in body axes: velocity of the root, angular
+//! velocity, joint rates. In body axes the mass matrix is constant, because the wheels are axisymmetric. Rapier
+//! computes it.
 //!
-//! Rapier's gyroscopic torque is that of the start of a step, and gains energy. Here it is that of the middle, which
-//! keeps energy and the magnitude of the angular momentum (implicit midpoint rule). [`Bot::force`] makes rapier follow.
+//! Rapier evaluates the gyroscopic torque at the start of a step, which adds energy. Here it is evaluated at the
+//! middle, which conserves energy and the magnitude of the angular momentum (implicit midpoint rule). [`Bot::force`]
+//! makes rapier follow.
 
 use super::bodies::{BodyLink, wheel_transverse_inertia};
 use crate::kinematics::Omniwheels;
@@ -28,7 +30,7 @@ const MIDPOINT: (usize, f64) = (20, 1e-12);
 pub struct Bot {
     /// Mass matrix of the multibody in body axes.
     pub undamped: Mass,
-    /// Mass matrix, the damping of a step included.
+    /// Mass matrix, including the damping of a step.
     mass: Mass,
     /// Inverse of `mass`.
     pub mass_inverse: Mass,
@@ -106,14 +108,14 @@ impl Bot {
             force += pull;
             torque += center.cross(&pull) - twist;
         }
-        // About its axle an axisymmetric wheel feels none.
+        // A wheel is axisymmetric: no gyroscopic torque about its axle.
         join(&[force, torque, Vector3::zeros()])
     }
 
     /// Acceleration from `velocity` over a step under the generalized force `applied`, without contacts.
     pub fn free_acceleration(&self, velocity: &Coordinates, applied: &Coordinates) -> Coordinates {
         let [_, rate, joints] = split(velocity);
-        // Of the bot left to itself; what is applied changes the rates of the middle by a share of a step.
+        // Only the bot without applied forces: applied forces change the midpoint rates by a fraction of a step.
         let mut turning = Coordinates::zeros();
         for _ in 0..MIDPOINT.0 {
             let [_, turn, spin] = split(&turning).map(|part| part * (0.5 * self.dt));
@@ -132,13 +134,13 @@ impl Bot {
     }
 
     /// Force on root and torque on root and joints that make rapier accelerate the bot by `acceleration` from
-    /// `velocity`, its own gravity `weight` aside: the inverse of rapier's step, which multiplies the acceleration by the
-    /// mass matrix plus Coriolis terms that are linear in it.
+    /// `velocity`, without its weight `weight`. This inverts rapier's step, which multiplies the acceleration by the
+    /// mass matrix plus Coriolis terms linear in it.
     pub fn force(&self, velocity: &Coordinates, acceleration: &Coordinates, weight: &Coordinates) -> Coordinates {
         let [_, rate, joints] = split(velocity);
         let [_, turn, spin_up] = split(acceleration);
         let mut needed = self.mass * acceleration - self.gyroscopic(&rate, &joints) - weight;
-        // What a gyroscopic torque changes by with the angular velocity.
+        // Change of a gyroscopic torque with the angular velocity.
         let change = |rate: &Vector3<f64>, moment: Vector3<f64>, turn: &Vector3<f64>, turned: Vector3<f64>| {
             (rate.cross(&turned) - moment.cross(turn)) * self.dt
         };

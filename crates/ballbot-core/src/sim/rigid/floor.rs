@@ -1,8 +1,9 @@
-//! The floor of a step: a plane that touches the ground under the ball, one below each wheel, and one below the body.
+//! The floor of a step: a plane tangent to the ground under the ball, a plane below each wheel, and a plane below the
+//! body.
 //!
-//! Rapier collides with planes alone: a height field would have edges. The planes of ball and wheels touch the ground. The
-//! plane of the body passes through the ground below both ends of its cylinder, on which a fallen robot lies; between the
-//! ends the ground may rise through it.
+//! Rapier collides only with planes: a height field would have edges. The planes of ball and wheels are tangent to the
+//! ground. The plane of the body passes through the ground below both ends of its cylinder, on which a fallen robot
+//! lies; between the ends the ground may rise through it.
 
 use super::convert::{rotation_to_rapier, to_rapier};
 use crate::terrain::Ground;
@@ -38,21 +39,21 @@ pub fn plane(point: &Vector3<f64>, normal: &Vector3<f64>) -> Pose {
     Pose::from_parts(to_rapier(point), rotation_to_rapier(&upright_to(normal)))
 }
 
-/// Pose of the plane that touches the ground below a point.
+/// Pose of the plane tangent to the ground below a point.
 pub fn plane_below(ground: &Ground, point: &Vector3<f64>) -> Pose {
     let terrain = ground.terrain();
     let touched = Vector3::new(point.x, point.y, terrain.height(point.x, point.y));
     plane(&touched, &terrain.normal(point.x, point.y))
 }
 
-/// Pose of the plane through the ground below two points, with the slope of the ground below their middle across the line
-/// that joins them. Where the points are above each other it is the plane that touches the ground below the lower one.
+/// Pose of the plane through the ground below two points. Across the line that joins the points, its slope is the slope
+/// of the ground below their middle. If one point is above the other, it is the tangent plane below the lower point.
 pub fn plane_below_ends(ground: &Ground, ends: &[Vector3<f64>; 2]) -> Pose {
     let terrain = ground.terrain();
     let [low, high] = if ends[0].z < ends[1].z { [&ends[0], &ends[1]] } else { [&ends[1], &ends[0]] };
     let heights = [low, high].map(|end| terrain.height(end.x, end.y));
     let (along, distance) = ((high - low).xy(), (high - low).norm());
-    // Of a body that stands the ends are in the way of nothing, and the line that joins them has no direction.
+    // For an upright body the ends do not matter, and the line that joins them has no horizontal direction.
     let share = (2.0 * along.norm() / distance - 1.0).clamp(0.0, 1.0);
     let Some(direction) = along.try_normalize(0.0).filter(|_| share > 0.0) else { return plane_below(ground, low) };
     let at = low.xy() + along * (0.5 * share);

@@ -20,8 +20,8 @@ impl Losses {
 }
 
 impl RigidMotion {
-    /// The losses of a step, with the loads of the step before. Each takes at most the share of its speed that all together
-    /// can take without a gain of energy.
+    /// The losses of a step, with the loads of the previous step. Each removes at most the fraction of its speed that
+    /// all together can remove without adding energy.
     pub(super) fn losses(&self, motion: &Motion, contacts: &[WheelContact; 3]) -> Losses {
         let (p, parts) = (&self.params, &self.parts);
         let share = p.loss_share();
@@ -49,7 +49,7 @@ impl RigidMotion {
                 + direction.norm_squared() / parts.ball_mass
                 + on_ball.norm_squared() / parts.ball_inertia;
             if compliance == 0.0 {
-                // A wheel whose axle points at the ball has no directions.
+                // A wheel whose axle points at the ball has no drive direction.
                 continue;
             }
             let friction = p.roller_friction_slope.mul_add(speed.abs(), p.roller_friction);

@@ -39,24 +39,24 @@ pub struct RigidMotion {
     pub(super) sim_state: SimulationState,
 }
 
-/// State of the simulation besides the rapier world.
+/// State of the simulation in addition to the rapier world.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub(super) struct SimulationState {
     /// Steps since the reset.
     pub(super) steps: u64,
     /// Impulses of the rows in the last step.
     pub(super) impulses: [f64; ROWS],
-    /// What rapier's contacts of the bot did to the velocities in the last step: bot, then ball.
+    /// Change of the velocities by rapier's contacts of the bot in the last step: bot, then ball.
     pub(super) blow: [f64; 15],
     /// Force of the floor on the ball in the last step, inertial frame, N.
     pub(super) floor_force: [f64; 3],
     /// Pending impulse on the body at its root and angular impulse about the root, N·s and N·m·s.
     pub(super) push: [f64; 6],
-    /// False after a state that was not finite, which rapier freezes.
+    /// False after a non-finite state, which rapier freezes.
     pub(super) healthy: bool,
     /// Steps since the reset in which the modes of the contacts did not settle at the first attempt.
     pub(super) searched_steps: u64,
-    /// Those of them in which they did not settle at all.
+    /// Searched steps in which the modes did not settle at all.
     pub(super) unsolved_steps: u64,
 }
 
@@ -89,10 +89,10 @@ impl SimulationState {
 }
 
 impl RigidMotion {
-    /// A robot at rest upright.
+    /// A robot upright at rest.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] if the wheels have more inertia than the whole bot.
+    /// [`Error::Inconsistent`] if the wheels have more inertia than the bot.
     pub fn new(params: &Params, sim_dt: f64) -> Result<Self> {
         Self::on(params, None, sim_dt)
     }
@@ -152,7 +152,7 @@ impl RigidMotion {
         slip - normal * normal.dot(&slip)
     }
 
-    /// Rapier's part of the joint friction: viscous friction acts within its step; dry friction is a row of ours.
+    /// Rapier's part of the joint friction: viscous friction acts within its step; dry friction is a row of `rows`.
     fn apply_joint_friction(&mut self) {
         let bot = self.world.multibody_joints.get_multibody_mut(self.handles.bot).expect("the bot is never removed");
         for i in 0..3 {
@@ -300,7 +300,7 @@ impl Model for RigidMotion {
         mechanical_energy(&self.params, &self.wheels, &self.state())
     }
 
-    /// Acts as a force during the next time step, so that the contact forces of that step include the reaction.
+    /// Acts as a force during the next time step, so that the contact forces of the step include the reaction.
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
         let body = rotation_from_rapier(*self.world.bodies[self.handles.body].rotation());
         let angular_impulse = (body * (point - self.root)).cross(impulse);

@@ -34,7 +34,7 @@ pub struct Motion {
     pub to_body: Matrix3<f64>,
 }
 
-/// Velocities, or changes of velocity: of the bot, and velocity and angular velocity of the ball, body axes.
+/// Velocities or changes of velocity: of the bot, and linear and angular velocity of the ball, body axes.
 #[derive(Clone, Copy)]
 pub struct Velocities {
     pub bot: Coordinates,
@@ -46,7 +46,7 @@ impl Velocities {
         Self { bot: Coordinates::zeros(), ball: [Vector3::zeros(); 2] }
     }
 
-    /// The sum with `share` times another.
+    /// Sum of this and `share` times `other`.
     pub fn plus(&self, other: &Self, share: f64) -> Self {
         Self { bot: self.bot + other.bot * share, ball: [0, 1].map(|i| self.ball[i] + other.ball[i] * share) }
     }
@@ -71,7 +71,7 @@ pub struct WheelContact {
 }
 
 impl WheelContact {
-    /// Contact of a wheel that is at its nominal radius.
+    /// Contact of a wheel at its nominal radius.
     pub fn new(parts: &Parts, bot: &Bot, motion: &Motion, i: usize) -> Self {
         let (center, axle) = (&bot.centers[i], &bot.axles[i]);
         let [velocity, rate, joints] = split(&motion.velocities.bot);
@@ -118,9 +118,9 @@ impl WheelContact {
         let depth = amplitude * (1.0 - cos);
         self.gap += depth;
         self.slope = amplitude * count * sin;
-        // Half of it: velocities are those of the middles of steps, between which the slope changes.
+        // Half of the change: velocities are at the middles of steps, between which the slope changes.
         let bend = 0.5 * amplitude * cos * (count * rate).powi(2);
-        // However far a wheel turns in a step, its rim ends within the depths that it has.
+        // However far a wheel turns in a step, its rim ends within its range of depths.
         let turning = self.slope * rate;
         let [to_crest, to_notch] = [0.0, 2.0 * amplitude].map(|end| ((end - depth) / dt - turning) / dt);
         self.curvature[0] += bend.max(to_crest).min(to_notch);
@@ -128,7 +128,7 @@ impl WheelContact {
     }
 
     /// Force on root and torque on root and joint of unit impulses along normal and drive direction, and the arm of the
-    /// latter on the ball.
+    /// drive impulse on the ball.
     fn wrenches(&self, parts: &Parts, bot: &Bot, i: usize) -> [(Coordinates, Vector3<f64>); 2] {
         let center = &bot.centers[i];
         let joint = |arm: f64| Vector3::ith(i, arm);
@@ -152,7 +152,7 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// The rows of the contacts; those of the joints too if `joints`.
+    /// The rows of the contacts, and of the joints if `joints`.
     pub fn new(parts: &Parts, bot: &Bot, motion: &Motion, contacts: &[WheelContact; 3], joints: bool) -> Self {
         let mut rows = Self {
             bot: SMatrix::zeros(),
@@ -183,11 +183,11 @@ impl Rows {
         self.bot.tr_mul(&velocities.bot) + self.ball_force.tr_mul(ball_velocity) + self.ball_torque.tr_mul(ball_rate)
     }
 
-    /// Change of the velocity of each row per impulse of each: J M⁻¹ Jᵀ.
+    /// Change of the velocity of each row per impulse of each row: J M⁻¹ Jᵀ.
     pub fn coupling(&self, parts: &Parts, bot: &Bot) -> Coupling {
         let mut coupling = Coupling::zeros();
         for a in 0..self.active {
-            // The floor acts on the ball alone.
+            // The floor acts only on the ball.
             let of_bot = !(FLOOR..JOINT).contains(&a);
             let moved = if of_bot { bot.mass_inverse * self.bot.column(a) } else { Coordinates::zeros() };
             let push = self.ball_force.column(a) / parts.ball_mass;
@@ -204,7 +204,7 @@ impl Rows {
         coupling
     }
 
-    /// Rows from this one on are absent.
+    /// Rows from this index on are absent.
     pub fn active(&self) -> usize {
         self.active
     }
@@ -221,10 +221,10 @@ impl Rows {
     }
 }
 
-/// Velocities that the rows have to make up for over a step of `dt` besides those of the parts.
+/// Velocities that the rows must compensate over a step of `dt`, in addition to the velocities of the parts.
 ///
-/// A gap may close within the step, an overlap recovers at the rate `erp`. J̇ ν makes the velocities meet the constraints
-/// at the end of the step, so that the loads have their centripetal part from the first step on.
+/// A gap may close within the step, an overlap recovers at the rate `erp`. J̇ ν makes the velocities meet the
+/// constraints at the end of the step, so that the loads include their centripetal part from the first step on.
 pub fn biases(contacts: &[WheelContact; 3], floor_gap: f64, erp: f64, fastest: f64, dt: f64) -> SVector<f64, ROWS> {
     let closing = |gap: f64| if gap > 0.0 { gap / dt } else { (gap * erp).max(-fastest) };
     let mut biases = SVector::zeros();

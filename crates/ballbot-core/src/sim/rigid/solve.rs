@@ -1,8 +1,8 @@
 //! Impulses of the rows: unilateral contacts with Coulomb friction, solved exactly by an active set.
 //!
-//! Each contact is open, sticks or slides; each joint sticks or slides. For given modes the impulses are the solution of
-//! a linear system. Its solution and the velocities it leaves give the modes again. When these repeat, the solution is
-//! exact: every friction is within its limit by the normal impulse of the same step.
+//! Each contact is open, sticks or slides; each joint sticks or slides. For given modes the impulses are the solution
+//! of a linear system. Its solution and the velocities it leaves give the modes again. When the modes repeat, the
+//! solution is exact: every friction force is within the limit set by the normal impulse of the same step.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -19,17 +19,17 @@ pub const JOINT: usize = 9;
 const SOLUTIONS: usize = 12;
 /// Sweeps after modes that did not settle.
 const SWEEPS: usize = 10;
-/// Rounds of both before the sweeps' result is taken.
+/// Rounds of solutions and sweeps before the sweeps' result is accepted.
 const ROUNDS: usize = 6;
-/// Change of the direction of slip on the floor at which it has settled.
+/// Change of the slip direction on the floor at which it has settled.
 const SAME_DIRECTION: f64 = 1e-10;
 /// Gain per sweep of the low-pass filter from normal impulse to friction bound; without it sweeps may diverge.
 const LOAD_FILTER: f64 = 0.33;
 
-/// Impulses, one a row, N·s or N·m·s.
+/// Impulses, one per row, N·s or N·m·s.
 pub type Impulses = SVector<f64, ROWS>;
 
-/// Velocities of the rows per impulse of each.
+/// Velocity change of each row per impulse of each row.
 pub type Coupling = SMatrix<f64, ROWS, ROWS>;
 
 /// Limits of friction.
@@ -46,11 +46,11 @@ pub struct Limits {
 pub struct Problem<'a> {
     pub coupling: &'a Coupling,
     pub residual: SVector<f64, ROWS>,
-    /// Rows from this one on are absent.
+    /// Rows from this index on are absent.
     pub active: usize,
 }
 
-/// How the modes of a step were found, the best first.
+/// How the modes of a step were found, best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Settling {
     /// Without sweeps.
@@ -82,7 +82,7 @@ impl Mode {
     }
 }
 
-/// An unknown impulse: its row, and the rows whose impulses are shares of it.
+/// An unknown impulse: its row, and the rows whose impulses are fractions of it.
 #[derive(Clone, Copy, Default)]
 struct Unknown {
     row: usize,
@@ -110,8 +110,8 @@ fn rows_of(k: usize) -> (Option<usize>, &'static [usize]) {
 }
 
 impl Problem<'_> {
-    /// The impulses, from those of the last step; exact but where the modes do not settle, and with friction within its
-    /// limits in any case.
+    /// The impulses, starting from the impulses of the last step. They are exact unless the modes do not settle;
+    /// friction is always within its limits.
     pub fn solve(&self, limits: &Limits, start: &Impulses) -> (Impulses, Settling) {
         let mut impulses = *start;
         let mut loads = [0, 1, 2].map(|i| start[i]);
@@ -160,9 +160,9 @@ impl Problem<'_> {
         })
     }
 
-    /// Impulses of given modes: rows that stick or carry have no velocity. None if the system is singular.
+    /// Impulses for given modes: rows that stick or carry have zero velocity. `None` if the system is singular.
     fn solve_modes(&self, limits: &Limits, modes: &Modes) -> Option<Impulses> {
-        // Each unknown is the impulse of a row; friction that slides is a share of its normal impulse.
+        // Each unknown is the impulse of a row; friction that slides is a fraction of its normal impulse.
         let mut unknowns = [Unknown::default(); ROWS];
         let mut n = 0;
         let mut constants = Impulses::zeros();
@@ -268,7 +268,7 @@ fn within(limit: f64, tangents: &[usize], impulses: &mut Impulses) {
     }
 }
 
-/// Solution of the first `n` equations, whose right-hand sides are in the last column. None if they are singular.
+/// Solution of the first `n` equations, whose right-hand sides are in the last column. `None` if they are singular.
 fn eliminate(system: &mut [[f64; ROWS + 1]; ROWS], n: usize) -> Option<SVector<f64, ROWS>> {
     for k in 0..n {
         let pivot = (k..n).max_by(|&a, &b| system[a][k].abs().total_cmp(&system[b][k].abs()))?;

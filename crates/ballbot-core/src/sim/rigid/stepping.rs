@@ -15,24 +15,26 @@ use rapier3d_f64::prelude::*;
 /// Clearance between bot and floor below which the colliders of the bot are enabled, m.
 const FLOOR_CLEARANCE: f64 = 0.01;
 
-/// Clearance between body and ball below which they are enabled, and beyond which a wheel is apart from the ball, as a
-/// share of the ball's radius.
+/// Clearance between body and ball below which their colliders are enabled, and above which a wheel is clear of the
+/// ball, as a fraction of the ball's radius.
 const BALL_CLEARANCE: f64 = 0.01;
 
-/// Rapier's sweeps before and after the bodies are moved, for the ball on the floor: one is exact for the normal force,
-/// the next for the friction.
+/// Rapier's sweeps before and after the bodies are moved, for the ball on the floor: the first is exact for the normal
+/// force, the second for the friction.
 const BALL_SWEEPS: [usize; 2] = [2, 0];
 
 /// Rapier's sweeps with the colliders of the bot. Chosen by experiment.
 const BOT_SWEEPS: [usize; 2] = [8, 4];
 
-/// Largest number of passes over a step in which the bot touches the floor or its body the ball. Chosen by experiment.
+/// Largest number of passes over a step in which the bot touches the floor or the body touches the ball. Chosen by
+/// experiment.
 const PASSES: usize = 8;
 
-/// Change of the velocities of the rows between passes at which they end, as a share of what gravity does in a step.
+/// Change of the velocities of the rows between passes at which the passes end, as a fraction of the velocity change by
+/// gravity in a step.
 const SETTLED: f64 = 0.01;
 
-/// What is known of a step before the forces of its contacts.
+/// Quantities of a step before its contact forces.
 struct Plan {
     motion: Motion,
     rows: Rows,
@@ -73,7 +75,7 @@ impl RigidMotion {
         self.sim_state.unsolved_steps += u64::from(settling == Settling::Unsolved);
     }
 
-    /// Moves rapier's plane of the ball to where it touches the ground, unless it is level.
+    /// Moves rapier's plane of the ball to its contact with the ground, unless the ground is level.
     fn move_floor(&mut self) {
         let Some(ground) = &self.ground else { return };
         let radius = self.params.ball_radius;
@@ -83,7 +85,7 @@ impl RigidMotion {
             .set_position(plane(&(ball - normal * (gap + radius)), &normal));
     }
 
-    /// Moves the planes of the bot to the ground below its parts, unless it is level.
+    /// Moves the planes of the bot to the ground below its parts, unless the ground is level.
     fn move_bot_planes(&mut self) {
         let (Some(ground), Some([of_body, of_wheels @ ..])) = (&self.ground, self.handles.bot_planes) else { return };
         let pose = self.world.bodies[self.handles.body].position();
@@ -97,8 +99,9 @@ impl RigidMotion {
         }
     }
 
-    /// Repeats a step until what rapier's contacts of the bot do to the velocities is what the wheels' forces were solved
-    /// for: Gauss-Seidel between the two. Returns the worst of the passes; without such an end the step is unsolved.
+    /// Gauss-Seidel iteration between rapier's contacts of the bot and the wheel forces: repeats a step until rapier's
+    /// contacts change the velocities by the amount assumed for the wheel forces. Returns the worst result of the
+    /// passes; a step that does not converge is unsolved.
     fn pass_until_settled(&mut self, plan: &Plan) -> Settling {
         let before = self.world.clone();
         let mut blow = self.sim_state.blow();
@@ -119,8 +122,8 @@ impl RigidMotion {
         unreachable!("the last pass returns")
     }
 
-    /// Solves for the forces of the wheels while rapier's contacts of the bot change the velocities by `blow`, applies
-    /// them, and advances rapier's world. Returns what its contacts of the bot did.
+    /// Solves for the wheel forces while rapier's contacts of the bot change the velocities by `blow`, applies them,
+    /// and advances rapier's world. Returns the velocity change by rapier's contacts of the bot.
     fn pass(&mut self, plan: &Plan, blow: &Velocities) -> (Velocities, Settling) {
         let dt = self.settings.dt;
         let residual = plan.rows.speeds(&plan.free.plus(blow, 1.0)) + plan.biases;
@@ -201,7 +204,7 @@ impl RigidMotion {
         let gravity = self.params.gravity_vector();
         let across = motion.to_body.column(2) * gravity.z;
         if self.params.floor_tilt == [0.0; 2] {
-            // Nothing is added to what may be a negative zero.
+            // Add nothing, to keep a possible negative zero.
             return across;
         }
         across + motion.to_body.column(0) * gravity.x + motion.to_body.column(1) * gravity.y
@@ -232,7 +235,7 @@ impl RigidMotion {
         }
     }
 
-    /// Distance of the ball from which the bot cannot come to touch it within the step, m.
+    /// Distance from the ball beyond which the bot cannot touch it within the step, m.
     fn ball_clearance(&self, motion: &Motion) -> f64 {
         let [velocity, rate, _] = split(&motion.velocities.bot);
         let shape = &self.collision_shape.body;
@@ -241,7 +244,7 @@ impl RigidMotion {
         BALL_CLEARANCE * self.params.ball_radius + 2.0 * closing * self.settings.dt
     }
 
-    /// Whether the bot cannot touch the floor within the step, nor its body the ball.
+    /// Whether within the step the bot cannot touch the floor and the body cannot touch the ball.
     fn only_wheels_and_ball_touch(&self, motion: &Motion) -> bool {
         let shape = &self.collision_shape;
         let above = shape.body.bottom - (motion.ball.z + self.root.z) - self.params.ball_radius;
@@ -257,7 +260,7 @@ impl RigidMotion {
             > FLOOR_CLEARANCE + 2.0 * fastest * self.settings.dt
     }
 
-    /// Friction limits by the slip at the start of the step. Sets that of rapier's floor, too.
+    /// Friction limits from the slip at the start of the step. Also sets the friction of rapier's floor.
     fn limits(&mut self, contacts: &[WheelContact; 3]) -> Limits {
         let p = &self.params;
         let ratio = |slip: f64| (slip / p.friction_critical_velocity).powi(2);

@@ -33,7 +33,7 @@ pub struct Handles {
     pub wheels: [RigidBodyHandle; 3],
     pub bot: MultibodyIndex,
     pub floor_collider: ColliderHandle,
-    /// On uneven ground a plane of the body and one of each wheel; the other one is then of the ball alone.
+    /// On uneven ground, a plane for the body and for each wheel; the other plane then belongs only to the ball.
     pub bot_planes: Option<[ColliderHandle; 4]>,
     pub ball_collider: ColliderHandle,
     pub body_collider: ColliderHandle,
@@ -51,7 +51,7 @@ impl Handles {
         [self.body_collider].into_iter().chain(self.wheel_colliders)
     }
 
-    /// The planes that are the ground.
+    /// All planes of the ground.
     fn planes(&self) -> impl Iterator<Item = ColliderHandle> {
         [self.floor_collider].into_iter().chain(self.bot_planes.into_iter().flatten())
     }
@@ -60,23 +60,22 @@ impl Handles {
 /// Largest speed of recovery from an overlap, m/s.
 pub const MAX_RECOVERY_SPEED: f64 = 1.0;
 
-/// Colliders of the ball, and of the wheels, whose contact with the ball is not rapier's.
+/// Collision groups of the ball and the wheels; the contact of a wheel with the ball is not rapier's.
 const BALL: Group = Group::GROUP_1;
 const WHEEL: Group = Group::GROUP_2;
-/// Those of the body and of planes.
+/// Collision groups of the body and of planes.
 const BODY: Group = Group::GROUP_3;
 const PLANE: Group = Group::GROUP_4;
-/// Each wheel by itself.
+/// Collision group of each wheel.
 const WHEELS: [Group; 3] = [Group::GROUP_5, Group::GROUP_6, Group::GROUP_7];
 
-/// Recovery from overlap: the rate of a spring of 200 Hz natural frequency and damping ratio 5, without the compliance of
-/// that spring, so that a contact carries its load from the first step on.
+/// Recovery from overlap: the rate of a spring with 200 Hz natural frequency and damping ratio 5, without its
+/// compliance, so that a contact carries its load from the first step on.
 fn softness() -> SpringCoefficients<Real> {
     SpringCoefficients::new(2e5, 5e3)
 }
 
-/// Solver settings, validated by growth rate, traction and loads of the robot. The number of sweeps is set in each
-/// step.
+/// Solver settings, validated by growth rate, traction and loads of the robot. Each step sets the number of sweeps.
 pub fn integration_parameters(sim_dt: f64) -> IntegrationParameters {
     let softness = softness();
     IntegrationParameters {
@@ -105,7 +104,7 @@ pub fn new_pipeline() -> PhysicsPipeline {
 }
 
 impl World {
-    /// World of a robot at rest upright at the origin, on level ground or on planes that follow it.
+    /// World of a robot upright at rest at the origin, on level ground or on planes that follow it.
     pub fn new(params: &Params, wheels: &Omniwheels, level: bool) -> Result<(Self, Handles)> {
         let mut world = Self {
             bodies: RigidBodySet::new(),
@@ -120,7 +119,7 @@ impl World {
         let plane = |touched: Group| {
             ColliderBuilder::new(SharedShape::halfspace(Vector::Z))
                 .friction(params.floor_dynamic_friction)
-                // The friction of all floor contacts is that of the floor.
+                // All floor contacts use the friction of the floor.
                 .friction_combine_rule(CoefficientCombineRule::Max)
                 .collision_groups(InteractionGroups::new(PLANE, touched, InteractionTestMode::And))
         };
@@ -136,7 +135,7 @@ impl World {
         let bot = world.bot_index(body);
         let multibody = world.multibody_joints.get_multibody_mut(bot).expect("just built");
         multibody.set_self_contacts_enabled(false);
-        // Rapier damps all angular degrees of freedom by default, those of the free root included.
+        // Rapier damps all angular degrees of freedom by default, including the free root.
         multibody.damping_mut().fill(0.0);
         let handles = Handles {
             ball,
@@ -166,7 +165,7 @@ impl World {
         )
     }
 
-    /// Mass matrix of the multibody of a robot at rest upright.
+    /// Mass matrix of the multibody of a robot upright at rest.
     pub fn upright_mass(&self, handles: &Handles) -> Mass {
         let mut world = self.clone();
         // Rapier computes it in a step.
@@ -249,7 +248,8 @@ impl World {
         self.multibody_joints.rigid_body_link(body).expect("the wheels' joints made the body a link").multibody
     }
 
-    /// Advances by one step under `gravity` (inertial frame, m/s²). False after a state that was not finite, which rapier freezes.
+    /// Advances by one step under `gravity` (inertial frame, m/s²). False after a non-finite state, which rapier
+    /// freezes.
     pub fn step(
         &mut self,
         pipeline: &mut PhysicsPipeline,
@@ -297,7 +297,7 @@ impl World {
 
     /// Sets the floor's friction coefficient.
     pub fn set_floor_friction(&mut self, handles: &Handles, friction: f64) {
-        // A changed collider is processed again by rapier, so changes without effect are skipped.
+        // Rapier processes a changed collider again, so changes without effect are skipped.
         for plane in handles.planes() {
             if (self.colliders[plane].friction() - friction).abs() > 1e-6 {
                 self.colliders[plane].set_friction(friction);

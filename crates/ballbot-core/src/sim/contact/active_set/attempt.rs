@@ -1,4 +1,4 @@
-//! The solution of the contact conditions with given modes, and how far it violates them.
+//! Solution of the contact conditions for given modes, and its violation of them.
 
 use super::conditions::Conditions;
 use super::elimination::{Floor, Joints, System};
@@ -7,14 +7,14 @@ use crate::lanes::{Lane, Mat3, Value, Vec3};
 use crate::sim::contact::friction::in_disc;
 use crate::sim::contact::types::PerRow;
 
-/// Largest violation of a condition in an accepted solution, as a share of the impulses.
+/// Largest violation of a condition in an accepted solution, as a fraction of the impulses.
 const TOLERANCE: f64 = 1e-13;
 
 /// Largest sine of the change of the floor's slip direction in an accepted solution. The error of the impulses is of
 /// second order in it.
 const DIRECTION_TOLERANCE: f64 = 1e-7;
 
-/// The solution of the conditions with given modes.
+/// Solution of the conditions for given modes.
 pub struct Attempt<L: Lane> {
     /// Impulses within the bounds of friction.
     pub impulses: PerRow<L>,
@@ -29,7 +29,7 @@ pub struct Attempt<L: Lane> {
 }
 
 impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
-    /// Trial impulses at `impulses` and the residuals with them.
+    /// Trial impulses from `impulses` and their residuals.
     #[inline(always)]
     pub fn trial<const JOINTS: bool>(&self, impulses: &PerRow<L>, residuals: &PerRow<L>) -> PerRow<L> {
         let d = self.delassus;
@@ -58,8 +58,8 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         [one(0), one(1), one(2)]
     }
 
-    /// Solves the conditions with given modes. `weight` is that of the slip speeds in the trial impulses: with a small
-    /// one a wheel that slips the wrong way sticks before it slips the other way.
+    /// Solves the conditions for given modes. `weight` multiplies the slip speeds in the trial impulses: with a small
+    /// weight, a wheel that slips the wrong way sticks before it slips the other way.
     #[inline(always)]
     pub fn solve<const JOINTS: bool>(&self, floor: &Floor<L>, modes: &Modes<L>, weight: f64) -> Attempt<L> {
         let like = self.friction.floor;
@@ -74,7 +74,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         self.judge::<JOINTS>(modes, weight, &system, (normals, drives, joint_impulses), floor_trial)
     }
 
-    /// The ball on the floor, with the equations of the wheels' rows.
+    /// The ball on the floor, with the equations of the wheel rows.
     #[inline(always)]
     pub fn floor(&self) -> Floor<L> {
         let d = self.delassus;
@@ -90,7 +90,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         Floor::new(self, wheels)
     }
 
-    /// Bounds the impulses and measures how far they violate the conditions.
+    /// Bounds the impulses and measures their violation of the conditions.
     #[inline(always)]
     fn judge<const JOINTS: bool>(
         &self,
@@ -107,7 +107,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
 
         let solution = PerRow { floor: floor_trial, normals, drives, joints: [joints.x, joints.y, joints.z] };
         let mut trial = solution;
-        // Rows that stick or are closed have no residual.
+        // Rows that stick or are closed have zero residual.
         if L::any(slips[0] | slips[1] | slips[2]) {
             let (normal_residuals, drive_residuals) = system.residuals(normals.into(), drives.into());
             let n = [normal_residuals.x, normal_residuals.y, normal_residuals.z];
@@ -152,14 +152,14 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
                 joints: [joints.x + 0.0, joints.y + 0.0, joints.z + 0.0],
             },
             trial,
-            // Numbers that are not finite are in the sum, and no comparison with them is true.
+            // Non-finite numbers are in the sum, and every comparison with them is false.
             solved: violation.le(tolerance),
             finite: size.le(size.splat(f64::MAX)),
             violation,
         }
     }
 
-    /// Violation of the joints' conditions; completes the trial impulses of moving joints.
+    /// Violation of the joint conditions; completes the trial impulses of moving joints.
     #[inline(always)]
     fn joint_violation(&self, modes: &JointModes<L>, trial: &mut PerRow<L>, impulses: &PerRow<L>) -> L {
         let d = self.delassus;
@@ -193,7 +193,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         let along = limit - dx.mul_add(x, dy * y);
         let across = dx.mul_add(y, -(dy * x));
         let turned = (squared * (DIRECTION_TOLERANCE * DIRECTION_TOLERANCE)).lt(across.squared());
-        // A ball that does not reach the limit has no direction of its own.
+        // A ball that does not reach the limit does not define a direction.
         let slipping = L::select(turned, along.max(across.abs()), along);
         let tangent = L::select(mode.slips, slipping, over);
         L::select(mode.closed, closed.max(tangent), closed)

@@ -1,11 +1,11 @@
-//! Elimination of floor and wheel joints from the equations of the wheels' rows, and the solution of these.
+//! Elimination of floor and wheel joints from the equations of the wheel rows, and the solution of these equations.
 
 use super::conditions::Conditions;
 use super::modes::{FloorMode, JointModes, WheelModes};
 use crate::lanes::{Lane, Mat3, Value, Vec3};
 use crate::sim::contact::delassus::Delassus;
 
-/// Residuals of the wheels' rows as affine functions of their impulses.
+/// Residuals of the wheel rows as affine functions of the wheel impulses.
 #[derive(Clone, Copy)]
 pub struct System<L> {
     pub normal_normal: Mat3<L>,
@@ -19,12 +19,12 @@ pub struct System<L> {
 }
 
 impl<L: Lane> System<L> {
-    /// Impulses with given modes: no residual of closed and sticking rows, no impulse of open rows, and a slope times
-    /// the load of slipping ones.
+    /// Impulses for given modes: closed and sticking rows have zero residual, open rows have zero impulse, and a
+    /// slipping row has a slope times its load.
     #[inline(always)]
     pub fn solve(&self, modes: &WheelModes<L>) -> (Vec3<L>, Vec3<L>) {
         let WheelModes { closed, slips, slopes } = modes;
-        // The branch skips selections only, so it changes no bits.
+        // The branch skips only selections, so it changes no bits.
         if !L::any(slips[0] | slips[1] | slips[2]) {
             let Self { normal_normal, normal_drive, drive_normal, drive_drive, normals, drives } = self;
             return block_solution([normal_normal, normal_drive, drive_normal, drive_drive], [-*normals, -*drives]);
@@ -50,7 +50,7 @@ impl<L: Lane> System<L> {
         block_solution([&a, &b, &c, &d], [p, q])
     }
 
-    /// Residuals of the normal and drive rows with impulses.
+    /// Residuals of the normal and drive rows for given impulses.
     #[inline(always)]
     pub fn residuals(&self, normals: Vec3<L>, drives: Vec3<L>) -> (Vec3<L>, Vec3<L>) {
         (
@@ -78,7 +78,7 @@ fn block_solution<L: Lane>([a, b, c, d]: [&Mat3<L>; 4], [p, q]: [Vec3<L>; 2]) ->
     (alone - effect.times(y), y)
 }
 
-/// Couplings of one floor row with the wheels' rows.
+/// Couplings of one floor row with the wheel rows.
 #[derive(Clone, Copy)]
 struct Coupling<L> {
     normals: Vec3<L>,
@@ -123,7 +123,7 @@ impl<L: Lane> Coupling<L> {
 pub struct Floor<L> {
     /// Rows along the normal, x and y.
     rows: [Coupling<L>; 3],
-    /// The equations of the wheels' rows with a ball that sticks.
+    /// Equations of the wheel rows with a sticking ball.
     sticking: System<L>,
     wheels: System<L>,
 }
@@ -144,10 +144,10 @@ impl<L: Lane> Floor<L> {
         Self { sticking: eliminated(&wheels, &effects, &rows), rows, wheels }
     }
 
-    /// The equations of the wheels' rows with a floor of that mode.
+    /// Equations of the wheel rows with the floor in a given mode.
     #[inline(always)]
     pub fn eliminated<V: Value<L>>(&self, conditions: &Conditions<L, V>, mode: &FloorMode<L>) -> System<L> {
-        // Lanes that stick have the same bits in both branches: their effects are the couplings times the masses.
+        // Lanes that stick have the same bits in both branches: the effects are the couplings times the masses.
         if !L::any(mode.slips | !mode.closed) {
             return self.sticking;
         }
@@ -165,7 +165,7 @@ impl<L: Lane> Floor<L> {
         eliminated(&self.wheels, &effects, &self.rows)
     }
 
-    /// Impulses that bring each floor row to rest with impulses of the wheels.
+    /// Impulses that bring each floor row to rest for given wheel impulses.
     #[inline(always)]
     pub fn trial<V: Value<L>>(&self, delassus: &Delassus<L, V>, normals: Vec3<L>, drives: Vec3<L>) -> [L; 3] {
         let like = normals.x;
@@ -179,7 +179,7 @@ impl<L: Lane> Floor<L> {
     }
 }
 
-/// Equations of the wheels' rows without floor rows of those effects.
+/// Equations of the wheel rows after elimination of floor rows with the given effects.
 #[inline(always)]
 fn eliminated<L: Lane>(wheels: &System<L>, [e, f, g]: &[Coupling<L>; 3], [z, x, y]: &[Coupling<L>; 3]) -> System<L> {
     let (effect_normals, effect_drives) = ([e.normals, f.normals, g.normals], [e.drives, f.drives, g.drives]);
@@ -215,9 +215,9 @@ fn scaled<L: Lane>(m: &[[L; 3]; 3], factors: [L; 3]) -> Mat3<L> {
     Mat3::new(row(0), row(1), row(2))
 }
 
-/// The wheel joints: their impulses as affine functions of those of the wheels' rows.
+/// The wheel joints: joint impulses as affine functions of the impulses of the wheel rows.
 pub struct Joints<L> {
-    /// Angular impulses without impulses of the wheels.
+    /// Angular impulses at zero wheel impulses.
     alone: Vec3<L>,
     /// Decrease per normal impulse.
     normals: Mat3<L>,
@@ -236,7 +236,7 @@ impl<L: Lane> Joints<L> {
         }
         let Delassus { joint_normal, joint_drive, joint_joint, .. } = conditions.delassus;
         let JointModes { sticks, dry } = modes;
-        // A moving joint: impulse + viscous · rate = dry. A sticking one: rate = 0.
+        // A moving joint: impulse + viscous · rate = dry. A sticking joint: rate = 0.
         let factor = |i: usize| L::select(sticks[i], one, conditions.joint_friction.viscous);
         let own = |i: usize| L::select(sticks[i], zero, one);
         let (f, o) = ([factor(0), factor(1), factor(2)], [own(0), own(1), own(2)]);
@@ -267,7 +267,7 @@ impl<L: Lane> Joints<L> {
         }
     }
 
-    /// Angular impulses of the joints with impulses of the wheels.
+    /// Angular impulses of the joints for given wheel impulses.
     #[inline(always)]
     pub fn impulses(&self, normals: Vec3<L>, drives: Vec3<L>) -> Vec3<L> {
         self.alone - self.normals.times(normals) - self.drives.times(drives)

@@ -1,10 +1,10 @@
-//! Modes of the contacts, and how they follow from trial impulses.
+//! Modes of the contacts, and their computation from trial impulses.
 
 use crate::lanes::Lane;
 use crate::sim::contact::friction::{Friction, JointFriction};
 use crate::sim::contact::types::PerRow;
 
-/// What each contact does.
+/// Mode of each contact.
 #[derive(Clone, Copy)]
 pub struct Modes<L: Lane> {
     pub wheels: WheelModes<L>,
@@ -26,7 +26,7 @@ pub struct WheelModes<L: Lane> {
 pub struct FloorMode<L: Lane> {
     pub closed: L::Mask,
     pub slips: L::Mask,
-    /// Direction of the friction of a slipping ball; zero for a sticking one.
+    /// Direction of the friction of a slipping ball; zero for a sticking ball.
     pub direction: [L; 2],
     /// Change of the friction per change of the sticking friction across the direction; 1 for a sticking ball.
     pub share: L,
@@ -41,8 +41,8 @@ pub struct JointModes<L: Lane> {
 }
 
 impl<L: Lane> Modes<L> {
-    /// Modes from trial impulses, which are those that would bring each row to rest by itself: impulse less residual
-    /// times the row's mass.
+    /// Modes from trial impulses. A trial impulse would bring its row to rest by itself: impulse minus residual times
+    /// the row's mass.
     #[inline(always)]
     pub fn of(trial: &PerRow<L>, friction: &Friction<L>, joint_friction: &JointFriction<L>) -> Self {
         Self {
@@ -62,7 +62,7 @@ impl<L: Lane> WheelModes<L> {
         let slope = |i: usize| L::select(trial.drives[i].lt(zero), -friction.wheels[i], friction.wheels[i]);
         Self {
             closed: [closed(0), closed(1), closed(2)],
-            // An open wheel has no drive impulse, which is a slope times no load.
+            // An open wheel has zero drive impulse: a slope times zero load.
             slips: [slips(0) | !closed(0), slips(1) | !closed(1), slips(2) | !closed(2)],
             slopes: [slope(0), slope(1), slope(2)],
         }

@@ -7,7 +7,7 @@ use crate::sim::contact::delassus::Delassus;
 use crate::sim::contact::friction::{Friction, JointFriction};
 use crate::sim::contact::types::PerRow;
 
-/// Largest number of changes of the modes of floor and joints under given modes of the wheels.
+/// Largest number of changes of the modes of floor and joints for given modes of the wheels.
 const MOST_STEPS: usize = 8;
 
 /// Modes of one wheel, as closed, slips and the sign of its slope, in the order of the search.
@@ -91,13 +91,13 @@ fn put<C: Cell>(impulses: &mut PerRow<C>, i: usize, one: &PerRow<f64>) {
     }
 }
 
-/// The first solution in the order of the modes, else the impulses that violate the conditions least, `last` if none
-/// are finite; and whether they are a solution.
+/// The first solution in the order of the modes. Without a solution, the impulses that violate the conditions least;
+/// `last` if no impulses are finite. Also returns whether they are a solution.
 #[inline(always)]
 fn best<const JOINTS: bool>(conditions: &Conditions<f64, f64>, last: PerRow<f64>) -> (PerRow<f64>, bool) {
     let mut best = (last, f64::INFINITY);
     let (friction, floor) = (conditions.friction, conditions.floor());
-    // Most often floor and joints need no more than one change of their modes.
+    // Most often floor and joints need at most one mode change.
     for most_steps in [2, MOST_STEPS] {
         for code in 0..MODES.len().pow(3) {
             let wheels = [code % 4, code / 4 % 4, code / 16].map(

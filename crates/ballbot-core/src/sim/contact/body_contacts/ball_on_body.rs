@@ -53,19 +53,19 @@ impl<L: Lane> BallOnBody<L> {
         }
     }
 
-    /// Speed at which the gap opens beyond what it must.
+    /// Speed at which the gap opens minus the required speed.
     #[inline(always)]
     fn excess<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> L {
         self.normal.dot(v.ball - v.body) + self.arm.dot(v.body_rate) + allowance(c, self.gap)
     }
 
-    /// Robots whose gap closes with these velocities.
+    /// Robots whose gap closes at these velocities.
     #[inline(always)]
     pub fn closes<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> L::Mask {
         self.excess(c, v).lt(self.gap.zero())
     }
 
-    /// Updates the impulse of the robots in `mask`; the others have none. Returns the change.
+    /// Updates the impulse of the robots in `mask`; the others have zero impulse. Returns the change.
     #[inline(always)]
     pub fn sweep<V: Value<L>>(&mut self, c: &Constants<V>, mask: L::Mask, v: &mut Velocities<L>) -> L {
         let zero = self.gap.zero();

@@ -95,14 +95,14 @@ impl<L: Lane> Row<L> {
 struct Below<L> {
     /// Normal and two tangents, inertial frame.
     axes: [Vec3<L>; 3],
-    /// The same in the principal frame.
+    /// The axes in the principal frame.
     turned: [Vec3<L>; 3],
-    /// Height of the point above it, m.
+    /// Height of the point above the floor, m.
     height: L,
 }
 
 impl<L: Lane> Below<L> {
-    /// The floor below a point (principal frame); a `relief` of it, or the plane z = 0.
+    /// The floor below a point (principal frame); a `relief`, or the plane z = 0.
     #[inline(always)]
     fn new(start: &Start<L>, relief: Option<&Relief<'_, L>>, point: Vec3<L>) -> Self {
         let rotation = &start.rotation;
@@ -128,7 +128,7 @@ impl<L: Lane> Below<L> {
     }
 }
 
-/// The points of a robot that touch the floor in this step if they are below `limit`.
+/// Points of a robot that touch the floor in this step if they are below `limit`.
 #[inline(always)]
 pub fn floor_points<L: Lane, V: Value<L>>(
     c: &Constants<V>,
@@ -138,7 +138,7 @@ pub fn floor_points<L: Lane, V: Value<L>>(
 ) -> [FloorPoint<L>; POINTS] {
     let like = start.pose.body.z;
     let frame = MastFrame::new(c, like);
-    // Of the floor below the CoM.
+    // Up axis of the floor below the CoM.
     let up = frame.vector(Below::new(start, relief, Vec3::zero(like)).turned[0]);
     let [dx, dy] = lowest_direction(up);
     let (cos, sin) = (dx.splat(THIRD[0]), dx.splat(THIRD[1]));
@@ -153,7 +153,7 @@ pub fn floor_points<L: Lane, V: Value<L>>(
         #[inline(always)]
         |[x, y]| [x * radius, y * radius],
     );
-    // A cylinder stands on the rim of its lower end or lies on the lowest points of both.
+    // A cylinder stands on the rim of its lower end or lies on the lowest points of both ends.
     let (bottom, top) = (c.body_bottom.at(dx), c.body_top.at(dx));
     let inverted = up.z.lt(up.z.zero());
     let (lower, upper) = (L::select(inverted, top, bottom), L::select(inverted, bottom, top));
@@ -177,7 +177,7 @@ pub fn floor_points<L: Lane, V: Value<L>>(
     ]
 }
 
-/// Downward direction in the body frame, horizontal part, unit vector, from the upward one; x for a vertical mast.
+/// Horizontal downward direction in the body frame, a unit vector, from the upward direction; x for a vertical mast.
 #[inline(always)]
 fn lowest_direction<L: Lane>(up: Vec3<L>) -> [L; 2] {
     let (zero, one) = (up.x.zero(), up.x.splat(1.0));
@@ -188,8 +188,7 @@ fn lowest_direction<L: Lane>(up: Vec3<L>) -> [L; 2] {
 }
 
 impl<L: Lane> FloorPoint<L> {
-    /// The point of wheel `i` nearest to the floor. About the axle the wheel rotates with its own spin instead of the body
-    /// rate.
+    /// The point of wheel `i` nearest to the floor. About the axle the wheel rotates at its spin, not at the body rate.
     #[inline(always)]
     fn of_wheel<V: Value<L>>(
         c: &Constants<V>,
@@ -260,7 +259,7 @@ impl<L: Lane> FloorPoint<L> {
         L::any(self.candidate & mask)
     }
 
-    /// Robots whose point reaches the floor with these velocities.
+    /// Robots whose point reaches the floor at these velocities.
     #[inline(always)]
     pub fn closes<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> L::Mask {
         let speed = self.rows[0].speed(self.wheel, self.axes[0].dot(v.body), v);
@@ -273,7 +272,7 @@ impl<L: Lane> FloorPoint<L> {
         let zero = friction.zero();
         let [normal, x, y] = &self.rows;
         let [n, tx, ty] = self.impulses;
-        // All speeds at once, and the effect of the normal impulse on the others by its coupling.
+        // All speeds at once; the coupling gives the effect of the normal impulse on the tangential speeds.
         let speed = |row: &Row<L>, along: L| row.speed(self.wheel, along, v);
         let [up, across, along] = self.axes;
         let (sn, sx, sy) = (speed(normal, up.dot(v.body)), speed(x, across.dot(v.body)), speed(y, along.dot(v.body)));
