@@ -17,19 +17,21 @@ const FINEST: f64 = 5.0;
 /// Largest number of bumps of a terrain.
 const MOST_BUMPS: f64 = 1e5;
 
+const APRON_BLEND: Parameter = parameter(
+    "apron_blend",
+    "m",
+    0.5,
+    Limit::above(0.0).to(1e4),
+    "width of the ring in which the ground rises from it",
+);
+
 /// Common parameters of all generators.
 const COMMON: [Parameter; 5] = [
     parameter("size_x", "m", 8.0, LENGTHS, "length along x"),
     parameter("size_y", "m", 8.0, LENGTHS, "length along y"),
     parameter("cell", "m", 0.02, Limit::from(1e-4).to(1e3), "distance of neighboring heights, at most"),
     parameter("apron", "m", 0.0, Limit::from(0.0).to(1e4), "radius of the level place around the origin; 0 for none"),
-    parameter(
-        "apron_blend",
-        "m",
-        0.5,
-        Limit::above(0.0).to(1e4),
-        "width of the ring in which the ground rises from it",
-    ),
+    APRON_BLEND,
 ];
 
 /// A generator of terrains.
@@ -108,6 +110,7 @@ impl Terrain {
             Make::Plane => return Self::plane(values.get("slope"), values.get("direction")),
             Make::Tiles(make) => make(&values, seed, TerrainKind::height)?,
             Make::Heights { .. } => {
+                check_apron(&values)?;
                 let size = [values.get("size_x"), values.get("size_y")];
                 Self::from_function(kind.raised(&values, seed)?, size, values.get("cell"))?
             }
@@ -115,6 +118,17 @@ impl Terrain {
         terrain.recipe = Some(Recipe { kind: kind.name, seed, parameters: values.0 });
         Ok(terrain)
     }
+}
+
+/// A blend that differs from the default has no effect without an apron.
+fn check_apron(values: &Values) -> Result<()> {
+    let blend = values.get(APRON_BLEND.name);
+    if values.get("apron") == 0.0 && blend != APRON_BLEND.default {
+        return Err(Error::Inconsistent(format!(
+            "apron_blend = {blend} has no effect without an apron: set apron above 0"
+        )));
+    }
+    Ok(())
 }
 
 impl TerrainKind {

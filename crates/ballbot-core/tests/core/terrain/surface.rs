@@ -254,6 +254,8 @@ fn an_apron_is_level() {
         }
         assert!(terrain.slope() > 0.15);
     }
+    let error = Terrain::generate("noise", 1, &[("apron_blend", 1.0)]).unwrap_err();
+    assert!(error.to_string().contains("apron_blend = 1 has no effect without an apron"), "{error}");
 }
 
 #[test]
