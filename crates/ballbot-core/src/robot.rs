@@ -1,4 +1,4 @@
-//! A simulated robot on any rung of the ladder of models, with its input checked and divergence reported.
+//! A simulated robot with any model of the ladder; its input is checked and divergence is reported.
 
 mod standing;
 
@@ -24,14 +24,14 @@ use std::sync::Arc;
 /// Rungs of the ladder of models, from the simplest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ModelKind {
-    /// Three decoupled planes, eqs. (1)-(7) of the paper; of robots that are symmetric about their mast.
+    /// Three decoupled planes, eqs. (1)-(7) of the paper, for robots that are symmetric about their mast.
     Planar,
     /// Coupled 3D motion without slip.
     Spatial,
-    /// Ball, body and wheels with unilateral contacts and Coulomb friction on the ground, by a solver of its own.
+    /// Ball, body and wheels with unilateral contacts and Coulomb friction on the ground, with a dedicated solver.
     #[default]
     Contact,
-    /// Rigid bodies with contacts and Coulomb friction, by rapier3d; needs the cargo feature `rigid`.
+    /// Rigid bodies with contacts and Coulomb friction, with rapier3d; needs the cargo feature `rigid`.
     Rigid,
 }
 
@@ -39,7 +39,7 @@ impl ModelKind {
     /// All kinds.
     pub const ALL: [Self; 4] = [Self::Planar, Self::Spatial, Self::Contact, Self::Rigid];
 
-    /// The name by which it is chosen.
+    /// Name in options.
     pub fn name(self) -> &'static str {
         match self {
             Self::Planar => "planar",
@@ -49,7 +49,7 @@ impl ModelKind {
         }
     }
 
-    /// About how long a time step takes on a core of 2025, s; in lanes where there are lanes.
+    /// Approximate duration of a time step on a core of 2025, s; in lanes where there are lanes.
     pub(crate) fn step_seconds(self) -> f64 {
         match self {
             Self::Planar => 0.6e-6,
@@ -59,7 +59,7 @@ impl ModelKind {
         }
     }
 
-    /// About how much memory a robot takes, with its share of an environment.
+    /// Approximate memory of a robot, including its part of an environment.
     pub(crate) fn bytes(self) -> usize {
         match self {
             Self::Planar | Self::Spatial | Self::Contact => 2000,
@@ -77,7 +77,7 @@ impl ModelKind {
         }
     }
 
-    /// A robot of this kind, at rest upright.
+    /// A robot of this kind, upright at rest.
     fn build(self, params: &Params, sim_dt: f64) -> Result<Box<dyn Model>> {
         self.require(params)?;
         Ok(match self {
@@ -106,17 +106,17 @@ impl FromStr for ModelKind {
     }
 }
 
-/// Time steps that the models are made for, s.
+/// Time steps that the models support, s.
 const SIM_DT: std::ops::RangeInclusive<f64> = 1e-6..=0.02;
 
-/// What a push may be, N·s and m: far beyond what a robot survives, far below what overflows.
+/// Limits of a push, N·s and m: far beyond what a robot survives, far below what overflows.
 const MAX_IMPULSE: f64 = 1e4;
 const MAX_ARM: f64 = 100.0;
 
-/// Steps after which a long run looks whether it has diverged.
+/// Steps after which a long run checks for divergence.
 const CHECK_INTERVAL: usize = 64;
 
-/// A robot that can be reset, driven by wheel torques, pushed and looked at.
+/// A robot that can be reset, driven by wheel torques, pushed and observed.
 pub struct Ballbot {
     kind: ModelKind,
     model: Box<dyn Model>,
@@ -126,12 +126,13 @@ pub struct Ballbot {
 }
 
 impl Ballbot {
-    /// A robot at rest upright, its model advanced in steps of `sim_dt` seconds.
+    /// A robot upright at rest, its model advanced in steps of `sim_dt` seconds.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for parameters or a time step that cannot be; [`Error::Inconsistent`] likewise, and for a robot
-    /// that the model does not simulate: [`ModelKind::Planar`] takes symmetric robots only ([`Params::is_symmetric`]), and it and
-    /// [`ModelKind::Spatial`] those with round wheels ([`Params::has_ripple`]); [`Error::MissingFeature`] for a model that was not compiled.
+    /// [`Error::OutOfRange`] or [`Error::Inconsistent`] for invalid parameters or time step; [`Error::Inconsistent`]
+    /// also for a robot that the model does not simulate: [`ModelKind::Planar`] takes only symmetric robots
+    /// ([`Params::is_symmetric`]), and it and [`ModelKind::Spatial`] only round wheels ([`Params::has_ripple`]);
+    /// [`Error::MissingFeature`] for a model that was not compiled.
     pub fn new(params: &Params, kind: ModelKind, sim_dt: f64) -> Result<Self> {
         params.validate()?;
         check_sim_dt(sim_dt)?;
@@ -153,11 +154,11 @@ impl Ballbot {
         self.model.sim_dt()
     }
 
-    /// Starts anew from `state` at time zero. A reset robot equals a new one to the last bit.
+    /// Restarts from `state` at time zero. A reset robot equals a new robot to the last bit.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a state beyond the simulation's bounds, [`Error::Inconsistent`] for one that the model
-    /// cannot represent (slip in a model without slip, a ball below the floor). The robot is then left as it was.
+    /// [`Error::OutOfRange`] for a state beyond the simulation's bounds, [`Error::Inconsistent`] for a state that the
+    /// model cannot represent (slip in a model without slip, a ball below the floor). The robot is then unchanged.
     pub fn reset(&mut self, state: &State) -> Result<()> {
         self.accepts(state)?;
         self.place(state);
@@ -170,7 +171,7 @@ impl Ballbot {
         self.diverged = None;
     }
 
-    /// Checks that [`Ballbot::reset`] would take a state.
+    /// Checks that [`Ballbot::reset`] would accept a state.
     ///
     /// # Errors
     /// As [`Ballbot::reset`].
@@ -179,13 +180,13 @@ impl Ballbot {
         self.model.accepts(state)
     }
 
-    /// Replaces the robot's parameters. If the geometry (radii, wheel angles, place of the CoM) is the same, the motion
-    /// goes on, its next step with the new parameters; otherwise the robot starts anew, at rest upright. It outlives a
-    /// reset. Returns whether the motion goes on.
+    /// Replaces the robot's parameters. If the geometry (radii, wheel angles, CoM position) is unchanged, the motion
+    /// continues, with the new parameters from the next step on; otherwise the robot restarts upright at rest. The
+    /// change persists over resets. Returns whether the motion continues.
     ///
     /// # Errors
-    /// Those of [`Params::validate`], and [`Error::Inconsistent`] if the model cannot simulate such a robot; the robot is
-    /// then left as it was.
+    /// Those of [`Params::validate`], and [`Error::Inconsistent`] if the model cannot simulate such a robot; the robot
+    /// is then unchanged.
     pub fn set_params(&mut self, params: &Params) -> Result<bool> {
         params.validate()?;
         if params == self.params() {
@@ -204,7 +205,7 @@ impl Ballbot {
         Ok(goes_on)
     }
 
-    /// [`Ballbot::set_params`] of valid parameters on the ground that it shares with other robots.
+    /// [`Ballbot::set_params`] with valid parameters, on the ground that it shares with other robots.
     pub(crate) fn change_params(&mut self, params: &Params) -> Result<bool> {
         if self.ground.is_some() {
             params.require_level("a robot on a terrain")?;
@@ -222,8 +223,8 @@ impl Ballbot {
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a torque that is not finite or beyond the motors' limit, before anything moves;
-    /// [`Error::Diverged`] if the state has left its bounds, within 64 steps of when it did, and from then on until a reset;
-    /// [`Error::Interrupted`] in [`crate::stoppable`], with the robot at the time that it had reached.
+    /// [`Error::Diverged`] within 64 steps of when the state has left its bounds, and then until a reset;
+    /// [`Error::Interrupted`] in [`crate::stoppable`]; the robot stays at the time it has reached.
     pub fn step(&mut self, wheel_torques: &[f64; 3], steps: usize) -> Result<()> {
         let limit = self.params().max_wheel_torque;
         for (i, &torque) in wheel_torques.iter().enumerate() {
@@ -241,7 +242,7 @@ impl Ballbot {
         let mut watch = Watch::new();
         loop {
             watch.check()?;
-            // Not after every step: looking at the state costs about as much as a step of the simpler models.
+            // Not after every step: checking the state costs about as much as a step of the simpler models.
             let some = left.min(CHECK_INTERVAL);
             self.advance(wheel_torques, some);
             if let Some(reason) = self.diverged() {
@@ -256,17 +257,17 @@ impl Ballbot {
         }
     }
 
-    /// [`Ballbot::step`] for callers that have checked the torques and look at divergence themselves.
+    /// [`Ballbot::step`] for callers that have checked the torques and check divergence themselves.
     pub(crate) fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
         self.model.advance(wheel_torques, steps);
     }
 
-    /// Which bound the present state breaks, or one did when a step failed, if any.
+    /// Which bound the current state violates, or a state violated when a step failed, if any.
     pub fn diverged(&self) -> Option<String> {
         self.diverged.as_ref().map(|(_, reason)| reason.clone()).or_else(|| self.diverged_at(&self.state()))
     }
 
-    /// [`Ballbot::diverged`] for callers that have the present state at hand.
+    /// [`Ballbot::diverged`] for callers that already have the current state.
     fn diverged_at(&self, state: &State) -> Option<String> {
         if !self.model.healthy() {
             return Some("the next state is not finite".into());
@@ -284,7 +285,7 @@ impl Ballbot {
         self.model.pending_push()
     }
 
-    /// False once a step met numbers that are not finite.
+    /// False once a step has met numbers that are not finite.
     pub(crate) fn healthy(&self) -> bool {
         self.model.healthy()
     }
@@ -294,7 +295,7 @@ impl Ballbot {
         self.model.time()
     }
 
-    /// The present state.
+    /// The current state.
     pub fn state(&self) -> State {
         self.model.state()
     }
@@ -309,13 +310,14 @@ impl Ballbot {
         self.model.energy()
     }
 
-    /// Whether the body or a wheel touches the floor. Always false for `planar` and `spatial`, which have no such contact.
+    /// Whether the body or a wheel touches the floor. Always false for `planar` and `spatial`, which have no such
+    /// contact.
     pub fn bot_on_floor(&self) -> bool {
         self.model.bot_on_floor()
     }
 
-    /// Gives the body an impulse (inertial frame, N·s) at `point` (body frame, m; its CoM if `None`). The models
-    /// with contacts of their own spread it over their next time step.
+    /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m; its CoM if `None`). Models with
+    /// contacts spread it over their next time step.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for an impulse above 1e4 N·s or a point farther than 100 m.
@@ -326,7 +328,7 @@ impl Ballbot {
         Ok(())
     }
 
-    /// Everything that the future depends on, as bytes for [`Ballbot::load`].
+    /// The complete state, as bytes for [`Ballbot::load`].
     pub fn save(&self) -> Vec<u8> {
         let snapshot = Snapshot { identity: self.identity(), model: self.model.save() };
         snapshot::encode(&snapshot)
@@ -342,7 +344,7 @@ impl Ballbot {
         self.model.load(bytes)
     }
 
-    /// What must be equal for a snapshot to fit: model, time step and parameters.
+    /// What must match for a snapshot to fit: model, time step and parameters.
     fn identity(&self) -> Identity {
         Identity {
             model: self.kind.name().to_owned(),
@@ -355,7 +357,8 @@ impl Ballbot {
     /// Continues from bytes of [`Ballbot::save`] of a robot with the same model, parameters and time step.
     ///
     /// # Errors
-    /// [`Error::Decode`] if the bytes are not that, or their numbers not finite. The robot is then left as it was.
+    /// [`Error::Decode`] if the bytes are not such a snapshot, or its numbers are not finite. The robot is then
+    /// unchanged.
     pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
         let snapshot: Snapshot = snapshot::decode("snapshot of a robot", bytes)?;
         let (theirs, ours) = (snapshot.identity, self.identity());
@@ -379,10 +382,10 @@ impl Ballbot {
     }
 }
 
-/// Checks that a snapshot has put a robot into a state that can be.
+/// Checks that a snapshot has put a robot into a valid state.
 ///
 /// # Errors
-/// [`Error::Decode`] naming the number that cannot be.
+/// [`Error::Decode`] naming the invalid number.
 pub(crate) fn check_restored(state: &State, contacts: &Contacts) -> Result<()> {
     let sound = state.validate().and_then(|()| contacts.validate());
     sound.map_err(|error| Error::Decode { what: "snapshot of a robot".into(), reason: error.to_string() })
@@ -408,7 +411,8 @@ pub(crate) fn check_sim_dt(sim_dt: f64) -> Result<f64> {
     check("sim_dt", sim_dt, limit, |dt| SIM_DT.contains(&dt))
 }
 
-/// Checks the bounds of a state that every model shares: finite, within the limits of a valid state, ball above the floor.
+/// Checks the bounds of a state that all models share: finite, within the limits of a valid state, ball above the
+/// floor.
 pub(crate) fn check_state(params: &Params, ground: Option<&Ground>, state: &State) -> Result<()> {
     state.validate()?;
     if let Some(reason) = LaneState::from(state).out_of_bounds() {

@@ -41,7 +41,7 @@ macro_rules! task_fields {
         }
 
         impl $name {
-            /// What starts are drawn from.
+            /// Ranges of the initial states.
             fn starts(&self) -> $crate::task::start::Starts {
                 $crate::task::start::Starts {
                     tilt: self.reset_tilt,
@@ -58,7 +58,7 @@ macro_rules! task_fields {
 
 pub(super) use task_fields;
 
-/// What starts are drawn from.
+/// Ranges of the initial states.
 pub(super) struct Starts {
     pub tilt: f64,
     pub yaw: f64,
