@@ -157,7 +157,7 @@ fn printed_map_is_too_strong_by_the_known_ratios() {
     let strength = |virtual_torques: Vector3<f64>| {
         let wheels = Omniwheels::new(&Params::paper());
         let printed = wheels.wheel_torques(&virtual_torques, TorqueMap::AsPrinted);
-        // Their effect on a power-preserving robot.
+        // Their virtual torques when power is conserved.
         wheels.virtual_torques(&printed).dot(&virtual_torques)
     };
     // (3/2)(r_k/r_w) cos²α and 3 (r_k/r_w) sin²α with Table II.

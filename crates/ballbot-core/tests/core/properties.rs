@@ -103,7 +103,7 @@ fn run_while(
     torques.iter().map_while(step).collect()
 }
 
-/// Otherwise, comparisons that stop at that point might never happen.
+/// Otherwise comparisons that last only while robots grip would never happen.
 #[test]
 fn most_gentle_drives_keep_their_grip() {
     let mut runner = TestRunner::new(same_cases(50));

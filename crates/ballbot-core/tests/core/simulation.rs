@@ -45,7 +45,7 @@ impl Simulation {
         self.robot(&Params::paper(), 1e-3)
     }
 
-    /// Tests of this simulation among those of all simulations.
+    /// The value for this simulation, of the values for both.
     fn pick<T>(self, rigid: T, contact: T) -> T {
         match self {
             Self::Rigid => rigid,

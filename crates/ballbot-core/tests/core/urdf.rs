@@ -431,7 +431,7 @@ const BAD_BOTS: &[(&str, &str, &[&str])] = &[
 fn urdfs_that_are_not_bots_are_refused() {
     for &(from, to, expected) in BAD_BOTS {
         let (file, reason) = refusal(&edit(BOT, from, to), BALL);
-        // Invalid parameters may come from either file.
+        // Invalid parameters are reported for both files.
         assert!(file == "bot URDF" || file == "bot URDF and ball URDF", "{file}");
         for part in expected {
             assert!(reason.contains(part), "{from} -> {to}\nexpected: {part}\nfound: {reason}");

@@ -243,7 +243,7 @@ fn robots_in_lanes_equal_single_robots() {
 #[test]
 fn robots_in_lanes_on_wheels_with_ripple_equal_single_robots() {
     for falling in [true, false] {
-        // Some next to robots on round wheels; all on rippled wheels.
+        // Some, next to robots on round wheels; then all.
         for rippled in [&[LIFTED, FRICTION, SLIPPING][..], &[0, 1, 2, 3, 4, 5, 6, 7]] {
             assert_eventful(&assert_lanes_equal_robots(falling, rippled, None), falling);
         }

@@ -67,7 +67,7 @@ fn assert_equals_singles<A: Actuator>(actuator: &A) {
         let config = config(model);
         let mut run = batch(&config, actuator, &Exact, n);
         let mut plain = batch(&config, &Ideal { max_torque: TORQUE }, &Exact, n);
-        // Starts that every robot represents exactly.
+        // Starts that are given to every robot exactly.
         let starts: Vec<_> = (0..n).map(|i| Some(start(i, &config))).collect();
         let request = ResetRequest { starts: Some(&starts), ..Default::default() };
         run.batch.reset_with(&request, &mut run.observations).unwrap();

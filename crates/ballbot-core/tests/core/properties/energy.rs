@@ -9,7 +9,7 @@ use ballbot_core::{ModelKind, Params, State};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
-/// What a state has beyond rolling without slip, in the robot's own measures.
+/// Deviation of a state from rolling without slip, in the robot's own units.
 #[derive(Clone, Debug)]
 struct Slip {
     /// Rates of the wheels and the ball.
@@ -39,13 +39,13 @@ impl Slip {
     }
 }
 
-/// Largest rise of the energy over its lowest so far within three times the time in which a robot falls, as a share of what
-/// it swings about; none if the floor is in the way of the start. A step lasts `step` of that time.
+/// Largest rise of the energy above its minimum so far within three times the fall time of a robot, as a fraction of
+/// its swing; `None` if the floor is in the way of the start. A step lasts `step` of that time.
 fn rise(kind: ModelKind, params: &Params, start: &State, step: f64) -> Option<f64> {
     rises(kind, params, start, step).map(|[_, rise]| rise)
 }
 
-/// The same before the bot touches the floor, and in all.
+/// The same before the bot touches the floor, and overall.
 fn rises(kind: ModelKind, params: &Params, start: &State, step: f64) -> Option<[f64; 2]> {
     let rate = natural_rate(params);
     let mut robot = robot(kind, params, start, step / rate)?;
@@ -63,8 +63,8 @@ fn rises(kind: ModelKind, params: &Params, start: &State, step: f64) -> Option<[
     Some(worst)
 }
 
-/// Limits of the rise before the bot touches the floor, and in all: the largest of 3000 random robots under `contact` were
-/// 9e-6 and 2.1e-4, the latter by sweeps over the floor that end before they are exact.
+/// Limits of the rise before the bot touches the floor, and overall: the largest of 3000 random robots under `contact`
+/// were 9e-6 and 2.1e-4, the latter because sweeps over the floor end before they are exact.
 fn check_rises(params: &Params, start: &State) -> Result<(), TestCaseError> {
     for (kind, limits) in [(ModelKind::Contact, [1e-4, 1e-3]), (ModelKind::Rigid, [1e-2, 1e-2])] {
         // The floor is in the way of some starts.
@@ -78,7 +78,7 @@ fn check_rises(params: &Params, start: &State) -> Result<(), TestCaseError> {
 proptest! {
     #![proptest_config(same_cases(150))]
 
-    /// But for the error of RK4, which is of fourth order.
+    /// Except for the error of RK4, which is of fourth order.
     #[test]
     fn exact_models_never_gain_energy(params in any_robot(), start in any_start(0.5, 1.0)) {
         let params = Params { wheel_coulomb_friction: 0.0, ..params };
@@ -90,7 +90,7 @@ proptest! {
         }
     }
 
-    /// And lose none without friction: what the error of a step may add or take.
+    /// And lose none without friction: what the error of a step may add or remove.
     #[test]
     fn exact_models_conserve_energy(params in any_robot(), start in any_start(0.5, 1.0)) {
         let params = without_losses(&params);
@@ -105,7 +105,7 @@ proptest! {
         }
     }
 
-    /// Rolling, slipping and falling over. Rapier's contacts give way before they hold, and give that back.
+    /// Rolling, slipping and falling over. Rapier's contacts yield before they hold, and return that energy.
     #[test]
     fn contacts_add_no_energy(params in any_robot(), start in any_start(0.3, 0.5), slip in any_slip()) {
         let slip = Slip { lift: [0.0; 2], ..slip };
@@ -156,7 +156,8 @@ proptest! {
         }
     }
 
-    /// A heavy bot that lands on a light ball takes more sweeps than there are: it sinks in, and to take it out is work.
+    /// A heavy bot that lands on a light ball takes more sweeps than there are: it sinks in, and removing the overlap
+    /// is work.
     #[test]
     fn landings_add_little_energy(params in any_robot(), start in any_start(0.3, 0.5), slip in any_slip()) {
         let state = slip.of(&params, &start);
