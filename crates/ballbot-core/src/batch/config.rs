@@ -35,7 +35,7 @@ pub struct EnvConfig<T> {
     /// Steps after which an episode is truncated.
     pub max_episode_steps: usize,
     /// Torque of an action of 1, N·m; at most the motors' limit. `None` is [`default_max_torque`], at which no wheel of
-    /// the upright robot slips: an untrained policy then explores torques that balance a robot, not ones that throw it.
+    /// the upright robot slips: an untrained policy then explores torques that balance a robot, not torques that throw it.
     pub max_wheel_torque: Option<f64>,
     /// The ground; `None` for the ground of the task, which is level for most tasks. Starts are moved to the ground
     /// with the static lean there; an episode that leaves the ground is truncated.

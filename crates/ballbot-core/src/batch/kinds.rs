@@ -47,9 +47,9 @@ pub trait TaskConfig: Send {
     fn set_levels(&mut self, levels: Levels);
     /// The levels of the tiles that episodes begin on.
     fn levels(&self) -> Levels;
-    /// Replaces what observations are computed from.
+    /// Replaces the observation source.
     fn set_observation(&mut self, observation: Observation);
-    /// What observations are computed from.
+    /// The observation source.
     fn observation(&self) -> Observation;
     /// Sets an option by its name: a time step, a torque, a switch (0 or 1), or an option of the task.
     ///

@@ -52,7 +52,7 @@ const COUNT: usize = 4;
 const GRAVITY: usize = 5;
 const GYRO_BIAS: usize = 8;
 const ACCELEROMETER_BIAS: usize = 11;
-/// Rotation from the axes of gyroscope and accelerometer to those of the body.
+/// Rotation from the axes of gyroscope and accelerometer to the body axes.
 const ALIGNMENT: usize = 14;
 /// Velocity of the IMU and attitude of the body at the last measurement.
 const VELOCITY: usize = 18;

@@ -20,7 +20,7 @@ pub struct EpisodeStart<'a> {
 
 /// The stage between the true state and the observation, once per control step. Written once over lanes.
 pub trait Sensor: Clone + Send + Sync + 'static {
-    /// How many numbers the stage keeps from one reading to the next.
+    /// Count of numbers that the stage keeps from one reading to the next.
     const MEMORY: usize;
 
     /// [`Sensor::MEMORY`], or another number where it follows from the options of the stage.
@@ -33,7 +33,7 @@ pub trait Sensor: Clone + Send + Sync + 'static {
         false
     }
 
-    /// Whether the measured state is the true one, so that nothing has to be read.
+    /// Whether the measured state is the true state, so that nothing has to be read.
     fn is_exact(&self) -> bool {
         false
     }

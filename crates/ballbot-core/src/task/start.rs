@@ -10,8 +10,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
 
-/// Options of a task with those of the start of its episodes and of their end in a fall: `fall` and `tilt` are their
-/// defaults in degrees.
+/// Options of a task, of the start of its episodes and of their end in a fall: `fall` and `tilt` are defaults in
+/// degrees.
 macro_rules! task_fields {
     (
         fall $fall:literal, tilt $tilt:literal;

@@ -345,7 +345,7 @@ fn parameters_written_as_toml_round_trip() {
     }
 }
 
-/// A file of this test alone, deleted at its end.
+/// A file of this test only, deleted at its end.
 struct TestFile(PathBuf);
 
 impl TestFile {

@@ -39,7 +39,7 @@ fn assembled(params: &Params, link: &Matrix3<f64>) -> Matrix3<f64> {
 }
 
 /// Any physically possible ballbot: its CoM up to a third of its height off the mast, any inertia of the body link,
-/// wheels up to 0.35 rad from 120 deg and up to 0.2 rad from one zenith.
+/// wheels up to 0.35 rad from 120 deg and up to 0.2 rad from a common zenith.
 pub fn any_general_robot() -> impl Strategy<Value = Params> {
     let place = (0.0..1.0 / 3.0, -3.2..3.2);
     let wheels = (uniform3(-0.35..0.35), uniform3(-0.2..0.2));

@@ -53,7 +53,7 @@ pub fn any_round_robot() -> impl Strategy<Value = Params> {
     })
 }
 
-/// [`any_robot`] or a published one.
+/// [`any_robot`] or a published robot.
 pub fn any_or_published_robot() -> impl Strategy<Value = Params> {
     let preset = |name: &&str| Params::preset(name).expect("a preset loads");
     let published: Vec<_> = Params::preset_names().iter().map(preset).collect();

@@ -158,7 +158,8 @@ impl Estimator {
         self.state(&belief, readings, &expected)
     }
 
-    /// Makes the next [`Estimator::update`] of the robots in `mask` the first of their episode: the last one was repeated.
+    /// Makes the next [`Estimator::update`] of the robots in `mask` the first of their episode: the last update was
+    /// repeated.
     #[inline(always)]
     pub fn wait<L: Lane>(&self, mask: L::Mask, memory: &mut Memory<'_, L>) {
         Belief::wait(mask, memory);

@@ -78,7 +78,7 @@ proptest! {
         prop_assert!(off <= 1e-9, "off by {off:e}");
     }
 
-    /// Its planes are the inertial ones, so only quarter turns map it to itself.
+    /// Its planes are the inertial planes, so only quarter turns map it to itself.
     #[test]
     fn planar_is_invariant_under_quarter_turns(
         params in any_round_robot(),

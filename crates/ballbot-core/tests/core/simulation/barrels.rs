@@ -28,9 +28,9 @@ struct Wheels {
 }
 
 impl Wheels {
-    /// Radius of the arc of a barrel. Its center is c = `wheel_radius` - arc before that of the wheel, so that at the angle ξ
-    /// of the barrel's middle from the contact the centers of wheel and ball are c cos ξ + √((r + arc)² - c² sin² ξ) apart.
-    /// With two barrels at once, ξ = π/n, this is smaller by `roller_ripple`.
+    /// Radius of the arc of a barrel. Its center is c = `wheel_radius` - arc before the center of the wheel, so that at
+    /// the angle ξ of the barrel's middle from the contact the centers of wheel and ball are c cos ξ + √((r + arc)² -
+    /// c² sin² ξ) apart. With two barrels at once, ξ = π/n, this is smaller by `roller_ripple`.
     fn arc(&self) -> f64 {
         let Params { wheel_radius, ball_radius, roller_ripple, roller_count, .. } = self.params;
         let (sin, cos) = (PI / roller_count).sin_cos();
