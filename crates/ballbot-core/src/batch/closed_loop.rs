@@ -78,7 +78,7 @@ impl Batch {
                 let n = actions.len() / ACTION_LEN;
                 let from = first + k * width;
                 chunk.control(controller, setpoints.get(from..from + n).unwrap_or_default(), privileged, actions);
-                // A controller of a diverged robot may return NaN; the robot is reset, not stepped.
+                // For a diverged robot a controller may return no finite number; the robot is reset, not stepped.
                 actions.iter_mut().filter(|a| !a.is_finite()).for_each(|a| *a = 0.0);
                 let (now, later) = rest.split(n);
                 rest = later;

@@ -8,8 +8,8 @@ use crate::params::Params;
 ///
 /// Angular momentum about the ball's floor contact does not contain the motor torques: with the lean λ of the line from
 /// the ball's center to the center of mass, small, d v̇ + c λ̈ = K (λ − λ₀), where λ₀ ≠ 0 for a center of mass that
-/// differs from the parameters, a slope or a steady horizontal force. λ₀ is the low-pass of λ − m', m = (d v + c λ̇) /
-/// K. Its state is z = λ₀ + m / T, so that nothing is differentiated.
+/// differs from the parameters, a slope or a steady horizontal force. λ₀ is the low-pass of λ − m',
+/// m = (d v + c λ̇) / K. Its state is z = λ₀ + m / T, so that nothing is differentiated.
 #[derive(Clone, Debug)]
 pub struct LeanObserver {
     /// Unit vector from the ball's center to the center of mass, body frame.
